@@ -1,0 +1,234 @@
+//! A data set: ordered sweeps with their material, block and checksum.
+
+use crate::{DataError, LabelSet, Samples};
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+/// The shape of every sweep of a data set: time steps by a `rows x cols` patch of taxels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SweepShape {
+    /// Time steps.
+    pub steps: usize,
+    /// Rows of taxels.
+    pub rows: usize,
+    /// Columns of taxels.
+    pub cols: usize,
+}
+
+impl SweepShape {
+    /// Number of taxels.
+    pub fn taxels(self) -> usize {
+        self.rows * self.cols
+    }
+
+    /// Values in one sweep.
+    pub fn values(self) -> usize {
+        self.steps * self.taxels()
+    }
+}
+
+impl std::fmt::Display for SweepShape {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} steps of {}x{} taxels", self.steps, self.rows, self.cols)
+    }
+}
+
+/// What is known of one sweep besides its values.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SweepRecord {
+    /// Label of the material, an index into the data set's [`LabelSet`].
+    pub label: usize,
+    /// Number of the sweep among those of its material, in recording order.
+    pub sweep: usize,
+    /// Recording block: sweeps of one block were taken in one go, under the same drift.
+    pub block: Option<u32>,
+    /// Whether the data set's author put the sweep into the test set.
+    pub test: Option<bool>,
+}
+
+/// Ordered sweeps of equal shape, each with its material.
+#[derive(Debug, Clone)]
+pub struct Dataset {
+    name: String,
+    sample_rate_hz: f64,
+    shape: SweepShape,
+    labels: LabelSet,
+    records: Vec<SweepRecord>,
+    samples: Samples,
+    sha256: String,
+}
+
+impl Dataset {
+    /// Puts a data set together.
+    ///
+    /// - `name`: what people call it ("twin", a file's stem)
+    /// - `sample_rate_hz`: frames per second
+    /// - `samples`: `[records][steps][rows][cols]`, row-major
+    ///
+    /// # Errors
+    /// Values that do not fill the shape, labels without a material, a sample rate that is not a positive number, or
+    /// `block`/`test` known for some sweeps only.
+    pub fn new(
+        name: impl Into<String>,
+        sample_rate_hz: f64,
+        shape: SweepShape,
+        labels: LabelSet,
+        records: Vec<SweepRecord>,
+        samples: Samples,
+    ) -> Result<Self, DataError> {
+        if !(sample_rate_hz.is_finite() && sample_rate_hz > 0.0) {
+            return Err(DataError::inconsistent(
+                "sample rate",
+                "a positive number of Hz",
+                sample_rate_hz.to_string(),
+            ));
+        }
+        if shape.values() == 0 || records.is_empty() {
+            return Err(DataError::inconsistent(
+                "samples",
+                "at least one sweep with at least one step and one taxel",
+                format!("{} sweeps of {shape}", records.len()),
+            ));
+        }
+        if samples.len() != records.len() * shape.values() {
+            return Err(DataError::inconsistent(
+                "samples",
+                format!("{} values ({} sweeps of {shape})", records.len() * shape.values(), records.len()),
+                format!("{} values", samples.len()),
+            ));
+        }
+        if let Some(record) = records.iter().find(|r| r.label >= labels.len()) {
+            return Err(DataError::inconsistent(
+                "labels",
+                format!("labels below {}", labels.len()),
+                format!("label {}", record.label),
+            ));
+        }
+        let blocks = records.iter().filter(|r| r.block.is_some()).count();
+        let flags = records.iter().filter(|r| r.test.is_some()).count();
+        for (item, known) in [("blocks", blocks), ("test_flag", flags)] {
+            if known != 0 && known != records.len() {
+                return Err(DataError::inconsistent(
+                    item,
+                    format!("a value for all {} sweeps or for none", records.len()),
+                    format!("{known}"),
+                ));
+            }
+        }
+        let sha256 = digest(sample_rate_hz, shape, &labels, &records, &samples);
+        Ok(Self { name: name.into(), sample_rate_hz, shape, labels, records, samples, sha256 })
+    }
+
+    /// What people call it.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Frames per second.
+    pub fn sample_rate_hz(&self) -> f64 {
+        self.sample_rate_hz
+    }
+
+    /// The shape that all sweeps share.
+    pub fn shape(&self) -> SweepShape {
+        self.shape
+    }
+
+    /// The materials in label order.
+    pub fn labels(&self) -> &LabelSet {
+        &self.labels
+    }
+
+    /// One record per sweep.
+    pub fn records(&self) -> &[SweepRecord] {
+        &self.records
+    }
+
+    /// All values: `[sweeps][steps][rows][cols]`.
+    pub fn samples(&self) -> &Samples {
+        &self.samples
+    }
+
+    /// Number of sweeps.
+    #[allow(clippy::len_without_is_empty)] // never empty, by construction
+    pub fn len(&self) -> usize {
+        self.records.len()
+    }
+
+    /// Number of sweeps per label.
+    pub fn sweeps_per_label(&self) -> Vec<usize> {
+        let mut counts = vec![0; self.labels.len()];
+        for record in &self.records {
+            counts[record.label] += 1;
+        }
+        counts
+    }
+
+    /// Whether the author's own test split is known.
+    pub fn has_test_flag(&self) -> bool {
+        self.records[0].test.is_some()
+    }
+
+    /// Whether recording blocks are known.
+    pub fn has_blocks(&self) -> bool {
+        self.records[0].block.is_some()
+    }
+
+    /// SHA-256 over the content (rate, shape, names, records, values), in hex; independent of the file format.
+    pub fn sha256(&self) -> &str {
+        &self.sha256
+    }
+
+    /// Widens sweep `index` into `out` (`[steps][rows][cols]`, digits).
+    ///
+    /// # Panics
+    /// If there is no such sweep, or `out` is not one sweep long.
+    pub fn copy_sweep(&self, index: usize, out: &mut [f32]) {
+        assert_eq!(out.len(), self.shape.values(), "one sweep is {}", self.shape);
+        self.samples.copy_to(index * self.shape.values(), out);
+    }
+
+    /// Sweep `index` as `[steps][rows][cols]` digits.
+    ///
+    /// # Panics
+    /// If there is no such sweep.
+    pub fn sweep(&self, index: usize) -> Vec<f32> {
+        let mut out = vec![0.0; self.shape.values()];
+        self.copy_sweep(index, &mut out);
+        out
+    }
+
+    /// How people address sweep `index`: material, number within it.
+    pub fn describe(&self, index: usize) -> String {
+        let record = &self.records[index];
+        format!("`{}` sweep {}", self.labels.name(record.label), record.sweep)
+    }
+}
+
+fn digest(
+    sample_rate_hz: f64,
+    shape: SweepShape,
+    labels: &LabelSet,
+    records: &[SweepRecord],
+    samples: &Samples,
+) -> String {
+    let mut hash = Sha256::new();
+    hash.update(b"tactnet dataset 1\0");
+    hash.update(sample_rate_hz.to_le_bytes());
+    for extent in [records.len(), shape.steps, shape.rows, shape.cols, labels.len()] {
+        hash.update((extent as u64).to_le_bytes());
+    }
+    for name in labels.names() {
+        hash.update((name.len() as u64).to_le_bytes());
+        hash.update(name.as_bytes());
+    }
+    for record in records {
+        hash.update((record.label as u64).to_le_bytes());
+        hash.update((record.sweep as u64).to_le_bytes());
+        hash.update(record.block.map_or(0, |b| u64::from(b) + 1).to_le_bytes());
+        hash.update([record.test.map_or(0, |t| u8::from(t) + 1)]);
+    }
+    hash.update(samples.element().as_bytes());
+    samples.for_each_le_chunk(|chunk| hash.update(chunk));
+    hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+}

@@ -1,0 +1,528 @@
+//! How a data set falls into sweeps to learn from and sweeps to be judged by.
+//!
+//! ```text
+//! Dataset ── Scheme, seed, run, fold ──> Fold { train, test } ──> SplitManifest
+//!                                          └─ inner(i) ──> (TrainSplit, ValidationSplit)
+//! ```
+
+mod manifest;
+mod scheme;
+mod split;
+
+pub use manifest::SplitManifest;
+pub use scheme::Scheme;
+pub use split::{SweepView, TestSplit, TrainSplit, ValidationSplit};
+
+use crate::{DataError, Dataset, Seed, shuffle};
+use scheme::blocks_of_each_label;
+
+/// One split of a data set. It depends on the data set's content, the scheme, the seed, the run and
+/// the fold, and on nothing else.
+#[derive(Debug, Clone)]
+pub struct Fold<'a> {
+    /// The sweeps to learn from.
+    pub train: TrainSplit<'a>,
+    /// The sweeps to measure the result on.
+    pub test: TestSplit<'a>,
+    dataset: &'a Dataset,
+    scheme: Scheme,
+    seed: Seed,
+    run: usize,
+    fold: usize,
+}
+
+impl<'a> Fold<'a> {
+    /// Parts that [`Fold::inner`] deals the training sweeps into: 100 sweeps of a material in 5
+    /// outer folds give the 64/16 split that TactNet-II's settings were chosen on (Tulbure & Bäuml,
+    /// Humanoids 2018).
+    pub const INNER_FOLDS: usize = 5;
+
+    /// Splits `dataset`.
+    ///
+    /// - `run`: which repetition, below [`Scheme::runs`]
+    /// - `fold`: which fold of that run, below [`Scheme::folds`]
+    ///
+    /// # Errors
+    /// No such run or fold, a material with fewer sweeps than folds, or what [`Scheme::folds`]
+    /// refuses; a `test_flag` that leaves one side empty.
+    pub fn new(
+        dataset: &'a Dataset,
+        scheme: Scheme,
+        seed: Seed,
+        run: usize,
+        fold: usize,
+    ) -> Result<Self, DataError> {
+        let folds = scheme.folds(dataset)?;
+        for (item, limit, found) in [("run", scheme.runs(), run), ("fold", folds, fold)] {
+            if found >= limit {
+                return Err(DataError::inconsistent(
+                    item,
+                    format!("a number below {limit} to {scheme}"),
+                    found.to_string(),
+                ));
+            }
+        }
+        let tested: Vec<bool> = match scheme {
+            Scheme::StratifiedKFold { folds, .. } => {
+                let everything: Vec<usize> = (0..dataset.len()).collect();
+                let parts = deal(dataset, &everything, folds, seed, "folds", run)?;
+                parts.into_iter().map(|part| part == fold).collect()
+            }
+            Scheme::TestFlag => dataset
+                .records()
+                .iter()
+                .map(|r| r.test == Some(true))
+                .collect(),
+            Scheme::LeaveBlockOut => {
+                let left_out: Vec<Option<u32>> = blocks_of_each_label(dataset)
+                    .iter()
+                    .map(|blocks| blocks.iter().nth(fold).copied())
+                    .collect();
+                let records = dataset.records().iter();
+                records
+                    .map(|r| r.block.is_some() && r.block == left_out[r.label])
+                    .collect()
+            }
+        };
+        let (test, train): (Vec<usize>, Vec<usize>) = (0..dataset.len()).partition(|&i| tested[i]);
+        if train.is_empty() || test.is_empty() {
+            return Err(DataError::inconsistent(
+                format!("`test_flag` of data set `{}`", dataset.name()),
+                "training and test sweeps",
+                format!("{} training, {} test", train.len(), test.len()),
+            ));
+        }
+        Ok(Self {
+            train: TrainSplit::new(dataset, train),
+            test: TestSplit::new(dataset, test),
+            dataset,
+            scheme,
+            seed,
+            run,
+            fold,
+        })
+    }
+
+    /// How the data set was split.
+    pub fn scheme(&self) -> Scheme {
+        self.scheme
+    }
+
+    /// The seed of the random choices.
+    pub fn seed(&self) -> Seed {
+        self.seed
+    }
+
+    /// Which repetition this is.
+    pub fn run(&self) -> usize {
+        self.run
+    }
+
+    /// Which fold of the run this is.
+    pub fn fold(&self) -> usize {
+        self.fold
+    }
+
+    /// Splits the training sweeps once more, stratified, to choose settings without a look at the
+    /// test sweeps.
+    ///
+    /// Under [`Scheme::LeaveBlockOut`], too, the inner sides share recording blocks.
+    ///
+    /// - `part`: which of the [`Fold::INNER_FOLDS`] parts validates
+    ///
+    /// # Errors
+    /// No such part, or a material with fewer training sweeps than parts.
+    pub fn inner(&self, part: usize) -> Result<(TrainSplit<'a>, ValidationSplit<'a>), DataError> {
+        if part >= Self::INNER_FOLDS {
+            return Err(DataError::inconsistent(
+                "inner fold",
+                format!("a number below {}", Self::INNER_FOLDS),
+                part.to_string(),
+            ));
+        }
+        let stream = format!("folds, inside fold {}", self.fold);
+        let sweeps = self.train.indices();
+        let parts = deal(
+            self.dataset,
+            sweeps,
+            Self::INNER_FOLDS,
+            self.seed,
+            &stream,
+            self.run,
+        )?;
+        let side = |validates: bool| -> Vec<usize> {
+            let members = sweeps
+                .iter()
+                .zip(&parts)
+                .filter(|&(_, &p)| (p == part) == validates);
+            members.map(|(&sweep, _)| sweep).collect()
+        };
+        Ok((
+            TrainSplit::new(self.dataset, side(false)),
+            ValidationSplit::new(self.dataset, side(true)),
+        ))
+    }
+}
+
+/// Deals sweeps like cards, each label's in random order, one label after the other without
+/// starting over: the parts differ by at most one sweep, in every label and in all.
+///
+/// - `sweeps`: indices into the data set
+///
+/// Gives the part of each of `sweeps`, below `parts`. The order of label `l` comes from the stream
+/// `(stream, run, l)`.
+fn deal(
+    dataset: &Dataset,
+    sweeps: &[usize],
+    parts: usize,
+    seed: Seed,
+    stream: &str,
+    run: usize,
+) -> Result<Vec<usize>, DataError> {
+    let mut positions_of_label = vec![Vec::new(); dataset.labels().len()];
+    for (position, &sweep) in sweeps.iter().enumerate() {
+        positions_of_label[dataset.records()[sweep].label].push(position);
+    }
+    let mut part_of = vec![0; sweeps.len()];
+    let mut next = 0;
+    for (label, mut positions) in positions_of_label.into_iter().enumerate() {
+        if positions.len() < parts {
+            return Err(DataError::inconsistent(
+                format!("sweeps of `{}`", dataset.labels().name(label)),
+                format!("at least {parts}, one for each fold"),
+                positions.len().to_string(),
+            ));
+        }
+        shuffle(&mut positions, &mut seed.rng((stream, run, label)));
+        for position in positions {
+            part_of[position] = next;
+            next = (next + 1) % parts;
+        }
+    }
+    Ok(part_of)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{LabelSet, Samples, SweepRecord, SweepShape};
+    use proptest::prelude::*;
+    use std::collections::BTreeSet;
+
+    /// A data set with `counts[label]` sweeps, recorded `block` at a time, the materials taking
+    /// turns as on TactMat's days.
+    pub(super) fn recorded(counts: &[usize], block: usize) -> Dataset {
+        let mut records: Vec<SweepRecord> = (counts.iter().enumerate())
+            .flat_map(|(label, &count)| {
+                (0..count).map(move |sweep| SweepRecord {
+                    label,
+                    sweep,
+                    block: Some((sweep / block) as u32),
+                    test: Some(sweep % 5 == 4),
+                })
+            })
+            .collect();
+        records.sort_by_key(|record| (record.block, record.label));
+        assemble(counts.len(), records)
+    }
+
+    fn assemble(materials: usize, records: Vec<SweepRecord>) -> Dataset {
+        let labels =
+            LabelSet::new((0..materials).map(|label| format!("material {label}"))).unwrap();
+        let shape = SweepShape {
+            steps: 1,
+            rows: 1,
+            cols: 1,
+        };
+        let values = Samples::U8((0..records.len()).map(|i| (i % 251) as u8).collect());
+        Dataset::new("recorded", 750.0, shape, labels, records, values).unwrap()
+    }
+
+    fn stripped(dataset: &Dataset) -> Dataset {
+        let mut records = dataset.records().to_vec();
+        records
+            .iter_mut()
+            .for_each(|r| (r.block, r.test) = (None, None));
+        assemble(dataset.labels().len(), records)
+    }
+
+    fn refusal(dataset: &Dataset, scheme: Scheme, run: usize, fold: usize) -> String {
+        Fold::new(dataset, scheme, Seed(0), run, fold)
+            .unwrap_err()
+            .to_string()
+    }
+
+    fn sides(fold: &Fold) -> (Vec<usize>, Vec<usize>) {
+        (fold.train.indices().to_vec(), fold.test.indices().to_vec())
+    }
+
+    fn spread(counts: impl IntoIterator<Item = usize> + Clone) -> usize {
+        let largest = counts.clone().into_iter().max().unwrap_or(0);
+        largest - counts.into_iter().min().unwrap_or(0)
+    }
+
+    prop_compose! {
+        /// 1 to 5 materials with 10 to 30 sweeps each, in blocks of 2 to 5.
+        fn any_recording()(
+            counts in prop::collection::vec(10usize..=30, 1..=5),
+            block in 2usize..=5,
+        ) -> Dataset {
+            recorded(&counts, block)
+        }
+    }
+
+    fn any_scheme() -> impl Strategy<Value = Scheme> {
+        prop_oneof![
+            (2usize..=7, 1usize..=3)
+                .prop_map(|(folds, runs)| Scheme::StratifiedKFold { folds, runs }),
+            Just(Scheme::TestFlag),
+            Just(Scheme::LeaveBlockOut),
+        ]
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        #[test]
+        fn train_and_test_partition_the_sweeps(
+            dataset in any_recording(), scheme in any_scheme(), seed: u64,
+        ) {
+            for fold in 0..scheme.folds(&dataset).unwrap() {
+                let fold = Fold::new(&dataset, scheme, Seed(seed), 0, fold).unwrap();
+                let (mut all, test) = sides(&fold);
+                prop_assert!(!all.is_empty() && !test.is_empty());
+                all.extend(test);
+                all.sort_unstable();
+                prop_assert_eq!(all, (0..dataset.len()).collect::<Vec<_>>());
+            }
+        }
+
+        #[test]
+        fn over_all_folds_every_sweep_is_tested_once(
+            dataset in any_recording(), folds in 2usize..=7, by_block: bool, seed: u64,
+        ) {
+            let k_fold = Scheme::StratifiedKFold { folds, runs: 1 };
+            let scheme = if by_block { Scheme::LeaveBlockOut } else { k_fold };
+            let mut tested = Vec::new();
+            for fold in 0..scheme.folds(&dataset).unwrap() {
+                tested.extend(sides(&Fold::new(&dataset, scheme, Seed(seed), 0, fold).unwrap()).1);
+            }
+            tested.sort_unstable();
+            prop_assert_eq!(tested, (0..dataset.len()).collect::<Vec<_>>());
+        }
+
+        #[test]
+        fn stratified_folds_differ_by_at_most_one_sweep(
+            dataset in any_recording(), folds in 2usize..=7, seed: u64,
+        ) {
+            let scheme = Scheme::StratifiedKFold { folds, runs: 1 };
+            let tests: Vec<_> = (0..folds)
+                .map(|fold| Fold::new(&dataset, scheme, Seed(seed), 0, fold).unwrap().test)
+                .collect();
+            prop_assert!(spread(tests.iter().map(|test| test.len())) <= 1);
+            for label in 0..dataset.labels().len() {
+                prop_assert!(spread(tests.iter().map(|test| test.sweeps_per_label()[label])) <= 1);
+            }
+        }
+
+        #[test]
+        fn a_fold_depends_on_the_seed_alone(
+            dataset in any_recording(), seed in 0..u64::MAX, run in 0usize..2, fold in 0usize..5,
+        ) {
+            let split = |dataset, seed| {
+                sides(&Fold::new(dataset, Scheme::default(), Seed(seed), run, fold).unwrap())
+            };
+            let first = split(&dataset, seed);
+            // Not on what was drawn before, and not on what is known besides the labels.
+            let other = Fold::new(&dataset, Scheme::default(), Seed(seed), 1 - run, fold).unwrap();
+            other.inner(0).unwrap();
+            prop_assert_eq!(&split(&dataset, seed), &first);
+            prop_assert_eq!(&split(&stripped(&dataset), seed), &first);
+        }
+
+        #[test]
+        fn inner_splits_partition_the_training_sweeps(
+            dataset in any_recording(), scheme in any_scheme(), seed: u64,
+        ) {
+            let fold = Fold::new(&dataset, scheme, Seed(seed), 0, 0).unwrap();
+            prop_assume!(fold.train.sweeps_per_label().iter().all(|&n| n >= Fold::INNER_FOLDS));
+            let mut validated = Vec::new();
+            let mut per_label = Vec::new();
+            for part in 0..Fold::INNER_FOLDS {
+                let (train, validation) = fold.inner(part).unwrap();
+                let mut all = [train.indices(), validation.indices()].concat();
+                all.sort_unstable();
+                prop_assert_eq!(&all, fold.train.indices());
+                prop_assert!(all.iter().all(|index| !fold.test.indices().contains(index)));
+                validated.extend_from_slice(validation.indices());
+                per_label.push(validation.sweeps_per_label());
+            }
+            validated.sort_unstable();
+            prop_assert_eq!(&validated, fold.train.indices());
+            for label in 0..dataset.labels().len() {
+                prop_assert!(spread(per_label.iter().map(|counts| counts[label])) <= 1);
+            }
+        }
+
+        #[test]
+        fn a_block_left_out_has_no_sweep_in_training(dataset in any_recording()) {
+            for fold in 0..Scheme::LeaveBlockOut.folds(&dataset).unwrap() {
+                let fold = Fold::new(&dataset, Scheme::LeaveBlockOut, Seed(0), 0, fold).unwrap();
+                let blocks = |view: &SweepView| -> BTreeSet<_> {
+                    let records = view.indices().iter().map(|&i| &dataset.records()[i]);
+                    records.map(|record| (record.label, record.block)).collect()
+                };
+                let (train, test) = (blocks(&fold.train), blocks(&fold.test));
+                prop_assert!(train.is_disjoint(&test));
+                let tested: BTreeSet<_> = test.iter().map(|(label, _)| label).collect();
+                prop_assert_eq!(test.len(), tested.len(), "one block of a material at a time");
+            }
+        }
+
+        #[test]
+        fn a_manifest_stands_for_one_split_only(
+            dataset in any_recording(), scheme in any_scheme(), seed: u64, at: prop::sample::Index,
+        ) {
+            let fold = Fold::new(&dataset, scheme, Seed(seed), 0, 0).unwrap();
+            let manifest = fold.manifest();
+            let text = serde_json::to_string(&manifest).unwrap();
+            let read: SplitManifest = serde_json::from_str(&text).unwrap();
+            let again = read.fold(&dataset).unwrap();
+            prop_assert_eq!(sides(&again), sides(&fold));
+
+            let mut other = manifest.clone();
+            *at.get_mut(&mut other.test) += 1;
+            prop_assert_ne!(other.digest(), manifest.digest());
+            prop_assert!(other.fold(&dataset).is_err());
+            let mut moved = manifest.clone();
+            moved.train.push(moved.test.remove(at.index(moved.test.len())));
+            prop_assert_ne!(moved.digest(), manifest.digest());
+        }
+    }
+
+    #[test]
+    fn the_published_scheme_tests_20_of_100_sweeps_and_tunes_on_16_of_80() {
+        let dataset = recorded(&[100; 36], 10);
+        let fold = Fold::new(&dataset, Scheme::default(), Seed(0), 1, 4).unwrap();
+        assert_eq!(fold.train.sweeps_per_label(), [80; 36]);
+        assert_eq!(fold.test.sweeps_per_label(), [20; 36]);
+        let (train, validation) = fold.inner(4).unwrap();
+        assert_eq!(train.sweeps_per_label(), [64; 36]);
+        assert_eq!(validation.sweeps_per_label(), [16; 36]);
+    }
+
+    #[test]
+    fn seeds_runs_and_folds_give_different_splits() {
+        let dataset = recorded(&[20, 20], 5);
+        let tested = |seed, run, fold| {
+            sides(&Fold::new(&dataset, Scheme::default(), Seed(seed), run, fold).unwrap()).1
+        };
+        let different: BTreeSet<_> = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+            .map(|(s, r, f)| tested(s, r, f))
+            .into();
+        assert_eq!(different.len(), 4);
+        let validated = |run, fold| {
+            let fold = Fold::new(&dataset, Scheme::TestFlag, Seed(0), 0, 0).map(|f| Fold {
+                run,
+                fold,
+                ..f
+            });
+            fold.unwrap().inner(0).unwrap().1.indices().to_vec()
+        };
+        let different: BTreeSet<_> = [validated(0, 0), validated(0, 1), validated(1, 0)].into();
+        assert_eq!(different.len(), 3);
+    }
+
+    #[test]
+    fn the_test_flag_is_followed_to_the_letter() {
+        let dataset = recorded(&[10, 15], 5);
+        assert_eq!(Scheme::default_for(&dataset), Scheme::TestFlag);
+        assert_eq!(Scheme::default_for(&stripped(&dataset)), Scheme::default());
+        let fold = Fold::new(&dataset, Scheme::TestFlag, Seed(0), 0, 0).unwrap();
+        assert!(
+            fold.test
+                .indices()
+                .iter()
+                .all(|&i| dataset.records()[i].sweep % 5 == 4)
+        );
+        assert_eq!(fold.test.sweeps_per_label(), [2, 3]);
+    }
+
+    #[test]
+    fn a_material_with_fewer_blocks_trains_when_its_blocks_are_used_up() {
+        let dataset = recorded(&[10, 15], 5);
+        assert_eq!(Scheme::LeaveBlockOut.folds(&dataset).unwrap(), 3);
+        let fold = Fold::new(&dataset, Scheme::LeaveBlockOut, Seed(0), 0, 2).unwrap();
+        assert_eq!(fold.test.sweeps_per_label(), [0, 5]);
+        assert_eq!(fold.train.sweeps_per_label(), [10, 10]);
+    }
+
+    #[test]
+    fn impossible_splits_say_what_is_missing() {
+        let dataset = recorded(&[20, 4], 2);
+        let k_fold = Scheme::default();
+        for (error, complaint) in [
+            (
+                refusal(&dataset, k_fold, 0, 5),
+                "fold: expected a number below 5",
+            ),
+            (
+                refusal(&dataset, k_fold, 2, 0),
+                "run: expected a number below 2",
+            ),
+            (
+                refusal(&dataset, Scheme::TestFlag, 0, 1),
+                "fold: expected a number below 1",
+            ),
+            (
+                refusal(&dataset, Scheme::LeaveBlockOut, 0, 10),
+                "fold: expected a number below 10",
+            ),
+            (
+                refusal(&dataset, k_fold, 0, 0),
+                "sweeps of `material 1`: expected at least 5",
+            ),
+            (
+                refusal(&stripped(&dataset), Scheme::TestFlag, 0, 0),
+                "`test_flag` of data set `recorded`",
+            ),
+            (
+                refusal(&stripped(&dataset), Scheme::LeaveBlockOut, 0, 0),
+                "`blocks` of data set `recorded`",
+            ),
+            (
+                refusal(&recorded(&[20, 4], 4), Scheme::LeaveBlockOut, 0, 0),
+                "blocks of `material 1`: expected at least 2",
+            ),
+            (
+                refusal(&recorded(&[4, 4], 2), Scheme::TestFlag, 0, 0),
+                "found 8 training, 0 test",
+            ),
+            (
+                refusal(
+                    &dataset,
+                    Scheme::StratifiedKFold { folds: 1, runs: 1 },
+                    0,
+                    0,
+                ),
+                "`folds`: expected at least 2",
+            ),
+        ] {
+            assert!(error.contains(complaint), "{error}");
+        }
+        let fold = Fold::new(&dataset, Scheme::LeaveBlockOut, Seed(0), 0, 0).unwrap();
+        let error = fold.inner(0).unwrap_err().to_string();
+        assert!(
+            error.contains(
+                "sweeps of `material 1`: expected at least 5, one for each fold, found 2"
+            ),
+            "{error}"
+        );
+        assert!(
+            fold.inner(5)
+                .unwrap_err()
+                .to_string()
+                .contains("inner fold: expected a number below 5")
+        );
+    }
+}

@@ -1,0 +1,254 @@
+//! The ways to split a data set, and how many folds each of them has.
+
+use crate::{DataError, Dataset};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
+
+/// How a data set is split into training and test sweeps.
+///
+/// In a recipe (unknown keys are refused):
+///
+/// ```toml
+/// [split]
+/// kind = "stratified-k-fold"   # or "test-flag", "leave-block-out", which have no settings
+/// folds = 5
+/// runs = 2
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "SchemeConfig", into = "SchemeConfig")]
+pub enum Scheme {
+    /// Every material's sweeps are dealt at random into `folds` equal parts, afresh in each of
+    /// `runs` runs; fold `k` tests on part `k`. The published numbers use 5 folds in 2 runs: of 100
+    /// sweeps of a material 80 train and 20 test.
+    ///
+    /// Sweeps of one recording block fall on both sides, so this measures how well *these*
+    /// recordings are told apart.
+    StratifiedKFold {
+        /// Parts, at least 2.
+        folds: usize,
+        /// Repetitions with another random deal, at least 1.
+        runs: usize,
+    },
+    /// The split that the author of the data set published; one fold.
+    TestFlag,
+    /// Fold `k` tests on the `k`-th recording block of every material, in ascending block number.
+    ///
+    /// No block has sweeps on both sides. Of materials with fewer than `k + 1` blocks every sweep
+    /// trains, so that over all folds each sweep is tested exactly once.
+    LeaveBlockOut,
+}
+
+/// [`Scheme`] as written; the empty braces make serde refuse stray keys for these kinds too.
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+enum SchemeConfig {
+    StratifiedKFold {
+        #[serde(default = "published_folds")]
+        folds: usize,
+        #[serde(default = "published_runs")]
+        runs: usize,
+    },
+    TestFlag {},
+    LeaveBlockOut {},
+}
+
+fn published_folds() -> usize {
+    5
+}
+
+fn published_runs() -> usize {
+    2
+}
+
+impl Default for Scheme {
+    /// The published one: 5 folds in 2 runs.
+    fn default() -> Self {
+        Self::StratifiedKFold {
+            folds: published_folds(),
+            runs: published_runs(),
+        }
+    }
+}
+
+impl Scheme {
+    /// The author's own split where the data set has one, else the published 5 folds in 2 runs.
+    pub fn default_for(dataset: &Dataset) -> Self {
+        if dataset.has_test_flag() {
+            Self::TestFlag
+        } else {
+            Self::default()
+        }
+    }
+
+    /// How often the whole data set is split anew; 1 where nothing is random.
+    pub fn runs(self) -> usize {
+        match self {
+            Self::StratifiedKFold { runs, .. } => runs,
+            Self::TestFlag | Self::LeaveBlockOut => 1,
+        }
+    }
+
+    /// Number of folds that `dataset` has in one run.
+    ///
+    /// # Errors
+    /// Settings out of range; no `test_flag` or `blocks` in the data set where the scheme needs
+    /// them; a material with fewer than two blocks (leaving one out would leave nothing to learn
+    /// from).
+    pub fn folds(self, dataset: &Dataset) -> Result<usize, DataError> {
+        match self.checked()? {
+            Self::StratifiedKFold { folds, .. } => Ok(folds),
+            Self::TestFlag if dataset.has_test_flag() => Ok(1),
+            Self::TestFlag => Err(self.missing(dataset, "test_flag")),
+            Self::LeaveBlockOut if dataset.has_blocks() => {
+                let blocks = blocks_of_each_label(dataset);
+                if let Some(label) = blocks.iter().position(|blocks| blocks.len() < 2) {
+                    return Err(DataError::inconsistent(
+                        format!("blocks of `{}`", dataset.labels().name(label)),
+                        format!("at least 2 to {self}"),
+                        blocks[label].len().to_string(),
+                    ));
+                }
+                Ok(blocks.iter().map(BTreeSet::len).max().unwrap_or(0))
+            }
+            Self::LeaveBlockOut => Err(self.missing(dataset, "blocks")),
+        }
+    }
+
+    fn checked(self) -> Result<Self, DataError> {
+        let Self::StratifiedKFold { folds, runs } = self else {
+            return Ok(self);
+        };
+        if folds < 2 {
+            return Err(DataError::inconsistent(
+                "`folds`",
+                "at least 2",
+                folds.to_string(),
+            ));
+        }
+        if runs < 1 {
+            return Err(DataError::inconsistent(
+                "`runs`",
+                "at least 1",
+                runs.to_string(),
+            ));
+        }
+        Ok(self)
+    }
+
+    fn missing(self, dataset: &Dataset, item: &str) -> DataError {
+        DataError::inconsistent(
+            format!("`{item}` of data set `{}`", dataset.name()),
+            format!("a value for every sweep, to {self}"),
+            "none",
+        )
+    }
+}
+
+impl std::fmt::Display for Scheme {
+    /// What the scheme does, as a verb phrase.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::StratifiedKFold { folds, runs } => {
+                write!(
+                    f,
+                    "split into {folds} stratified folds in each of {runs} runs"
+                )
+            }
+            Self::TestFlag => f.write_str("split by the author's test flag"),
+            Self::LeaveBlockOut => f.write_str("leave one recording block out"),
+        }
+    }
+}
+
+impl TryFrom<SchemeConfig> for Scheme {
+    type Error = DataError;
+
+    fn try_from(config: SchemeConfig) -> Result<Self, DataError> {
+        match config {
+            SchemeConfig::StratifiedKFold { folds, runs } => {
+                Self::StratifiedKFold { folds, runs }.checked()
+            }
+            SchemeConfig::TestFlag {} => Ok(Self::TestFlag),
+            SchemeConfig::LeaveBlockOut {} => Ok(Self::LeaveBlockOut),
+        }
+    }
+}
+
+impl From<Scheme> for SchemeConfig {
+    fn from(scheme: Scheme) -> Self {
+        match scheme {
+            Scheme::StratifiedKFold { folds, runs } => Self::StratifiedKFold { folds, runs },
+            Scheme::TestFlag => Self::TestFlag {},
+            Scheme::LeaveBlockOut => Self::LeaveBlockOut {},
+        }
+    }
+}
+
+/// The block numbers of every label: `[labels]`; none where the data set knows no blocks.
+pub(super) fn blocks_of_each_label(dataset: &Dataset) -> Vec<BTreeSet<u32>> {
+    let mut blocks = vec![BTreeSet::new(); dataset.labels().len()];
+    for record in dataset.records() {
+        blocks[record.label].extend(record.block);
+    }
+    blocks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scheme_reads_back_what_it_writes() {
+        for scheme in [
+            Scheme::StratifiedKFold { folds: 3, runs: 4 },
+            Scheme::TestFlag,
+            Scheme::LeaveBlockOut,
+        ] {
+            let json = serde_json::to_string(&scheme).unwrap();
+            assert_eq!(
+                serde_json::from_str::<Scheme>(&json).unwrap(),
+                scheme,
+                "{json}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_scheme_defaults_to_the_published_one() {
+        let scheme: Scheme = serde_json::from_str(r#"{"kind": "stratified-k-fold"}"#).unwrap();
+        assert_eq!(scheme, Scheme::StratifiedKFold { folds: 5, runs: 2 });
+        assert_eq!(scheme, Scheme::default());
+    }
+
+    #[test]
+    fn a_scheme_refuses_stray_keys_and_impossible_settings() {
+        for (json, complaint) in [
+            (
+                r#"{"kind": "stratified-k-fold", "fold": 5}"#,
+                "unknown field `fold`",
+            ),
+            (
+                r#"{"kind": "test-flag", "folds": 5}"#,
+                "unknown field `folds`",
+            ),
+            (
+                r#"{"kind": "leave-block-out", "runs": 2}"#,
+                "unknown field `runs`",
+            ),
+            (r#"{"kind": "bootstrap"}"#, "unknown variant `bootstrap`"),
+            (
+                r#"{"kind": "stratified-k-fold", "folds": 1}"#,
+                "`folds`: expected at least 2, found 1",
+            ),
+            (
+                r#"{"kind": "stratified-k-fold", "runs": 0}"#,
+                "`runs`: expected at least 1, found 0",
+            ),
+        ] {
+            let error = serde_json::from_str::<Scheme>(json)
+                .unwrap_err()
+                .to_string();
+            assert!(error.contains(complaint), "{json}: {error}");
+        }
+    }
+}

@@ -1,0 +1,241 @@
+//! The sides of a split. Their types keep fitting away from the sweeps that judge it.
+
+use crate::{Dataset, SweepShape};
+use std::ops::Deref;
+
+/// Some sweeps of a data set, in ascending order: what any prediction reads.
+///
+/// A *position* counts within the view (`0..len()`), an *index* within the whole data set.
+#[derive(Debug, Clone)]
+pub struct SweepView<'a> {
+    dataset: &'a Dataset,
+    indices: Vec<usize>,
+}
+
+impl<'a> SweepView<'a> {
+    /// The sweeps with these indices, put in ascending order.
+    ///
+    /// # Panics
+    /// If the data set lacks one of them, or one is given twice.
+    pub fn new(dataset: &'a Dataset, mut indices: Vec<usize>) -> Self {
+        indices.sort_unstable();
+        assert!(
+            indices.is_sorted_by(|a, b| a < b),
+            "a sweep stands twice in {indices:?}"
+        );
+        assert!(
+            indices.last().is_none_or(|&last| last < dataset.len()),
+            "sweep {:?} of {}",
+            indices.last(),
+            dataset.len()
+        );
+        Self { dataset, indices }
+    }
+
+    /// Every sweep of `dataset`.
+    pub fn all(dataset: &'a Dataset) -> Self {
+        Self {
+            dataset,
+            indices: (0..dataset.len()).collect(),
+        }
+    }
+
+    /// The data set that the sweeps belong to.
+    pub fn dataset(&self) -> &'a Dataset {
+        self.dataset
+    }
+
+    /// The shape that all sweeps share.
+    pub fn shape(&self) -> SweepShape {
+        self.dataset.shape()
+    }
+
+    /// Where the sweeps stand in the data set, ascending.
+    pub fn indices(&self) -> &[usize] {
+        &self.indices
+    }
+
+    /// Number of sweeps.
+    pub fn len(&self) -> usize {
+        self.indices.len()
+    }
+
+    /// Whether there is no sweep.
+    pub fn is_empty(&self) -> bool {
+        self.indices.is_empty()
+    }
+
+    /// Label of the sweep at `position`.
+    ///
+    /// # Panics
+    /// If `position >= self.len()`.
+    pub fn label(&self, position: usize) -> usize {
+        self.dataset.records()[self.indices[position]].label
+    }
+
+    /// Label of every sweep, in the order of the positions.
+    pub fn labels(&self) -> impl ExactSizeIterator<Item = usize> + '_ {
+        self.indices
+            .iter()
+            .map(|&index| self.dataset.records()[index].label)
+    }
+
+    /// Number of sweeps of every label: `[labels]`.
+    pub fn sweeps_per_label(&self) -> Vec<usize> {
+        let mut counts = vec![0; self.dataset.labels().len()];
+        self.labels().for_each(|label| counts[label] += 1);
+        counts
+    }
+
+    /// Widens the sweeps at `positions` into `out`, in the order given.
+    ///
+    /// - `positions`: `[batch]`; repetitions are allowed
+    /// - `out`: `[batch][steps][rows][cols]`, digits
+    ///
+    /// # Panics
+    /// If a position is not below `self.len()`, or `out` has another length.
+    pub fn copy_batch(&self, positions: &[usize], out: &mut [f32]) {
+        let values = self.shape().values();
+        assert_eq!(
+            out.len(),
+            positions.len() * values,
+            "{} sweeps of {}",
+            positions.len(),
+            self.shape()
+        );
+        for (&position, sweep) in positions.iter().zip(out.chunks_exact_mut(values)) {
+            self.dataset.copy_sweep(self.indices[position], sweep);
+        }
+    }
+}
+
+macro_rules! side {
+    ($(#[$doc:meta])* $name:ident) => {
+        $(#[$doc])*
+        #[derive(Debug, Clone)]
+        pub struct $name<'a>(SweepView<'a>);
+
+        impl<'a> $name<'a> {
+            pub(super) fn new(dataset: &'a Dataset, indices: Vec<usize>) -> Self {
+                Self(SweepView::new(dataset, indices))
+            }
+        }
+
+        impl<'a> Deref for $name<'a> {
+            type Target = SweepView<'a>;
+
+            fn deref(&self) -> &SweepView<'a> {
+                &self.0
+            }
+        }
+    };
+}
+
+side! {
+    /// The sweeps that may be learnt from: the only ones that anything is fitted to.
+    ///
+    /// Only a [`Fold`](crate::Fold) makes one, so a function that takes a `TrainSplit` cannot see a
+    /// test sweep, while one that takes a [`SweepView`] reads any side:
+    ///
+    /// ```
+    /// use tactnet_data::{Fold, SweepView, TrainSplit};
+    /// fn fit(_: &TrainSplit) {}
+    /// fn predict(_: &SweepView) {}
+    /// fn learn(fold: &Fold) {
+    ///     fit(&fold.train);
+    ///     predict(&fold.train);
+    ///     predict(&fold.test);
+    /// }
+    /// ```
+    ///
+    /// Fitting to the other side does not compile:
+    ///
+    /// ```compile_fail,E0308
+    /// use tactnet_data::{Fold, TrainSplit};
+    /// fn fit(_: &TrainSplit) {}
+    /// fn learn(fold: &Fold) {
+    ///     fit(&fold.test);
+    /// }
+    /// ```
+    ///
+    /// nor does turning test sweeps into training sweeps:
+    ///
+    /// ```compile_fail,E0423
+    /// use tactnet_data::{Fold, TrainSplit};
+    /// fn cheat<'a>(fold: &Fold<'a>) -> TrainSplit<'a> {
+    ///     TrainSplit((*fold.test).clone())
+    /// }
+    /// ```
+    TrainSplit
+}
+
+side! {
+    /// Training sweeps set aside to choose settings by; never test sweeps, and nothing is fitted to
+    /// them.
+    ValidationSplit
+}
+
+side! {
+    /// The sweeps that a result is measured on.
+    TestSplit
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{LabelSet, Samples, SweepRecord};
+
+    fn three_sweeps() -> Dataset {
+        let records = (0..3)
+            .map(|sweep| SweepRecord {
+                label: sweep % 2,
+                sweep: sweep / 2,
+                block: None,
+                test: None,
+            })
+            .collect();
+        let shape = SweepShape {
+            steps: 2,
+            rows: 1,
+            cols: 2,
+        };
+        let labels = LabelSet::new(["cork", "denim"]).unwrap();
+        Dataset::new(
+            "three",
+            750.0,
+            shape,
+            labels,
+            records,
+            Samples::U8((0..12).collect()),
+        )
+        .unwrap()
+    }
+
+    #[test]
+    fn a_batch_holds_the_sweeps_asked_for_in_their_order() {
+        let dataset = three_sweeps();
+        let view = SweepView::new(&dataset, vec![2, 0]);
+        let mut batch = [0.0; 12];
+        view.copy_batch(&[1, 0, 1], &mut batch);
+        assert_eq!(batch, [8., 9., 10., 11., 0., 1., 2., 3., 8., 9., 10., 11.]);
+        assert_eq!(view.indices(), [0, 2]);
+        assert!(view.labels().eq([0, 0]));
+        assert_eq!(view.sweeps_per_label(), [2, 0]);
+        assert_eq!(
+            SweepView::all(&dataset).labels().collect::<Vec<_>>(),
+            [0, 1, 0]
+        );
+    }
+
+    #[test]
+    #[should_panic(expected = "stands twice")]
+    fn a_view_refuses_the_same_sweep_twice() {
+        SweepView::new(&three_sweeps(), vec![1, 1]);
+    }
+
+    #[test]
+    #[should_panic(expected = "of 3")]
+    fn a_view_refuses_a_sweep_that_is_not_there() {
+        SweepView::new(&three_sweeps(), vec![3]);
+    }
+}

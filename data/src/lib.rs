@@ -1,0 +1,27 @@
+//! What was recorded: sweeps of a tactile skin, the materials they touched, and how they are split.
+//!
+//! ```text
+//! HDF5 / npz / twin ──> Dataset ──> check ──> folds ──> TrainSplit, TestSplit
+//! ```
+//!
+//! Nothing here learns anything. A [`Dataset`] keeps its sweeps in their native element type
+//! (`u8`, `u16` or `f32`) and widens
+//! them to `f32` one sweep at a time.
+
+mod dataset;
+mod error;
+mod fetch;
+mod folds;
+mod material;
+mod samples;
+mod seed;
+mod shuffle;
+
+pub use dataset::{Dataset, SweepRecord, SweepShape};
+pub use error::DataError;
+pub use fetch::{FetchError, Fetched, Origin, Progress, Source, fetch, git_blob_id};
+pub use folds::{Fold, Scheme, SplitManifest, SweepView, TestSplit, TrainSplit, ValidationSplit};
+pub use material::{LabelSet, Material};
+pub use samples::Samples;
+pub use seed::Seed;
+pub use shuffle::shuffle;

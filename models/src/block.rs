@@ -1,0 +1,130 @@
+//! One convolution block of TactNet-II: convolution, batch normalisation, ReLU, max-pool over time.
+
+use burn::module::{Module, Param};
+use burn::tensor::activation::relu;
+use burn::tensor::module::{batch_norm, batch_norm_train, conv2d, max_pool2d};
+use burn::tensor::ops::{ConvOptions, MaxPoolOptions};
+use burn::tensor::{Device, Tensor};
+use rand::Rng;
+
+use crate::initial::{constant_parameter, uniform_parameter};
+
+/// Added to the variance before the square root of every batch normalisation.
+pub(crate) const NORM_EPSILON: f64 = 1e-5;
+/// Weight of the newest batch in the running statistics.
+pub(crate) const NORM_MOMENTUM: f64 = 0.1;
+
+/// Mean and variance of one batch per map, detached from the graph.
+#[derive(Debug, Clone)]
+pub struct BatchStatistics {
+    /// `[maps]`
+    pub mean: Tensor<1>,
+    /// `[maps]`, unbiased (divided by n - 1), as running statistics keep it.
+    pub variance: Tensor<1>,
+}
+
+impl BatchStatistics {
+    /// From the biased variance of `count` values per map.
+    pub(crate) fn from_biased(mean: Tensor<1>, variance: Tensor<1>, count: usize) -> Self {
+        let bessel = if count > 1 { count as f64 / (count as f64 - 1.0) } else { 1.0 };
+        Self {
+            mean: mean.without_autodiff(),
+            variance: variance.without_autodiff().mul_scalar(bessel),
+        }
+    }
+}
+
+/// `running <- (1 - momentum) running + momentum batch`
+pub(crate) fn follow(running: &Tensor<1>, batch: Tensor<1>) -> Tensor<1> {
+    let batch = if running.device().is_autodiff() { batch.autodiff() } else { batch };
+    running.clone().mul_scalar(1.0 - NORM_MOMENTUM) + batch.mul_scalar(NORM_MOMENTUM)
+}
+
+/// Sizes of one block.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BlockConfig {
+    /// Maps that come in.
+    pub maps_in: usize,
+    /// Maps that go out.
+    pub maps_out: usize,
+    /// Kernel: time steps by taxels, both odd.
+    pub kernel: [usize; 2],
+    /// Steps that one pooled step covers.
+    pub pool: usize,
+}
+
+/// Convolution with SAME zero padding (no bias: batch normalisation follows), batch normalisation over batch, time and
+/// taxels, ReLU, and max-pool `pool x 1`. The last pooled step covers whatever steps are left (`ceil(steps / pool)`).
+///
+/// Shapes: `[batch, maps_in, steps, taxels] -> [batch, maps_out, ceil(steps / pool), taxels]`.
+///
+/// Source: Tulbure & Bäuml, Humanoids 2018, figure 4.
+#[derive(Module, Debug)]
+pub struct ConvBlock {
+    /// `[maps_out, maps_in, kernel steps, kernel taxels]`
+    pub(crate) weight: Param<Tensor<4>>,
+    /// `[maps_out]`
+    pub(crate) gamma: Param<Tensor<1>>,
+    /// `[maps_out]`
+    pub(crate) beta: Param<Tensor<1>>,
+    /// `[maps_out]`, not trained
+    pub(crate) running_mean: Tensor<1>,
+    /// `[maps_out]`, not trained
+    pub(crate) running_variance: Tensor<1>,
+    pub(crate) pool: usize,
+}
+
+impl ConvBlock {
+    pub(crate) fn init(config: BlockConfig, first_id: u64, device: &Device, rng: &mut impl Rng) -> Self {
+        let [time, taxels] = config.kernel;
+        let shape = [config.maps_out, config.maps_in, time, taxels];
+        Self {
+            weight: uniform_parameter(first_id, shape, config.maps_in * time * taxels, device, rng),
+            gamma: constant_parameter(first_id + 1, 1.0, [config.maps_out], device),
+            beta: constant_parameter(first_id + 2, 0.0, [config.maps_out], device),
+            running_mean: Tensor::zeros([config.maps_out], device),
+            running_variance: Tensor::ones([config.maps_out], device),
+            pool: config.pool,
+        }
+    }
+
+    fn convolve(&self, input: Tensor<4>) -> Tensor<4> {
+        let [_, _, time, taxels] = self.weight.dims();
+        let options = ConvOptions::new([1, 1], [time / 2, taxels / 2], [1, 1], 1);
+        conv2d(input, self.weight.val(), None, options)
+    }
+
+    fn pool(&self, maps: Tensor<4>) -> Tensor<4> {
+        let mut options = MaxPoolOptions::new([self.pool, 1]);
+        options.ceil_mode = !maps.dims()[2].is_multiple_of(self.pool);
+        max_pool2d(maps, options)
+    }
+
+    /// Forward pass that normalises with the batch's own statistics, and returns them.
+    pub fn forward_train(&self, input: Tensor<4>) -> (Tensor<4>, BatchStatistics) {
+        let maps = self.convolve(input);
+        let [batch, _, steps, taxels] = maps.dims();
+        let normalized = batch_norm_train(maps, self.gamma.val(), self.beta.val(), NORM_EPSILON);
+        let statistics =
+            BatchStatistics::from_biased(normalized.mean, normalized.variance, batch * steps * taxels);
+        (self.pool(relu(normalized.output)), statistics)
+    }
+
+    /// Forward pass with the running statistics frozen.
+    pub fn forward(&self, input: Tensor<4>) -> Tensor<4> {
+        let normalized = batch_norm(
+            self.convolve(input),
+            self.gamma.val(),
+            self.beta.val(),
+            self.running_mean.clone(),
+            self.running_variance.clone(),
+            NORM_EPSILON,
+        );
+        self.pool(relu(normalized))
+    }
+
+    pub(crate) fn follow(&mut self, batch: &BatchStatistics) {
+        self.running_mean = follow(&self.running_mean, batch.mean.clone());
+        self.running_variance = follow(&self.running_variance, batch.variance.clone());
+    }
+}

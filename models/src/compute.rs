@@ -1,0 +1,47 @@
+//! Where tensors live.
+
+use burn::tensor::Device;
+use serde::{Deserialize, Serialize};
+
+use crate::ModelError;
+
+/// The device a network runs on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Compute {
+    /// The processor, through Burn's Flex backend.
+    #[default]
+    Cpu,
+    /// Any GPU with a Vulkan driver; needs the cargo feature `vulkan`.
+    Vulkan,
+    /// An NVIDIA GPU; needs the cargo feature `cuda`.
+    Cuda,
+}
+
+impl Compute {
+    /// Opens the device, without autodiff.
+    ///
+    /// # Errors
+    /// The binary was built without the device's cargo feature.
+    pub fn open(self) -> Result<Device, ModelError> {
+        match self {
+            Self::Cpu => Ok(Device::flex()),
+            #[cfg(feature = "vulkan")]
+            Self::Vulkan => Ok(Device::vulkan(burn::tensor::DeviceKind::DefaultDevice)),
+            #[cfg(not(feature = "vulkan"))]
+            Self::Vulkan => Err(missing("vulkan")),
+            #[cfg(feature = "cuda")]
+            Self::Cuda => Ok(Device::cuda(0)),
+            #[cfg(not(feature = "cuda"))]
+            Self::Cuda => Err(missing("cuda")),
+        }
+    }
+}
+
+#[cfg(not(all(feature = "vulkan", feature = "cuda")))]
+fn missing(feature: &'static str) -> ModelError {
+    ModelError::Compute {
+        device: feature,
+        reason: format!("this binary was built without it; build with `--features {feature}`"),
+    }
+}

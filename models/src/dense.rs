@@ -1,0 +1,69 @@
+//! The fully connected layer with batch normalisation and ReLU in front of the output layer.
+
+use burn::module::{Module, Param};
+use burn::tensor::activation::relu;
+use burn::tensor::module::{batch_norm, batch_norm_train};
+use burn::tensor::{Device, Tensor};
+use rand::Rng;
+
+use crate::block::{BatchStatistics, NORM_EPSILON, follow};
+use crate::initial::{constant_parameter, uniform_parameter};
+
+/// `relu(batch_norm(x W^T))`: `[batch, inputs] -> [batch, outputs]`; no bias, since batch normalisation follows.
+#[derive(Module, Debug)]
+pub struct NormalizedDense {
+    /// `[outputs, inputs]`
+    pub(crate) weight: Param<Tensor<2>>,
+    /// `[outputs]`
+    pub(crate) gamma: Param<Tensor<1>>,
+    /// `[outputs]`
+    pub(crate) beta: Param<Tensor<1>>,
+    /// `[outputs]`, not trained
+    pub(crate) running_mean: Tensor<1>,
+    /// `[outputs]`, not trained
+    pub(crate) running_variance: Tensor<1>,
+}
+
+impl NormalizedDense {
+    pub(crate) fn init(
+        inputs: usize,
+        outputs: usize,
+        first_id: u64,
+        device: &Device,
+        rng: &mut impl Rng,
+    ) -> Self {
+        Self {
+            weight: uniform_parameter(first_id, [outputs, inputs], inputs, device, rng),
+            gamma: constant_parameter(first_id + 1, 1.0, [outputs], device),
+            beta: constant_parameter(first_id + 2, 0.0, [outputs], device),
+            running_mean: Tensor::zeros([outputs], device),
+            running_variance: Tensor::ones([outputs], device),
+        }
+    }
+
+    /// Normalises with the batch's own statistics, and returns them.
+    pub fn forward_train(&self, input: Tensor<2>) -> (Tensor<2>, BatchStatistics) {
+        let batch = input.dims()[0];
+        let activation = input.matmul(self.weight.val().transpose());
+        let normalized = batch_norm_train(activation, self.gamma.val(), self.beta.val(), NORM_EPSILON);
+        let statistics = BatchStatistics::from_biased(normalized.mean, normalized.variance, batch);
+        (relu(normalized.output), statistics)
+    }
+
+    /// Normalises with the running statistics.
+    pub fn forward(&self, input: Tensor<2>) -> Tensor<2> {
+        relu(batch_norm(
+            input.matmul(self.weight.val().transpose()),
+            self.gamma.val(),
+            self.beta.val(),
+            self.running_mean.clone(),
+            self.running_variance.clone(),
+            NORM_EPSILON,
+        ))
+    }
+
+    pub(crate) fn follow(&mut self, batch: &BatchStatistics) {
+        self.running_mean = follow(&self.running_mean, batch.mean.clone());
+        self.running_variance = follow(&self.running_variance, batch.variance.clone());
+    }
+}

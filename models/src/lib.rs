@@ -1,0 +1,63 @@
+//! TactNet-II and what is built on its scores: numbers in, scores out.
+//!
+//! ```text
+//! sweeps [batch, 1, steps, taxels] ─> 3 x ConvBlock ─> features ─> dropout mask ─> Dense 512 ─> logits [batch, materials]
+//! ```
+//!
+//! No files, no clocks, no data sets, no random generator of its own: dropout masks and initial weights come from a
+//! generator that the caller names, so equal seeds give equal networks.
+
+mod belief;
+mod block;
+mod compute;
+mod dense;
+mod dropout;
+mod initial;
+mod loss;
+mod tactnet;
+mod weights;
+
+pub use belief::{Belief, log_softmax, majority_vote};
+pub use block::{BatchStatistics, BlockConfig, ConvBlock};
+pub use compute::Compute;
+pub use dense::NormalizedDense;
+pub use dropout::dropout_masks;
+pub use loss::cross_entropy;
+pub use tactnet::{Architecture, InputShape, TactNet, TactNetConfig, TrainingForward, default_pools};
+pub use weights::{NamedTensor, Weights};
+
+/// What can be wrong with a network's description or its weights.
+#[derive(Debug, thiserror::Error)]
+pub enum ModelError {
+    /// A setting out of its range.
+    #[error("network setting `{setting}`: expected {expected}, found {found}")]
+    Setting {
+        /// Name of the setting in the recipe.
+        setting: &'static str,
+        /// What is possible.
+        expected: String,
+        /// What was asked for.
+        found: String,
+    },
+    /// Weights that do not belong to this network.
+    #[error("weights: tensor `{tensor}`: expected {expected}, found {found}")]
+    Weights {
+        /// Name of the tensor.
+        tensor: String,
+        /// Shape or type that the network has.
+        expected: String,
+        /// What the file holds.
+        found: String,
+    },
+    /// A safetensors file that cannot be parsed.
+    #[error("weights: not a safetensors file: {0}")]
+    Safetensors(#[from] safetensors::SafeTensorError),
+    /// A device that this build or machine does not offer.
+    #[error("compute device `{device}`: {reason}")]
+    Compute {
+        /// Its name on the command line.
+        device: &'static str,
+        /// Why it cannot be used, and what would help.
+        reason: String,
+    },
+}

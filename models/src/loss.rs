@@ -1,0 +1,12 @@
+//! The classification loss.
+
+use burn::tensor::activation::log_softmax;
+use burn::tensor::{Int, Tensor};
+
+/// Mean cross entropy in nats.
+///
+/// - `logits`: `[batch, materials]`
+/// - `labels`: `[batch]`
+pub fn cross_entropy(logits: Tensor<2>, labels: Tensor<1, Int>) -> Tensor<1> {
+    log_softmax(logits, 1).gather(1, labels.unsqueeze_dim(1)).mean().neg()
+}

@@ -1,0 +1,220 @@
+//! A network's weights as named tensors, and as a safetensors file.
+
+use std::collections::BTreeMap;
+
+use burn::module::Param;
+use burn::optim::GradientsParams;
+use burn::tensor::{Device, Tensor, TensorData};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use safetensors::tensor::{Dtype, TensorView};
+
+use crate::initial::parameter;
+use crate::tactnet::TactNet;
+use crate::{ModelError, TactNetConfig};
+
+/// One tensor: its shape and its values in row-major order.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NamedTensor {
+    /// Extents.
+    pub shape: Vec<usize>,
+    /// `f32` values, row-major.
+    pub values: Vec<f32>,
+}
+
+/// Named tensors in name order: `conv1.weight`, `conv1.gamma`, `conv1.beta`, `conv1.running_mean`,
+/// `conv1.running_variance`, …, `hidden.*`, `output.weight`, `output.bias`.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Weights(pub BTreeMap<String, NamedTensor>);
+
+impl Weights {
+    /// The bytes of a safetensors file with `metadata` in its header.
+    ///
+    /// # Errors
+    /// Shapes that do not match their values.
+    pub fn to_safetensors(&self, metadata: BTreeMap<String, String>) -> Result<Vec<u8>, ModelError> {
+        let bytes: BTreeMap<&String, Vec<u8>> = self
+            .0
+            .iter()
+            .map(|(name, tensor)| (name, tensor.values.iter().flat_map(|v| v.to_le_bytes()).collect()))
+            .collect();
+        let mut views = Vec::with_capacity(self.0.len());
+        for (name, tensor) in &self.0 {
+            views.push((name, TensorView::new(Dtype::F32, tensor.shape.clone(), &bytes[name])?));
+        }
+        Ok(safetensors::serialize(views, Some(metadata.into_iter().collect()))?)
+    }
+
+    /// Reads the `f32` tensors of a safetensors file; tensors of other types are left out.
+    ///
+    /// # Errors
+    /// Bytes that are no safetensors file.
+    pub fn from_safetensors(bytes: &[u8]) -> Result<Self, ModelError> {
+        let file = safetensors::SafeTensors::deserialize(bytes)?;
+        let mut tensors = BTreeMap::new();
+        for (name, view) in file.tensors() {
+            if view.dtype() == Dtype::F32 {
+                let values = view
+                    .data()
+                    .chunks_exact(4)
+                    .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
+                    .collect();
+                tensors.insert(name, NamedTensor { shape: view.shape().to_vec(), values });
+            }
+        }
+        Ok(Self(tensors))
+    }
+
+    fn put<const D: usize>(&mut self, name: String, tensor: Tensor<D>) {
+        let shape = tensor.dims().to_vec();
+        let values = tensor
+            .into_data_as::<f32>()
+            .try_into_vec::<f32>()
+            .unwrap_or_else(|error| panic!("{name} was converted to f32: {error:?}"));
+        self.0.insert(name, NamedTensor { shape, values });
+    }
+
+    fn get<const D: usize>(
+        &self,
+        name: &str,
+        shape: [usize; D],
+        device: &Device,
+    ) -> Result<Tensor<D>, ModelError> {
+        let wrong = |found: String| ModelError::Weights {
+            tensor: name.into(),
+            expected: format!("shape {shape:?}"),
+            found,
+        };
+        let tensor = self.0.get(name).ok_or_else(|| wrong("no such tensor".into()))?;
+        if tensor.shape != shape {
+            return Err(wrong(format!("shape {:?}", tensor.shape)));
+        }
+        Ok(Tensor::from_data(TensorData::new(tensor.values.clone(), shape), device))
+    }
+}
+
+fn gradient_of<const D: usize>(
+    gradients: &GradientsParams,
+    parameter: &Param<Tensor<D>>,
+) -> Option<Tensor<D>> {
+    gradients.get(parameter.id)
+}
+
+/// Visits every tensor of the network with its name; the one list of names.
+macro_rules! for_each_tensor {
+    ($net:expr, $parameter:ident, $statistic:ident) => {
+        for (index, block) in $net.blocks.iter_mut().enumerate() {
+            let layer = format!("conv{}", index + 1);
+            $parameter!(format!("{layer}.weight"), block.weight);
+            $parameter!(format!("{layer}.gamma"), block.gamma);
+            $parameter!(format!("{layer}.beta"), block.beta);
+            $statistic!(format!("{layer}.running_mean"), block.running_mean);
+            $statistic!(format!("{layer}.running_variance"), block.running_variance);
+        }
+        $parameter!("hidden.weight".to_string(), $net.hidden.weight);
+        $parameter!("hidden.gamma".to_string(), $net.hidden.gamma);
+        $parameter!("hidden.beta".to_string(), $net.hidden.beta);
+        $statistic!("hidden.running_mean".to_string(), $net.hidden.running_mean);
+        $statistic!("hidden.running_variance".to_string(), $net.hidden.running_variance);
+        $parameter!("output.weight".to_string(), $net.output_weight);
+        $parameter!("output.bias".to_string(), $net.output_bias);
+    };
+}
+
+impl TactNet {
+    /// All weights and running statistics.
+    pub fn weights(&self) -> Weights {
+        let mut weights = Weights::default();
+        let mut net = self.clone();
+        macro_rules! parameter {
+            ($name:expr, $field:expr) => {
+                weights.put($name, $field.val())
+            };
+        }
+        macro_rules! statistic {
+            ($name:expr, $field:expr) => {
+                weights.put($name, $field.clone())
+            };
+        }
+        for_each_tensor!(net, parameter, statistic);
+        weights
+    }
+
+    /// The gradient of every parameter, under the parameter's name; what the loss does not reach is left out.
+    pub fn gradients(&self, gradients: &GradientsParams) -> Weights {
+        let mut named = Weights::default();
+        let mut net = self.clone();
+        macro_rules! parameter {
+            ($name:expr, $field:expr) => {
+                if let Some(gradient) = gradient_of(gradients, &$field) {
+                    named.put($name, gradient)
+                }
+            };
+        }
+        macro_rules! statistic {
+            ($name:expr, $field:expr) => {};
+        }
+        for_each_tensor!(net, parameter, statistic);
+        named
+    }
+
+    /// Rebuilds a network from `weights` on `device`.
+    ///
+    /// # Errors
+    /// Names the tensor that is missing or has another shape than `config` asks for.
+    pub fn from_weights(
+        config: &TactNetConfig,
+        weights: &Weights,
+        device: &Device,
+    ) -> Result<Self, ModelError> {
+        let mut net = Self::init(config, device, &mut ChaCha8Rng::seed_from_u64(0));
+        macro_rules! parameter {
+            ($name:expr, $field:expr) => {
+                let value = weights.get(&$name, $field.dims(), device)?;
+                $field = parameter($field.id.val(), value);
+            };
+        }
+        macro_rules! statistic {
+            ($name:expr, $field:expr) => {
+                $field = weights.get(&$name, $field.dims(), device)?;
+            };
+        }
+        for_each_tensor!(net, parameter, statistic);
+        Ok(net)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Architecture, InputShape};
+
+    #[test]
+    fn safetensors_round_trip_restores_every_number() {
+        let architecture = Architecture { maps: vec![2, 3], hidden: 4, ..Architecture::default() };
+        let input = InputShape { steps: 50, taxels: 2 };
+        let config = TactNetConfig::new(architecture, input, 3).unwrap();
+        let net = TactNet::init(&config, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(5));
+        let weights = net.weights();
+        assert_eq!(weights.0.len(), 2 * 5 + 5 + 2);
+        let bytes = weights.to_safetensors(BTreeMap::new()).unwrap();
+        let read = Weights::from_safetensors(&bytes).unwrap();
+        assert_eq!(read, weights);
+        let rebuilt = TactNet::from_weights(&config, &read, &Device::flex()).unwrap();
+        assert_eq!(rebuilt.weights(), weights);
+    }
+
+    #[test]
+    fn foreign_weights_are_refused_by_name() {
+        let input = InputShape { steps: 50, taxels: 2 };
+        let small = Architecture { maps: vec![2], hidden: 4, ..Architecture::default() };
+        let large = Architecture { maps: vec![2], hidden: 5, ..Architecture::default() };
+        let device = Device::flex();
+        let config = TactNetConfig::new(small, input, 3).unwrap();
+        let other = TactNetConfig::new(large, input, 3).unwrap();
+        let weights = TactNet::init(&config, &device, &mut ChaCha8Rng::seed_from_u64(5)).weights();
+        let message = TactNet::from_weights(&other, &weights, &device).unwrap_err().to_string();
+        assert!(message.contains("hidden.weight") && message.contains("[5,"), "{message}");
+        assert!(Weights::from_safetensors(b"not a file").is_err());
+    }
+}

@@ -1,0 +1,80 @@
+//! Everything that can go wrong between sweeps and predictions.
+
+use std::path::{Path, PathBuf};
+
+use tactnet_data::DataError;
+use tactnet_models::ModelError;
+
+/// An error of training, prediction or a run directory.
+#[derive(Debug, thiserror::Error)]
+pub enum PipelineError {
+    /// The data set.
+    #[error(transparent)]
+    Data(#[from] DataError),
+    /// The network.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// The operating system refused.
+    #[error("{}: cannot {action}: {source}", path.display())]
+    Io {
+        /// The file in question.
+        path: PathBuf,
+        /// What was attempted.
+        action: &'static str,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// Neither a built-in recipe nor a file.
+    #[error("recipe `{name}`: no such file and no such recipe; recipes that ship with tactnet: {known}")]
+    UnknownRecipe {
+        /// What was asked for.
+        name: String,
+        /// What there is.
+        known: String,
+    },
+    /// A recipe that cannot be used.
+    #[error("recipe {origin}: {reason}")]
+    Recipe {
+        /// Its name or path.
+        origin: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A run directory that does not hold what is needed.
+    #[error("{}: {reason}", path.display())]
+    Run {
+        /// The directory, or the file in it.
+        path: PathBuf,
+        /// What is wrong, and what would be right.
+        reason: String,
+    },
+    /// Sweeps that do not fit the classifier.
+    #[error("{item}: the classifier expects {expected}, the data set has {found}")]
+    Misfit {
+        /// What differs.
+        item: &'static str,
+        /// What the classifier was trained on.
+        expected: String,
+        /// What came.
+        found: String,
+    },
+    /// The loss or a weight is no number any more.
+    #[error("{what} is not finite in epoch {epoch}, batch {batch}; try a lower learning rate or another scaling")]
+    NotFinite {
+        /// "clean loss", "adversarial loss" or the name of a weight.
+        what: String,
+        /// Epoch, counted from 1.
+        epoch: usize,
+        /// Batch, counted from 1.
+        batch: usize,
+    },
+    /// Burn could not store or restore the optimiser's state.
+    #[error("optimiser state: {0}")]
+    Optimizer(String),
+}
+
+impl PipelineError {
+    pub(crate) fn io(path: &Path, action: &'static str, source: std::io::Error) -> Self {
+        Self::Io { path: path.to_path_buf(), action, source }
+    }
+}

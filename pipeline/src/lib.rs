@@ -1,0 +1,38 @@
+//! Sweeps to predictions.
+//!
+//! ```text
+//! TrainSplit ─> Normalizer ─> Training (step by step) ─> RunDir ─> Classifier ─> Predictions ─> Evaluation
+//! ```
+//!
+//! Only a [`tactnet_data::TrainSplit`] can be fitted to; any view can be predicted. A [`Training`] does one batch at a
+//! time and can be stopped anywhere: every random choice is named by seed, epoch and batch.
+
+mod checkpoint;
+mod classifier;
+mod confusion_picture;
+mod error;
+mod evaluation;
+mod metrics;
+mod normalize;
+mod objective;
+mod predictions;
+mod provenance;
+mod recipe;
+mod result;
+mod run_dir;
+mod training;
+
+pub use classifier::{Classifier, ClassifierConfig};
+pub use error::PipelineError;
+pub use evaluation::Evaluation;
+pub use metrics::{Estimate, FusedAccuracy};
+pub use normalize::{Normalizer, Scaling};
+pub use objective::{Pass, Perturbation, adversarial_pass, base_pass};
+pub use predictions::{PredictionSource, Predictions, SweepScore};
+pub use provenance::{Provenance, peak_rss_mib};
+pub use recipe::{
+    Input, LearningRateDrop, Prediction, PredictionMethod, Recipe, TrainingMethod, TrainingSettings,
+};
+pub use result::{RunResult, describe_split};
+pub use run_dir::{EpochMetrics, RunConfig, RunDir};
+pub use training::{BatchReport, Position, Training, TrainingState};

@@ -1,0 +1,194 @@
+//! What predictions are worth: accuracy with an interval, likelihood, calibration.
+
+use serde::{Deserialize, Serialize};
+use tactnet_data::{Seed, shuffle};
+use tactnet_models::{Belief, majority_vote};
+
+use crate::{Predictions, SweepScore};
+
+/// A share with its 95 % interval.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Estimate {
+    /// The share, 0 to 1.
+    pub mean: f64,
+    /// Lower end of the Wilson interval.
+    pub ci95_low: f64,
+    /// Upper end of the Wilson interval.
+    pub ci95_high: f64,
+    /// Independent trials behind it.
+    pub n: usize,
+}
+
+impl Estimate {
+    /// The Wilson score interval of a share `mean` seen in `n` independent trials (Wilson, 1927).
+    ///
+    /// # Panics
+    /// If there is no trial.
+    pub fn wilson(mean: f64, n: usize) -> Self {
+        assert!(n > 0, "a share needs at least one trial");
+        const Z: f64 = 1.959_963_984_540_054;
+        let count = n as f64;
+        let z2 = Z * Z / count;
+        let centre = (mean + z2 / 2.0) / (1.0 + z2);
+        let half = Z / (1.0 + z2) * (mean * (1.0 - mean) / count + z2 / (4.0 * count)).sqrt();
+        Self {
+            mean,
+            ci95_low: (centre - half).clamp(0.0, mean),
+            ci95_high: (centre + half).clamp(mean, 1.0),
+            n,
+        }
+    }
+}
+
+/// How often fused sweeps are right, by two ways of fusing.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct FusedAccuracy {
+    /// Sweeps fused into one decision.
+    pub sweeps: usize,
+    /// Bayesian fusion: log-probabilities add.
+    pub bayes: Estimate,
+    /// Each sweep has one vote.
+    pub majority: Estimate,
+}
+
+/// Times that the test sweeps of a material are dealt anew into groups.
+const DEALS: usize = 20;
+
+impl Predictions {
+    /// Accuracy of single sweeps.
+    ///
+    /// # Panics
+    /// If there is no sweep.
+    pub fn one_sweep(&self) -> Estimate {
+        Estimate::wilson(self.accuracy(), self.sweeps.len())
+    }
+
+    /// Accuracy when `sweeps` test sweeps of one material are fused; `None` where no material has that many.
+    ///
+    /// The sweeps of every material are dealt at random into disjoint groups, 20 times over (stream "fusion" of `seed`).
+    /// The mean is over all groups; the interval counts the groups of one deal only, since the deals share sweeps.
+    pub fn fused(&self, sweeps: usize, seed: Seed) -> Option<FusedAccuracy> {
+        let mut groups = 0;
+        let (mut bayes, mut majority) = (0, 0);
+        for label in 0..self.labels.len() {
+            let own: Vec<&SweepScore> = self.sweeps.iter().filter(|s| s.label == label).collect();
+            for deal in 0..DEALS {
+                let mut order: Vec<usize> = (0..own.len()).collect();
+                shuffle(&mut order, &mut seed.rng(("fusion", label, deal)));
+                for group in order.chunks_exact(sweeps.max(1)) {
+                    let scores: Vec<&[f64]> =
+                        group.iter().map(|i| own[*i].log_probability.as_slice()).collect();
+                    let mut belief = Belief::flat(self.labels.len());
+                    scores.iter().for_each(|score| belief.fuse(score));
+                    bayes += usize::from(belief.label() == label);
+                    majority += usize::from(majority_vote(&scores) == label);
+                    groups += 1;
+                }
+            }
+        }
+        (groups > 0).then(|| {
+            let share = |right: usize| Estimate::wilson(right as f64 / groups as f64, groups / DEALS);
+            FusedAccuracy { sweeps, bayes: share(bayes), majority: share(majority) }
+        })
+    }
+
+    /// Mean negative log-likelihood of the true label, nats.
+    pub fn negative_log_likelihood(&self) -> f64 {
+        let total: f64 = self.sweeps.iter().map(|s| -s.log_probability[s.label]).sum();
+        total / self.sweeps.len() as f64
+    }
+
+    /// Mean squared distance between the probabilities and the true one-hot vector, 0 to 2 (Brier, 1950).
+    pub fn brier(&self) -> f64 {
+        let total: f64 = self
+            .sweeps
+            .iter()
+            .flat_map(|s| {
+                s.log_probability.iter().enumerate().map(|(label, log_p)| {
+                    (log_p.exp() - f64::from(u8::from(label == s.label))).powi(2)
+                })
+            })
+            .sum();
+        total / self.sweeps.len() as f64
+    }
+
+    /// Expected calibration error of the largest probability over 15 bins of equal width (Guo et al., 2017).
+    pub fn expected_calibration_error(&self) -> f64 {
+        const BINS: usize = 15;
+        let mut bins = [(0.0_f64, 0.0_f64); BINS];
+        for sweep in &self.sweeps {
+            let label = sweep.predicted();
+            let confidence = sweep.log_probability[label].exp();
+            let bin = ((confidence * BINS as f64).ceil() as usize).clamp(1, BINS) - 1;
+            bins[bin].0 += confidence;
+            bins[bin].1 += f64::from(u8::from(label == sweep.label));
+        }
+        bins.iter().map(|(confidence, right)| (confidence - right).abs()).sum::<f64>()
+            / self.sweeps.len() as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::PredictionMethod;
+    use tactnet_data::LabelSet;
+
+    fn predictions(rows: &[(usize, [f64; 2])]) -> Predictions {
+        Predictions {
+            labels: LabelSet::new(["cork", "denim"]).unwrap(),
+            method: PredictionMethod::Plain,
+            sweeps: rows
+                .iter()
+                .enumerate()
+                .map(|(index, (label, p))| SweepScore {
+                    index,
+                    label: *label,
+                    log_probability: p.map(f64::ln).to_vec(),
+                })
+                .collect(),
+        }
+    }
+
+    #[test]
+    fn wilson_interval_matches_statsmodels() {
+        // statsmodels.stats.proportion.proportion_confint(18, 20, method="wilson")
+        let estimate = Estimate::wilson(0.9, 20);
+        assert!((estimate.ci95_low - 0.698_966_4).abs() < 1e-6, "{estimate:?}");
+        assert!((estimate.ci95_high - 0.972_133_5).abs() < 1e-6, "{estimate:?}");
+        let perfect = Estimate::wilson(1.0, 10);
+        assert!(perfect.ci95_low < 0.75 && perfect.ci95_high == 1.0, "{perfect:?}");
+    }
+
+    #[test]
+    fn calibration_figures_match_hand_computed_values() {
+        let p = predictions(&[(0, [0.9, 0.1]), (0, [0.9, 0.1]), (1, [0.9, 0.1]), (1, [0.2, 0.8])]);
+        assert_eq!(p.accuracy(), 0.75);
+        assert_eq!(p.confusion(), [[2, 0], [1, 1]]);
+        let nll = -(0.9_f64.ln() * 2.0 + 0.1_f64.ln() + 0.8_f64.ln()) / 4.0;
+        assert!((p.negative_log_likelihood() - nll).abs() < 1e-12);
+        let brier = (2.0 * 0.02 + 2.0 * 0.81 + 2.0 * 0.04) / 4.0;
+        assert!((p.brier() - brier).abs() < 1e-12);
+        let ece = ((3.0 * 0.9 - 2.0_f64).abs() + (0.8 - 1.0_f64).abs()) / 4.0;
+        assert!((p.expected_calibration_error() - ece).abs() < 1e-12);
+    }
+
+    #[test]
+    fn three_sweeps_beat_one_and_groups_are_counted_once() {
+        let rows: Vec<(usize, [f64; 2])> = (0..30)
+            .flat_map(|i| {
+                let p = if i % 3 == 0 { [0.4, 0.6] } else { [0.8, 0.2] };
+                [(0, p), (1, [p[1], p[0]])]
+            })
+            .collect();
+        let p = predictions(&rows);
+        let fused = p.fused(3, Seed(1)).unwrap();
+        assert_eq!(fused.bayes.n, 20);
+        assert!(fused.bayes.mean > p.accuracy(), "{fused:?}");
+        assert_eq!(p.fused(3, Seed(1)), Some(fused), "the same seed gives the same groups");
+        assert!(p.fused(31, Seed(1)).is_none());
+        let single = p.fused(1, Seed(1)).unwrap();
+        assert!((single.bayes.mean - p.accuracy()).abs() < 1e-12);
+        assert!((single.majority.mean - p.accuracy()).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,86 @@
+//! From digits to what the network sees, fitted on training sweeps only.
+
+use serde::{Deserialize, Serialize};
+use tactnet_data::{SweepView, TrainSplit};
+
+/// What to fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Scaling {
+    /// Raw digits, as published for TactMat.
+    #[default]
+    Digits,
+    /// Every taxel by its mean and standard deviation over all steps of the training sweeps.
+    PerTaxel,
+}
+
+/// A fitted normaliser: `(digit - offset) * gain` per taxel.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Normalizer {
+    /// `[taxels]`, digits
+    offset: Vec<f32>,
+    /// `[taxels]`, per digit
+    gain: Vec<f32>,
+}
+
+impl Normalizer {
+    /// Fits `scaling` to the training sweeps; a taxel that never changes keeps a gain of one.
+    pub fn fit(scaling: Scaling, train: &TrainSplit<'_>) -> Self {
+        let taxels = train.shape().taxels();
+        match scaling {
+            Scaling::Digits => Self { offset: vec![0.0; taxels], gain: vec![1.0; taxels] },
+            Scaling::PerTaxel => per_taxel(train),
+        }
+    }
+
+    /// Number of taxels it was fitted to.
+    pub fn taxels(&self) -> usize {
+        self.offset.len()
+    }
+
+    /// Scales sweeps in place: `[…][taxels]` digits.
+    ///
+    /// # Panics
+    /// If the length is no multiple of the number of taxels.
+    pub fn apply(&self, values: &mut [f32]) {
+        assert_eq!(values.len() % self.taxels(), 0, "whole frames of {} taxels", self.taxels());
+        for frame in values.chunks_exact_mut(self.taxels()) {
+            for ((value, offset), gain) in frame.iter_mut().zip(&self.offset).zip(&self.gain) {
+                *value = (*value - offset) * gain;
+            }
+        }
+    }
+}
+
+/// Two passes in `f64`: means first, then squared deviations, so that large offsets do not cost digits.
+fn per_taxel(train: &SweepView<'_>) -> Normalizer {
+    let taxels = train.shape().taxels();
+    let frames = (train.len() * train.shape().steps) as f64;
+    let mut mean = vec![0.0_f64; taxels];
+    for_each_frame(train, |frame| {
+        mean.iter_mut().zip(frame).for_each(|(m, v)| *m += f64::from(*v));
+    });
+    mean.iter_mut().for_each(|m| *m /= frames);
+    let mut variance = vec![0.0_f64; taxels];
+    for_each_frame(train, |frame| {
+        for ((sum, v), m) in variance.iter_mut().zip(frame).zip(&mean) {
+            *sum += (f64::from(*v) - m).powi(2);
+        }
+    });
+    let gain = variance
+        .iter()
+        .map(|sum| (sum / frames).sqrt())
+        .map(|deviation| if deviation > 0.0 { (1.0 / deviation) as f32 } else { 1.0 })
+        .collect();
+    Normalizer { offset: mean.iter().map(|m| *m as f32).collect(), gain }
+}
+
+fn for_each_frame(view: &SweepView<'_>, mut visit: impl FnMut(&[f32])) {
+    let shape = view.shape();
+    let mut sweep = vec![0.0; shape.values()];
+    for position in 0..view.len() {
+        view.copy_batch(&[position], &mut sweep);
+        sweep.chunks_exact(shape.taxels()).for_each(&mut visit);
+    }
+}

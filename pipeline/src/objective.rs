@@ -1,0 +1,110 @@
+//! The loss and its gradients: plain cross entropy, and the adversarial objective of the thesis.
+
+use burn::module::{Module, ModuleVisitor, Param};
+use burn::optim::GradientsParams;
+use burn::tensor::{Gradients, Int, Tensor};
+use tactnet_models::{BatchStatistics, TactNet, cross_entropy};
+
+/// What one batch gives to the optimiser.
+pub struct Pass {
+    /// Gradient of the objective for every parameter.
+    pub gradients: GradientsParams,
+    /// Batch statistics of the clean sweeps.
+    pub statistics: Vec<BatchStatistics>,
+    /// The objective, nats per sweep.
+    pub loss: f64,
+    /// Clean sweeps whose largest logit is their label's, with dropout on.
+    pub correct: usize,
+}
+
+/// Settings of the adversarial objective.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Perturbation {
+    /// Weight of the clean loss.
+    pub alpha: f64,
+    /// Size of the step along the sign of the input gradient, in the units of `sweeps`.
+    pub epsilon: f64,
+}
+
+/// `E(x)`: cross entropy.
+///
+/// - `sweeps`: `[batch, 1, steps, taxels]` without autodiff
+/// - `labels`: `[batch]`
+/// - `mask`: `[batch, features]` dropout mask
+pub fn base_pass(net: &TactNet, sweeps: Tensor<4>, labels: Tensor<1, Int>, mask: Tensor<2>) -> Pass {
+    let (mut gradients, statistics, loss, correct) = pass(net, sweeps.autodiff(), labels, mask);
+    let gradients = GradientsParams::from_module(&mut gradients, net);
+    Pass { gradients, statistics, loss, correct }
+}
+
+/// `alpha E(x) + (1 - alpha) E(x + r)` with `r = epsilon sign(dE/dx)`, thesis section 4.4.1.
+///
+/// One clean forward and backward pass gives both the weight gradients and `dE/dx`. The perturbation is a constant for
+/// the second pass (Goodfellow et al., 2014). Running statistics follow the clean sweeps alone, the only ones that
+/// prediction will see. Each pass has its own dropout mask: `masks` is `[clean, adversarial]`.
+pub fn adversarial_pass(
+    net: &TactNet,
+    sweeps: Tensor<4>,
+    labels: Tensor<1, Int>,
+    masks: [Tensor<2>; 2],
+    Perturbation { alpha, epsilon }: Perturbation,
+) -> Pass {
+    let [clean_mask, adversarial_mask] = masks;
+    let tracked = sweeps.clone().autodiff().require_grad();
+    let (mut clean, statistics, clean_loss, correct) =
+        pass(net, tracked.clone(), labels.clone(), clean_mask);
+    let direction = tracked
+        .grad_remove(&mut clean)
+        .unwrap_or_else(|| panic!("the loss depends on the sweeps"))
+        .sign();
+    let perturbed = (sweeps + direction.mul_scalar(epsilon)).autodiff();
+    let (mut adversarial, _, adversarial_loss, _) = pass(net, perturbed, labels, adversarial_mask);
+    let gradients = weighted_sum(
+        net,
+        (alpha, GradientsParams::from_module(&mut clean, net)),
+        (1.0 - alpha, GradientsParams::from_module(&mut adversarial, net)),
+    );
+    let loss = alpha * clean_loss + (1.0 - alpha) * adversarial_loss;
+    Pass { gradients, statistics, loss, correct }
+}
+
+fn pass(
+    net: &TactNet,
+    sweeps: Tensor<4>,
+    labels: Tensor<1, Int>,
+    mask: Tensor<2>,
+) -> (Gradients, Vec<BatchStatistics>, f64, usize) {
+    let forward = net.forward_train(sweeps, mask);
+    let recognised = forward.logits.clone().argmax(1).squeeze_dim::<1>(1).equal(labels.clone());
+    let correct = recognised.int().sum().into_scalar::<i64>() as usize;
+    let loss = cross_entropy(forward.logits, labels);
+    let value = f64::from(loss.clone().into_scalar::<f32>());
+    (loss.backward(), forward.statistics, value, correct)
+}
+
+fn weighted_sum(
+    net: &TactNet,
+    first: (f64, GradientsParams),
+    second: (f64, GradientsParams),
+) -> GradientsParams {
+    struct Sum {
+        first: (f64, GradientsParams),
+        second: (f64, GradientsParams),
+        total: GradientsParams,
+    }
+    impl ModuleVisitor for Sum {
+        fn visit_float<const D: usize>(&mut self, parameter: &Param<Tensor<D>>) {
+            let scaled = |side: &mut (f64, GradientsParams)| {
+                side.1.remove::<D>(parameter.id).map(|gradient| gradient.mul_scalar(side.0))
+            };
+            match (scaled(&mut self.first), scaled(&mut self.second)) {
+                (Some(a), Some(b)) => self.total.register(parameter.id, a + b),
+                (Some(one), None) | (None, Some(one)) => self.total.register(parameter.id, one),
+                (None, None) => {}
+            }
+        }
+    }
+    let mut sum = Sum { first, second, total: GradientsParams::new() };
+    net.visit(&mut sum);
+    sum.total
+}

@@ -1,0 +1,266 @@
+//! A recipe: everything that decides how a classifier is trained and how it predicts, as one TOML file.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use tactnet_models::Architecture;
+
+use crate::{PipelineError, Scaling};
+
+/// Recipes that ship with the binary, by name.
+const BUILT_IN: [(&str, &str); 2] = [
+    ("quick", include_str!("../recipes/quick.toml")),
+    ("thesis", include_str!("../recipes/thesis.toml")),
+];
+
+/// How a classifier comes about.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Recipe {
+    /// What people call it.
+    pub name: String,
+    /// Layers of the network.
+    #[serde(default)]
+    pub network: Architecture,
+    /// What happens to the digits before the network sees them.
+    #[serde(default)]
+    pub input: Input,
+    /// The optimisation.
+    pub training: TrainingSettings,
+    /// How the trained network is asked.
+    #[serde(default)]
+    pub prediction: Prediction,
+}
+
+/// What happens to the digits before the network sees them.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Input {
+    /// See [`Scaling`].
+    pub scaling: Scaling,
+}
+
+/// Settings of the optimisation (Adam with beta 0.9 and 0.999, epsilon 1e-8).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrainingSettings {
+    /// Passes over the training sweeps.
+    pub epochs: usize,
+    /// Sweeps in a batch, at most; batches of one epoch differ by one sweep at most.
+    pub batch: usize,
+    /// Learning rate of the first epoch.
+    pub learning_rate: f64,
+    /// Where the learning rate falls.
+    #[serde(default)]
+    pub learning_rate_drops: Vec<LearningRateDrop>,
+    /// L2 penalty on every parameter: `l2 * parameter` is added to its gradient, before Adam.
+    #[serde(default)]
+    pub l2: f64,
+    /// The loss.
+    pub method: TrainingMethod,
+}
+
+/// After `after_epoch` epochs the learning rate is multiplied by `factor`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LearningRateDrop {
+    /// Number of epochs at the former rate.
+    pub after_epoch: usize,
+    /// Factor, above 0.
+    pub factor: f64,
+}
+
+/// The loss that is minimised.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum TrainingMethod {
+    /// Cross entropy.
+    Base,
+    /// `alpha E(x) + (1 - alpha) E(x + epsilon sign(dE/dx))` (thesis, section 4.4.1; Goodfellow et al., 2014).
+    Adversarial {
+        /// Weight of the clean loss, 0 to 1.
+        alpha: f64,
+        /// Size of the perturbation, in the units the network sees (digits, or deviations where scaled).
+        epsilon: f64,
+    },
+}
+
+/// How the trained network is asked.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Prediction {
+    /// See [`PredictionMethod`].
+    pub method: PredictionMethod,
+}
+
+/// How probabilities are computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum PredictionMethod {
+    /// One pass without dropout.
+    #[default]
+    Plain,
+    /// Mean of the softmax over `runs` passes with dropout kept on and batch norm frozen (Gal & Ghahramani, 2016).
+    McDropout {
+        /// Number of passes M.
+        runs: usize,
+    },
+}
+
+impl Recipe {
+    /// Names of the recipes that ship with the binary.
+    pub fn built_in_names() -> impl Iterator<Item = &'static str> {
+        BUILT_IN.iter().map(|(name, _)| *name)
+    }
+
+    /// Loads a built-in recipe by name, or a file.
+    ///
+    /// # Errors
+    /// Neither a known name nor a readable file; TOML that does not parse; a setting out of range.
+    pub fn load(name_or_path: &str) -> Result<Self, PipelineError> {
+        if let Some((name, text)) = BUILT_IN.iter().find(|(name, _)| *name == name_or_path) {
+            return Self::parse(name, text);
+        }
+        let path = Path::new(name_or_path);
+        if !path.exists() {
+            let known: Vec<&str> = Self::built_in_names().collect();
+            return Err(PipelineError::UnknownRecipe {
+                name: name_or_path.into(),
+                known: known.join(", "),
+            });
+        }
+        let text = std::fs::read_to_string(path)
+            .map_err(|error| PipelineError::io(path, "read the recipe", error))?;
+        Self::parse(name_or_path, &text)
+    }
+
+    /// Parses and checks TOML; `origin` stands in the messages.
+    ///
+    /// # Errors
+    /// TOML that does not parse, unknown fields, a setting out of range.
+    pub fn parse(origin: &str, text: &str) -> Result<Self, PipelineError> {
+        let recipe: Self = toml::from_str(text).map_err(|error| PipelineError::Recipe {
+            origin: origin.into(),
+            reason: error.to_string().trim_end().replace('\n', " / "),
+        })?;
+        recipe.check(origin)?;
+        Ok(recipe)
+    }
+
+    /// The recipe as TOML.
+    ///
+    /// # Panics
+    /// Never: every recipe can be written as TOML.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).unwrap_or_else(|error| panic!("a recipe is always valid TOML: {error}"))
+    }
+
+    /// Learning rate of `epoch`, which counts from 0.
+    pub fn learning_rate(&self, epoch: usize) -> f64 {
+        let training = &self.training;
+        training
+            .learning_rate_drops
+            .iter()
+            .filter(|drop| epoch >= drop.after_epoch)
+            .fold(training.learning_rate, |rate, drop| rate * drop.factor)
+    }
+
+    fn check(&self, origin: &str) -> Result<(), PipelineError> {
+        let training = &self.training;
+        let positive = |value: f64| value.is_finite() && value > 0.0;
+        let wrong = |setting: &str, expected: &str, found: String| {
+            Err(PipelineError::Recipe {
+                origin: origin.into(),
+                reason: format!("`{setting}`: expected {expected}, found {found}"),
+            })
+        };
+        if self.name.trim().is_empty() {
+            return wrong("name", "a name", "an empty one".into());
+        }
+        if training.epochs == 0 {
+            return wrong("training.epochs", "at least 1", "0".into());
+        }
+        if training.batch == 0 {
+            return wrong("training.batch", "at least 1", "0".into());
+        }
+        if !positive(training.learning_rate) {
+            return wrong(
+                "training.learning_rate",
+                "a positive number",
+                training.learning_rate.to_string(),
+            );
+        }
+        if !(training.l2.is_finite() && training.l2 >= 0.0) {
+            return wrong("training.l2", "a number of at least 0", training.l2.to_string());
+        }
+        if let Some(drop) = training.learning_rate_drops.iter().find(|d| !positive(d.factor)) {
+            return wrong(
+                "training.learning_rate_drops",
+                "positive factors",
+                drop.factor.to_string(),
+            );
+        }
+        if let TrainingMethod::Adversarial { alpha, epsilon } = training.method {
+            if !(0.0..=1.0).contains(&alpha) {
+                return wrong("training.method.alpha", "0 to 1", alpha.to_string());
+            }
+            if !(epsilon.is_finite() && epsilon >= 0.0) {
+                return wrong("training.method.epsilon", "at least 0", epsilon.to_string());
+            }
+        }
+        if let PredictionMethod::McDropout { runs: 0 } = self.prediction.method {
+            return wrong("prediction.method.runs", "at least 1", "0".into());
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn built_in_recipes_parse_and_carry_their_name() {
+        for name in Recipe::built_in_names() {
+            let recipe = Recipe::load(name).unwrap();
+            assert_eq!(recipe.name, name);
+            assert_eq!(Recipe::parse("again", &recipe.to_toml()).unwrap(), recipe);
+        }
+    }
+
+    #[test]
+    fn thesis_recipe_holds_the_published_setting() {
+        let recipe = Recipe::load("thesis").unwrap();
+        assert_eq!(recipe.network, Architecture::default());
+        assert_eq!((recipe.training.epochs, recipe.training.batch), (200, 36));
+        assert_eq!(recipe.learning_rate(0), 1e-4);
+        assert_eq!(recipe.learning_rate(169), 1e-4);
+        assert!((recipe.learning_rate(170) - 1e-5).abs() < 1e-18);
+        let adversarial = TrainingMethod::Adversarial { alpha: 0.5, epsilon: 0.1 };
+        assert_eq!(recipe.training.method, adversarial);
+        assert_eq!(recipe.prediction.method, PredictionMethod::McDropout { runs: 100 });
+    }
+
+    #[test]
+    fn mistakes_are_named_in_one_line() {
+        let thesis = BUILT_IN[1].1;
+        let message = |from: &str, to: &str| {
+            assert!(thesis.contains(from), "{from}");
+            Recipe::parse("r.toml", &thesis.replace(from, to)).unwrap_err().to_string()
+        };
+        for (from, to, named) in [
+            ("epochs = 200", "epochs = 0", "training.epochs"),
+            ("epochs = 200", "epoch = 200", "unknown field `epoch`"),
+            ("learning_rate = 1e-4", "learning_rate = -1.0", "training.learning_rate"),
+            ("alpha = 0.5", "alpha = 1.5", "alpha"),
+            ("runs = 100", "runs = 0", "runs"),
+            ("\"digits\"", "\"volts\"", "volts"),
+        ] {
+            let message = message(from, to);
+            assert!(message.contains(named) && message.contains("r.toml"), "{message}");
+            assert!(!message.contains('\n'), "{message}");
+        }
+        let unknown = Recipe::load("tesis").unwrap_err().to_string();
+        assert!(unknown.contains("tesis") && unknown.contains("quick, thesis"), "{unknown}");
+    }
+}

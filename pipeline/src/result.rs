@@ -1,0 +1,67 @@
+//! `result.json`: what a training run found.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use tactnet_data::{Seed, SplitManifest};
+
+use crate::{Estimate, Evaluation, Provenance};
+
+/// What a training run found, with everything needed to find it again.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunResult {
+    /// Version of this layout, [`RunResult::SCHEMA_VERSION`].
+    pub schema_version: u32,
+    /// Name of the data set; "twin" is synthetic.
+    pub data: String,
+    /// SHA-256 of its content.
+    pub data_sha256: String,
+    /// Commit of the program.
+    pub git: String,
+    /// Program and machine.
+    pub provenance: Provenance,
+    /// Command line that leads here.
+    pub command: String,
+    /// Names every random choice.
+    pub seed: Seed,
+    /// Name of the recipe.
+    pub recipe: String,
+    /// SHA-256 of the recipe as TOML.
+    pub recipe_sha256: String,
+    /// SHA-256 of the split.
+    pub split_sha256: String,
+    /// How the data set was split.
+    pub split: String,
+    /// Run of the cross-validation, counted from 0.
+    pub run: usize,
+    /// Fold, counted from 0.
+    pub fold: usize,
+    /// Sweeps trained on.
+    pub n_train: usize,
+    /// Sweeps tested on.
+    pub n_test: usize,
+    /// Epochs trained.
+    pub epochs: usize,
+    /// One sweep, predicted the recipe's own way.
+    pub accuracy_one_sweep: Estimate,
+    /// Three sweeps fused (Bayes), predicted the recipe's own way; absent with fewer than three test sweeps a material.
+    pub accuracy_three_sweeps: Option<Estimate>,
+    /// All ways of predicting: `plain`, `mc_dropout`.
+    pub evaluations: BTreeMap<String, Evaluation>,
+    /// Time spent in training steps, seconds, interruptions left out.
+    pub train_seconds: f64,
+    /// The same per epoch.
+    pub seconds_per_epoch: f64,
+    /// Largest resident memory of the process that ended the run, MiB.
+    pub peak_rss_mib: Option<f64>,
+}
+
+impl RunResult {
+    /// Version written by this program.
+    pub const SCHEMA_VERSION: u32 = 1;
+}
+
+/// How a split is named for people: scheme and part.
+pub fn describe_split(manifest: &SplitManifest) -> String {
+    format!("{:?}, run {}, fold {}", manifest.scheme, manifest.run, manifest.fold)
+}

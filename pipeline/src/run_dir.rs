@@ -1,0 +1,300 @@
+//! A run directory: what a run leaves on disk, each file written whole or not at all.
+//!
+//! | file | content | written |
+//! |---|---|---|
+//! | `config.json` | recipe, data source, seed, classifier (normaliser, labels, shape) | before training |
+//! | `split.json` | the split, hashed | before training |
+//! | `environment.json` | program, commit, machine | before training |
+//! | `metrics.jsonl` | one line per epoch | after every epoch |
+//! | `checkpoint.safetensors` | weights, optimiser state, position | at least once a minute and at every stop |
+//! | `weights.safetensors` | final weights and running statistics | at the end |
+//! | `predictions_test.csv` | scores of every test sweep, tsml layout | at the end |
+//! | `confusion.svg` | confusion matrix | at the end |
+//! | `result.json` | what was found | last |
+
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use tactnet_data::{Seed, SplitManifest};
+use tactnet_models::{Compute, Weights};
+
+use crate::checkpoint::{decode_checkpoint, encode_checkpoint};
+use crate::{ClassifierConfig, PipelineError, Provenance, Recipe, RunResult, TrainingState};
+
+/// `config.json`: all that is decided before the first batch.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RunConfig {
+    /// Version of this layout.
+    pub schema_version: u32,
+    /// `twin`, or the data set's file.
+    pub data: String,
+    /// SHA-256 of the data set's content.
+    pub data_sha256: String,
+    /// Names every random choice.
+    pub seed: Seed,
+    /// Where tensors live.
+    pub compute: Compute,
+    /// How the classifier comes about.
+    pub recipe: Recipe,
+    /// Everything about the classifier but its weights.
+    pub classifier: ClassifierConfig,
+}
+
+impl RunConfig {
+    /// Version written by this program.
+    pub const SCHEMA_VERSION: u32 = 1;
+}
+
+/// One line of `metrics.jsonl`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EpochMetrics {
+    /// Epoch, counted from 1.
+    pub epoch: usize,
+    /// Mean objective over the training sweeps, nats.
+    pub train_loss: f64,
+    /// Share of training sweeps recognised, with dropout on.
+    pub train_accuracy: f64,
+    /// Learning rate used.
+    pub learning_rate: f64,
+    /// Time spent in its training steps, seconds.
+    pub seconds: f64,
+}
+
+/// A folder that holds one run.
+#[derive(Debug, Clone)]
+pub struct RunDir {
+    path: PathBuf,
+}
+
+impl RunDir {
+    /// Makes a new run directory with everything known before training.
+    ///
+    /// # Errors
+    /// A folder that already holds a run; a file that cannot be written.
+    pub fn create(
+        path: &Path,
+        config: &RunConfig,
+        split: &SplitManifest,
+        provenance: &Provenance,
+    ) -> Result<Self, PipelineError> {
+        let run = Self { path: path.to_path_buf() };
+        if run.file("config.json").exists() {
+            return Err(PipelineError::Run {
+                path: path.into(),
+                reason: "holds a run already; continue it with `--resume`, or name another folder with `--out`"
+                    .into(),
+            });
+        }
+        fs::create_dir_all(path)
+            .map_err(|error| PipelineError::io(path, "make the run directory", error))?;
+        run.write_json("split.json", split)?;
+        run.write_json("environment.json", provenance)?;
+        run.write_json("config.json", config)?;
+        Ok(run)
+    }
+
+    /// Opens an existing run directory.
+    ///
+    /// # Errors
+    /// A folder without a `config.json`.
+    pub fn open(path: &Path) -> Result<Self, PipelineError> {
+        let run = Self { path: path.to_path_buf() };
+        if run.file("config.json").is_file() {
+            Ok(run)
+        } else {
+            Err(PipelineError::Run {
+                path: path.into(),
+                reason: "no run here (no config.json); name a folder that `tactnet train` made".into(),
+            })
+        }
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// `config.json`.
+    ///
+    /// # Errors
+    /// Missing, damaged, or of another version.
+    pub fn config(&self) -> Result<RunConfig, PipelineError> {
+        let config: RunConfig = self.read_json("config.json")?;
+        if config.schema_version == RunConfig::SCHEMA_VERSION {
+            Ok(config)
+        } else {
+            Err(PipelineError::Run {
+                path: self.file("config.json"),
+                reason: format!(
+                    "expected schema version {}, found {}",
+                    RunConfig::SCHEMA_VERSION,
+                    config.schema_version
+                ),
+            })
+        }
+    }
+
+    /// `split.json`.
+    ///
+    /// # Errors
+    /// Missing or damaged.
+    pub fn split(&self) -> Result<SplitManifest, PipelineError> {
+        self.read_json("split.json")
+    }
+
+    /// `result.json`, or `None` while the run has not ended.
+    ///
+    /// # Errors
+    /// Damaged.
+    pub fn result(&self) -> Result<Option<RunResult>, PipelineError> {
+        if self.file("result.json").exists() {
+            self.read_json("result.json").map(Some)
+        } else {
+            Ok(None)
+        }
+    }
+
+    /// The last checkpoint with the training seconds spent until then, or `None` before the first.
+    ///
+    /// # Errors
+    /// Damaged.
+    pub fn checkpoint(&self) -> Result<Option<(TrainingState, f64)>, PipelineError> {
+        let path = self.file("checkpoint.safetensors");
+        if !path.exists() {
+            return Ok(None);
+        }
+        let bytes = fs::read(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
+        decode_checkpoint(&bytes)
+            .map(Some)
+            .map_err(|reason| PipelineError::Run { path, reason })
+    }
+
+    /// Replaces the checkpoint.
+    ///
+    /// # Errors
+    /// It cannot be written; the former one is then still whole.
+    pub fn write_checkpoint(&self, state: &TrainingState, seconds: f64) -> Result<(), PipelineError> {
+        let bytes = encode_checkpoint(state, seconds)?;
+        self.write("checkpoint.safetensors", &bytes)
+    }
+
+    /// `metrics.jsonl` up to (not including) `epoch`, counted from 1.
+    ///
+    /// # Errors
+    /// Damaged.
+    pub fn metrics_before(&self, epoch: usize) -> Result<Vec<EpochMetrics>, PipelineError> {
+        let path = self.file("metrics.jsonl");
+        if !path.exists() {
+            return Ok(Vec::new());
+        }
+        let text =
+            fs::read_to_string(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
+        let mut metrics = Vec::new();
+        for line in text.lines() {
+            let line: EpochMetrics = serde_json::from_str(line)
+                .map_err(|error| PipelineError::Run { path: path.clone(), reason: error.to_string() })?;
+            metrics.push(line);
+        }
+        metrics.retain(|line| line.epoch < epoch);
+        Ok(metrics)
+    }
+
+    /// Replaces `metrics.jsonl`.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn write_metrics(&self, metrics: &[EpochMetrics]) -> Result<(), PipelineError> {
+        let mut text = String::new();
+        for line in metrics {
+            text.push_str(&to_json("metrics.jsonl", line, false)?);
+            text.push('\n');
+        }
+        self.write("metrics.jsonl", text.as_bytes())
+    }
+
+    /// `weights.safetensors`, or the checkpoint's weights where the run has not ended.
+    ///
+    /// # Errors
+    /// Neither is there, or damaged.
+    pub fn weights(&self) -> Result<Weights, PipelineError> {
+        let path = self.file("weights.safetensors");
+        if path.exists() {
+            let bytes = fs::read(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
+            return Weights::from_safetensors(&bytes).map_err(|error| PipelineError::Run {
+                path,
+                reason: error.to_string(),
+            });
+        }
+        match self.checkpoint()? {
+            Some((state, _)) => Ok(state.weights),
+            None => Err(PipelineError::Run {
+                path: self.path.clone(),
+                reason: "no weights yet; continue the run with `tactnet train --resume`".into(),
+            }),
+        }
+    }
+
+    /// Writes one of the final text files (`predictions_test.csv`, `confusion.svg`) or `weights.safetensors`.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), PipelineError> {
+        write_whole(&self.file(name), bytes)
+    }
+
+    /// Writes `value` as JSON.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn write_json(&self, name: &str, value: &impl Serialize) -> Result<(), PipelineError> {
+        let text = to_json(name, value, true)?;
+        self.write(name, format!("{text}\n").as_bytes())
+    }
+
+    fn read_json<T: DeserializeOwned>(&self, name: &str) -> Result<T, PipelineError> {
+        let path = self.file(name);
+        let text =
+            fs::read_to_string(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
+        serde_json::from_str(&text)
+            .map_err(|error| PipelineError::Run { path, reason: error.to_string() })
+    }
+
+    fn file(&self, name: &str) -> PathBuf {
+        self.path.join(name)
+    }
+}
+
+fn to_json(name: &str, value: &impl Serialize, pretty: bool) -> Result<String, PipelineError> {
+    let text = if pretty { serde_json::to_string_pretty(value) } else { serde_json::to_string(value) };
+    text.map_err(|error| PipelineError::Run { path: name.into(), reason: error.to_string() })
+}
+
+/// Writes beside `path`, syncs, renames into place: after a crash or on a full disk the former file is still whole.
+fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), PipelineError> {
+    let failed = |error: std::io::Error| PipelineError::io(path, "write", error);
+    let folder = path.parent().unwrap_or_else(|| Path::new("."));
+    let mut file = tempfile::Builder::new()
+        .prefix(".writing-")
+        .tempfile_in(folder)
+        .map_err(failed)?;
+    file.write_all(bytes).map_err(failed)?;
+    file.as_file().sync_all().map_err(failed)?;
+    set_ordinary_permissions(file.as_file()).map_err(failed)?;
+    file.persist(path).map_err(|error| failed(error.error))?;
+    Ok(())
+}
+
+/// Temporary files are private; a run's files are meant to be read by others.
+#[cfg(unix)]
+fn set_ordinary_permissions(file: &fs::File) -> std::io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    file.set_permissions(fs::Permissions::from_mode(0o644))
+}
+
+#[cfg(not(unix))]
+fn set_ordinary_permissions(_: &fs::File) -> std::io::Result<()> {
+    Ok(())
+}
