@@ -8,19 +8,27 @@
 //! (`u8`, `u16` or `f32`) and widens
 //! them to `f32` one sweep at a time.
 
+mod check;
 mod dataset;
 mod error;
 mod fetch;
 mod folds;
+mod frame;
+pub mod format;
+mod info;
 mod material;
 mod samples;
 mod seed;
 mod shuffle;
+pub mod twin;
 
+pub use check::{Finding, FindingGroup, FindingKind, Place, Severity, check, group_findings};
 pub use dataset::{Dataset, SweepRecord, SweepShape};
 pub use error::DataError;
 pub use fetch::{FetchError, Fetched, Origin, Progress, Source, fetch, git_blob_id};
+pub use frame::Frame;
 pub use folds::{Fold, Scheme, SplitManifest, SweepView, TestSplit, TrainSplit, ValidationSplit};
+pub use info::{Info, MaterialInfo, info};
 pub use material::{LabelSet, Material};
 pub use samples::Samples;
 pub use seed::Seed;

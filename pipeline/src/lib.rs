@@ -22,6 +22,7 @@ mod result;
 mod run_dir;
 mod training;
 
+pub use burn::tensor::Device;
 pub use classifier::{Classifier, ClassifierConfig};
 pub use error::PipelineError;
 pub use evaluation::Evaluation;

@@ -1,0 +1,24 @@
+//! Tells the binary which commit it was built from.
+
+use std::process::Command;
+
+fn git(arguments: &[&str]) -> Option<String> {
+    let output = Command::new("git").args(arguments).output().ok()?;
+    output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_string())
+}
+
+fn main() {
+    let commit = git(&["rev-parse", "--short=12", "HEAD"]).unwrap_or_else(|| "unknown".into());
+    let changed = git(&["status", "--porcelain", "--untracked-files=no"])
+        .is_some_and(|status| !status.is_empty());
+    let suffix = if changed { "-dirty" } else { "" };
+    println!("cargo::rustc-env=TACTNET_GIT={commit}{suffix}");
+    if let Some(folder) = git(&["rev-parse", "--absolute-git-dir"]) {
+        println!("cargo::rerun-if-changed={folder}/HEAD");
+        println!("cargo::rerun-if-changed={folder}/logs/HEAD");
+        println!("cargo::rerun-if-changed={folder}/index");
+    }
+    for watched in ["src", "data/src", "models/src", "pipeline/src", "pipeline/recipes", "Cargo.lock"] {
+        println!("cargo::rerun-if-changed={watched}");
+    }
+}

@@ -1,0 +1,783 @@
+//! What is suspicious about a data set, sweep by sweep.
+//!
+//! | kind | severity | when |
+//! |---|---|---|
+//! | [`NotFinite`](FindingKind::NotFinite) | error | a NaN or an infinity |
+//! | [`ConstantSweep`](FindingKind::ConstantSweep) | error | no taxel ever changes |
+//! | [`IdenticalSweeps`](FindingKind::IdenticalSweeps) | error | equal values in two sweeps: test data that training has seen |
+//! | [`FewSweeps`](FindingKind::FewSweeps) | error | fewer than two sweeps of a material |
+//! | [`DeadTaxel`](FindingKind::DeadTaxel) | warning | one value in all sweeps |
+//! | [`ConstantTaxel`](FindingKind::ConstantTaxel) | warning; note at 0 | one value throughout a sweep; 0 means no contact |
+//! | [`Saturation`](FindingKind::Saturation) | warning | 1 % of a sweep at the ceiling of the sensor |
+//! | [`OutOfRange`](FindingKind::OutOfRange) | warning | a sweep with values far beyond, or negative unlike, the others |
+//! | [`UnbalancedMaterials`](FindingKind::UnbalancedMaterials) | warning | unequal numbers of sweeps |
+
+use crate::{Dataset, SweepShape};
+use rayon::prelude::*;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::collections::hash_map::DefaultHasher;
+use std::fmt;
+use std::hash::Hasher;
+
+/// Share of a sweep's values at the ceiling from which it counts as saturated.
+const SATURATED_SHARE: f64 = 0.01;
+/// The largest value of the data set counts as a ceiling if at least this share of all values equals it.
+const CEILING_SHARE: f64 = 0.001;
+/// A sweep whose largest value is this many times that of the median sweep is out of range.
+const OUTLIER_FACTOR: f32 = 20.0;
+/// Negative values are odd in a sweep as long as no more than this share of the sweeps has some.
+const SIGNED_SHARE: f64 = 0.1;
+
+/// How bad a finding is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Severity {
+    /// Training would fail or its result would mean nothing; it is refused.
+    Error,
+    /// Likely a fault of sensor or recording.
+    Warning,
+    /// Normal for some sensors, but good to know.
+    Note,
+}
+
+/// What a finding is about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FindingKind {
+    /// NaN or infinite values.
+    NotFinite,
+    /// A sweep in which no taxel ever changes.
+    ConstantSweep,
+    /// Two sweeps with the same values.
+    IdenticalSweeps,
+    /// A material with fewer than two sweeps.
+    FewSweeps,
+    /// A taxel that has one value in the whole data set.
+    DeadTaxel,
+    /// A taxel that keeps one value throughout a sweep.
+    ConstantTaxel,
+    /// Many values at the ceiling of the sensor.
+    Saturation,
+    /// Values unlike those of the other sweeps.
+    OutOfRange,
+    /// Materials with unequal numbers of sweeps.
+    UnbalancedMaterials,
+}
+
+/// Where a finding is, as far as it has a place.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct Place {
+    /// Index of the sweep in the data set.
+    pub sweep: Option<usize>,
+    /// Number of the taxel, row by row.
+    pub taxel: Option<usize>,
+    /// Time step.
+    pub step: Option<usize>,
+}
+
+/// One thing that is wrong or odd.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Finding {
+    /// How bad it is.
+    pub severity: Severity,
+    /// What it is about.
+    pub kind: FindingKind,
+    /// The first place where it shows.
+    pub at: Place,
+    /// A sentence for people: material, sweep, taxels, numbers.
+    pub message: String,
+}
+
+impl fmt::Display for Severity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Error => "error",
+            Self::Warning => "warning",
+            Self::Note => "note",
+        })
+    }
+}
+
+impl fmt::Display for FindingKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::NotFinite => "values that are not finite",
+            Self::ConstantSweep => "constant sweeps",
+            Self::IdenticalSweeps => "identical sweeps",
+            Self::FewSweeps => "too few sweeps",
+            Self::DeadTaxel => "dead taxels",
+            Self::ConstantTaxel => "constant taxels",
+            Self::Saturation => "saturation",
+            Self::OutOfRange => "values out of range",
+            Self::UnbalancedMaterials => "unbalanced materials",
+        })
+    }
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.severity, self.message)
+    }
+}
+
+/// Findings of one kind and severity.
+#[derive(Debug, Clone, Serialize)]
+pub struct FindingGroup {
+    /// How bad they are.
+    pub severity: Severity,
+    /// What they are about.
+    pub kind: FindingKind,
+    /// All of them, in the order of the sweeps.
+    pub findings: Vec<Finding>,
+}
+
+impl fmt::Display for FindingGroup {
+    /// A heading and a line per finding; the precision (`{:.5}`) limits the lines.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{}: {} ({})",
+            self.severity,
+            self.kind,
+            self.findings.len()
+        )?;
+        let lines = f.precision().unwrap_or(usize::MAX);
+        for finding in self.findings.iter().take(lines) {
+            write!(f, "\n  {}", finding.message)?;
+        }
+        match self.findings.len().saturating_sub(lines) {
+            0 => Ok(()),
+            more => write!(f, "\n  and {more} more"),
+        }
+    }
+}
+
+/// Puts findings of one kind and severity together, errors first.
+pub fn group_findings(findings: &[Finding]) -> Vec<FindingGroup> {
+    let mut groups: BTreeMap<(Severity, FindingKind), Vec<Finding>> = BTreeMap::new();
+    for finding in findings {
+        groups
+            .entry((finding.severity, finding.kind))
+            .or_default()
+            .push(finding.clone());
+    }
+    groups
+        .into_iter()
+        .map(|((severity, kind), findings)| FindingGroup {
+            severity,
+            kind,
+            findings,
+        })
+        .collect()
+}
+
+/// Everything suspicious about `dataset`, errors first, then in the order of the sweeps.
+pub fn check(dataset: &Dataset) -> Vec<Finding> {
+    let sweeps: Vec<SweepRange> = (0..dataset.len())
+        .into_par_iter()
+        .map(|index| SweepRange::of(dataset, index))
+        .collect();
+    let dead = dead_taxels(&sweeps);
+    let mut findings = not_finite(dataset, &sweeps);
+    findings.extend(constant(dataset, &sweeps, &dead));
+    findings.extend(dead_findings(dataset.shape(), &dead));
+    findings.extend(identical(dataset, &sweeps));
+    findings.extend(saturated(dataset, &sweeps));
+    findings.extend(out_of_range(dataset, &sweeps));
+    findings.extend(sweeps_per_material(dataset));
+    findings.sort_by_key(|finding| (finding.severity, finding.kind, finding.at.sweep));
+    findings
+}
+
+/// What one pass over a sweep tells.
+struct SweepRange {
+    /// Smallest and largest finite value of each taxel; infinities the other way round where there is none.
+    taxels: Vec<(f32, f32)>,
+    /// Number of values that are not finite, and the index of the first within the sweep.
+    not_finite: Option<(usize, usize)>,
+    negative: usize,
+    hash: u64,
+}
+
+impl SweepRange {
+    fn of(dataset: &Dataset, index: usize) -> Self {
+        let values = dataset.sweep(index);
+        let taxels = dataset.shape().taxels();
+        let mut low = vec![f32::INFINITY; taxels];
+        let mut high = vec![f32::NEG_INFINITY; taxels];
+        let mut all_finite = true;
+        for frame in values.chunks_exact(taxels) {
+            for ((&value, low), high) in frame.iter().zip(&mut low).zip(&mut high) {
+                all_finite &= value.is_finite();
+                *low = low.min(if value.is_finite() {
+                    value
+                } else {
+                    f32::INFINITY
+                });
+                *high = high.max(if value.is_finite() {
+                    value
+                } else {
+                    f32::NEG_INFINITY
+                });
+            }
+        }
+        let not_finite = || {
+            values
+                .iter()
+                .enumerate()
+                .filter(|(_, value)| !value.is_finite())
+        };
+        let first = if all_finite {
+            None
+        } else {
+            not_finite().next()
+        };
+        Self {
+            not_finite: first.map(|(first, _)| (not_finite().count(), first)),
+            negative: if low.iter().any(|&low| low < 0.0) {
+                values.iter().filter(|&&value| value < 0.0).count()
+            } else {
+                0
+            },
+            taxels: low.into_iter().zip(high).collect(),
+            hash: hash(&values),
+        }
+    }
+
+    fn max(&self) -> f32 {
+        self.taxels
+            .iter()
+            .map(|taxel| taxel.1)
+            .fold(f32::NEG_INFINITY, f32::max)
+    }
+
+    fn is_constant(&self) -> bool {
+        self.not_finite.is_none() && self.taxels.iter().all(|(low, high)| low == high)
+    }
+}
+
+fn hash(values: &[f32]) -> u64 {
+    let mut hash = DefaultHasher::new();
+    for pair in values.chunks(2) {
+        let low = u64::from(pair[0].to_bits());
+        hash.write_u64(low | pair.get(1).map_or(0, |x| u64::from(x.to_bits())) << 32);
+    }
+    hash.finish()
+}
+
+fn finding(severity: Severity, kind: FindingKind, at: Place, message: String) -> Finding {
+    Finding {
+        severity,
+        kind,
+        at,
+        message,
+    }
+}
+
+fn in_sweep(sweep: usize) -> Place {
+    Place {
+        sweep: Some(sweep),
+        ..Place::default()
+    }
+}
+
+fn taxel_name(shape: SweepShape, taxel: usize) -> String {
+    format!("({}, {})", taxel / shape.cols, taxel % shape.cols)
+}
+
+fn taxel_names(shape: SweepShape, taxels: &[usize]) -> String {
+    let names: Vec<String> = taxels
+        .iter()
+        .map(|&taxel| taxel_name(shape, taxel))
+        .collect();
+    format!(
+        "taxel{} {}",
+        if names.len() == 1 { "" } else { "s" },
+        names.join(", ")
+    )
+}
+
+fn not_finite(dataset: &Dataset, sweeps: &[SweepRange]) -> Vec<Finding> {
+    let shape = dataset.shape();
+    let mut findings = Vec::new();
+    for (index, sweep) in sweeps.iter().enumerate() {
+        let Some((count, first)) = sweep.not_finite else {
+            continue;
+        };
+        let (step, taxel) = (first / shape.taxels(), first % shape.taxels());
+        let message = format!(
+            "{}: {count} not finite, the first at step {step}, taxel {}",
+            dataset.describe(index),
+            taxel_name(shape, taxel)
+        );
+        let at = Place {
+            sweep: Some(index),
+            taxel: Some(taxel),
+            step: Some(step),
+        };
+        findings.push(finding(
+            Severity::Error,
+            FindingKind::NotFinite,
+            at,
+            message,
+        ));
+    }
+    findings
+}
+
+/// The taxels with one value in all sweeps, and that value; none if everything is constant.
+fn dead_taxels(sweeps: &[SweepRange]) -> BTreeMap<usize, f32> {
+    let count = sweeps[0].taxels.len();
+    let dead: BTreeMap<usize, f32> = (0..count)
+        .filter_map(|taxel| {
+            let value = sweeps[0].taxels[taxel].0;
+            let same = |sweep: &SweepRange| sweep.taxels[taxel] == (value, value);
+            sweeps.iter().all(same).then_some((taxel, value))
+        })
+        .collect();
+    if dead.len() == count {
+        BTreeMap::new()
+    } else {
+        dead
+    }
+}
+
+fn dead_findings(shape: SweepShape, dead: &BTreeMap<usize, f32>) -> Vec<Finding> {
+    dead.iter()
+        .map(|(&taxel, value)| {
+            let name = taxel_name(shape, taxel);
+            let message = format!("taxel {name} is {value} at every step of every sweep");
+            let at = Place {
+                taxel: Some(taxel),
+                ..Place::default()
+            };
+            finding(Severity::Warning, FindingKind::DeadTaxel, at, message)
+        })
+        .collect()
+}
+
+fn constant(dataset: &Dataset, sweeps: &[SweepRange], dead: &BTreeMap<usize, f32>) -> Vec<Finding> {
+    let shape = dataset.shape();
+    let mut findings = Vec::new();
+    for (index, sweep) in sweeps.iter().enumerate() {
+        if sweep.is_constant() {
+            let message = format!("{}: no taxel ever changes", dataset.describe(index));
+            let at = in_sweep(index);
+            findings.push(finding(
+                Severity::Error,
+                FindingKind::ConstantSweep,
+                at,
+                message,
+            ));
+            continue;
+        }
+        let still = |at_zero: bool| -> Vec<usize> {
+            let taxels = sweep.taxels.iter().enumerate();
+            taxels
+                .filter(|(taxel, (low, high))| {
+                    low == high && (*low == 0.0) == at_zero && !dead.contains_key(taxel)
+                })
+                .map(|(taxel, _)| taxel)
+                .collect()
+        };
+        let kinds = [
+            (Severity::Warning, still(false), "no change at"),
+            (Severity::Note, still(true), "no contact at"),
+        ];
+        for (severity, taxels, what) in kinds {
+            let Some(&first) = taxels.first() else {
+                continue;
+            };
+            let names = taxel_names(shape, &taxels);
+            let message = format!("{}: {what} {names}", dataset.describe(index));
+            let at = Place {
+                sweep: Some(index),
+                taxel: Some(first),
+                step: None,
+            };
+            findings.push(finding(severity, FindingKind::ConstantTaxel, at, message));
+        }
+    }
+    findings
+}
+
+fn identical(dataset: &Dataset, sweeps: &[SweepRange]) -> Vec<Finding> {
+    let mut by_hash: BTreeMap<u64, Vec<usize>> = BTreeMap::new();
+    let mut findings = Vec::new();
+    for (index, sweep) in sweeps
+        .iter()
+        .enumerate()
+        .filter(|(_, sweep)| !sweep.is_constant())
+    {
+        let same_hash = by_hash.entry(sweep.hash).or_default();
+        let values = if same_hash.is_empty() {
+            Vec::new()
+        } else {
+            dataset.sweep(index)
+        };
+        let equals = |&&earlier: &&usize| {
+            let earlier = dataset.sweep(earlier);
+            earlier
+                .iter()
+                .zip(&values)
+                .all(|(a, b)| a.to_bits() == b.to_bits())
+        };
+        match same_hash.iter().find(equals) {
+            Some(&earlier) => {
+                let (a, b) = (dataset.describe(index), dataset.describe(earlier));
+                let message = format!("{a} has the same values as {b}");
+                let at = in_sweep(index);
+                findings.push(finding(
+                    Severity::Error,
+                    FindingKind::IdenticalSweeps,
+                    at,
+                    message,
+                ));
+            }
+            None => same_hash.push(index),
+        }
+    }
+    findings
+}
+
+/// Sweeps that stand at the top of the element type, or at the largest value of the data set where so many values equal
+/// it that it must be a clip.
+fn saturated(dataset: &Dataset, sweeps: &[SweepRange]) -> Vec<Finding> {
+    let ceiling = sweeps
+        .iter()
+        .map(SweepRange::max)
+        .fold(f32::NEG_INFINITY, f32::max);
+    let at_ceiling: Vec<usize> = sweeps
+        .par_iter()
+        .enumerate()
+        .map(|(index, sweep)| {
+            if sweep.max() < ceiling {
+                return 0;
+            }
+            dataset
+                .sweep(index)
+                .iter()
+                .filter(|&&value| value == ceiling)
+                .count()
+        })
+        .collect();
+    let per_sweep = dataset.shape().values() as f64;
+    let share = at_ceiling.iter().sum::<usize>() as f64 / (per_sweep * sweeps.len() as f64);
+    let is_element_max = dataset.samples().element_max() == Some(ceiling);
+    // A constant data set, or one of zeros and ones, has no ceiling to speak of.
+    let floor = sweeps
+        .iter()
+        .flat_map(|s| &s.taxels)
+        .map(|t| t.0)
+        .fold(f32::INFINITY, f32::min);
+    if !is_element_max && (share < CEILING_SHARE || ceiling - floor <= 1.0) {
+        return Vec::new();
+    }
+    let mut findings = Vec::new();
+    for (index, &count) in at_ceiling.iter().enumerate() {
+        if sweeps[index].is_constant() || (count as f64) < SATURATED_SHARE * per_sweep {
+            continue;
+        }
+        let message = format!(
+            "{}: {:.1} % of the values are at the ceiling of {ceiling}",
+            dataset.describe(index),
+            100.0 * count as f64 / per_sweep
+        );
+        let at = in_sweep(index);
+        findings.push(finding(
+            Severity::Warning,
+            FindingKind::Saturation,
+            at,
+            message,
+        ));
+    }
+    findings
+}
+
+fn out_of_range(dataset: &Dataset, sweeps: &[SweepRange]) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    let signed = sweeps.iter().filter(|sweep| sweep.negative > 0).count();
+    let odd_if_negative = (signed as f64) <= SIGNED_SHARE * sweeps.len() as f64;
+    let mut peaks: Vec<f32> = sweeps
+        .iter()
+        .map(SweepRange::max)
+        .filter(|peak| peak.is_finite())
+        .collect();
+    peaks.sort_by(f32::total_cmp);
+    let usual = peaks.get(peaks.len() / 2).copied().unwrap_or(0.0);
+    for (index, sweep) in sweeps.iter().enumerate() {
+        let name = dataset.describe(index);
+        let at = in_sweep(index);
+        if sweep.negative > 0 && odd_if_negative {
+            let message = format!("{name}: {} negative", sweep.negative);
+            findings.push(finding(
+                Severity::Warning,
+                FindingKind::OutOfRange,
+                at,
+                message,
+            ));
+        }
+        if usual > 0.0 && sweep.max() > OUTLIER_FACTOR * usual {
+            let peak = sweep.max();
+            let message = format!("{name}: reaches {peak}, the median sweep {usual}");
+            findings.push(finding(
+                Severity::Warning,
+                FindingKind::OutOfRange,
+                at,
+                message,
+            ));
+        }
+    }
+    findings
+}
+
+fn sweeps_per_material(dataset: &Dataset) -> Vec<Finding> {
+    let counts = dataset.sweeps_per_label();
+    let mut findings = Vec::new();
+    let nowhere = Place::default();
+    for (label, &count) in counts.iter().enumerate().filter(|&(_, &count)| count < 2) {
+        let name = dataset.labels().name(label);
+        let message =
+            format!("`{name}`: found {count} of the 2 sweeps that training and testing need");
+        findings.push(finding(
+            Severity::Error,
+            FindingKind::FewSweeps,
+            nowhere,
+            message,
+        ));
+    }
+    let extreme = |by: fn(&usize, &usize) -> bool| {
+        let best = |best: usize, label: usize| {
+            if by(&counts[label], &counts[best]) {
+                label
+            } else {
+                best
+            }
+        };
+        (1..counts.len()).fold(0, best)
+    };
+    let (least, most) = (extreme(|a, b| a < b), extreme(|a, b| a > b));
+    if counts[least] != counts[most] {
+        let (few, many) = (dataset.labels().name(least), dataset.labels().name(most));
+        let message = format!(
+            "from {} (`{few}`) to {} (`{many}`) sweeps per material: accuracy leans to the latter",
+            counts[least], counts[most]
+        );
+        let kind = FindingKind::UnbalancedMaterials;
+        findings.push(finding(Severity::Warning, kind, nowhere, message));
+    }
+    findings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{LabelSet, Samples, SweepRecord};
+
+    const SHAPE: SweepShape = SweepShape {
+        steps: 200,
+        rows: 2,
+        cols: 2,
+    };
+
+    /// Six sweeps of three materials, each different, every taxel moving between 0 and 40.
+    fn values() -> Vec<f32> {
+        (0..6 * SHAPE.values())
+            .map(|i| ((i / 4 * (i / SHAPE.values() + 3) + i % 4 * 5) % 41) as f32)
+            .collect()
+    }
+
+    fn dataset_of(values: Vec<f32>, labels: &[usize]) -> Dataset {
+        let records = labels
+            .iter()
+            .enumerate()
+            .map(|(i, &label)| SweepRecord {
+                label,
+                sweep: i % 2,
+                block: None,
+                test: None,
+            })
+            .collect();
+        let labels = LabelSet::new(["cork", "denim", "wood"]).unwrap();
+        Dataset::new("t", 100.0, SHAPE, labels, records, Samples::F32(values)).unwrap()
+    }
+
+    fn check_values(values: Vec<f32>) -> Vec<Finding> {
+        check(&dataset_of(values, &[0, 0, 1, 1, 2, 2]))
+    }
+
+    fn at(sweep: usize, step: usize, taxel: usize) -> usize {
+        sweep * SHAPE.values() + step * 4 + taxel
+    }
+
+    fn only(findings: &[Finding]) -> &Finding {
+        assert_eq!(findings.len(), 1, "{findings:#?}");
+        &findings[0]
+    }
+
+    #[test]
+    fn lively_sweeps_give_no_finding() {
+        assert_eq!(check_values(values()), []);
+    }
+
+    #[test]
+    fn a_nan_is_found_with_its_place() {
+        let mut values = values();
+        values[at(3, 7, 2)] = f32::NAN;
+        values[at(3, 9, 1)] = f32::INFINITY;
+        let findings = check_values(values);
+        let found = only(&findings);
+        assert_eq!(
+            (found.severity, found.kind),
+            (Severity::Error, FindingKind::NotFinite)
+        );
+        assert_eq!(
+            found.at,
+            Place {
+                sweep: Some(3),
+                taxel: Some(2),
+                step: Some(7)
+            }
+        );
+        let message = "`denim` sweep 1: 2 not finite, the first at step 7, taxel (1, 0)";
+        assert_eq!(found.message, message);
+    }
+
+    #[test]
+    fn a_dead_taxel_is_found_once_for_the_data_set() {
+        let mut values = values();
+        values.iter_mut().skip(3).step_by(4).for_each(|x| *x = 0.0);
+        let findings = check_values(values);
+        let found = only(&findings);
+        assert_eq!(
+            (found.severity, found.kind),
+            (Severity::Warning, FindingKind::DeadTaxel)
+        );
+        assert_eq!(
+            found.message,
+            "taxel (1, 1) is 0 at every step of every sweep"
+        );
+    }
+
+    #[test]
+    fn a_stuck_taxel_is_a_warning_and_one_without_contact_a_note() {
+        let mut values = values();
+        for step in 0..SHAPE.steps {
+            values[at(0, step, 1)] = 12.0;
+            values[at(2, step, 0)] = 0.0;
+        }
+        let findings = check_values(values);
+        let severities: Vec<_> = findings
+            .iter()
+            .map(|f| (f.severity, f.kind, f.at.sweep))
+            .collect();
+        let kind = FindingKind::ConstantTaxel;
+        assert_eq!(
+            severities,
+            [
+                (Severity::Warning, kind, Some(0)),
+                (Severity::Note, kind, Some(2))
+            ]
+        );
+    }
+
+    #[test]
+    fn a_constant_sweep_is_an_error() {
+        let mut values = values();
+        values[at(4, 0, 0)..at(5, 0, 0)].fill(5.0);
+        let findings = check_values(values);
+        assert_eq!(only(&findings).kind, FindingKind::ConstantSweep);
+        assert_eq!(only(&findings).at.sweep, Some(4));
+    }
+
+    #[test]
+    fn identical_sweeps_are_named_both() {
+        let mut values = values();
+        values.copy_within(at(1, 0, 0)..at(2, 0, 0), at(4, 0, 0));
+        let findings = check_values(values);
+        let found = only(&findings);
+        assert_eq!(found.kind, FindingKind::IdenticalSweeps);
+        assert_eq!(
+            found.message,
+            "`wood` sweep 0 has the same values as `cork` sweep 1"
+        );
+    }
+
+    #[test]
+    fn clipped_values_are_saturation_and_a_single_peak_is_not() {
+        let mut values = values();
+        values[at(1, 3, 0)] = 60.0;
+        assert_eq!(check_values(values.clone()), []);
+        for step in 50..90 {
+            values[at(1, step, 0)] = 60.0;
+        }
+        let findings = check_values(values);
+        let found = only(&findings);
+        assert_eq!(
+            (found.kind, found.at.sweep),
+            (FindingKind::Saturation, Some(1))
+        );
+        assert!(found.message.contains("5.1 %"), "{}", found.message);
+    }
+
+    #[test]
+    fn the_top_of_the_element_type_is_a_ceiling() {
+        let mut values: Vec<u8> = values().iter().map(|&x| x as u8).collect();
+        for step in 50..60 {
+            values[at(1, step, 0)] = 255;
+        }
+        let plain = dataset_of(vec![0.0; 6 * SHAPE.values()], &[0, 0, 1, 1, 2, 2]);
+        let dataset = Dataset::new(
+            "t",
+            100.0,
+            SHAPE,
+            plain.labels().clone(),
+            plain.records().to_vec(),
+            Samples::U8(values),
+        );
+        let findings = check(&dataset.unwrap());
+        assert_eq!(only(&findings).kind, FindingKind::Saturation);
+    }
+
+    #[test]
+    fn outliers_and_odd_negatives_are_out_of_range() {
+        let mut loud = values();
+        loud[at(5, 3, 0)] = 1e4;
+        let findings = check_values(loud);
+        assert_eq!(only(&findings).at.sweep, Some(5));
+        assert_eq!(only(&findings).kind, FindingKind::OutOfRange);
+
+        let signed = values().iter().map(|x| x - 20.0).collect();
+        assert_eq!(check_values(signed), [], "a signed signal is no fault");
+    }
+
+    #[test]
+    fn few_and_unbalanced_sweeps_are_found() {
+        let findings = check(&dataset_of(values(), &[0, 0, 0, 1, 1, 2]));
+        let found: Vec<_> = findings.iter().map(|f| (f.severity, f.kind)).collect();
+        let expected = [
+            (Severity::Error, FindingKind::FewSweeps),
+            (Severity::Warning, FindingKind::UnbalancedMaterials),
+        ];
+        assert_eq!(found, expected);
+        assert!(
+            findings[1]
+                .message
+                .contains("from 1 (`wood`) to 3 (`cork`) sweeps")
+        );
+    }
+
+    #[test]
+    fn groups_print_a_heading_and_a_limited_number_of_lines() {
+        let mut values = values();
+        for sweep in 0..6 {
+            values[at(sweep, 0, 0)] = f32::NAN;
+        }
+        let groups = group_findings(&check_values(values));
+        assert_eq!(groups.len(), 1);
+        let text = format!("{:.2}", groups[0]);
+        assert!(text.starts_with("error: values that are not finite (6)\n  `cork` sweep 0: 1 "));
+        assert!(text.ends_with("\n  and 4 more"), "{text}");
+    }
+}

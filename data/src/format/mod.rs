@@ -1,0 +1,222 @@
+//! The files that data sets come in, one module per format.
+//!
+//! | format | extension | read | written | shape |
+//! |---|---|---|---|---|
+//! | [`tactmat`] (HDF5) | `.h5`, `.hdf5` | yes | yes | `[materials][sweeps][steps][rows][cols]` |
+//! | [`npz`] (numpy) | `.npz` | yes | yes | the same, or `[sweeps][steps][rows][cols]` with labels |
+//! | [`ts`] (aeon, sktime, UEA archive) | `.ts` | no | yes | one line a sweep, one dimension a taxel |
+//!
+//! A file is recognised by its first bytes, not by its name; what is written goes by the extension.
+
+mod chunks;
+mod narrow;
+mod npy;
+pub mod npz;
+pub mod tactmat;
+mod tactmat_write;
+pub mod ts;
+
+use crate::{DataError, Dataset, Samples};
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+
+/// Deflate cannot pack more than this many bytes into one; a file that promises more is damaged.
+const DEFLATE_LIMIT: u64 = 1032;
+
+/// A file format that a data set can be written to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// TactMat's HDF5 layout.
+    TactMat,
+    /// A numpy archive.
+    Npz,
+    /// The text format of aeon and the UEA archive.
+    Ts,
+}
+
+impl Format {
+    /// The format that `path`'s extension stands for: `.h5`, `.hdf5`, `.npz` or `.ts`.
+    ///
+    /// # Errors
+    /// Any other extension, or none.
+    pub fn from_extension(path: &Path) -> Result<Self, DataError> {
+        let extension = path.extension().unwrap_or_default().to_string_lossy();
+        match extension.to_ascii_lowercase().as_str() {
+            "h5" | "hdf5" => Ok(Self::TactMat),
+            "npz" => Ok(Self::Npz),
+            "ts" => Ok(Self::Ts),
+            "" => Err(DataError::format(
+                path,
+                "file name",
+                EXTENSIONS,
+                "no extension",
+            )),
+            other => Err(DataError::format(
+                path,
+                "file name",
+                EXTENSIONS,
+                format!(".{other}"),
+            )),
+        }
+    }
+
+    /// Writes `dataset` to `path` in this format; the file takes its place when it is complete.
+    ///
+    /// # Errors
+    /// What the format cannot hold, or a file that cannot be written.
+    pub fn write(self, path: &Path, dataset: &Dataset) -> Result<(), DataError> {
+        match self {
+            Self::TactMat => tactmat::write(path, dataset),
+            Self::Npz => npz::write(path, dataset),
+            Self::Ts => ts::write(path, dataset),
+        }
+    }
+}
+
+const EXTENSIONS: &str = "the extension .h5, .hdf5, .npz or .ts";
+
+/// Reads an HDF5 or npz file whose values are all finite.
+///
+/// # Errors
+/// A file of another kind, or what [`tactmat::read`] and [`npz::read`] refuse.
+pub fn read(path: &Path) -> Result<Dataset, DataError> {
+    refuse_non_finite(path, read_with_gaps(path)?)
+}
+
+/// Reads an HDF5 or npz file that may hold NaN or infinities, for a check that lists them all.
+///
+/// # Errors
+/// As [`read`], except for values that are not finite.
+pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
+    let mut head = [0; 8];
+    let mut file = std::fs::File::open(path).map_err(|e| DataError::io(path, "open", e))?;
+    let mut filled = 0;
+    while filled < head.len() {
+        match file
+            .read(&mut head[filled..])
+            .map_err(|e| DataError::io(path, "read", e))?
+        {
+            0 => break,
+            n => filled += n,
+        }
+    }
+    let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
+    if head.starts_with(b"PK\x03\x04") || head.starts_with(b"PK\x05\x06") || extension == "npz" {
+        npz::read_with_gaps(path)
+    } else if head == *b"\x89HDF\r\n\x1a\n" || extension == "h5" || extension == "hdf5" {
+        tactmat::read_with_gaps(path)
+    } else {
+        let found = match &head[..filled] {
+            [] => "an empty file".to_owned(),
+            head if head.starts_with(b"\x93NUMPY") => {
+                "a single numpy array; save it with numpy.savez".to_owned()
+            }
+            head => format!("a file that begins with `{}`", head.escape_ascii()),
+        };
+        Err(DataError::format(
+            path,
+            "file",
+            "HDF5 or npz with data set `samples`",
+            found,
+        ))
+    }
+}
+
+/// Passes `dataset` on unless it holds a NaN or an infinity.
+fn refuse_non_finite(path: &Path, dataset: Dataset) -> Result<Dataset, DataError> {
+    let Samples::F32(values) = dataset.samples() else {
+        return Ok(dataset);
+    };
+    let Some(first) = values.iter().position(|value| !value.is_finite()) else {
+        return Ok(dataset);
+    };
+    let count = values[first..]
+        .iter()
+        .filter(|value| !value.is_finite())
+        .count();
+    let shape = dataset.shape();
+    let (sweep, rest) = (first / shape.values(), first % shape.values());
+    let (step, taxel) = (rest / shape.taxels(), rest % shape.taxels());
+    Err(DataError::format(
+        path,
+        "data set `samples`",
+        "finite numbers",
+        format!(
+            "{count} that are not, the first {} in {} at step {step}, taxel ({}, {})",
+            values[first],
+            dataset.describe(sweep),
+            taxel / shape.cols,
+            taxel % shape.cols
+        ),
+    ))
+}
+
+/// The sweeps' indices, material by material, in the order of their numbers.
+fn by_material(dataset: &Dataset) -> Result<Vec<usize>, DataError> {
+    let counts = dataset.sweeps_per_label();
+    if let Some(odd) = counts.iter().position(|&count| count != counts[0]) {
+        return Err(DataError::inconsistent(
+            "data set `samples`",
+            format!(
+                "as many sweeps of every material as of `{}`, {}",
+                dataset.labels().name(0),
+                counts[0]
+            ),
+            format!("{} of `{}`", counts[odd], dataset.labels().name(odd)),
+        ));
+    }
+    let mut order: Vec<usize> = (0..dataset.len()).collect();
+    order.sort_by_key(|&index| {
+        let record = &dataset.records()[index];
+        (record.label, record.sweep)
+    });
+    Ok(order)
+}
+
+/// Says which file the contradiction is in.
+fn in_file(path: &Path, error: DataError) -> DataError {
+    match error {
+        DataError::Inconsistent {
+            item,
+            expected,
+            found,
+        } => {
+            let item = match item.as_str() {
+                "samples" | "materials" | "blocks" | "test_flag" => format!("data set `{item}`"),
+                _ => item,
+            };
+            DataError::format(path, item, expected, found)
+        }
+        other => other,
+    }
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned()
+}
+
+/// Writes `bytes` beside `path` and renames them into place, so that `path` never holds half a file.
+fn replace_file(path: &Path, bytes: &[u8]) -> Result<(), DataError> {
+    let part = part_path(path);
+    let written = std::fs::File::create(&part)
+        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
+        .map_err(|e| DataError::io(&part, "write", e))
+        .and_then(|()| {
+            std::fs::rename(&part, path).map_err(|e| DataError::io(path, "rename into place", e))
+        });
+    if written.is_err() {
+        // The first error is the one to report; a part that stays is harmless.
+        let _ = std::fs::remove_file(&part);
+    }
+    written
+}
+
+/// Beside `path`, and different for every process.
+fn part_path(path: &Path) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(format!(".{}.part", std::process::id()));
+    path.with_file_name(name)
+}

@@ -1,0 +1,225 @@
+//! One numpy array (`.npy`): a short header in Python's notation, then the values.
+//!
+//! Format: NEP 1 and the documentation of `numpy.lib.format`, versions 1 to 3. Read here and not by a crate, because the
+//! readers on crates.io bring a Python grammar and multiply a damaged shape without a check.
+
+use super::narrow::{Stored, TooWide, narrow};
+use crate::Samples;
+use hdf5_reader::ByteOrder;
+
+/// An array as it stands in the file.
+pub(super) struct Array {
+    /// Letter of the type: `u`, `i`, `f`, `b` (bool), `S` (bytes), `U` (text).
+    kind: char,
+    /// Bytes per value, or characters per `U` value.
+    size: usize,
+    order: ByteOrder,
+    /// Extents in the order of the indices; empty for a single value.
+    pub(super) shape: Vec<usize>,
+    /// The values, last index fastest.
+    values: Vec<u8>,
+}
+
+impl Array {
+    /// Reads a whole `.npy`.
+    ///
+    /// # Errors
+    /// What is wrong with it, in words.
+    pub(super) fn parse(file: &[u8]) -> Result<Self, String> {
+        let rest = file.strip_prefix(b"\x93NUMPY").ok_or("not a numpy array")?;
+        let (length, rest) = match rest {
+            [1, _, a, b, rest @ ..] => (usize::from(u16::from_le_bytes([*a, *b])), rest),
+            [2 | 3, _, a, b, c, d, rest @ ..] => {
+                (u32::from_le_bytes([*a, *b, *c, *d]) as usize, rest)
+            }
+            _ => return Err("a numpy array of an unknown version".into()),
+        };
+        let (header, values) = rest
+            .split_at_checked(length)
+            .ok_or("a numpy header cut short")?;
+        let header = str::from_utf8(header).map_err(|_| "a numpy header that is not text")?;
+        let damaged = || format!("the numpy header `{}`", header.trim());
+        let descr = field(header, "descr").ok_or_else(damaged)?;
+        let descr = descr
+            .strip_prefix(['\'', '"'])
+            .and_then(|d| d.split(['\'', '"']).next())
+            .ok_or_else(|| format!("records ({descr})"))?;
+        let fortran = field(header, "fortran_order")
+            .ok_or_else(damaged)?
+            .starts_with("True");
+        let shape = field(header, "shape").and_then(|s| s.strip_prefix('(')?.split(')').next());
+        let shape: Vec<usize> = shape
+            .ok_or_else(damaged)?
+            .split(',')
+            .map(str::trim)
+            .filter(|extent| !extent.is_empty())
+            .map(|extent| extent.parse().map_err(|_| damaged()))
+            .collect::<Result<_, _>>()?;
+        let mut letters = descr.chars();
+        let order = match letters.next() {
+            Some('<' | '|' | '=') => ByteOrder::LittleEndian,
+            Some('>') => ByteOrder::BigEndian,
+            _ => return Err(format!("values of type `{descr}`")),
+        };
+        let kind = letters.next().unwrap_or(' ');
+        if !"uifbSU".contains(kind) {
+            return Err(match kind {
+                'O' => "Python objects (pickled)".into(),
+                _ => format!("values of type `{descr}`"),
+            });
+        }
+        let size: usize = letters
+            .as_str()
+            .parse()
+            .map_err(|_| format!("values of type `{descr}`"))?;
+        let bytes = if kind == 'U' {
+            size.checked_mul(4)
+        } else {
+            Some(size)
+        };
+        let total = shape
+            .iter()
+            .try_fold(bytes.unwrap_or(usize::MAX), |n, &extent| {
+                n.checked_mul(extent)
+            });
+        if total != Some(values.len()) {
+            return Err(format!(
+                "{} bytes for {shape:?} values of type `{descr}`",
+                values.len()
+            ));
+        }
+        let bytes = bytes.unwrap_or_default();
+        let values = if fortran {
+            last_index_fastest(values, &shape, bytes)
+        } else {
+            values.to_vec()
+        };
+        Ok(Self {
+            kind,
+            size,
+            order,
+            shape,
+            values,
+        })
+    }
+
+    /// The type as numpy writes it, without the byte order.
+    pub(super) fn type_name(&self) -> String {
+        format!("{}{}", self.kind, self.size)
+    }
+
+    /// Numbers in their smallest element type; none if the values are not numbers.
+    pub(super) fn numbers(&self) -> Option<Result<Samples, TooWide>> {
+        fn all<T: Stored>(array: &Array) -> Option<Result<Samples, TooWide>> {
+            Some(narrow(&T::decode(&array.values, array.order)))
+        }
+        match (self.kind, self.size) {
+            ('u' | 'b', 1) => all::<u8>(self),
+            ('u', 2) => all::<u16>(self),
+            ('u', 4) => all::<u32>(self),
+            ('u', 8) => all::<u64>(self),
+            ('i', 1) => all::<i8>(self),
+            ('i', 2) => all::<i16>(self),
+            ('i', 4) => all::<i32>(self),
+            ('i', 8) => all::<i64>(self),
+            ('f', 4) => all::<f32>(self),
+            ('f', 8) => all::<f64>(self),
+            _ => None,
+        }
+    }
+
+    /// Numbers as `f64`; none if the values are not numbers or too large for an `f32`.
+    pub(super) fn floats(&self) -> Option<Vec<f64>> {
+        if (self.kind, self.size) == ('f', 8) {
+            return Some(f64::decode(&self.values, self.order));
+        }
+        let samples = self.numbers()?.ok()?;
+        let mut values = vec![0.0; samples.len()];
+        samples.copy_to(0, &mut values);
+        Some(values.into_iter().map(f64::from).collect())
+    }
+
+    /// Whole numbers from 0; none if the values are anything else.
+    pub(super) fn indices(&self) -> Option<Vec<u32>> {
+        if self.kind == 'f' {
+            return None;
+        }
+        match self.numbers()?.ok()? {
+            Samples::U8(values) => Some(values.into_iter().map(u32::from).collect()),
+            Samples::U16(values) => Some(values.into_iter().map(u32::from).collect()),
+            Samples::F32(values) => values
+                .into_iter()
+                .map(|x| (0.0..4_294_967_296.0).contains(&x).then_some(x as u32))
+                .collect(),
+        }
+    }
+
+    /// Texts; none if the values are not text.
+    pub(super) fn texts(&self) -> Option<Vec<String>> {
+        let width = match self.kind {
+            'S' => self.size,
+            'U' => self.size * 4,
+            _ => return None,
+        };
+        let count = self.shape.iter().product();
+        let text = |bytes: &[u8]| match self.kind {
+            'S' => String::from_utf8(bytes.to_vec()).ok(),
+            _ => u32::decode(bytes, self.order)
+                .into_iter()
+                .map(char::from_u32)
+                .collect(),
+        };
+        (0..count)
+            .map(|i| {
+                let text = text(&self.values[i * width..(i + 1) * width])?;
+                Some(text.trim_end_matches('\0').to_owned())
+            })
+            .collect()
+    }
+}
+
+/// What follows `'name':` in a header.
+fn field<'a>(header: &'a str, name: &str) -> Option<&'a str> {
+    let (_, rest) = header.split_once(&format!("'{name}'"))?;
+    Some(rest.trim_start().strip_prefix(':')?.trim_start())
+}
+
+/// Turns first-index-fastest ("Fortran") order round.
+fn last_index_fastest(values: &[u8], shape: &[usize], size: usize) -> Vec<u8> {
+    let mut turned = Vec::with_capacity(values.len());
+    let count: usize = shape.iter().product();
+    for index in 0..count {
+        let (mut rest, mut stride, mut source) = (index, count, 0);
+        for &extent in shape.iter().rev() {
+            stride /= extent;
+            source += rest % extent * stride;
+            rest /= extent;
+        }
+        turned.extend_from_slice(&values[source * size..(source + 1) * size]);
+    }
+    turned
+}
+
+/// A whole `.npy` of `shape`, little-endian, last index fastest.
+///
+/// - `descr`: numpy's name of the type, such as `|u1` or `<f4`
+pub(super) fn encode(descr: &str, shape: &[usize], values: &[u8]) -> Vec<u8> {
+    let extents: Vec<String> = shape.iter().map(|extent| format!("{extent},")).collect();
+    let mut header = format!(
+        "{{'descr': '{descr}', 'fortran_order': False, 'shape': ({}), }}",
+        extents.join(" ")
+    );
+    // The values begin at a multiple of 64 bytes, behind a line end.
+    let unpadded = 10 + header.len() + 1;
+    header.extend(std::iter::repeat_n(
+        ' ',
+        unpadded.next_multiple_of(64) - unpadded,
+    ));
+    header.push('\n');
+    let mut file = Vec::with_capacity(10 + header.len() + values.len());
+    file.extend_from_slice(b"\x93NUMPY\x01\x00");
+    file.extend_from_slice(&(header.len() as u16).to_le_bytes());
+    file.extend_from_slice(header.as_bytes());
+    file.extend_from_slice(values);
+    file
+}

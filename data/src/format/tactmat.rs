@@ -1,0 +1,347 @@
+//! TactMat's HDF5 layout, with any dimensions.
+//!
+//! | name | shape | holds |
+//! |---|---|---|
+//! | `samples` | `[materials][sweeps][steps][rows][cols]` | digits, any integer or float type |
+//! | `materials` (the page once spells it `maerials`) | `[materials]` | names, fixed or variable length |
+//! | `blocks`, optional | `[materials][sweeps]` | number of the recording block |
+//! | `test_flag`, optional | `[materials][sweeps]` | 1 or true for the author's test sweeps |
+//! | attribute `sample_rate_hz`, optional | scalar, on the file or on `samples` | frames per second |
+//!
+//! Without the attribute a file counts as recorded at [`SAMPLE_RATE_HZ`], the rate of TactMat's sensor.
+//! Values are kept in the smallest of `u8`, `u16` and `f32` that holds them all; an `f64` that no `f32` equals is
+//! rounded to the nearest.
+//!
+//! Source of the layout: the page of the DLR TactMat data set and Tulbure and Bäuml, Humanoids 2018.
+
+pub use super::tactmat_write::write;
+
+use super::DEFLATE_LIMIT;
+use super::chunks::{Mismatch, RANK, read_samples, type_name};
+use crate::{DataError, Dataset, LabelSet, SweepRecord, SweepShape};
+use hdf5_reader::error::Error;
+use hdf5_reader::{Datatype, Hdf5File, OpenOptions};
+use std::path::Path;
+
+/// Frames per second of a file that does not say: the 4256E skin of TactMat.
+pub const SAMPLE_RATE_HZ: f64 = 750.0;
+
+pub(super) const RATE_ATTRIBUTE: &str = "sample_rate_hz";
+
+/// Reads a data set whose values are all finite.
+///
+/// # Errors
+/// A file that cannot be opened, is not HDF5 or is cut short; a data set that is missing or of the wrong shape or type;
+/// a filter that cannot be undone (LZF, Blosc, ...); a NaN or an infinity, with its sweep.
+pub fn read(path: &Path) -> Result<Dataset, DataError> {
+    super::refuse_non_finite(path, read_with_gaps(path)?)
+}
+
+/// Reads a data set that may hold NaN or infinities, for a check that lists them all.
+///
+/// # Errors
+/// As [`read`], except for values that are not finite.
+pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
+    let file = open(path)?;
+    let samples = required(&file, path, &["samples"])?;
+    let item = "data set `samples`";
+    let Ok(shape) = <[u64; RANK]>::try_from(samples.shape()) else {
+        return Err(DataError::format(
+            path,
+            item,
+            "5 dimensions [materials][sweeps][steps][rows][cols]",
+            format!("{} dimensions {:?}", samples.ndim(), samples.shape()),
+        ));
+    };
+    let shape = shape.map(|extent| usize::try_from(extent).unwrap_or(usize::MAX));
+    if shape.contains(&0) {
+        let found = format!("{shape:?}");
+        return Err(DataError::format(
+            path,
+            item,
+            "no dimension of length 0",
+            found,
+        ));
+    }
+    let [materials, sweeps, steps, rows, cols] = shape;
+    let labels = material_names(&file, path, materials)?;
+    let blocks = per_sweep(&file, path, "blocks", [materials, sweeps], u32::try_from)?;
+    let flags = per_sweep(
+        &file,
+        path,
+        "test_flag",
+        [materials, sweeps],
+        |flag| match flag {
+            0 => Ok(false),
+            1 => Ok(true),
+            _ => Err(()),
+        },
+    )?;
+    let rate = sample_rate_hz(&file, &samples, path)?;
+    let values = read_samples(&file, &samples, shape)
+        .map_err(|m| DataError::format(path, item, m.expected, m.found))?;
+    let records = (0..materials * sweeps)
+        .map(|index| SweepRecord {
+            label: index / sweeps,
+            sweep: index % sweeps,
+            block: blocks.as_ref().map(|b| b[index]),
+            test: flags.as_ref().map(|f| f[index]),
+        })
+        .collect();
+    let name = super::stem(path);
+    Dataset::new(
+        name,
+        rate,
+        SweepShape { steps, rows, cols },
+        labels,
+        records,
+        values,
+    )
+    .map_err(|error| super::in_file(path, error))
+}
+
+fn open(path: &Path) -> Result<Hdf5File, DataError> {
+    let item = "HDF5 file with data set `samples`";
+    let length = std::fs::metadata(path)
+        .map_err(|e| DataError::io(path, "open", e))?
+        .len();
+    let room = usize::try_from(length.saturating_mul(DEFLATE_LIMIT)).unwrap_or(usize::MAX);
+    let options = OpenOptions::default()
+        .with_chunk_cache_bytes(0)
+        .with_max_read_bytes(room);
+    let file = Hdf5File::open_with_options(path, options).map_err(|error| match root(error) {
+        Error::Io(source) => DataError::io(path, "read", source),
+        Error::InvalidMagic => {
+            let head = std::fs::read(path).unwrap_or_default();
+            DataError::format(
+                path,
+                item,
+                "the signature of HDF5",
+                format!("{} other bytes", head.len()),
+            )
+        }
+        other => DataError::format(path, item, "readable HDF5", other.to_string()),
+    })?;
+    let promised = file.superblock().eof_address;
+    let found = file.storage().len();
+    if found < promised {
+        return Err(DataError::format(
+            path,
+            item,
+            format!("{promised} bytes, as its header says"),
+            format!("{found} bytes: the file is cut short"),
+        ));
+    }
+    Ok(file)
+}
+
+fn root(error: Error) -> Error {
+    match error {
+        Error::Context { source, .. } => root(*source),
+        other => other,
+    }
+}
+
+/// The data set that has one of `names`, if any does.
+fn optional(
+    file: &Hdf5File,
+    path: &Path,
+    names: &[&str],
+) -> Result<Option<hdf5_reader::Dataset>, DataError> {
+    for name in names {
+        match file.dataset(name) {
+            Ok(dataset) => return Ok(Some(dataset)),
+            Err(error) => match root(error) {
+                Error::DatasetNotFound(_) => {}
+                other => {
+                    let m = Mismatch::from_hdf5(&other);
+                    let item = format!("data set `{name}`");
+                    return Err(DataError::format(path, item, m.expected, m.found));
+                }
+            },
+        }
+    }
+    Ok(None)
+}
+
+fn required(
+    file: &Hdf5File,
+    path: &Path,
+    names: &[&str],
+) -> Result<hdf5_reader::Dataset, DataError> {
+    optional(file, path, names)?.ok_or_else(|| {
+        let there = file.root_group().and_then(|group| group.member_names());
+        let found = match there {
+            Ok((_, datasets)) if datasets.is_empty() => "no data set".to_owned(),
+            Ok((_, datasets)) => format!("only `{}`", datasets.join("`, `")),
+            Err(error) => error.to_string(),
+        };
+        let item = format!("data set `{}`", names[0]);
+        DataError::format(path, item, "to be in the file", found)
+    })
+}
+
+fn material_names(file: &Hdf5File, path: &Path, count: usize) -> Result<LabelSet, DataError> {
+    let dataset = required(file, path, &["materials", "maerials"])?;
+    let item = "data set `materials`";
+    if dataset.shape() != [count as u64] {
+        return Err(DataError::format(
+            path,
+            item,
+            format!("{count} names, one per material of `samples`"),
+            match dataset.shape() {
+                [found] => format!("{found} names"),
+                shape => format!("shape {shape:?}"),
+            },
+        ));
+    }
+    let names = dataset.read_strings().map_err(|error| {
+        let found = match root(error) {
+            Error::TypeMismatch { .. } => type_name(dataset.dtype()),
+            other => other.to_string(),
+        };
+        DataError::format(path, item, "strings", found)
+    })?;
+    LabelSet::new(names.iter().map(|name| name.trim_end_matches(['\0', ' '])))
+        .map_err(|error| super::in_file(path, error))
+}
+
+/// The whole numbers or booleans of an optional `[materials][sweeps]` data set.
+fn per_sweep<T, E>(
+    file: &Hdf5File,
+    path: &Path,
+    name: &str,
+    shape: [usize; 2],
+    accept: impl Fn(i64) -> Result<T, E>,
+) -> Result<Option<Vec<T>>, DataError> {
+    let Some(dataset) = optional(file, path, &[name])? else {
+        return Ok(None);
+    };
+    let item = format!("data set `{name}`");
+    if dataset.shape() != shape.map(|extent| extent as u64) {
+        return Err(DataError::format(
+            path,
+            item,
+            format!("shape {shape:?}, materials by sweeps"),
+            format!("shape {:?}", dataset.shape()),
+        ));
+    }
+    let bytes = dataset.read_native_bytes().map_err(|error| {
+        let m = Mismatch::from_hdf5(&error);
+        DataError::format(path, item.as_str(), m.expected, m.found)
+    })?;
+    let Some(numbers) = whole_numbers(&bytes, dataset.dtype()) else {
+        let found = type_name(dataset.dtype());
+        return Err(DataError::format(path, item, "integers or booleans", found));
+    };
+    let mut values = Vec::with_capacity(numbers.len());
+    for number in numbers {
+        match accept(number) {
+            Ok(value) => values.push(value),
+            Err(_) => {
+                let expected = if name == "blocks" {
+                    "numbers of 32 bits from 0"
+                } else {
+                    "0 or 1"
+                };
+                return Err(DataError::format(path, item, expected, number.to_string()));
+            }
+        }
+    }
+    Ok(Some(values))
+}
+
+/// Native-endian integers of up to 64 bits as `i64`; none if `datatype` is another type.
+fn whole_numbers(bytes: &[u8], datatype: &Datatype) -> Option<Vec<i64>> {
+    macro_rules! each {
+        ($type:ty) => {{
+            let (numbers, _) = bytes.as_chunks();
+            numbers
+                .iter()
+                .map(|&b| i64::try_from(<$type>::from_ne_bytes(b)).unwrap_or(i64::MAX))
+                .collect()
+        }};
+    }
+    Some(match datatype {
+        Datatype::Enum { base, .. } => return whole_numbers(bytes, base),
+        Datatype::FixedPoint {
+            size: 1,
+            signed: false,
+            ..
+        } => each!(u8),
+        Datatype::FixedPoint {
+            size: 1,
+            signed: true,
+            ..
+        } => each!(i8),
+        Datatype::FixedPoint {
+            size: 2,
+            signed: false,
+            ..
+        } => each!(u16),
+        Datatype::FixedPoint {
+            size: 2,
+            signed: true,
+            ..
+        } => each!(i16),
+        Datatype::FixedPoint {
+            size: 4,
+            signed: false,
+            ..
+        } => each!(u32),
+        Datatype::FixedPoint {
+            size: 4,
+            signed: true,
+            ..
+        } => each!(i32),
+        Datatype::FixedPoint {
+            size: 8,
+            signed: false,
+            ..
+        } => each!(u64),
+        Datatype::FixedPoint {
+            size: 8,
+            signed: true,
+            ..
+        } => each!(i64),
+        _ => return None,
+    })
+}
+
+fn sample_rate_hz(
+    file: &Hdf5File,
+    samples: &hdf5_reader::Dataset,
+    path: &Path,
+) -> Result<f64, DataError> {
+    let name = RATE_ATTRIBUTE;
+    let at_root = file.root_group().and_then(|group| group.attribute(name));
+    let attribute = match at_root.or_else(|_| samples.attribute(name)) {
+        Ok(attribute) => attribute,
+        Err(error) => match root(error) {
+            Error::AttributeNotFound(_) => return Ok(SAMPLE_RATE_HZ),
+            other => {
+                let item = format!("attribute `{name}`");
+                return Err(DataError::format(
+                    path,
+                    item,
+                    "a number of Hz",
+                    other.to_string(),
+                ));
+            }
+        },
+    };
+    let rate = attribute.read_as_f64();
+    match rate {
+        Ok(rate) if rate.is_finite() && rate > 0.0 => Ok(rate),
+        other => {
+            let found = other.map_or_else(|error| error.to_string(), |rate| rate.to_string());
+            let item = format!("attribute `{name}`");
+            Err(DataError::format(
+                path,
+                item,
+                "a positive number of Hz",
+                found,
+            ))
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! Writing TactMat's HDF5 layout.
+
+use super::tactmat;
+use crate::{DataError, Dataset, Samples};
+use hdf5_writer::{
+    AttributeBuilder, DatasetBuilder, FILTER_DEFLATE, FILTER_SHUFFLE, FilterDescription,
+    Hdf5Builder, Hdf5WritePlan, WriteOptions,
+};
+use std::path::Path;
+
+/// One chunk holds as many sweeps of a material as fit into this many bytes.
+const CHUNK_BYTES: usize = 1 << 18;
+/// Higher levels of gzip shrink a full-size file by a few percent and take several times as long.
+const GZIP_LEVEL: u32 = 4;
+
+/// Writes `dataset` in the layout of [`tactmat`](super::tactmat), gzip chunks of whole sweeps, and puts the file into
+/// place when it is complete.
+///
+/// # Errors
+/// Materials with unequal numbers of sweeps, for which the layout has no room, or a file that cannot be written.
+pub fn write(path: &Path, dataset: &Dataset) -> Result<(), DataError> {
+    let order = super::by_material(dataset).map_err(|error| super::in_file(path, error))?;
+    let bytes = plan(dataset, &order)
+        .and_then(|plan| plan.encode(WriteOptions::default()))
+        .map_err(|error| {
+            DataError::format(
+                path,
+                "HDF5 file",
+                "a data set that HDF5 can hold",
+                error.to_string(),
+            )
+        })?;
+    super::replace_file(path, &bytes)
+}
+
+fn plan(dataset: &Dataset, order: &[usize]) -> hdf5_writer::Result<Hdf5WritePlan> {
+    let shape = dataset.shape();
+    let labels = dataset.labels();
+    let sweeps = order.len() / labels.len();
+    let extents = [labels.len(), sweeps, shape.steps, shape.rows, shape.cols].map(|n| n as u64);
+    let width = dataset.samples().bytes() / dataset.samples().len();
+    let per_chunk = (CHUNK_BYTES / (shape.values() * width)).clamp(1, sweeps) as u64;
+    let chunk = [1, per_chunk, extents[2], extents[3], extents[4]];
+    let samples = match dataset.samples() {
+        Samples::U8(values) => {
+            DatasetBuilder::typed_data("samples", extents, &in_order(values, order, shape.values()))
+        }
+        Samples::U16(values) => {
+            DatasetBuilder::typed_data("samples", extents, &in_order(values, order, shape.values()))
+        }
+        Samples::F32(values) => {
+            DatasetBuilder::typed_data("samples", extents, &in_order(values, order, shape.values()))
+        }
+    }?;
+    let mut samples = samples.chunked(chunk);
+    if width > 1 {
+        samples = samples.filter(filter(FILTER_SHUFFLE, width as u32));
+    }
+    let names: Vec<&str> = labels.names().collect();
+    let mut file = Hdf5Builder::new()
+        .attribute(AttributeBuilder::scalar(
+            tactmat::RATE_ATTRIBUTE,
+            dataset.sample_rate_hz(),
+        )?)
+        .dataset(samples.filter(filter(FILTER_DEFLATE, GZIP_LEVEL)))
+        .dataset(DatasetBuilder::fixed_string_data(
+            "materials",
+            [names.len() as u64],
+            &names,
+        )?);
+    let records = || order.iter().map(|&index| &dataset.records()[index]);
+    if dataset.has_blocks() {
+        let blocks: Vec<u32> = records().filter_map(|record| record.block).collect();
+        file = file.dataset(DatasetBuilder::typed_data(
+            "blocks",
+            &extents[..2],
+            &blocks,
+        )?);
+    }
+    if dataset.has_test_flag() {
+        let flags: Vec<u8> = records().filter_map(|r| r.test).map(u8::from).collect();
+        file = file.dataset(DatasetBuilder::typed_data(
+            "test_flag",
+            &extents[..2],
+            &flags,
+        )?);
+    }
+    file.into_plan()
+}
+
+fn in_order<T: Copy>(values: &[T], order: &[usize], sweep: usize) -> Vec<T> {
+    let mut sorted = Vec::with_capacity(values.len());
+    for &index in order {
+        sorted.extend_from_slice(&values[index * sweep..(index + 1) * sweep]);
+    }
+    sorted
+}
+
+fn filter(id: u16, parameter: u32) -> FilterDescription {
+    FilterDescription {
+        id,
+        name: None,
+        client_data: vec![parameter],
+    }
+}

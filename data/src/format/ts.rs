@@ -1,0 +1,106 @@
+//! The text format of aeon, sktime and the UEA archive (`.ts`), written only.
+//!
+//! A classification problem of equal length: one line a sweep, one dimension a taxel (row by row), one value a step; the
+//! class stands last. Class labels are the material names in the form that aeon's reader leaves as they are (see
+//! [`class_label`]). Sample rate, blocks and test flags have no place in the format.
+
+use crate::{DataError, Dataset};
+use rayon::prelude::*;
+use std::collections::BTreeSet;
+use std::fmt::Write;
+use std::path::Path;
+
+/// Writes `dataset`, sweep by sweep in its order.
+///
+/// # Errors
+/// A NaN or an infinity, which the format has no number for, two materials whose names end up as one label, or a file
+/// that cannot be written.
+pub fn write(path: &Path, dataset: &Dataset) -> Result<(), DataError> {
+    let labels = class_labels(dataset).map_err(|error| super::in_file(path, error))?;
+    let shape = dataset.shape();
+    let mut text = format!(
+        "# {} sweeps at {} Hz, one dimension per taxel of a patch of {}x{}\n\
+         @problemName {}\n@timeStamps false\n@missing false\n@univariate {}\n@dimensions {}\n\
+         @equalLength true\n@seriesLength {}\n@classLabel true {}\n@data\n",
+        dataset.len(),
+        dataset.sample_rate_hz(),
+        shape.rows,
+        shape.cols,
+        class_label(dataset.name()),
+        shape.taxels() == 1,
+        shape.taxels(),
+        shape.steps,
+        labels.join(" "),
+    );
+    let lines: Result<Vec<String>, DataError> = (0..dataset.len())
+        .into_par_iter()
+        .map(|index| line(dataset, index, &labels[dataset.records()[index].label]))
+        .collect();
+    for line in lines.map_err(|error| super::in_file(path, error))? {
+        text.push_str(&line);
+    }
+    super::replace_file(path, text.as_bytes())
+}
+
+fn line(dataset: &Dataset, index: usize, label: &str) -> Result<String, DataError> {
+    let sweep = dataset.sweep(index);
+    let taxels = dataset.shape().taxels();
+    let mut line = String::with_capacity(4 * sweep.len());
+    for taxel in 0..taxels {
+        for (step, &value) in sweep.iter().skip(taxel).step_by(taxels).enumerate() {
+            if !value.is_finite() {
+                return Err(DataError::inconsistent(
+                    "samples",
+                    "finite numbers",
+                    format!("{value} in {} at step {step}", dataset.describe(index)),
+                ));
+            }
+            if step > 0 {
+                line.push(',');
+            }
+            // Writing to a string cannot fail.
+            let _ = write!(line, "{value}");
+        }
+        line.push(':');
+    }
+    line.push_str(label);
+    line.push('\n');
+    Ok(line)
+}
+
+fn class_labels(dataset: &Dataset) -> Result<Vec<String>, DataError> {
+    let labels: Vec<String> = dataset.labels().names().map(class_label).collect();
+    let mut seen = BTreeSet::new();
+    match labels.iter().find(|&label| !seen.insert(label)) {
+        Some(twice) => Err(DataError::inconsistent(
+            "materials",
+            "names that differ in letters and digits",
+            format!("two that both become `{twice}`"),
+        )),
+        None => Ok(labels),
+    }
+}
+
+/// A material's name as a class label: lower case, because aeon lowers what it reads; `_` for everything but letters of
+/// ASCII, digits, `.`, `-` and `_`, because spaces, colons and commas separate; and `n_an` for `nan`, which aeon takes for
+/// a missing value even inside a label.
+///
+/// ```
+/// # use tactnet_data::format::ts::class_label;
+/// assert_eq!(class_label("Linen fabric (smooth)"), "linen_fabric__smooth_");
+/// assert_eq!(class_label("banana"), "ban_ana");
+/// ```
+pub fn class_label(name: &str) -> String {
+    let plain: String = name
+        .to_lowercase()
+        .chars()
+        .map(|c| {
+            if c.is_ascii_alphanumeric() || ".-_".contains(c) {
+                c
+            } else {
+                '_'
+            }
+        })
+        .collect();
+    plain.replace("nan", "n_an")
+}

@@ -1,0 +1,341 @@
+//! What a person wants to know about a data set.
+
+use crate::{Dataset, Samples, SweepShape};
+use rayon::prelude::*;
+use serde::Serialize;
+use std::collections::BTreeSet;
+use std::fmt;
+
+/// An `f32` data set shows percentiles of about this many of its values, evenly spaced.
+const PERCENTILE_VALUES: usize = 1 << 20;
+/// The percentiles in [`Info::percentiles`], in percent.
+const PERCENTILES: [f64; 7] = [1.0, 5.0, 25.0, 50.0, 75.0, 95.0, 99.0];
+
+/// A data set in numbers.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Info {
+    /// What people call it.
+    pub name: String,
+    /// Checksum of the content, see [`Dataset::sha256`].
+    pub sha256: String,
+    /// Number of sweeps.
+    pub sweeps: usize,
+    /// Shape of every sweep.
+    pub shape: SweepShape,
+    /// Element type: `u8`, `u16` or `f32`.
+    pub element: &'static str,
+    /// Memory of the values, in bytes.
+    pub memory_bytes: usize,
+    /// Frames per second.
+    pub sample_rate_hz: f64,
+    /// Duration of a sweep, in seconds.
+    pub sweep_seconds: f64,
+    /// The materials in label order.
+    pub materials: Vec<MaterialInfo>,
+    /// Number of recording blocks, where they are known.
+    pub blocks: Option<usize>,
+    /// Sweeps in the author's test split, where it is known.
+    pub test_sweeps: Option<usize>,
+    /// Smallest finite value, in digits.
+    pub min: f64,
+    /// Largest finite value, in digits.
+    pub max: f64,
+    /// Mean of the finite values, in digits.
+    pub mean: f64,
+    /// Standard deviation of the finite values, in digits.
+    pub std: f64,
+    /// Percentage and value below which that percentage of the values lies. Exact for integers; of an `f32` data set
+    /// from about a million values, evenly spaced.
+    pub percentiles: Vec<(f64, f64)>,
+    /// Share of the values that are 0.
+    pub zeros: f64,
+    /// Number of NaN and infinite values.
+    pub not_finite: usize,
+}
+
+/// A material of a data set in numbers.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct MaterialInfo {
+    /// Its name.
+    pub name: String,
+    /// Its sweeps.
+    pub sweeps: usize,
+    /// Those in the author's test split, where it is known.
+    pub test_sweeps: Option<usize>,
+}
+
+/// Measures `dataset`.
+pub fn info(dataset: &Dataset) -> Info {
+    let shape = dataset.shape();
+    let records = dataset.records();
+    let tests_of = |label: Option<usize>| {
+        let test =
+            |r: &&crate::SweepRecord| r.test == Some(true) && label.is_none_or(|l| r.label == l);
+        dataset
+            .has_test_flag()
+            .then(|| records.iter().filter(test).count())
+    };
+    let counts = dataset.sweeps_per_label();
+    let materials = dataset
+        .labels()
+        .names()
+        .enumerate()
+        .map(|(label, name)| MaterialInfo {
+            name: name.to_owned(),
+            sweeps: counts[label],
+            test_sweeps: tests_of(Some(label)),
+        });
+    let blocks: BTreeSet<_> = records
+        .iter()
+        .filter_map(|r| Some((r.label, r.block?)))
+        .collect();
+    let Moments {
+        count,
+        zeros,
+        sum,
+        squares,
+        min,
+        max,
+    } = moments(dataset);
+    let finite = count.max(1) as f64;
+    let mean = sum / finite;
+    Info {
+        name: dataset.name().to_owned(),
+        sha256: dataset.sha256().to_owned(),
+        sweeps: dataset.len(),
+        shape,
+        element: dataset.samples().element(),
+        memory_bytes: dataset.samples().bytes(),
+        sample_rate_hz: dataset.sample_rate_hz(),
+        sweep_seconds: shape.steps as f64 / dataset.sample_rate_hz(),
+        materials: materials.collect(),
+        blocks: dataset.has_blocks().then_some(blocks.len()),
+        test_sweeps: tests_of(None),
+        min,
+        max,
+        mean,
+        std: (squares / finite - mean * mean).max(0.0).sqrt(),
+        percentiles: percentiles(dataset.samples()),
+        zeros: zeros as f64 / dataset.samples().len() as f64,
+        not_finite: dataset.samples().len() - count,
+    }
+}
+
+/// Sums over finite values.
+struct Moments {
+    count: usize,
+    zeros: usize,
+    sum: f64,
+    squares: f64,
+    min: f64,
+    max: f64,
+}
+
+/// Summed sweep by sweep, then in the order of the sweeps, so that the number of threads does not show.
+fn moments(dataset: &Dataset) -> Moments {
+    let of_sweeps: Vec<Moments> = (0..dataset.len())
+        .into_par_iter()
+        .map(|index| {
+            let mut m = Moments::none();
+            for value in dataset
+                .sweep(index)
+                .into_iter()
+                .filter(|value| value.is_finite())
+            {
+                let value = f64::from(value);
+                m.count += 1;
+                m.zeros += usize::from(value == 0.0);
+                m.sum += value;
+                m.squares += value * value;
+                m.min = m.min.min(value);
+                m.max = m.max.max(value);
+            }
+            m
+        })
+        .collect();
+    let mut all = Moments::none();
+    for m in of_sweeps {
+        all.count += m.count;
+        all.zeros += m.zeros;
+        all.sum += m.sum;
+        all.squares += m.squares;
+        all.min = all.min.min(m.min);
+        all.max = all.max.max(m.max);
+    }
+    all
+}
+
+impl Moments {
+    fn none() -> Self {
+        Self {
+            count: 0,
+            zeros: 0,
+            sum: 0.0,
+            squares: 0.0,
+            min: f64::INFINITY,
+            max: f64::NEG_INFINITY,
+        }
+    }
+}
+
+/// The value that stands at each percentage when all are sorted (nearest rank).
+fn percentiles(samples: &Samples) -> Vec<(f64, f64)> {
+    let rank = |percent: f64, count: usize| (percent / 100.0 * (count - 1) as f64).round() as usize;
+    match samples {
+        Samples::U8(values) => from_counts(&counts(values, usize::from, 1 << 8), rank),
+        Samples::U16(values) => from_counts(&counts(values, usize::from, 1 << 16), rank),
+        Samples::F32(values) => {
+            let stride = values.len().div_ceil(PERCENTILE_VALUES);
+            let mut some: Vec<f32> = values
+                .iter()
+                .step_by(stride)
+                .copied()
+                .filter(|x| x.is_finite())
+                .collect();
+            if some.is_empty() {
+                return Vec::new();
+            }
+            some.sort_unstable_by(f32::total_cmp);
+            PERCENTILES
+                .map(|p| (p, f64::from(some[rank(p, some.len())])))
+                .to_vec()
+        }
+    }
+}
+
+fn counts<T: Copy>(values: &[T], index: impl Fn(T) -> usize, kinds: usize) -> Vec<usize> {
+    let mut counts = vec![0; kinds];
+    for &value in values {
+        counts[index(value)] += 1;
+    }
+    counts
+}
+
+fn from_counts(counts: &[usize], rank: impl Fn(f64, usize) -> usize) -> Vec<(f64, f64)> {
+    let total = counts.iter().sum();
+    let value_at = |rank: usize| {
+        let mut below = 0;
+        counts
+            .iter()
+            .position(|count| {
+                below += count;
+                below > rank
+            })
+            .unwrap_or_default()
+    };
+    PERCENTILES
+        .map(|p| (p, value_at(rank(p, total)) as f64))
+        .to_vec()
+}
+
+impl fmt::Display for Info {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mebibytes = self.memory_bytes as f64 / f64::from(1 << 20);
+        writeln!(f, "{}: {} sweeps of {}", self.name, self.sweeps, self.shape)?;
+        let rate = self.sample_rate_hz;
+        writeln!(
+            f,
+            "  duration     {:.3} s a sweep at {rate} Hz",
+            self.sweep_seconds
+        )?;
+        writeln!(f, "  values       {}, {mebibytes:.1} MiB", self.element)?;
+        write!(f, "  range        {:.4} to {:.4}, ", self.min, self.max)?;
+        writeln!(
+            f,
+            "mean {:.4}, standard deviation {:.4}",
+            self.mean, self.std
+        )?;
+        write!(f, "  percentiles ")?;
+        for (percent, value) in &self.percentiles {
+            write!(f, " {percent}%: {value:.4}")?;
+        }
+        writeln!(f, "\n  zeros        {:.1} %", 100.0 * self.zeros)?;
+        if self.not_finite > 0 {
+            writeln!(f, "  not finite   {}", self.not_finite)?;
+        }
+        match self.blocks {
+            Some(blocks) => writeln!(f, "  blocks       {blocks}")?,
+            None => writeln!(f, "  blocks       not in the file")?,
+        }
+        match self.test_sweeps {
+            Some(test) => writeln!(f, "  test split   {test} sweeps, marked in the file")?,
+            None => writeln!(f, "  test split   not in the file")?,
+        }
+        writeln!(f, "  sha256       {}", self.sha256)?;
+        write!(f, "  materials    {}", self.materials.len())?;
+        let width = self
+            .materials
+            .iter()
+            .map(|m| m.name.chars().count())
+            .max()
+            .unwrap_or(0);
+        for (label, material) in self.materials.iter().enumerate() {
+            write!(
+                f,
+                "\n    {label:>3}  {:width$}  {} sweeps",
+                material.name, material.sweeps
+            )?;
+            if let Some(test) = material.test_sweeps {
+                write!(f, ", {test} for testing")?;
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{LabelSet, SweepRecord};
+
+    fn dataset(samples: Samples) -> Dataset {
+        let shape = SweepShape {
+            steps: samples.len() / 4,
+            rows: 1,
+            cols: 1,
+        };
+        let record = |i: usize| SweepRecord {
+            label: i / 2,
+            sweep: i % 2,
+            block: Some((i % 2) as u32),
+            test: Some(i == 3),
+        };
+        let labels = LabelSet::new(["cork", "denim"]).unwrap();
+        Dataset::new(
+            "t",
+            50.0,
+            shape,
+            labels,
+            (0..4).map(record).collect(),
+            samples,
+        )
+        .unwrap()
+    }
+
+    #[test]
+    fn integers_and_floats_of_the_same_values_give_the_same_numbers() {
+        let digits: Vec<u16> = (0..4000).map(|i| i % 1001).collect();
+        let bytes = info(&dataset(Samples::U16(digits.clone())));
+        let floats = digits.iter().map(|&x| f32::from(x)).collect();
+        let floats = info(&dataset(Samples::F32(floats)));
+        assert_eq!(bytes.percentiles, floats.percentiles);
+        assert_eq!((bytes.min, bytes.max), (0.0, 1000.0));
+        assert_eq!((bytes.mean, bytes.std), (floats.mean, floats.std));
+        assert_eq!(bytes.zeros, 4.0 / 4000.0);
+        assert_eq!(bytes.sweep_seconds, 20.0);
+        assert_eq!((bytes.blocks, bytes.test_sweeps), (Some(4), Some(1)));
+        assert_eq!(bytes.materials[1].test_sweeps, Some(1));
+    }
+
+    #[test]
+    fn values_that_are_not_finite_are_counted_and_left_out() {
+        let info = info(&dataset(Samples::F32(vec![
+            1.0,
+            f32::NAN,
+            3.0,
+            f32::INFINITY,
+        ])));
+        assert_eq!((info.not_finite, info.mean, info.max), (2, 2.0, 3.0));
+        assert!(info.to_string().contains("not finite   2"));
+    }
+}

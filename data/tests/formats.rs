@@ -1,0 +1,547 @@
+//! The file formats on fixtures written by h5py and numpy (`tests/golden/write_read_fixtures.py` and the issue's own).
+
+use proptest::prelude::*;
+use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
+use std::path::{Path, PathBuf};
+use tactnet_data::format::{self, Format, npz, tactmat, ts};
+use tactnet_data::{Dataset, LabelSet, Samples, Severity, SweepRecord, SweepShape, check};
+
+fn tests_dir() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests")
+}
+
+fn fixture(name: &str) -> PathBuf {
+    tests_dir().join("fixtures").join(name)
+}
+
+fn files(folder: &str) -> Vec<PathBuf> {
+    let mut files: Vec<PathBuf> = std::fs::read_dir(fixture(folder))
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .collect();
+    files.retain(|path| path.extension().is_some_and(|e| e == "h5" || e == "npz"));
+    files.sort();
+    files
+}
+
+fn name(path: &Path) -> &str {
+    path.file_name().unwrap().to_str().unwrap()
+}
+
+/// The values behind the header of the `.npy` file, 3 x 4 sweeps of 60 x 4 x 4 digits.
+fn expected_samples() -> Vec<u8> {
+    let file = std::fs::read(fixture("h5/expected_samples_u8.npy")).unwrap();
+    file[file.len() - 3 * 4 * 60 * 16..].to_vec()
+}
+
+fn expected_materials() -> Vec<String> {
+    let text = std::fs::read_to_string(fixture("h5/expected_materials.json")).unwrap();
+    serde_json::from_str(&text).unwrap()
+}
+
+fn names(dataset: &Dataset) -> Vec<String> {
+    dataset.labels().names().map(str::to_owned).collect()
+}
+
+fn hex(bytes: impl AsRef<[u8]>) -> String {
+    bytes
+        .as_ref()
+        .iter()
+        .map(|byte| format!("{byte:02x}"))
+        .collect()
+}
+
+fn f32_bytes(values: impl IntoIterator<Item = f32>) -> Vec<u8> {
+    values.into_iter().flat_map(f32::to_le_bytes).collect()
+}
+
+#[test]
+fn every_good_file_holds_the_expected_values_and_names() {
+    let (mut read, samples) = (0, expected_samples());
+    for path in files("h5").into_iter().chain(files("read")) {
+        let file = name(&path);
+        let special = [
+            "bad_",
+            "values_",
+            "unwritten",
+            "names_",
+            "f64_lzf",
+            "text_labels",
+        ];
+        if special.iter().any(|prefix| file.starts_with(prefix)) {
+            continue;
+        }
+        let dataset = format::read(&path).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(dataset.samples(), &Samples::U8(samples.clone()), "{file}");
+        assert_eq!(names(&dataset), expected_materials(), "{file}");
+        assert_eq!(
+            dataset.shape(),
+            SweepShape {
+                steps: 60,
+                rows: 4,
+                cols: 4
+            },
+            "{file}"
+        );
+        let errors = check(&dataset)
+            .into_iter()
+            .filter(|f| f.severity == Severity::Error)
+            .count();
+        assert_eq!(errors, 0, "{file}");
+        read += 1;
+    }
+    assert_eq!(read, 10 + 7 + 4, "good files that were read");
+}
+
+#[test]
+fn values_of_any_type_narrow_to_the_smallest_that_holds_them() {
+    let digits = expected_samples();
+    let negative = format::read(&fixture("read/values_negative_f32.h5")).unwrap();
+    let expected = digits.iter().map(|&x| f32::from(x) / 8.0 - 3.0).collect();
+    assert_eq!(negative.samples(), &Samples::F32(expected));
+    let wide = format::read(&fixture("read/values_16bit.h5")).unwrap();
+    let expected = digits.iter().map(|&x| u16::from(x) * 200).collect();
+    assert_eq!(wide.samples(), &Samples::U16(expected));
+}
+
+#[test]
+fn chunks_that_were_never_written_hold_the_fill_value() {
+    let dataset = format::read(&fixture("read/unwritten_chunks.h5")).unwrap();
+    let mut expected = expected_samples();
+    let material = 4 * 960;
+    expected[material..2 * material].fill(7);
+    expected[2 * material + 2 * 960..].fill(7);
+    assert_eq!(dataset.samples(), &Samples::U8(expected));
+}
+
+#[test]
+fn names_may_be_any_unicode_text() {
+    let dataset = format::read(&fixture("read/names_utf8.h5")).unwrap();
+    assert_eq!(names(&dataset), ["Möbelstoff", "denim", "绒布"]);
+}
+
+#[test]
+fn blocks_flags_and_rate_are_read_where_they_stand() {
+    for file in ["read/edge_chunks.h5", "read/five_dimensions.npz"] {
+        let dataset = format::read(&fixture(file)).unwrap();
+        let of_denim: Vec<_> = dataset.records()[4..8]
+            .iter()
+            .map(|r| (r.label, r.sweep, r.block, r.test))
+            .collect();
+        let block = |sweep, block, test| (1, sweep, Some(block), Some(test));
+        let expected = [
+            block(0, 2, false),
+            block(1, 2, true),
+            block(2, 3, false),
+            block(3, 3, true),
+        ];
+        assert_eq!(of_denim, expected, "{file}");
+        assert_eq!(dataset.sample_rate_hz(), 100.0);
+    }
+    let booleans = format::read(&fixture("read/fixed_array.h5")).unwrap();
+    assert_eq!(booleans.records()[1].test, Some(true));
+    assert_eq!(
+        (booleans.has_blocks(), booleans.sample_rate_hz()),
+        (false, 2200.0)
+    );
+    let on_samples = format::read(&fixture("read/big_endian_f4_contiguous.h5")).unwrap();
+    assert_eq!(on_samples.sample_rate_hz(), 100.0);
+    let silent = format::read(&fixture("read/btree_v2.h5")).unwrap();
+    assert_eq!(silent.sample_rate_hz(), tactmat::SAMPLE_RATE_HZ);
+}
+
+#[test]
+fn labels_given_as_text_become_materials_in_alphabetical_order() {
+    let dataset = format::read(&fixture("read/text_labels.npz")).unwrap();
+    assert_eq!(names(&dataset), expected_materials());
+    assert_eq!(
+        (dataset.records()[11].label, dataset.records()[11].sweep),
+        (2, 3)
+    );
+}
+
+#[test]
+fn every_bad_file_is_refused_with_file_data_set_expected_and_found() {
+    let cases = [
+        (
+            "h5/bad_materials_count.h5",
+            "data set `materials`: expected 3 names, one per material of `samples`, found 2 names",
+        ),
+        (
+            "h5/bad_nan.h5",
+            "data set `samples`: expected finite numbers, found 1 that are not, the first NaN in `denim` sweep 2 at step 30, taxel (1, 1)",
+        ),
+        (
+            "h5/bad_no_samples.h5",
+            "data set `samples`: expected to be in the file, found only `materials`",
+        ),
+        (
+            "h5/bad_not_hdf5.h5",
+            "HDF5 file with data set `samples`: expected the signature of HDF5, found 22 other bytes",
+        ),
+        (
+            "h5/bad_rank3.h5",
+            "data set `samples`: expected 5 dimensions [materials][sweeps][steps][rows][cols], found 3 dimensions [60, 4, 4]",
+        ),
+        (
+            "h5/bad_truncated.h5",
+            "HDF5 file with data set `samples`: expected 14189 bytes, as its header says, found 9459 bytes: the file is cut short",
+        ),
+        (
+            "h5/f64_lzf_fixed.h5",
+            "data set `samples`: expected no filter, or gzip, shuffle, fletcher32, szip, nbit or scale-offset, found the filter LZF (filter 32000); rewrite the file with gzip",
+        ),
+        (
+            "read/bad_beyond_f32.h5",
+            "data set `samples`: expected values that a 32-bit float holds, found 16777217",
+        ),
+        (
+            "read/bad_blocks_shape.h5",
+            "data set `blocks`: expected shape [3, 4], materials by sweeps, found shape [2, 4]",
+        ),
+        (
+            "read/bad_flag_2.h5",
+            "data set `test_flag`: expected 0 or 1, found 2",
+        ),
+        (
+            "read/bad_float16.h5",
+            "data set `samples`: expected integers of 8, 16, 32 or 64 bits or floats of 32 or 64 bits, found f16",
+        ),
+        (
+            "read/bad_infinite.h5",
+            "data set `samples`: expected finite numbers, found 1 that are not, the first inf in `denim` sweep 1 at step 12, taxel (2, 0)",
+        ),
+        (
+            "read/bad_materials_are_numbers.h5",
+            "data set `materials`: expected strings, found i64",
+        ),
+        (
+            "read/bad_rate.h5",
+            "attribute `sample_rate_hz`: expected a positive number of Hz, found -1",
+        ),
+        (
+            "read/bad_same_names.h5",
+            "data set `materials`: expected distinct names, found `cork` at labels 0 and 2",
+        ),
+        (
+            "read/bad_samples_are_text.h5",
+            "data set `samples`: expected integers of 8, 16, 32 or 64 bits or floats of 32 or 64 bits, found strings",
+        ),
+        (
+            "read/bad_samples_is_a_group.h5",
+            "data set `samples`: expected to be in the file, found only `materials`",
+        ),
+        (
+            "read/bad_complex.npz",
+            "array `samples`: expected numbers or text saved without pickle, found values of type `<c8`",
+        ),
+        (
+            "read/bad_label_range.npz",
+            "array `labels`: expected indices of the 3 materials, found 3",
+        ),
+        (
+            "read/bad_nan.npz",
+            "data set `samples`: expected finite numbers, found 1 that are not, the first NaN in `denim` sweep 2 at step 59, taxel (1, 3)",
+        ),
+        (
+            "read/bad_no_samples.npz",
+            "array `samples`: expected to be in the archive, found only `x` [60, 4, 4]",
+        ),
+        (
+            "read/bad_pickled.npz",
+            "array `materials`: expected numbers or text saved without pickle, found Python objects (pickled)",
+        ),
+        (
+            "read/bad_rank3.npz",
+            "array `samples`: expected 5 dimensions [materials][sweeps][steps][rows][cols] or 4 [n][steps][rows][cols], found 3 dimensions [60, 4, 4]",
+        ),
+    ];
+    for (file, message) in cases {
+        let path = fixture(file);
+        let error = format::read(&path)
+            .err()
+            .unwrap_or_else(|| panic!("{file} was read"));
+        assert_eq!(error.to_string(), format!("{}: {message}", path.display()));
+    }
+    let bad = files("h5")
+        .into_iter()
+        .chain(files("read"))
+        .filter(|p| name(p).starts_with("bad_"));
+    assert_eq!(
+        bad.count() + 1,
+        cases.len(),
+        "bad files, and the LZF file, that are tested"
+    );
+}
+
+#[test]
+fn a_check_may_read_what_training_refuses() {
+    for file in ["h5/bad_nan.h5", "read/bad_nan.npz", "read/bad_infinite.h5"] {
+        let dataset = format::read_with_gaps(&fixture(file)).unwrap();
+        let findings = check(&dataset);
+        assert_eq!(findings[0].severity, Severity::Error, "{file}");
+        assert!(
+            findings[0]
+                .at
+                .sweep
+                .is_some_and(|sweep| (4..8).contains(&sweep)),
+            "{file}"
+        );
+    }
+}
+
+#[test]
+fn files_of_another_kind_are_refused_by_what_they_are() {
+    let dir = tempfile::tempdir().unwrap();
+    let refusal = |name: &str, content: &[u8]| {
+        let path = dir.path().join(name);
+        std::fs::write(&path, content).unwrap();
+        format::read(&path).unwrap_err().to_string()
+    };
+    assert!(refusal("a.csv", b"1,2,3").ends_with("found a file that begins with `1,2,3`"));
+    assert!(refusal("a.dat", b"").ends_with("found an empty file"));
+    assert!(refusal("a.npz", b"").contains("expected a zip archive"));
+    assert!(refusal("a.npy", b"\x93NUMPY\x01\x00").contains("numpy.savez"));
+    let missing = format::read(&dir.path().join("none.h5"))
+        .unwrap_err()
+        .to_string();
+    assert!(missing.contains("none.h5: cannot open"), "{missing}");
+    let odd = Format::from_extension(Path::new("a.csv"))
+        .unwrap_err()
+        .to_string();
+    assert_eq!(
+        odd,
+        "a.csv: file name: expected the extension .h5, .hdf5, .npz or .ts, found .csv"
+    );
+}
+
+fn is_same(a: &Dataset, b: &Dataset) -> bool {
+    a.sha256() == b.sha256() && a.records() == b.records() && a.samples() == b.samples()
+}
+
+#[test]
+fn what_is_written_reads_back_as_it_was() {
+    let dir = tempfile::tempdir().unwrap();
+    for file in [
+        "edge_chunks.h5",
+        "values_16bit.h5",
+        "values_negative_f32.h5",
+        "names_utf8.h5",
+    ] {
+        let dataset = format::read(&fixture("read").join(file)).unwrap();
+        for target in ["copy.h5", "copy.npz"] {
+            let path = dir.path().join(target);
+            Format::from_extension(&path)
+                .unwrap()
+                .write(&path, &dataset)
+                .unwrap();
+            assert!(
+                is_same(&format::read(&path).unwrap(), &dataset),
+                "{file} as {target}"
+            );
+        }
+    }
+    let left: Vec<_> = std::fs::read_dir(dir.path()).unwrap().collect();
+    assert_eq!(left.len(), 2, "no part of a file stays: {left:?}");
+}
+
+fn unbalanced() -> Dataset {
+    let shape = SweepShape {
+        steps: 2,
+        rows: 1,
+        cols: 1,
+    };
+    let records = [(1, 0), (0, 0), (1, 1)].map(|(label, sweep)| SweepRecord {
+        label,
+        sweep,
+        block: None,
+        test: None,
+    });
+    let labels = LabelSet::new(["a b", "A:b?"]).unwrap();
+    Dataset::new(
+        "t",
+        10.0,
+        shape,
+        labels,
+        records.into(),
+        Samples::U8(vec![1, 2, 3, 4, 5, 6]),
+    )
+    .unwrap()
+}
+
+#[test]
+fn unequal_numbers_of_sweeps_fit_npz_but_not_hdf5() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("t.npz");
+    npz::write(&path, &unbalanced()).unwrap();
+    assert!(is_same(&npz::read(&path).unwrap(), &unbalanced()));
+    let path = dir.path().join("t.h5");
+    let error = tactmat::write(&path, &unbalanced())
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.ends_with("data set `samples`: expected as many sweeps of every material as of `a b`, 1, found 2 of `A:b?`"),
+        "{error}"
+    );
+    assert!(!path.exists());
+}
+
+#[test]
+fn class_labels_that_collide_or_values_without_a_number_do_not_become_a_ts_file() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("t.ts");
+    let gaps = format::read_with_gaps(&fixture("h5/bad_nan.h5")).unwrap();
+    let error = ts::write(&path, &gaps).unwrap_err().to_string();
+    assert!(
+        error.contains("found NaN in `denim` sweep 2 at step 30"),
+        "{error}"
+    );
+    let twice = Dataset::new(
+        "t",
+        10.0,
+        unbalanced().shape(),
+        LabelSet::new(["a b", "A:b"]).unwrap(),
+        unbalanced().records().to_vec(),
+        unbalanced().samples().clone(),
+    );
+    let error = ts::write(&path, &twice.unwrap()).unwrap_err().to_string();
+    assert!(error.contains("two that both become `a_b`"), "{error}");
+}
+
+#[test]
+fn a_failed_write_leaves_the_old_file_alone() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("missing folder").join("t.h5");
+    let dataset = format::read(&fixture("h5/u8_gzip_fixed.h5")).unwrap();
+    let error = tactmat::write(&path, &dataset).unwrap_err().to_string();
+    assert!(error.contains("cannot write"), "{error}");
+}
+
+/// What a script of `tests/golden` found in the file that `dataset` is written to; panics if the file is another now.
+fn found_by(script: &str, dataset: &Dataset, target: &str) -> Value {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join(target);
+    Format::from_extension(&path)
+        .unwrap()
+        .write(&path, dataset)
+        .unwrap();
+    let golden = std::fs::read_to_string(tests_dir().join("golden").join(script)).unwrap();
+    let golden: Value = serde_json::from_str(&golden).unwrap();
+    let written = hex(Sha256::digest(std::fs::read(&path).unwrap()));
+    assert_eq!(
+        golden["file_sha256"], written,
+        "the file has changed: run tests/golden/{script}'s script"
+    );
+    golden["read"].clone()
+}
+
+fn read_by_python(dataset: &Dataset, compression: Option<&str>) -> Value {
+    let records = dataset.records();
+    let table = |value: &dyn Fn(&SweepRecord) -> u32| -> Vec<Vec<u32>> {
+        records
+            .chunks(4)
+            .map(|material| material.iter().map(value).collect())
+            .collect()
+    };
+    let mut expected = json!({
+        "shape": [3, 4, 60, 4, 4],
+        "type": "uint8",
+        "samples_sha256": hex(Sha256::digest(expected_samples())),
+        "materials": expected_materials(),
+        "blocks": table(&|r| r.block.unwrap()),
+        "test_flag": table(&|r| u32::from(r.test.unwrap())),
+        "sample_rate_hz": 100.0,
+    });
+    if let Some(compression) = compression {
+        expected["compression"] = compression.into();
+    }
+    expected
+}
+
+#[test]
+fn h5py_reads_what_is_written() {
+    let dataset = format::read(&fixture("read/edge_chunks.h5")).unwrap();
+    let found = found_by("read_h5_with_h5py.json", &dataset, "t.h5");
+    assert_eq!(found, read_by_python(&dataset, Some("gzip")));
+}
+
+#[test]
+fn numpy_reads_what_is_written() {
+    let dataset = format::read(&fixture("read/edge_chunks.h5")).unwrap();
+    let found = found_by("read_npz_with_numpy.json", &dataset, "t.npz");
+    assert_eq!(found, read_by_python(&dataset, None));
+}
+
+#[test]
+fn aeon_reads_what_is_written() {
+    let dataset = format::read(&fixture("read/values_negative_f32.h5")).unwrap();
+    let found = found_by("read_ts_with_aeon.json", &dataset, "t.ts");
+    let mut values = Vec::new();
+    for index in 0..dataset.len() {
+        let sweep = dataset.sweep(index);
+        for taxel in 0..16 {
+            values.extend(f32_bytes(sweep.iter().skip(taxel).step_by(16).copied()));
+        }
+    }
+    let labels: Vec<String> = dataset
+        .records()
+        .iter()
+        .map(|record| ts::class_label(dataset.labels().name(record.label)))
+        .collect();
+    let expected = json!({
+        "shape": [12, 16, 60],
+        "values_sha256": hex(Sha256::digest(values)),
+        "exact": true,
+        "labels": labels,
+        "class_values": ["cork", "denim", "spun_fleece"],
+        "univariate": false,
+        "missing": false,
+    });
+    assert_eq!(found, expected);
+}
+
+/// A file and damage to it: where it is cut, and bytes that are changed (mostly in the first 3 kB, where the structure is).
+fn damaged() -> impl Strategy<
+    Value = (
+        usize,
+        Option<prop::sample::Index>,
+        Vec<(prop::sample::Index, bool, u8)>,
+    ),
+> {
+    let place = (
+        any::<prop::sample::Index>(),
+        prop::bool::weighted(0.8),
+        any::<u8>(),
+    );
+    (
+        any::<usize>(),
+        prop::option::weighted(0.2, any::<prop::sample::Index>()),
+        prop::collection::vec(place, 0..8),
+    )
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 1500, max_shrink_iters: 200, ..ProptestConfig::default() })]
+
+    #[test]
+    fn damaged_files_give_an_error_or_a_data_set_but_never_a_panic((file, cut, changes) in damaged()) {
+        let files: Vec<PathBuf> = files("h5").into_iter().chain(files("read")).collect();
+        let path = &files[file % files.len()];
+        let mut bytes = std::fs::read(path).unwrap();
+        for (place, in_front, value) in changes {
+            let range = if in_front { bytes.len().min(3000) } else { bytes.len() };
+            bytes[place.index(range)] = value;
+        }
+        if let Some(cut) = cut {
+            bytes.truncate(cut.index(bytes.len()));
+        }
+        let dir = tempfile::tempdir().unwrap();
+        let damaged = dir.path().join(name(path));
+        std::fs::write(&damaged, bytes).unwrap();
+        match format::read_with_gaps(&damaged) {
+            Ok(dataset) => { check(&dataset); }
+            Err(error) => prop_assert!(error.to_string().contains(name(path)), "{}", error),
+        }
+    }
+}

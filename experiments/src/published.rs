@@ -1,0 +1,64 @@
+//! Accuracies published for TactMat, as data.
+
+use tactnet_pipeline::{PredictionMethod, Recipe, TrainingMethod};
+
+/// One row: accuracy in percent, mean and standard deviation over 2 x 5 folds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PublishedAccuracy {
+    /// Who or what classified.
+    pub classifier: &'static str,
+    /// One sweep: mean and standard deviation, %.
+    pub one_sweep: (f64, Option<f64>),
+    /// Three sweeps: mean and standard deviation, %.
+    pub three_sweeps: (f64, Option<f64>),
+}
+
+/// Table 4.2 of Bäuml's thesis (the same numbers as Tulbure & Bäuml, Humanoids 2018), and the human subjects of
+/// section 4.5.2.
+pub const PUBLISHED: [PublishedAccuracy; 4] = [
+    PublishedAccuracy {
+        classifier: "base network",
+        one_sweep: (85.5, Some(1.5)),
+        three_sweeps: (94.3, Some(1.5)),
+    },
+    PublishedAccuracy {
+        classifier: "adversarial",
+        one_sweep: (86.1, Some(1.1)),
+        three_sweeps: (94.5, Some(1.4)),
+    },
+    PublishedAccuracy {
+        classifier: "TactNet-II (adversarial + MC dropout)",
+        one_sweep: (86.3, Some(1.2)),
+        three_sweeps: (95.0, Some(0.9)),
+    },
+    PublishedAccuracy {
+        classifier: "human, 15 subjects",
+        one_sweep: (33.9, None),
+        three_sweeps: (38.4, None),
+    },
+];
+
+/// The published row whose training and prediction match `recipe`'s; a base network predicted with MC dropout was not
+/// published.
+pub fn published_for(recipe: &Recipe) -> Option<&'static PublishedAccuracy> {
+    let row = match (recipe.training.method, recipe.prediction.method) {
+        (TrainingMethod::Base, PredictionMethod::Plain) => 0,
+        (TrainingMethod::Adversarial { .. }, PredictionMethod::Plain) => 1,
+        (TrainingMethod::Adversarial { .. }, PredictionMethod::McDropout { .. }) => 2,
+        (TrainingMethod::Base, PredictionMethod::McDropout { .. }) => return None,
+    };
+    Some(&PUBLISHED[row])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_thesis_recipe_is_set_beside_tactnet_ii() {
+        let thesis = Recipe::load("thesis").unwrap();
+        let row = published_for(&thesis).unwrap();
+        assert_eq!((row.one_sweep.0, row.three_sweeps.0), (86.3, 95.0));
+        assert_eq!(published_for(&Recipe::load("quick").unwrap()), None);
+    }
+}

@@ -1,0 +1,8 @@
+//! The realtime side: single frames in, whole sweeps out.
+//!
+//! Pure logic, no clock and no thread: a [`SweepWindow`] is pushed one [`tactnet_data::Frame`] at a time and neither
+//! allocates nor blocks after it was made.
+
+mod window;
+
+pub use window::{Push, SweepWindow, WindowConfig, WindowError};

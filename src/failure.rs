@@ -1,0 +1,62 @@
+//! Errors become one line and an exit code: 1 for a run that failed, 2 for something to correct in the call.
+
+use std::process::ExitCode;
+
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+use tactnet_pipeline::PipelineError;
+
+/// Exit code of a failed check or a run that broke.
+pub const FAILED: u8 = 1;
+/// Exit code of a call that must be corrected.
+pub const USAGE: u8 = 2;
+/// Exit code after Ctrl-C or SIGTERM, as shells expect.
+pub const INTERRUPTED: u8 = 130;
+
+/// Prints help as asked, or a wrong flag as one line.
+pub fn usage(error: &clap::Error) -> ExitCode {
+    match error.kind() {
+        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
+            let _ = error.print();
+            return ExitCode::SUCCESS;
+        }
+        ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
+            let _ = error.print();
+            return ExitCode::from(USAGE);
+        }
+        _ => {}
+    }
+    let text = error.render().to_string();
+    let mut line: Vec<&str> = Vec::new();
+    for part in text.lines().map(str::trim).filter(|part| !part.is_empty()) {
+        if part.starts_with("Usage:") || part.starts_with("For more information") {
+            break;
+        }
+        line.push(part);
+    }
+    let verb = match error.get(ContextKind::Usage) {
+        Some(ContextValue::StyledStr(usage)) => verb_of(&usage.to_string()),
+        _ => "tactnet".into(),
+    };
+    eprintln!("{}; see `{verb} --help`", line.join("; "));
+    ExitCode::from(USAGE)
+}
+
+/// `tactnet data check` of `Usage: tactnet data check [OPTIONS] <FILE>`.
+fn verb_of(usage: &str) -> String {
+    usage
+        .split_whitespace()
+        .skip_while(|word| *word != "tactnet")
+        .take_while(|word| word.chars().all(|c| c.is_ascii_lowercase()))
+        .collect::<Vec<_>>()
+        .join(" ")
+}
+
+/// Prints an error as one line.
+pub fn report(error: &anyhow::Error) -> ExitCode {
+    eprintln!("error: {}", format!("{error:#}").replace('\n', " "));
+    ExitCode::from(match error.downcast_ref::<PipelineError>() {
+        Some(PipelineError::NotFinite { .. } | PipelineError::Optimizer(_)) => FAILED,
+        Some(PipelineError::Io { action: "write", .. }) => FAILED,
+        _ => USAGE,
+    })
+}

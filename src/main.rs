@@ -1,0 +1,61 @@
+//! The `tactnet` command line: one verb a subcommand, results on stdout, everything else on stderr.
+
+mod data;
+mod eval;
+mod failure;
+mod report;
+mod source;
+mod stop;
+mod train;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// The commit this binary was built from.
+const GIT: &str = env!("TACTNET_GIT");
+
+/// Tactile material classification: which material did the fingertip sweep over, and how sure is that?
+#[derive(Parser)]
+#[command(
+    name = "tactnet",
+    version,
+    disable_help_subcommand = true,
+    after_help = "Examples:\n  \
+        tactnet train                                train on the synthetic TactMat twin\n  \
+        tactnet train --data sweeps.h5               train on recorded sweeps\n  \
+        tactnet eval runs/twin-quick-1               judge a trained classifier again\n  \
+        tactnet data info sweeps.h5                  look at a data set\n\n\
+        `tactnet COMMAND --help` says more about each command."
+)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Train a classifier and judge it on sweeps it has never seen
+    Train(train::TrainArgs),
+    /// Judge a trained classifier
+    Eval(eval::EvalArgs),
+    /// Look at, check, make, convert and fetch data sets
+    #[command(subcommand)]
+    Data(data::DataCommand),
+}
+
+fn main() -> ExitCode {
+    tracing_subscriber::fmt()
+        .with_env_filter(tracing_subscriber::EnvFilter::from_default_env())
+        .with_writer(std::io::stderr)
+        .init();
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => return failure::usage(&error),
+    };
+    let outcome = match cli.command {
+        Command::Train(arguments) => train::run(arguments),
+        Command::Eval(arguments) => eval::run(arguments),
+        Command::Data(command) => data::run(command),
+    };
+    outcome.unwrap_or_else(|error| failure::report(&error))
+}

@@ -1,0 +1,31 @@
+//! Ctrl-C and SIGTERM: the first asks to stop after the current batch, the second ends the process.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use anyhow::Context;
+
+/// Whether somebody asked to stop.
+#[derive(Clone)]
+pub struct Stop(Arc<AtomicBool>);
+
+impl Stop {
+    /// Starts to listen.
+    pub fn listen() -> anyhow::Result<Self> {
+        let asked = Arc::new(AtomicBool::new(false));
+        let flag = Arc::clone(&asked);
+        ctrlc::set_handler(move || {
+            if flag.swap(true, Ordering::SeqCst) {
+                std::process::exit(i32::from(crate::failure::INTERRUPTED));
+            }
+            eprintln!("\nstopping after this batch; once more to stop at once");
+        })
+        .context("cannot listen for Ctrl-C")?;
+        Ok(Self(asked))
+    }
+
+    /// Whether to stop.
+    pub fn asked(&self) -> bool {
+        self.0.load(Ordering::SeqCst)
+    }
+}

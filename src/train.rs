@@ -1,0 +1,430 @@
+//! `tactnet train`: from sweeps to a trained, judged classifier in a run directory.
+
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail};
+use clap::{Args, ValueEnum};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use sha2::{Digest, Sha256};
+use tactnet_data::{Dataset, Fold, Scheme, Seed, Severity, TrainSplit, check};
+use tactnet_models::Compute;
+use tactnet_pipeline::{
+    BatchReport, Classifier, ClassifierConfig, EpochMetrics, Evaluation, Normalizer,
+    PredictionMethod, PredictionSource, Provenance, Recipe, RunConfig, RunDir, RunResult, Training,
+    describe_split, peak_rss_mib,
+};
+
+use crate::stop::Stop;
+use crate::{GIT, failure, report, source};
+
+/// Every epoch is saved at its end, and a long one also this often.
+const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
+
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    tactnet train                                        the twin, a few epochs\n  \
+    tactnet train --recipe thesis --out runs/thesis      TactNet-II as published\n  \
+    tactnet train --data sweeps.h5 --fold 3 --seed 7     the fourth of five folds\n  \
+    tactnet train --resume runs/thesis                   go on after Ctrl-C or a crash\n\n\
+    Without --fold the file's own `test_flag` decides what is tested, where it has one; else fold 0 of 5.")]
+pub struct TrainArgs {
+    /// A data set (.h5, .npz), or `twin`
+    #[arg(long, value_name = "FILE|twin", default_value = source::TWIN)]
+    data: String,
+    /// A built-in recipe (quick, thesis) or a TOML file
+    #[arg(long, value_name = "NAME|FILE", default_value = "quick")]
+    recipe: String,
+    /// How to split into training and test sweeps [default: the file's test flag, else k-fold]
+    #[arg(long, value_enum)]
+    split: Option<SplitChoice>,
+    /// Fold to test on, counted from 0 [default: 0]
+    #[arg(long, value_name = "K")]
+    fold: Option<usize>,
+    /// Run of the cross-validation, counted from 0; every run deals its folds anew
+    #[arg(long, value_name = "R", default_value_t = 0)]
+    run: usize,
+    /// Folder for the run [default: runs/DATA-RECIPE-SEED, numbered on if taken]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Decides every random choice: folds, weights, order, dropout
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Train this many epochs instead of the recipe's
+    #[arg(long, value_name = "N")]
+    epochs: Option<usize>,
+    /// Where to compute
+    #[arg(long, value_enum, default_value_t)]
+    device: DeviceChoice,
+    /// Continue an interrupted run with its own settings
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["data", "recipe", "split", "fold", "run", "out", "seed", "epochs", "device"])]
+    resume: Option<PathBuf>,
+    /// Print result.json instead of a table
+    #[arg(long)]
+    json: bool,
+}
+
+/// How to split.
+#[derive(Clone, Copy, ValueEnum)]
+enum SplitChoice {
+    /// Stratified 5-fold cross-validation, 2 runs
+    KFold,
+    /// The file's own test sweeps
+    TestFlag,
+    /// Fold k tests on the k-th recording block of every material
+    LeaveBlockOut,
+}
+
+/// Where to compute.
+#[derive(Clone, Copy, Default, ValueEnum)]
+pub enum DeviceChoice {
+    /// The processor
+    #[default]
+    Cpu,
+    /// A GPU with a Vulkan driver (needs a build with `--features vulkan`)
+    Vulkan,
+    /// An NVIDIA GPU (needs a build with `--features cuda`)
+    Cuda,
+}
+
+impl DeviceChoice {
+    /// The device of the models crate.
+    pub fn compute(self) -> Compute {
+        match self {
+            Self::Cpu => Compute::Cpu,
+            Self::Vulkan => Compute::Vulkan,
+            Self::Cuda => Compute::Cuda,
+        }
+    }
+}
+
+/// Runs the command.
+pub fn run(arguments: TrainArgs) -> anyhow::Result<ExitCode> {
+    let stop = Stop::listen()?;
+    let json = arguments.json;
+    let (dataset, run) = match &arguments.resume {
+        Some(path) => reopen(path)?,
+        None => prepare(&arguments)?,
+    };
+    if let Some(result) = run.result()? {
+        eprintln!("{}: this run has ended already", run.path().display());
+        return report::print_result(&run, &result, json);
+    }
+    let config = run.config()?;
+    let manifest = run.split()?;
+    let fold = manifest.fold(&dataset)?;
+
+    let Some((training_seconds, device)) = train_epochs(&run, &config, &fold.train, &stop)? else {
+        eprintln!(
+            "stopped; continue with `tactnet train --resume {}`",
+            run.path().display()
+        );
+        return Ok(ExitCode::from(failure::INTERRUPTED));
+    };
+    let weights = run.weights()?;
+    let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
+    let result = judge(&run, &config, &classifier, &fold, &dataset, training_seconds)?;
+    report::print_result(&run, &result, json)
+}
+
+/// Loads data and recipe, checks both, and writes everything known before training.
+fn prepare(arguments: &TrainArgs) -> anyhow::Result<(Dataset, RunDir)> {
+    let mut recipe = Recipe::load(&arguments.recipe)?;
+    if let Some(epochs) = arguments.epochs {
+        recipe.training.epochs = epochs;
+        recipe = Recipe::parse("--epochs", &recipe.to_toml())?;
+    }
+    let compute = arguments.device.compute();
+    compute.open()?;
+    let dataset = source::load(&arguments.data)?;
+    refuse_errors(&dataset, &arguments.data)?;
+    let seed = Seed(arguments.seed);
+    let scheme = match (arguments.split, arguments.fold) {
+        (Some(SplitChoice::KFold), _) | (None, Some(_)) => Scheme::default(),
+        (Some(SplitChoice::TestFlag), _) => Scheme::TestFlag,
+        (Some(SplitChoice::LeaveBlockOut), _) => Scheme::LeaveBlockOut,
+        (None, None) => Scheme::default_for(&dataset),
+    };
+    let fold = Fold::new(&dataset, scheme, seed, arguments.run, arguments.fold.unwrap_or(0))?;
+    let classifier = ClassifierConfig {
+        network: recipe.network.clone(),
+        prediction: recipe.prediction.clone(),
+        normalizer: Normalizer::fit(recipe.input.scaling, &fold.train),
+        labels: dataset.labels().clone(),
+        shape: dataset.shape(),
+        sample_rate_hz: dataset.sample_rate_hz(),
+        seed,
+    };
+    classifier.network_config()?;
+    let config = RunConfig {
+        schema_version: RunConfig::SCHEMA_VERSION,
+        data: arguments.data.clone(),
+        data_sha256: dataset.sha256().into(),
+        seed,
+        compute,
+        recipe,
+        classifier,
+    };
+    let out = match &arguments.out {
+        Some(out) => out.clone(),
+        None => free_folder(dataset.name(), &config),
+    };
+    let provenance = Provenance::of_this_process(env!("CARGO_PKG_VERSION"), GIT);
+    let run = RunDir::create(&out, &config, &fold.manifest(), &provenance)?;
+    Ok((dataset, run))
+}
+
+/// `runs/DATA-RECIPE-SEED`, or the first `…-2`, `…-3` that is free.
+fn free_folder(dataset: &str, config: &RunConfig) -> PathBuf {
+    let name: String = format!("{dataset}-{}-{}", config.recipe.name, config.seed.0)
+        .chars()
+        .map(|c| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' })
+        .collect();
+    let numbered = |number: usize| match number {
+        1 => Path::new("runs").join(&name),
+        _ => Path::new("runs").join(format!("{name}-{number}")),
+    };
+    let mut number = 1;
+    while numbered(number).exists() {
+        number += 1;
+    }
+    numbered(number)
+}
+
+fn refuse_errors(dataset: &Dataset, data: &str) -> anyhow::Result<()> {
+    let findings = check(dataset);
+    let errors: Vec<_> =
+        findings.iter().filter(|finding| finding.severity == Severity::Error).collect();
+    if let Some(first) = errors.first() {
+        bail!(
+            "{data}: the data set has {} errors, the first: {}; `tactnet data check {data}` lists all",
+            errors.len(),
+            first.message
+        );
+    }
+    Ok(())
+}
+
+/// Opens a run to go on with, and its data set, which must be the same as before.
+fn reopen(path: &Path) -> anyhow::Result<(Dataset, RunDir)> {
+    let run = RunDir::open(path)?;
+    let config = run.config()?;
+    let dataset = source::load(&config.data)?;
+    if dataset.sha256() != config.data_sha256 {
+        bail!(
+            "{}: the data set has changed since the run began: expected SHA-256 {}, found {}",
+            config.data,
+            config.data_sha256,
+            dataset.sha256()
+        );
+    }
+    Ok((dataset, run))
+}
+
+/// The training loop. `None` when somebody asked to stop; the run can then be resumed.
+fn train_epochs(
+    run: &RunDir,
+    config: &RunConfig,
+    train: &TrainSplit<'_>,
+    stop: &Stop,
+) -> anyhow::Result<Option<(f64, tactnet_pipeline::Device)>> {
+    let device = config.compute.open()?;
+    let network = config.classifier.network_config()?;
+    let normalizer = &config.classifier.normalizer;
+    let mut training =
+        Training::start(&config.recipe, train, normalizer, &network, config.seed, &device)?;
+    let mut seconds = 0.0;
+    if let Some((state, spent)) = run.checkpoint()? {
+        training = training.resume(state)?;
+        seconds = spent;
+    }
+    let mut metrics = run.metrics_before(training.position().epoch + 1)?;
+    let mut epoch_seconds = 0.0;
+    let mut saved = Instant::now();
+    let progress = Progress::new(&training, config.recipe.training.epochs);
+
+    loop {
+        let begun = Instant::now();
+        let Some(batch) = training.step()? else { break };
+        let spent = begun.elapsed().as_secs_f64();
+        seconds += spent;
+        epoch_seconds += spent;
+        progress.show(&batch, config.recipe.training.epochs);
+        if batch.ends_epoch() {
+            metrics.push(EpochMetrics {
+                epoch: batch.epoch + 1,
+                train_loss: batch.mean_loss,
+                train_accuracy: batch.accuracy,
+                learning_rate: batch.learning_rate,
+                seconds: epoch_seconds,
+            });
+            run.write_metrics(&metrics)?;
+            epoch_seconds = 0.0;
+        }
+        if batch.ends_epoch() || stop.asked() || saved.elapsed() >= CHECKPOINT_EVERY {
+            run.write_checkpoint(&training.state()?, seconds)?;
+            saved = Instant::now();
+        }
+        if stop.asked() {
+            return Ok(None);
+        }
+    }
+    progress.end();
+    let state = training.state()?;
+    run.write_checkpoint(&state, seconds)?;
+    let metadata = [("format".to_string(), "tactnet weights 1".to_string())].into();
+    run.write("weights.safetensors", &state.weights.to_safetensors(metadata)?)?;
+    Ok(Some((seconds, device)))
+}
+
+/// Predicts the test sweeps every way there is and writes what was found.
+fn judge(
+    run: &RunDir,
+    config: &RunConfig,
+    classifier: &Classifier,
+    fold: &Fold<'_>,
+    dataset: &Dataset,
+    train_seconds: f64,
+) -> anyhow::Result<RunResult> {
+    let recipe = &config.recipe;
+    let own = recipe.prediction.method;
+    let runs = match own {
+        PredictionMethod::McDropout { runs } => runs,
+        PredictionMethod::Plain => 100,
+    };
+    let mut evaluations = std::collections::BTreeMap::new();
+    let command = command_line(config, fold);
+    for (name, method) in
+        [("plain", PredictionMethod::Plain), ("mc_dropout", PredictionMethod::McDropout { runs })]
+    {
+        eprintln!("predicting {} test sweeps ({name}) …", fold.test.len());
+        let begun = Instant::now();
+        let predictions = classifier.predict(&fold.test, method)?;
+        if method == own {
+            let tsml = predictions.to_tsml(&PredictionSource {
+                dataset: dataset.name(),
+                classifier: &recipe.name,
+                resample: fold.run() * 1000 + fold.fold(),
+                parameters: &command,
+                train_millis: (train_seconds * 1e3) as u64,
+                test_millis: begun.elapsed().as_millis() as u64,
+            });
+            run.write("predictions_test.csv", tsml.as_bytes())?;
+            let title = format!("{}: {} ({name})", dataset.name(), recipe.name);
+            run.write("confusion.svg", predictions.confusion_svg(&title).as_bytes())?;
+        }
+        evaluations.insert(name.to_string(), Evaluation::of(&predictions, 3, config.seed));
+    }
+    let chosen = match own {
+        PredictionMethod::Plain => &evaluations["plain"],
+        PredictionMethod::McDropout { .. } => &evaluations["mc_dropout"],
+    };
+    let manifest = fold.manifest();
+    let result = RunResult {
+        schema_version: RunResult::SCHEMA_VERSION,
+        data: dataset.name().into(),
+        data_sha256: dataset.sha256().into(),
+        git: GIT.into(),
+        provenance: Provenance::of_this_process(env!("CARGO_PKG_VERSION"), GIT),
+        command,
+        seed: config.seed,
+        recipe: recipe.name.clone(),
+        recipe_sha256: hex(&Sha256::digest(recipe.to_toml())),
+        split_sha256: manifest.sha256.clone(),
+        split: describe_split(&manifest),
+        run: fold.run(),
+        fold: fold.fold(),
+        n_train: fold.train.len(),
+        n_test: fold.test.len(),
+        epochs: recipe.training.epochs,
+        accuracy_one_sweep: chosen.one_sweep,
+        accuracy_three_sweeps: chosen.fused.map(|fused| fused.bayes),
+        evaluations,
+        train_seconds,
+        seconds_per_epoch: train_seconds / recipe.training.epochs as f64,
+        peak_rss_mib: peak_rss_mib(),
+    };
+    run.write_json("result.json", &result).context("cannot write the result")?;
+    Ok(result)
+}
+
+/// The call that leads to the same result, with the data set's file name only.
+fn command_line(config: &RunConfig, fold: &Fold<'_>) -> String {
+    let data = Path::new(&config.data)
+        .file_name()
+        .map_or_else(|| config.data.clone(), |name| name.to_string_lossy().into_owned());
+    let split = match fold.scheme() {
+        Scheme::TestFlag => "test-flag",
+        Scheme::LeaveBlockOut => "leave-block-out",
+        Scheme::StratifiedKFold { .. } => "k-fold",
+    };
+    format!(
+        "tactnet train --data {data} --recipe {} --epochs {} --split {split} --run {} --fold {} --seed {}",
+        config.recipe.name,
+        config.recipe.training.epochs,
+        fold.run(),
+        fold.fold(),
+        config.seed.0
+    )
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// A bar on a terminal, a line per epoch elsewhere.
+struct Progress {
+    bar: Option<ProgressBar>,
+    begun: Instant,
+    batches_before: usize,
+}
+
+impl Progress {
+    fn new(training: &Training<'_>, epochs: usize) -> Self {
+        let batches = training.batches();
+        let batches_before = training.position().epoch * batches + training.position().batch;
+        let bar = std::io::stderr().is_terminal().then(|| {
+            let total = (epochs * batches) as u64;
+            let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr());
+            if let Ok(style) = ProgressStyle::with_template(
+                "{msg} [{bar:30}] {percent:>3} %, {elapsed} gone, {eta} to go",
+            ) {
+                bar.set_style(style.progress_chars("=> "));
+            }
+            bar.set_position(batches_before as u64);
+            bar.reset_eta();
+            bar
+        });
+        Self { bar, begun: Instant::now(), batches_before }
+    }
+
+    fn show(&self, batch: &BatchReport, epochs: usize) {
+        let text = format!(
+            "epoch {}/{epochs}: loss {:.3}, accuracy {:.1} %",
+            batch.epoch + 1,
+            batch.mean_loss,
+            100.0 * batch.accuracy
+        );
+        match &self.bar {
+            Some(bar) => {
+                bar.set_message(text);
+                bar.inc(1);
+            }
+            None if batch.ends_epoch() => {
+                let done = (batch.epoch + 1) * batch.batches - self.batches_before;
+                let left = (epochs - batch.epoch - 1) * batch.batches;
+                let eta = self.begun.elapsed().mul_f64(left as f64 / done as f64);
+                eprintln!("{text}, {} to go", indicatif::HumanDuration(eta));
+            }
+            None => {}
+        }
+    }
+
+    fn end(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish();
+        }
+    }
+}

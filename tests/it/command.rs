@@ -1,0 +1,96 @@
+//! The real binary, run as a person would.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use tempfile::TempDir;
+
+/// `tactnet` with `arguments`.
+pub fn tactnet<I, S>(arguments: I) -> Command
+where
+    I: IntoIterator<Item = S>,
+    S: AsRef<std::ffi::OsStr>,
+{
+    let mut command = Command::new(env!("CARGO_BIN_EXE_tactnet"));
+    command.args(arguments).env_remove("RUST_LOG");
+    command
+}
+
+/// Runs `command` and expects exit code `code`.
+pub fn expect(code: i32, mut command: Command) -> Output {
+    let output = command.output().unwrap();
+    assert_eq!(
+        output.status.code(),
+        Some(code),
+        "{command:?}\nstdout: {}\nstderr: {}",
+        stdout(&output),
+        stderr(&output)
+    );
+    output
+}
+
+pub fn stdout(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+pub fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// A folder with a small twin (`twin.h5`: 4 materials, 10 sweeps, 120 steps) and a small recipe.
+pub struct Lab {
+    pub folder: TempDir,
+}
+
+/// Changes to the small recipe.
+#[derive(Default)]
+pub struct RecipeChange {
+    pub epochs: Option<usize>,
+    pub extra_training: &'static str,
+}
+
+impl Lab {
+    pub fn new() -> Self {
+        let lab = Self { folder: TempDir::new().unwrap() };
+        let size = ["--materials", "4", "--sweeps", "10", "--steps", "120"];
+        let mut twin = tactnet(["data", "twin", "--out"]);
+        twin.arg(lab.path("twin.h5")).args(size);
+        expect(0, twin);
+        lab
+    }
+
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    pub fn recipe(&self, change: RecipeChange) -> PathBuf {
+        let path = self.path("small.toml");
+        let text = format!(
+            "name = \"small\"\n\
+             [network]\nmaps = [4, 6]\nhidden = 16\nkeep_probability = 0.8\n\
+             [input]\nscaling = \"per-taxel\"\n\
+             [training]\nepochs = {}\nbatch = 8\nlearning_rate = 0.005\nl2 = 1e-4\n\
+             method = {{ kind = \"adversarial\", alpha = 0.5, epsilon = 0.1 }}\n{}\n\
+             [prediction]\nmethod = {{ kind = \"mc-dropout\", runs = 20 }}\n",
+            change.epochs.unwrap_or(3),
+            change.extra_training
+        );
+        std::fs::write(&path, text).unwrap();
+        path
+    }
+
+    /// `tactnet train` on the small twin with the small recipe, into `out`.
+    pub fn train(&self, recipe: &Path, out: &str) -> Command {
+        let mut command = tactnet(["train", "--data"]);
+        command.arg(self.path("twin.h5")).arg("--recipe").arg(recipe).arg("--out").arg(self.path(out));
+        command
+    }
+
+    pub fn read(&self, name: &str) -> Vec<u8> {
+        std::fs::read(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+    }
+
+    pub fn json(&self, name: &str) -> serde_json::Value {
+        serde_json::from_slice(&self.read(name)).unwrap()
+    }
+}
