@@ -4,7 +4,10 @@ use std::process::Command;
 
 fn git(arguments: &[&str]) -> Option<String> {
     let output = Command::new("git").args(arguments).output().ok()?;
-    output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_string())
+    output
+        .status
+        .success()
+        .then(|| String::from_utf8_lossy(&output.stdout).trim().to_string())
 }
 
 fn main() {
@@ -18,7 +21,14 @@ fn main() {
         println!("cargo::rerun-if-changed={folder}/logs/HEAD");
         println!("cargo::rerun-if-changed={folder}/index");
     }
-    for watched in ["src", "data/src", "models/src", "pipeline/src", "pipeline/recipes", "Cargo.lock"] {
+    for watched in [
+        "src",
+        "data/src",
+        "models/src",
+        "pipeline/src",
+        "pipeline/recipes",
+        "Cargo.lock",
+    ] {
         println!("cargo::rerun-if-changed={watched}");
     }
 }

@@ -18,10 +18,14 @@ use crate::{failure, source};
 #[derive(Subcommand)]
 pub enum DataCommand {
     /// Show what a data set holds
-    #[command(after_help = "Examples:\n  tactnet data info sweeps.h5\n  tactnet data info twin --json")]
+    #[command(
+        after_help = "Examples:\n  tactnet data info sweeps.h5\n  tactnet data info twin --json"
+    )]
     Info(FileArgs),
     /// Look for what would spoil training; exit code 1 if there are errors
-    #[command(after_help = "Examples:\n  tactnet data check sweeps.h5\n  tactnet data check sweeps.npz --json")]
+    #[command(
+        after_help = "Examples:\n  tactnet data check sweeps.h5\n  tactnet data check sweeps.npz --json"
+    )]
     Check(CheckArgs),
     /// Make the synthetic TactMat twin
     #[command(after_help = "Examples:\n  tactnet data twin --out twin.h5\n  \
@@ -32,12 +36,16 @@ pub enum DataCommand {
     #[command(after_help = "Example:\n  tactnet data import sweeps.npz --out sweeps.h5")]
     Import(ConvertArgs),
     /// Convert a data set for other programs: .npz (numpy), .ts (aeon), .h5
-    #[command(after_help = "Examples:\n  tactnet data export sweeps.h5 --out sweeps.ts\n  \
-        tactnet data export twin --out twin.npz")]
+    #[command(
+        after_help = "Examples:\n  tactnet data export sweeps.h5 --out sweeps.ts\n  \
+        tactnet data export twin --out twin.npz"
+    )]
     Export(ConvertArgs),
     /// Download a published data set and verify it
-    #[command(after_help = "Example:\n  tactnet data fetch tactmat --out tactmat.h5\n\n\
-        A broken download is resumed by the same command.")]
+    #[command(
+        after_help = "Example:\n  tactnet data fetch tactmat --out tactmat.h5\n\n\
+        A broken download is resumed by the same command."
+    )]
     Fetch(FetchArgs),
 }
 
@@ -129,7 +137,10 @@ pub fn run(command: DataCommand) -> anyhow::Result<ExitCode> {
         DataCommand::Twin(arguments) => make_twin(&arguments),
         DataCommand::Import(arguments) => {
             if Format::from_extension(&arguments.out)? != Format::TactMat {
-                bail!("{}: `import` writes .h5; for other formats use `tactnet data export`", arguments.out.display());
+                bail!(
+                    "{}: `import` writes .h5; for other formats use `tactnet data export`",
+                    arguments.out.display()
+                );
             }
             convert(&arguments)
         }
@@ -166,13 +177,20 @@ fn run_check(arguments: &CheckArgs) -> anyhow::Result<ExitCode> {
         for group in group_findings(&findings) {
             println!("{group:.shown$}");
         }
-        println!("{}: {errors} errors, {} warnings", arguments.file.data, count(&findings, Severity::Warning));
+        let warnings = count(&findings, Severity::Warning);
+        println!(
+            "{}: {errors} errors, {warnings} warnings",
+            arguments.file.data
+        );
     }
     Ok(ExitCode::from(if errors > 0 { failure::FAILED } else { 0 }))
 }
 
 fn count(findings: &[Finding], severity: Severity) -> usize {
-    findings.iter().filter(|finding| finding.severity == severity).count()
+    findings
+        .iter()
+        .filter(|finding| finding.severity == severity)
+        .count()
 }
 
 fn make_twin(arguments: &TwinArgs) -> anyhow::Result<ExitCode> {
@@ -190,11 +208,22 @@ fn make_twin(arguments: &TwinArgs) -> anyhow::Result<ExitCode> {
     let twin = twin::generate(&config)?;
     if arguments.stats {
         let measured = statistics::measure(&twin);
-        println!("{}", statistics::Comparison { name: "twin", measured: &measured });
+        println!(
+            "{}",
+            statistics::Comparison {
+                name: "twin",
+                measured: &measured
+            }
+        );
     }
     if let Some(out) = &arguments.out {
         Format::from_extension(out)?.write(out, &twin)?;
-        eprintln!("{}: {} synthetic sweeps ({})", out.display(), twin.len(), twin.shape());
+        eprintln!(
+            "{}: {} synthetic sweeps ({})",
+            out.display(),
+            twin.len(),
+            twin.shape()
+        );
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -204,13 +233,21 @@ fn convert(arguments: &ConvertArgs) -> anyhow::Result<ExitCode> {
     refuse_to_overwrite(&arguments.out, arguments.force)?;
     let dataset = source::load(&arguments.data)?;
     format.write(&arguments.out, &dataset)?;
-    eprintln!("{}: {} sweeps ({})", arguments.out.display(), dataset.len(), dataset.shape());
+    eprintln!(
+        "{}: {} sweeps ({})",
+        arguments.out.display(),
+        dataset.len(),
+        dataset.shape()
+    );
     Ok(ExitCode::SUCCESS)
 }
 
 fn refuse_to_overwrite(out: &Path, force: bool) -> anyhow::Result<()> {
     if out.exists() && !force {
-        bail!("{}: exists already; overwrite it with `--force`", out.display());
+        bail!(
+            "{}: exists already; overwrite it with `--force`",
+            out.display()
+        );
     }
     Ok(())
 }
@@ -223,12 +260,20 @@ fn run_fetch(arguments: &FetchArgs) -> anyhow::Result<ExitCode> {
         source.url.clone_from(url);
     }
     let bar = download_bar();
-    let fetched = fetch(&source, &arguments.out, &mut |Progress { done_bytes, total_bytes, .. }| {
-        if let Some(total) = total_bytes {
-            bar.set_length(total);
-        }
-        bar.set_position(done_bytes);
-    });
+    let fetched = fetch(
+        &source,
+        &arguments.out,
+        &mut |Progress {
+                  done_bytes,
+                  total_bytes,
+                  ..
+              }| {
+            if let Some(total) = total_bytes {
+                bar.set_length(total);
+            }
+            bar.set_position(done_bytes);
+        },
+    );
     bar.finish_and_clear();
     let fetched = fetched?;
     let how = match fetched.origin {

@@ -68,7 +68,12 @@ pub fn run(arguments: EvalArgs) -> anyhow::Result<ExitCode> {
     let mut evaluations = BTreeMap::new();
     for (name, method) in [
         ("plain", PredictionMethod::Plain),
-        ("mc_dropout", PredictionMethod::McDropout { runs: arguments.mc as usize }),
+        (
+            "mc_dropout",
+            PredictionMethod::McDropout {
+                runs: arguments.mc as usize,
+            },
+        ),
     ] {
         let predictions = classifier.predict(&view, method)?;
         let evaluation = Evaluation::of(&predictions, arguments.sweeps as usize, config.seed);
@@ -79,14 +84,21 @@ pub fn run(arguments: EvalArgs) -> anyhow::Result<ExitCode> {
         run: arguments.run.display().to_string(),
         data: dataset.name().into(),
         data_sha256: dataset.sha256().into(),
-        tested: if own { "test split of the run" } else { "every sweep" },
+        tested: if own {
+            "test split of the run"
+        } else {
+            "every sweep"
+        },
         n_test: view.len(),
         evaluations,
     };
     if arguments.json {
         println!("{}", serde_json::to_string_pretty(&result)?);
     } else {
-        println!("{}: {} ({} sweeps)", result.data, result.tested, result.n_test);
+        println!(
+            "{}: {} ({} sweeps)",
+            result.data, result.tested, result.n_test
+        );
         report::print_evaluations(&result.evaluations);
     }
     Ok(ExitCode::SUCCESS)

@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::error::ErrorKind;
 use tactnet_pipeline::PipelineError;
 
 /// Exit code of a failed check or a run that broke.
@@ -26,26 +26,33 @@ pub fn usage(error: &clap::Error) -> ExitCode {
         _ => {}
     }
     let text = error.render().to_string();
-    let mut line: Vec<&str> = Vec::new();
+    let (mut message, mut verb) = (String::new(), "tactnet".to_string());
     for part in text.lines().map(str::trim).filter(|part| !part.is_empty()) {
-        if part.starts_with("Usage:") || part.starts_with("For more information") {
+        if let Some(usage) = part.strip_prefix("Usage:") {
+            verb = verb_of(usage);
             break;
         }
-        line.push(part);
+        if part.starts_with("For more information") {
+            break;
+        }
+        let separator = if message.is_empty() {
+            ""
+        } else if message.ends_with(':') {
+            " "
+        } else {
+            "; "
+        };
+        message.push_str(separator);
+        message.push_str(part);
     }
-    let verb = match error.get(ContextKind::Usage) {
-        Some(ContextValue::StyledStr(usage)) => verb_of(&usage.to_string()),
-        _ => "tactnet".into(),
-    };
-    eprintln!("{}; see `{verb} --help`", line.join("; "));
+    eprintln!("{message}; see `{verb} --help`");
     ExitCode::from(USAGE)
 }
 
-/// `tactnet data check` of `Usage: tactnet data check [OPTIONS] <FILE>`.
+/// `tactnet data check` of `tactnet data check [OPTIONS] <FILE>`.
 fn verb_of(usage: &str) -> String {
     usage
         .split_whitespace()
-        .skip_while(|word| *word != "tactnet")
         .take_while(|word| word.chars().all(|c| c.is_ascii_lowercase()))
         .collect::<Vec<_>>()
         .join(" ")
@@ -56,7 +63,9 @@ pub fn report(error: &anyhow::Error) -> ExitCode {
     eprintln!("error: {}", format!("{error:#}").replace('\n', " "));
     ExitCode::from(match error.downcast_ref::<PipelineError>() {
         Some(PipelineError::NotFinite { .. } | PipelineError::Optimizer(_)) => FAILED,
-        Some(PipelineError::Io { action: "write", .. }) => FAILED,
+        Some(PipelineError::Io {
+            action: "write", ..
+        }) => FAILED,
         _ => USAGE,
     })
 }

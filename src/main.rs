@@ -18,6 +18,7 @@ const GIT: &str = env!("TACTNET_GIT");
 #[derive(Parser)]
 #[command(
     name = "tactnet",
+    bin_name = "tactnet",
     version,
     disable_help_subcommand = true,
     after_help = "Examples:\n  \

@@ -125,7 +125,14 @@ pub fn run(arguments: TrainArgs) -> anyhow::Result<ExitCode> {
     };
     let weights = run.weights()?;
     let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
-    let result = judge(&run, &config, &classifier, &fold, &dataset, training_seconds)?;
+    let result = judge(
+        &run,
+        &config,
+        &classifier,
+        &fold,
+        &dataset,
+        training_seconds,
+    )?;
     report::print_result(&run, &result, json)
 }
 
@@ -147,7 +154,13 @@ fn prepare(arguments: &TrainArgs) -> anyhow::Result<(Dataset, RunDir)> {
         (Some(SplitChoice::LeaveBlockOut), _) => Scheme::LeaveBlockOut,
         (None, None) => Scheme::default_for(&dataset),
     };
-    let fold = Fold::new(&dataset, scheme, seed, arguments.run, arguments.fold.unwrap_or(0))?;
+    let fold = Fold::new(
+        &dataset,
+        scheme,
+        seed,
+        arguments.run,
+        arguments.fold.unwrap_or(0),
+    )?;
     let classifier = ClassifierConfig {
         network: recipe.network.clone(),
         prediction: recipe.prediction.clone(),
@@ -180,7 +193,13 @@ fn prepare(arguments: &TrainArgs) -> anyhow::Result<(Dataset, RunDir)> {
 fn free_folder(dataset: &str, config: &RunConfig) -> PathBuf {
     let name: String = format!("{dataset}-{}-{}", config.recipe.name, config.seed.0)
         .chars()
-        .map(|c| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' })
+        .map(|c| {
+            if c.is_alphanumeric() || "-_.".contains(c) {
+                c
+            } else {
+                '_'
+            }
+        })
         .collect();
     let numbered = |number: usize| match number {
         1 => Path::new("runs").join(&name),
@@ -195,8 +214,10 @@ fn free_folder(dataset: &str, config: &RunConfig) -> PathBuf {
 
 fn refuse_errors(dataset: &Dataset, data: &str) -> anyhow::Result<()> {
     let findings = check(dataset);
-    let errors: Vec<_> =
-        findings.iter().filter(|finding| finding.severity == Severity::Error).collect();
+    let errors: Vec<_> = findings
+        .iter()
+        .filter(|finding| finding.severity == Severity::Error)
+        .collect();
     if let Some(first) = errors.first() {
         bail!(
             "{data}: the data set has {} errors, the first: {}; `tactnet data check {data}` lists all",
@@ -233,8 +254,14 @@ fn train_epochs(
     let device = config.compute.open()?;
     let network = config.classifier.network_config()?;
     let normalizer = &config.classifier.normalizer;
-    let mut training =
-        Training::start(&config.recipe, train, normalizer, &network, config.seed, &device)?;
+    let mut training = Training::start(
+        &config.recipe,
+        train,
+        normalizer,
+        &network,
+        config.seed,
+        &device,
+    )?;
     let mut seconds = 0.0;
     if let Some((state, spent)) = run.checkpoint()? {
         training = training.resume(state)?;
@@ -275,7 +302,10 @@ fn train_epochs(
     let state = training.state()?;
     run.write_checkpoint(&state, seconds)?;
     let metadata = [("format".to_string(), "tactnet weights 1".to_string())].into();
-    run.write("weights.safetensors", &state.weights.to_safetensors(metadata)?)?;
+    run.write(
+        "weights.safetensors",
+        &state.weights.to_safetensors(metadata)?,
+    )?;
     Ok(Some((seconds, device)))
 }
 
@@ -296,9 +326,10 @@ fn judge(
     };
     let mut evaluations = std::collections::BTreeMap::new();
     let command = command_line(config, fold);
-    for (name, method) in
-        [("plain", PredictionMethod::Plain), ("mc_dropout", PredictionMethod::McDropout { runs })]
-    {
+    for (name, method) in [
+        ("plain", PredictionMethod::Plain),
+        ("mc_dropout", PredictionMethod::McDropout { runs }),
+    ] {
         eprintln!("predicting {} test sweeps ({name}) …", fold.test.len());
         let begun = Instant::now();
         let predictions = classifier.predict(&fold.test, method)?;
@@ -313,9 +344,15 @@ fn judge(
             });
             run.write("predictions_test.csv", tsml.as_bytes())?;
             let title = format!("{}: {} ({name})", dataset.name(), recipe.name);
-            run.write("confusion.svg", predictions.confusion_svg(&title).as_bytes())?;
+            run.write(
+                "confusion.svg",
+                predictions.confusion_svg(&title).as_bytes(),
+            )?;
         }
-        evaluations.insert(name.to_string(), Evaluation::of(&predictions, 3, config.seed));
+        evaluations.insert(
+            name.to_string(),
+            Evaluation::of(&predictions, 3, config.seed),
+        );
     }
     let chosen = match own {
         PredictionMethod::Plain => &evaluations["plain"],
@@ -346,15 +383,17 @@ fn judge(
         seconds_per_epoch: train_seconds / recipe.training.epochs as f64,
         peak_rss_mib: peak_rss_mib(),
     };
-    run.write_json("result.json", &result).context("cannot write the result")?;
+    run.write_json("result.json", &result)
+        .context("cannot write the result")?;
     Ok(result)
 }
 
 /// The call that leads to the same result, with the data set's file name only.
 fn command_line(config: &RunConfig, fold: &Fold<'_>) -> String {
-    let data = Path::new(&config.data)
-        .file_name()
-        .map_or_else(|| config.data.clone(), |name| name.to_string_lossy().into_owned());
+    let data = Path::new(&config.data).file_name().map_or_else(
+        || config.data.clone(),
+        |name| name.to_string_lossy().into_owned(),
+    );
     let split = match fold.scheme() {
         Scheme::TestFlag => "test-flag",
         Scheme::LeaveBlockOut => "leave-block-out",
@@ -397,7 +436,11 @@ impl Progress {
             bar.reset_eta();
             bar
         });
-        Self { bar, begun: Instant::now(), batches_before }
+        Self {
+            bar,
+            begun: Instant::now(),
+            batches_before,
+        }
     }
 
     fn show(&self, batch: &BatchReport, epochs: usize) {

@@ -29,7 +29,11 @@ impl SweepShape {
 
 impl std::fmt::Display for SweepShape {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} steps of {}x{} taxels", self.steps, self.rows, self.cols)
+        write!(
+            f,
+            "{} steps of {}x{} taxels",
+            self.steps, self.rows, self.cols
+        )
     }
 }
 
@@ -93,7 +97,11 @@ impl Dataset {
         if samples.len() != records.len() * shape.values() {
             return Err(DataError::inconsistent(
                 "samples",
-                format!("{} values ({} sweeps of {shape})", records.len() * shape.values(), records.len()),
+                format!(
+                    "{} values ({} sweeps of {shape})",
+                    records.len() * shape.values(),
+                    records.len()
+                ),
                 format!("{} values", samples.len()),
             ));
         }
@@ -116,7 +124,15 @@ impl Dataset {
             }
         }
         let sha256 = digest(sample_rate_hz, shape, &labels, &records, &samples);
-        Ok(Self { name: name.into(), sample_rate_hz, shape, labels, records, samples, sha256 })
+        Ok(Self {
+            name: name.into(),
+            sample_rate_hz,
+            shape,
+            labels,
+            records,
+            samples,
+            sha256,
+        })
     }
 
     /// What people call it.
@@ -184,7 +200,12 @@ impl Dataset {
     /// # Panics
     /// If there is no such sweep, or `out` is not one sweep long.
     pub fn copy_sweep(&self, index: usize, out: &mut [f32]) {
-        assert_eq!(out.len(), self.shape.values(), "one sweep is {}", self.shape);
+        assert_eq!(
+            out.len(),
+            self.shape.values(),
+            "one sweep is {}",
+            self.shape
+        );
         self.samples.copy_to(index * self.shape.values(), out);
     }
 
@@ -201,7 +222,11 @@ impl Dataset {
     /// How people address sweep `index`: material, number within it.
     pub fn describe(&self, index: usize) -> String {
         let record = &self.records[index];
-        format!("`{}` sweep {}", self.labels.name(record.label), record.sweep)
+        format!(
+            "`{}` sweep {}",
+            self.labels.name(record.label),
+            record.sweep
+        )
     }
 }
 
@@ -215,7 +240,13 @@ fn digest(
     let mut hash = Sha256::new();
     hash.update(b"tactnet dataset 1\0");
     hash.update(sample_rate_hz.to_le_bytes());
-    for extent in [records.len(), shape.steps, shape.rows, shape.cols, labels.len()] {
+    for extent in [
+        records.len(),
+        shape.steps,
+        shape.rows,
+        shape.cols,
+        labels.len(),
+    ] {
         hash.update((extent as u64).to_le_bytes());
     }
     for name in labels.names() {
@@ -230,5 +261,8 @@ fn digest(
     }
     hash.update(samples.element().as_bytes());
     samples.for_each_le_chunk(|chunk| hash.update(chunk));
-    hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    hash.finalize()
+        .iter()
+        .map(|byte| format!("{byte:02x}"))
+        .collect()
 }

@@ -42,7 +42,11 @@ pub enum DataError {
 impl DataError {
     /// An [`DataError::Io`] for `path`.
     pub fn io(path: &Path, action: &'static str, source: std::io::Error) -> Self {
-        Self::Io { path: path.to_path_buf(), action, source }
+        Self::Io {
+            path: path.to_path_buf(),
+            action,
+            source,
+        }
     }
 
     /// A [`DataError::Format`] for `path`.
@@ -66,6 +70,10 @@ impl DataError {
         expected: impl Into<String>,
         found: impl Into<String>,
     ) -> Self {
-        Self::Inconsistent { item: item.into(), expected: expected.into(), found: found.into() }
+        Self::Inconsistent {
+            item: item.into(),
+            expected: expected.into(),
+            found: found.into(),
+        }
     }
 }

@@ -25,7 +25,11 @@ impl LabelSet {
     {
         let materials: Vec<Material> = names.into_iter().map(|n| Material(n.into())).collect();
         if materials.is_empty() {
-            return Err(DataError::inconsistent("materials", "at least one name", "none"));
+            return Err(DataError::inconsistent(
+                "materials",
+                "at least one name",
+                "none",
+            ));
         }
         for (label, material) in materials.iter().enumerate() {
             if material.0.trim().is_empty() {
@@ -72,7 +76,9 @@ mod tests {
 
     #[test]
     fn label_set_refuses_duplicate_and_empty_names() {
-        let error = LabelSet::new(["cork", "denim", "cork"]).unwrap_err().to_string();
+        let error = LabelSet::new(["cork", "denim", "cork"])
+            .unwrap_err()
+            .to_string();
         assert!(error.contains("`cork` at labels 0 and 2"), "{error}");
         assert!(LabelSet::new(["cork", " "]).is_err());
         assert!(LabelSet::new(Vec::<String>::new()).is_err());

@@ -60,8 +60,14 @@ impl Samples {
     pub fn copy_to(&self, start: usize, out: &mut [f32]) {
         let range = start..start + out.len();
         match self {
-            Self::U8(v) => out.iter_mut().zip(&v[range]).for_each(|(o, &x)| *o = f32::from(x)),
-            Self::U16(v) => out.iter_mut().zip(&v[range]).for_each(|(o, &x)| *o = f32::from(x)),
+            Self::U8(v) => out
+                .iter_mut()
+                .zip(&v[range])
+                .for_each(|(o, &x)| *o = f32::from(x)),
+            Self::U16(v) => out
+                .iter_mut()
+                .zip(&v[range])
+                .for_each(|(o, &x)| *o = f32::from(x)),
             Self::F32(v) => out.copy_from_slice(&v[range]),
         }
     }
@@ -72,10 +78,20 @@ impl Samples {
         match self {
             Self::U8(v) => v.chunks(CHUNK).for_each(visit),
             Self::U16(v) => v.chunks(CHUNK).for_each(|chunk| {
-                visit(&chunk.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>());
+                visit(
+                    &chunk
+                        .iter()
+                        .flat_map(|x| x.to_le_bytes())
+                        .collect::<Vec<u8>>(),
+                );
             }),
             Self::F32(v) => v.chunks(CHUNK).for_each(|chunk| {
-                visit(&chunk.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>());
+                visit(
+                    &chunk
+                        .iter()
+                        .flat_map(|x| x.to_le_bytes())
+                        .collect::<Vec<u8>>(),
+                );
             }),
         }
     }

@@ -7,7 +7,10 @@ pub fn log_softmax(scores: &[f32]) -> Vec<f64> {
     let largest = scores.iter().copied().fold(f32::NEG_INFINITY, f32::max);
     let largest = f64::from(largest);
     let total: f64 = scores.iter().map(|s| (f64::from(*s) - largest).exp()).sum();
-    scores.iter().map(|s| f64::from(*s) - largest - total.ln()).collect()
+    scores
+        .iter()
+        .map(|s| f64::from(*s) - largest - total.ln())
+        .collect()
 }
 
 /// Probabilities of the materials given all sweeps fused so far, under a flat prior.
@@ -28,7 +31,10 @@ impl Belief {
     /// If `materials` is zero.
     pub fn flat(materials: usize) -> Self {
         assert!(materials > 0, "a belief needs at least one material");
-        Self { log_likelihood: vec![0.0; materials], sweeps: 0 }
+        Self {
+            log_likelihood: vec![0.0; materials],
+            sweeps: 0,
+        }
     }
 
     /// Takes in one more sweep.
@@ -38,7 +44,11 @@ impl Belief {
     /// # Panics
     /// If the number of materials differs.
     pub fn fuse(&mut self, log_probability: &[f64]) {
-        assert_eq!(log_probability.len(), self.log_likelihood.len(), "number of materials");
+        assert_eq!(
+            log_probability.len(),
+            self.log_likelihood.len(),
+            "number of materials"
+        );
         for (sum, log_p) in self.log_likelihood.iter_mut().zip(log_probability) {
             *sum += log_p.max(LOWEST_LOG_PROBABILITY);
         }
@@ -52,8 +62,16 @@ impl Belief {
 
     /// `[materials]`, sums to one.
     pub fn probabilities(&self) -> Vec<f64> {
-        let largest = self.log_likelihood.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let weights: Vec<f64> = self.log_likelihood.iter().map(|l| (l - largest).exp()).collect();
+        let largest = self
+            .log_likelihood
+            .iter()
+            .copied()
+            .fold(f64::NEG_INFINITY, f64::max);
+        let weights: Vec<f64> = self
+            .log_likelihood
+            .iter()
+            .map(|l| (l - largest).exp())
+            .collect();
         let total: f64 = weights.iter().sum();
         weights.iter().map(|w| w / total).collect()
     }
@@ -95,7 +113,13 @@ pub fn majority_vote(sweeps: &[&[f64]]) -> usize {
     }
     let most = votes.iter().copied().max().unwrap_or(0);
     let contested: Vec<f64> = (0..materials)
-        .map(|k| if votes[k] == most { belief.log_likelihood[k] } else { f64::NEG_INFINITY })
+        .map(|k| {
+            if votes[k] == most {
+                belief.log_likelihood[k]
+            } else {
+                f64::NEG_INFINITY
+            }
+        })
         .collect();
     first_largest(&contested)
 }
@@ -118,13 +142,21 @@ mod tests {
         assert!((belief.probabilities()[0] - expected).abs() < 1e-12);
         let votes = [ln([0.9999, 0.0001]), ln([0.4, 0.6]), ln([0.4, 0.6])];
         let votes: Vec<&[f64]> = votes.iter().map(|v| v.as_slice()).collect();
-        assert_eq!(majority_vote(&votes), 1, "a vote ignores how sure a sweep was");
+        assert_eq!(
+            majority_vote(&votes),
+            1,
+            "a vote ignores how sure a sweep was"
+        );
     }
 
     #[test]
     fn a_tied_vote_goes_to_the_larger_evidence() {
         let ln = |p: [f64; 3]| p.map(f64::ln);
-        let votes = [ln([0.5, 0.4, 0.1]), ln([0.05, 0.9, 0.05]), ln([0.1, 0.1, 0.8])];
+        let votes = [
+            ln([0.5, 0.4, 0.1]),
+            ln([0.05, 0.9, 0.05]),
+            ln([0.1, 0.1, 0.8]),
+        ];
         let votes: Vec<&[f64]> = votes.iter().map(|v| v.as_slice()).collect();
         assert_eq!(majority_vote(&votes), 1);
     }

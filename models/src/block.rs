@@ -26,7 +26,11 @@ pub struct BatchStatistics {
 impl BatchStatistics {
     /// From the biased variance of `count` values per map.
     pub(crate) fn from_biased(mean: Tensor<1>, variance: Tensor<1>, count: usize) -> Self {
-        let bessel = if count > 1 { count as f64 / (count as f64 - 1.0) } else { 1.0 };
+        let bessel = if count > 1 {
+            count as f64 / (count as f64 - 1.0)
+        } else {
+            1.0
+        };
         Self {
             mean: mean.without_autodiff(),
             variance: variance.without_autodiff().mul_scalar(bessel),
@@ -36,7 +40,11 @@ impl BatchStatistics {
 
 /// `running <- (1 - momentum) running + momentum batch`
 pub(crate) fn follow(running: &Tensor<1>, batch: Tensor<1>) -> Tensor<1> {
-    let batch = if running.device().is_autodiff() { batch.autodiff() } else { batch };
+    let batch = if running.device().is_autodiff() {
+        batch.autodiff()
+    } else {
+        batch
+    };
     running.clone().mul_scalar(1.0 - NORM_MOMENTUM) + batch.mul_scalar(NORM_MOMENTUM)
 }
 
@@ -75,7 +83,12 @@ pub struct ConvBlock {
 }
 
 impl ConvBlock {
-    pub(crate) fn init(config: BlockConfig, first_id: u64, device: &Device, rng: &mut impl Rng) -> Self {
+    pub(crate) fn init(
+        config: BlockConfig,
+        first_id: u64,
+        device: &Device,
+        rng: &mut impl Rng,
+    ) -> Self {
         let [time, taxels] = config.kernel;
         let shape = [config.maps_out, config.maps_in, time, taxels];
         Self {
@@ -105,8 +118,11 @@ impl ConvBlock {
         let maps = self.convolve(input);
         let [batch, _, steps, taxels] = maps.dims();
         let normalized = batch_norm_train(maps, self.gamma.val(), self.beta.val(), NORM_EPSILON);
-        let statistics =
-            BatchStatistics::from_biased(normalized.mean, normalized.variance, batch * steps * taxels);
+        let statistics = BatchStatistics::from_biased(
+            normalized.mean,
+            normalized.variance,
+            batch * steps * taxels,
+        );
         (self.pool(relu(normalized.output)), statistics)
     }
 

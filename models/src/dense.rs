@@ -45,7 +45,8 @@ impl NormalizedDense {
     pub fn forward_train(&self, input: Tensor<2>) -> (Tensor<2>, BatchStatistics) {
         let batch = input.dims()[0];
         let activation = input.matmul(self.weight.val().transpose());
-        let normalized = batch_norm_train(activation, self.gamma.val(), self.beta.val(), NORM_EPSILON);
+        let normalized =
+            batch_norm_train(activation, self.gamma.val(), self.beta.val(), NORM_EPSILON);
         let statistics = BatchStatistics::from_biased(normalized.mean, normalized.variance, batch);
         (relu(normalized.output), statistics)
     }

@@ -25,7 +25,13 @@ pub fn dropout_masks(
     let threshold = (keep_probability * (f64::from(u32::MAX) + 1.0)).round() as u64;
     let kept = (1.0 / keep_probability) as f32;
     let values: Vec<f32> = (0..rows * features)
-        .map(|_| if u64::from(rng.next_u32()) < threshold { kept } else { 0.0 })
+        .map(|_| {
+            if u64::from(rng.next_u32()) < threshold {
+                kept
+            } else {
+                0.0
+            }
+        })
         .collect();
     Tensor::from_data(TensorData::new(values, [rows, features]), device)
 }
@@ -39,13 +45,21 @@ mod tests {
     fn masks_keep_the_stated_share_and_the_mean() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
         let device = Device::flex();
-        let values: Vec<f32> =
-            dropout_masks(100, 2048, 0.8, &device, &mut rng).into_data().try_to_vec().unwrap();
+        let values: Vec<f32> = dropout_masks(100, 2048, 0.8, &device, &mut rng)
+            .into_data()
+            .try_to_vec()
+            .unwrap();
         let kept = values.iter().filter(|v| **v != 0.0).count() as f64 / values.len() as f64;
         let deviation = (0.8_f64 * 0.2 / values.len() as f64).sqrt();
         assert!((kept - 0.8).abs() < 4.0 * deviation, "kept {kept}");
         assert!(values.iter().all(|v| *v == 0.0 || *v == 1.25));
-        let all: Vec<f32> = dropout_masks(2, 50, 1.0, &device, &mut rng).into_data().try_to_vec().unwrap();
-        assert!(all.iter().all(|v| *v == 1.0), "keep probability 1 drops nothing");
+        let all: Vec<f32> = dropout_masks(2, 50, 1.0, &device, &mut rng)
+            .into_data()
+            .try_to_vec()
+            .unwrap();
+        assert!(
+            all.iter().all(|v| *v == 1.0),
+            "keep probability 1 drops nothing"
+        );
     }
 }

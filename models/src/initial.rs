@@ -19,7 +19,10 @@ pub(crate) fn uniform_parameter<const D: usize>(
     let values: Vec<f32> = (0..shape.iter().product())
         .map(|_| ((rng.random::<f64>() * 2.0 - 1.0) * bound) as f32)
         .collect();
-    parameter(id, Tensor::from_data(TensorData::new(values, shape), device))
+    parameter(
+        id,
+        Tensor::from_data(TensorData::new(values, shape), device),
+    )
 }
 
 /// The same number everywhere.
@@ -35,6 +38,10 @@ pub(crate) fn constant_parameter<const D: usize>(
 /// A parameter that trains where its device records gradients. Fixed ids let the optimiser's state find its
 /// parameters again after a restart.
 pub(crate) fn parameter<const D: usize>(id: u64, value: Tensor<D>) -> Param<Tensor<D>> {
-    let value = if value.device().is_autodiff() { value.require_grad() } else { value };
+    let value = if value.device().is_autodiff() {
+        value.require_grad()
+    } else {
+        value
+    };
     Param::initialized(ParamId::from(id), value)
 }

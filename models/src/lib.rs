@@ -23,7 +23,9 @@ pub use compute::Compute;
 pub use dense::NormalizedDense;
 pub use dropout::dropout_masks;
 pub use loss::cross_entropy;
-pub use tactnet::{Architecture, InputShape, TactNet, TactNetConfig, TrainingForward, default_pools};
+pub use tactnet::{
+    Architecture, InputShape, TactNet, TactNetConfig, TrainingForward, default_pools,
+};
 pub use weights::{NamedTensor, Weights};
 
 /// What can be wrong with a network's description or its weights.

@@ -8,5 +8,8 @@ use burn::tensor::{Int, Tensor};
 /// - `logits`: `[batch, materials]`
 /// - `labels`: `[batch]`
 pub fn cross_entropy(logits: Tensor<2>, labels: Tensor<1, Int>) -> Tensor<1> {
-    log_softmax(logits, 1).gather(1, labels.unsqueeze_dim(1)).mean().neg()
+    log_softmax(logits, 1)
+        .gather(1, labels.unsqueeze_dim(1))
+        .mean()
+        .neg()
 }

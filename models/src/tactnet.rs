@@ -5,10 +5,10 @@ use burn::tensor::{Device, Tensor};
 use rand::Rng;
 use serde::{Deserialize, Serialize};
 
+use crate::ModelError;
 use crate::block::{BatchStatistics, BlockConfig, ConvBlock};
 use crate::dense::NormalizedDense;
 use crate::initial::{constant_parameter, uniform_parameter};
-use crate::ModelError;
 
 /// Ids of parameters are spaced so that every layer keeps its own, whatever the others hold.
 const IDS_PER_LAYER: u64 = 8;
@@ -82,15 +82,29 @@ impl TactNetConfig {
     ///
     /// # Errors
     /// Names the setting that is out of range.
-    pub fn new(architecture: Architecture, input: InputShape, materials: usize) -> Result<Self, ModelError> {
+    pub fn new(
+        architecture: Architecture,
+        input: InputShape,
+        materials: usize,
+    ) -> Result<Self, ModelError> {
         let require = |holds: bool, setting, expected: &str, found: String| {
             if holds {
                 Ok(())
             } else {
-                Err(ModelError::Setting { setting, expected: expected.into(), found })
+                Err(ModelError::Setting {
+                    setting,
+                    expected: expected.into(),
+                    found,
+                })
             }
         };
-        let Architecture { maps, kernel, pools, hidden, keep_probability } = &architecture;
+        let Architecture {
+            maps,
+            kernel,
+            pools,
+            hidden,
+            keep_probability,
+        } = &architecture;
         require(
             !maps.is_empty() && maps.iter().all(|m| *m > 0),
             "maps",
@@ -103,7 +117,12 @@ impl TactNetConfig {
             "two odd extents",
             format!("{kernel:?}"),
         )?;
-        require(*hidden > 0, "hidden", "at least one unit", hidden.to_string())?;
+        require(
+            *hidden > 0,
+            "hidden",
+            "at least one unit",
+            hidden.to_string(),
+        )?;
         require(
             *keep_probability > 0.0 && *keep_probability <= 1.0,
             "keep_probability",
@@ -116,15 +135,27 @@ impl TactNetConfig {
             "at least one step of one taxel",
             format!("{} x {}", input.steps, input.taxels),
         )?;
-        require(materials > 1, "materials", "at least two materials", materials.to_string())?;
-        let pools = pools.clone().unwrap_or_else(|| default_pools(input.steps, maps.len()));
+        require(
+            materials > 1,
+            "materials",
+            "at least two materials",
+            materials.to_string(),
+        )?;
+        let pools = pools
+            .clone()
+            .unwrap_or_else(|| default_pools(input.steps, maps.len()));
         require(
             pools.len() == maps.len() && pools.iter().all(|p| *p > 0),
             "pools",
             "one positive pool for each block",
             format!("{pools:?} for {} blocks", maps.len()),
         )?;
-        Ok(Self { architecture, input, materials, pools })
+        Ok(Self {
+            architecture,
+            input,
+            materials,
+            pools,
+        })
     }
 
     /// The layers.
@@ -149,7 +180,10 @@ impl TactNetConfig {
 
     /// Features that reach the dropout: pooled steps times taxels times maps (16 x 128 = 2048 for TactMat).
     pub fn features(&self) -> usize {
-        let steps = self.pools.iter().fold(self.input.steps, |steps, pool| steps.div_ceil(*pool));
+        let steps = self
+            .pools
+            .iter()
+            .fold(self.input.steps, |steps, pool| steps.div_ceil(*pool));
         let maps = self.architecture.maps.last().copied().unwrap_or(1);
         steps * self.input.taxels * maps
     }
@@ -183,12 +217,22 @@ impl TactNet {
         let mut maps_in = 1;
         let mut blocks = Vec::new();
         for (&maps_out, &pool) in architecture.maps.iter().zip(&config.pools) {
-            let block = BlockConfig { maps_in, maps_out, kernel: architecture.kernel, pool };
+            let block = BlockConfig {
+                maps_in,
+                maps_out,
+                kernel: architecture.kernel,
+                pool,
+            };
             blocks.push(ConvBlock::init(block, next_id(), device, rng));
             maps_in = maps_out;
         }
-        let hidden =
-            NormalizedDense::init(config.features(), architecture.hidden, next_id(), device, rng);
+        let hidden = NormalizedDense::init(
+            config.features(),
+            architecture.hidden,
+            next_id(),
+            device,
+            rng,
+        );
         let output_id = next_id();
         Self {
             blocks,
@@ -219,7 +263,10 @@ impl TactNet {
         let features: Tensor<2> = maps.flatten(1, 3);
         let (hidden, batch) = self.hidden.forward_train(features * mask);
         statistics.push(batch);
-        TrainingForward { logits: self.output(hidden), statistics }
+        TrainingForward {
+            logits: self.output(hidden),
+            statistics,
+        }
     }
 
     /// Moves the running statistics of every normalised layer towards one batch's.
@@ -227,7 +274,11 @@ impl TactNet {
     /// # Panics
     /// If `statistics` does not hold one entry for each block and one for the dense layer.
     pub fn follow(&mut self, statistics: &[BatchStatistics]) {
-        assert_eq!(statistics.len(), self.blocks.len() + 1, "one entry for each normalised layer");
+        assert_eq!(
+            statistics.len(),
+            self.blocks.len() + 1,
+            "one entry for each normalised layer"
+        );
         for (block, batch) in self.blocks.iter_mut().zip(statistics) {
             block.follow(batch);
         }
@@ -238,7 +289,10 @@ impl TactNet {
     ///
     /// The only dropout comes behind them, so a Monte Carlo prediction needs them once.
     pub fn features(&self, sweeps: Tensor<4>) -> Tensor<2> {
-        self.blocks.iter().fold(sweeps, |maps, block| block.forward(maps)).flatten(1, 3)
+        self.blocks
+            .iter()
+            .fold(sweeps, |maps, block| block.forward(maps))
+            .flatten(1, 3)
     }
 
     /// Dense and output layer with frozen statistics: `[rows, features] -> [rows, materials]` logits.
@@ -259,14 +313,20 @@ mod tests {
 
     #[test]
     fn published_sizes_follow_from_the_defaults() {
-        let input = InputShape { steps: 1000, taxels: 16 };
+        let input = InputShape {
+            steps: 1000,
+            taxels: 16,
+        };
         let config = TactNetConfig::new(Architecture::default(), input, 36).unwrap();
         assert_eq!(config.pools(), [10, 10, 10]);
         assert_eq!(config.features(), 2048);
         let net = TactNet::init(&config, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(1));
         let convolutions = 75 * 32 + 75 * 32 * 64 + 75 * 64 * 128;
         let norms = 2 * (32 + 64 + 128 + 512);
-        assert_eq!(net.num_params(), convolutions + norms + 2048 * 512 + 512 * 36 + 36);
+        assert_eq!(
+            net.num_params(),
+            convolutions + norms + 2048 * 512 + 512 * 36 + 36
+        );
     }
 
     #[test]
@@ -280,8 +340,15 @@ mod tests {
 
     #[test]
     fn uneven_steps_keep_their_last_pooled_step() {
-        let input = InputShape { steps: 43, taxels: 3 };
-        let architecture = Architecture { maps: vec![2, 3], hidden: 4, ..Architecture::default() };
+        let input = InputShape {
+            steps: 43,
+            taxels: 3,
+        };
+        let architecture = Architecture {
+            maps: vec![2, 3],
+            hidden: 4,
+            ..Architecture::default()
+        };
         let config = TactNetConfig::new(architecture, input, 5).unwrap();
         let net = TactNet::init(&config, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(1));
         let sweeps = Tensor::ones([2, 1, 43, 3], &Device::flex());
@@ -292,11 +359,16 @@ mod tests {
 
     #[test]
     fn settings_out_of_range_are_named() {
-        let input = InputShape { steps: 100, taxels: 4 };
+        let input = InputShape {
+            steps: 100,
+            taxels: 4,
+        };
         let message = |change: fn(&mut Architecture)| {
             let mut architecture = Architecture::default();
             change(&mut architecture);
-            TactNetConfig::new(architecture, input, 3).unwrap_err().to_string()
+            TactNetConfig::new(architecture, input, 3)
+                .unwrap_err()
+                .to_string()
         };
         assert!(message(|a| a.keep_probability = 0.0).contains("keep_probability"));
         assert!(message(|a| a.kernel = [14, 5]).contains("kernel"));

@@ -32,17 +32,31 @@ impl Weights {
     ///
     /// # Errors
     /// Shapes that do not match their values.
-    pub fn to_safetensors(&self, metadata: BTreeMap<String, String>) -> Result<Vec<u8>, ModelError> {
+    pub fn to_safetensors(
+        &self,
+        metadata: BTreeMap<String, String>,
+    ) -> Result<Vec<u8>, ModelError> {
         let bytes: BTreeMap<&String, Vec<u8>> = self
             .0
             .iter()
-            .map(|(name, tensor)| (name, tensor.values.iter().flat_map(|v| v.to_le_bytes()).collect()))
+            .map(|(name, tensor)| {
+                (
+                    name,
+                    tensor.values.iter().flat_map(|v| v.to_le_bytes()).collect(),
+                )
+            })
             .collect();
         let mut views = Vec::with_capacity(self.0.len());
         for (name, tensor) in &self.0 {
-            views.push((name, TensorView::new(Dtype::F32, tensor.shape.clone(), &bytes[name])?));
+            views.push((
+                name,
+                TensorView::new(Dtype::F32, tensor.shape.clone(), &bytes[name])?,
+            ));
         }
-        Ok(safetensors::serialize(views, Some(metadata.into_iter().collect()))?)
+        Ok(safetensors::serialize(
+            views,
+            Some(metadata.into_iter().collect()),
+        )?)
     }
 
     /// Reads the `f32` tensors of a safetensors file; tensors of other types are left out.
@@ -59,7 +73,13 @@ impl Weights {
                     .chunks_exact(4)
                     .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
                     .collect();
-                tensors.insert(name, NamedTensor { shape: view.shape().to_vec(), values });
+                tensors.insert(
+                    name,
+                    NamedTensor {
+                        shape: view.shape().to_vec(),
+                        values,
+                    },
+                );
             }
         }
         Ok(Self(tensors))
@@ -85,11 +105,17 @@ impl Weights {
             expected: format!("shape {shape:?}"),
             found,
         };
-        let tensor = self.0.get(name).ok_or_else(|| wrong("no such tensor".into()))?;
+        let tensor = self
+            .0
+            .get(name)
+            .ok_or_else(|| wrong("no such tensor".into()))?;
         if tensor.shape != shape {
             return Err(wrong(format!("shape {:?}", tensor.shape)));
         }
-        Ok(Tensor::from_data(TensorData::new(tensor.values.clone(), shape), device))
+        Ok(Tensor::from_data(
+            TensorData::new(tensor.values.clone(), shape),
+            device,
+        ))
     }
 }
 
@@ -115,7 +141,10 @@ macro_rules! for_each_tensor {
         $parameter!("hidden.gamma".to_string(), $net.hidden.gamma);
         $parameter!("hidden.beta".to_string(), $net.hidden.beta);
         $statistic!("hidden.running_mean".to_string(), $net.hidden.running_mean);
-        $statistic!("hidden.running_variance".to_string(), $net.hidden.running_variance);
+        $statistic!(
+            "hidden.running_variance".to_string(),
+            $net.hidden.running_variance
+        );
         $parameter!("output.weight".to_string(), $net.output_weight);
         $parameter!("output.bias".to_string(), $net.output_bias);
     };
@@ -191,8 +220,15 @@ mod tests {
 
     #[test]
     fn safetensors_round_trip_restores_every_number() {
-        let architecture = Architecture { maps: vec![2, 3], hidden: 4, ..Architecture::default() };
-        let input = InputShape { steps: 50, taxels: 2 };
+        let architecture = Architecture {
+            maps: vec![2, 3],
+            hidden: 4,
+            ..Architecture::default()
+        };
+        let input = InputShape {
+            steps: 50,
+            taxels: 2,
+        };
         let config = TactNetConfig::new(architecture, input, 3).unwrap();
         let net = TactNet::init(&config, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(5));
         let weights = net.weights();
@@ -206,15 +242,31 @@ mod tests {
 
     #[test]
     fn foreign_weights_are_refused_by_name() {
-        let input = InputShape { steps: 50, taxels: 2 };
-        let small = Architecture { maps: vec![2], hidden: 4, ..Architecture::default() };
-        let large = Architecture { maps: vec![2], hidden: 5, ..Architecture::default() };
+        let input = InputShape {
+            steps: 50,
+            taxels: 2,
+        };
+        let small = Architecture {
+            maps: vec![2],
+            hidden: 4,
+            ..Architecture::default()
+        };
+        let large = Architecture {
+            maps: vec![2],
+            hidden: 5,
+            ..Architecture::default()
+        };
         let device = Device::flex();
         let config = TactNetConfig::new(small, input, 3).unwrap();
         let other = TactNetConfig::new(large, input, 3).unwrap();
         let weights = TactNet::init(&config, &device, &mut ChaCha8Rng::seed_from_u64(5)).weights();
-        let message = TactNet::from_weights(&other, &weights, &device).unwrap_err().to_string();
-        assert!(message.contains("hidden.weight") && message.contains("[5,"), "{message}");
+        let message = TactNet::from_weights(&other, &weights, &device)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            message.contains("hidden.weight") && message.contains("[5,"),
+            "{message}"
+        );
         assert!(Weights::from_safetensors(b"not a file").is_err());
     }
 }

@@ -15,7 +15,10 @@ const OPTIMIZER: &str = "optimizer.burnpack";
 ///
 /// # Errors
 /// A state that safetensors cannot hold.
-pub(crate) fn encode_checkpoint(state: &TrainingState, seconds: f64) -> Result<Vec<u8>, PipelineError> {
+pub(crate) fn encode_checkpoint(
+    state: &TrainingState,
+    seconds: f64,
+) -> Result<Vec<u8>, PipelineError> {
     let bytes: BTreeMap<&str, (Dtype, Vec<usize>, Vec<u8>)> = state
         .weights
         .0
@@ -24,17 +27,29 @@ pub(crate) fn encode_checkpoint(state: &TrainingState, seconds: f64) -> Result<V
             let raw = tensor.values.iter().flat_map(|v| v.to_le_bytes()).collect();
             (name.as_str(), (Dtype::F32, tensor.shape.clone(), raw))
         })
-        .chain([(OPTIMIZER, (Dtype::U8, vec![state.optimizer.len()], state.optimizer.clone()))])
+        .chain([(
+            OPTIMIZER,
+            (
+                Dtype::U8,
+                vec![state.optimizer.len()],
+                state.optimizer.clone(),
+            ),
+        )])
         .collect();
     let failed = |error: safetensors::SafeTensorError| PipelineError::Optimizer(error.to_string());
     let mut views = Vec::with_capacity(bytes.len());
     for (name, (dtype, shape, raw)) in &bytes {
-        views.push((*name, TensorView::new(*dtype, shape.clone(), raw).map_err(failed)?));
+        views.push((
+            *name,
+            TensorView::new(*dtype, shape.clone(), raw).map_err(failed)?,
+        ));
     }
     let position = serde_json::to_string(&state.position)
         .map_err(|error| PipelineError::Optimizer(error.to_string()))?;
-    let metadata =
-        [("position".to_string(), position), ("train_seconds".to_string(), seconds.to_string())];
+    let metadata = [
+        ("position".to_string(), position),
+        ("train_seconds".to_string(), seconds.to_string()),
+    ];
     safetensors::serialize(views, Some(metadata.into_iter().collect())).map_err(failed)
 }
 
@@ -47,19 +62,34 @@ pub(crate) fn decode_checkpoint(bytes: &[u8]) -> Result<(TrainingState, f64), St
     let file = SafeTensors::deserialize(bytes).map_err(|error| damaged(&error.to_string()))?;
     let (_, header) =
         SafeTensors::read_metadata(bytes).map_err(|error| damaged(&error.to_string()))?;
-    let metadata = header.metadata().as_ref().ok_or_else(|| damaged("no metadata"))?;
-    let field = |name: &str| metadata.get(name).ok_or_else(|| damaged(&format!("no `{name}`")));
+    let metadata = header
+        .metadata()
+        .as_ref()
+        .ok_or_else(|| damaged("no metadata"))?;
+    let field = |name: &str| {
+        metadata
+            .get(name)
+            .ok_or_else(|| damaged(&format!("no `{name}`")))
+    };
     let position: Position =
         serde_json::from_str(field("position")?).map_err(|error| damaged(&error.to_string()))?;
-    let seconds =
-        field("train_seconds")?.parse().map_err(|_| damaged("`train_seconds` is no number"))?;
+    let seconds = field("train_seconds")?
+        .parse()
+        .map_err(|_| damaged("`train_seconds` is no number"))?;
     let optimizer = file
         .tensor(OPTIMIZER)
         .map_err(|error| damaged(&error.to_string()))?
         .data()
         .to_vec();
     let weights = Weights::from_safetensors(bytes).map_err(|error| damaged(&error.to_string()))?;
-    Ok((TrainingState { position, weights, optimizer }, seconds))
+    Ok((
+        TrainingState {
+            position,
+            weights,
+            optimizer,
+        },
+        seconds,
+    ))
 }
 
 #[cfg(test)]
@@ -69,9 +99,18 @@ mod tests {
     use tactnet_models::NamedTensor;
 
     fn state() -> TrainingState {
-        let tensor = NamedTensor { shape: vec![2, 2], values: vec![1.0, -0.1, f32::MIN_POSITIVE, 3e7] };
+        let tensor = NamedTensor {
+            shape: vec![2, 2],
+            values: vec![1.0, -0.1, f32::MIN_POSITIVE, 3e7],
+        };
         TrainingState {
-            position: Position { epoch: 3, batch: 7, loss_sum: 0.1 + 0.2, correct: 5, sweeps: 9 },
+            position: Position {
+                epoch: 3,
+                batch: 7,
+                loss_sum: 0.1 + 0.2,
+                correct: 5,
+                sweeps: 9,
+            },
             weights: Weights([("a".to_string(), tensor)].into()),
             optimizer: vec![1, 2, 255],
         }

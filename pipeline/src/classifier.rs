@@ -39,8 +39,15 @@ impl ClassifierConfig {
     /// # Errors
     /// A setting out of range.
     pub fn network_config(&self) -> Result<TactNetConfig, PipelineError> {
-        let input = InputShape { steps: self.shape.steps, taxels: self.shape.taxels() };
-        Ok(TactNetConfig::new(self.network.clone(), input, self.labels.len())?)
+        let input = InputShape {
+            steps: self.shape.steps,
+            taxels: self.shape.taxels(),
+        };
+        Ok(TactNetConfig::new(
+            self.network.clone(),
+            input,
+            self.labels.len(),
+        )?)
     }
 }
 
@@ -57,11 +64,20 @@ impl Classifier {
     ///
     /// # Errors
     /// Weights of another network.
-    pub fn new(config: ClassifierConfig, weights: &Weights, device: &Device) -> Result<Self, PipelineError> {
+    pub fn new(
+        config: ClassifierConfig,
+        weights: &Weights,
+        device: &Device,
+    ) -> Result<Self, PipelineError> {
         let device = device.clone().without_autodiff();
         let network = config.network_config()?;
         let net = TactNet::from_weights(&network, weights, &device)?;
-        Ok(Self { config, network, net, device })
+        Ok(Self {
+            config,
+            network,
+            net,
+            device,
+        })
     }
 
     /// What it was built from.
@@ -102,21 +118,38 @@ impl Classifier {
                 });
             }
         }
-        Ok(Predictions { labels: self.config.labels.clone(), method, sweeps })
+        Ok(Predictions {
+            labels: self.config.labels.clone(),
+            method,
+            sweeps,
+        })
     }
 
     fn check(&self, view: &SweepView<'_>) -> Result<(), PipelineError> {
-        let ClassifierConfig { shape, labels, sample_rate_hz, .. } = &self.config;
+        let ClassifierConfig {
+            shape,
+            labels,
+            sample_rate_hz,
+            ..
+        } = &self.config;
         let dataset = view.dataset();
         let misfit = |item, expected: String, found: String| {
-            Err(PipelineError::Misfit { item, expected, found })
+            Err(PipelineError::Misfit {
+                item,
+                expected,
+                found,
+            })
         };
         if view.shape() != *shape {
             return misfit("sweeps", shape.to_string(), view.shape().to_string());
         }
         if (dataset.sample_rate_hz() - sample_rate_hz).abs() > 1e-6 * sample_rate_hz {
             let hz = |rate: f64| format!("{rate} Hz");
-            return misfit("sample rate", hz(*sample_rate_hz), hz(dataset.sample_rate_hz()));
+            return misfit(
+                "sample rate",
+                hz(*sample_rate_hz),
+                hz(dataset.sample_rate_hz()),
+            );
         }
         if dataset.labels() != labels {
             let names = |set: &LabelSet| {
@@ -150,7 +183,10 @@ impl Classifier {
 
     fn plain(&self, features: Tensor<2>) -> Vec<Vec<f64>> {
         let materials = self.network.materials();
-        values(self.net.head(features)).chunks(materials).map(log_softmax).collect()
+        values(self.net.head(features))
+            .chunks(materials)
+            .map(log_softmax)
+            .collect()
     }
 
     /// Log of the mean softmax over all masks; the head runs once per sweep, on all masks together.
@@ -163,10 +199,14 @@ impl Classifier {
                 let probabilities = values(softmax(self.net.head(rows), 1));
                 let mut mean = vec![0.0_f64; materials];
                 for run in probabilities.chunks(materials) {
-                    mean.iter_mut().zip(run).for_each(|(m, p)| *m += f64::from(*p));
+                    mean.iter_mut()
+                        .zip(run)
+                        .for_each(|(m, p)| *m += f64::from(*p));
                 }
                 let total: f64 = mean.iter().sum();
-                mean.iter().map(|m| (m / total).max(f64::MIN_POSITIVE).ln()).collect()
+                mean.iter()
+                    .map(|m| (m / total).max(f64::MIN_POSITIVE).ln())
+                    .collect()
             })
             .collect()
     }

@@ -25,7 +25,9 @@ pub enum PipelineError {
         source: std::io::Error,
     },
     /// Neither a built-in recipe nor a file.
-    #[error("recipe `{name}`: no such file and no such recipe; recipes that ship with tactnet: {known}")]
+    #[error(
+        "recipe `{name}`: no such file and no such recipe; recipes that ship with tactnet: {known}"
+    )]
     UnknownRecipe {
         /// What was asked for.
         name: String,
@@ -59,7 +61,9 @@ pub enum PipelineError {
         found: String,
     },
     /// The loss or a weight is no number any more.
-    #[error("{what} is not finite in epoch {epoch}, batch {batch}; try a lower learning rate or another scaling")]
+    #[error(
+        "{what} is not finite in epoch {epoch}, batch {batch}; try a lower learning rate or another scaling"
+    )]
     NotFinite {
         /// "clean loss", "adversarial loss" or the name of a weight.
         what: String,
@@ -75,6 +79,10 @@ pub enum PipelineError {
 
 impl PipelineError {
     pub(crate) fn io(path: &Path, action: &'static str, source: std::io::Error) -> Self {
-        Self::Io { path: path.to_path_buf(), action, source }
+        Self::Io {
+            path: path.to_path_buf(),
+            action,
+            source,
+        }
     }
 }

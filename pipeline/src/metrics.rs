@@ -76,8 +76,10 @@ impl Predictions {
                 let mut order: Vec<usize> = (0..own.len()).collect();
                 shuffle(&mut order, &mut seed.rng(("fusion", label, deal)));
                 for group in order.chunks_exact(sweeps.max(1)) {
-                    let scores: Vec<&[f64]> =
-                        group.iter().map(|i| own[*i].log_probability.as_slice()).collect();
+                    let scores: Vec<&[f64]> = group
+                        .iter()
+                        .map(|i| own[*i].log_probability.as_slice())
+                        .collect();
                     let mut belief = Belief::flat(self.labels.len());
                     scores.iter().for_each(|score| belief.fuse(score));
                     bayes += usize::from(belief.label() == label);
@@ -87,14 +89,23 @@ impl Predictions {
             }
         }
         (groups > 0).then(|| {
-            let share = |right: usize| Estimate::wilson(right as f64 / groups as f64, groups / DEALS);
-            FusedAccuracy { sweeps, bayes: share(bayes), majority: share(majority) }
+            let share =
+                |right: usize| Estimate::wilson(right as f64 / groups as f64, groups / DEALS);
+            FusedAccuracy {
+                sweeps,
+                bayes: share(bayes),
+                majority: share(majority),
+            }
         })
     }
 
     /// Mean negative log-likelihood of the true label, nats.
     pub fn negative_log_likelihood(&self) -> f64 {
-        let total: f64 = self.sweeps.iter().map(|s| -s.log_probability[s.label]).sum();
+        let total: f64 = self
+            .sweeps
+            .iter()
+            .map(|s| -s.log_probability[s.label])
+            .sum();
         total / self.sweeps.len() as f64
     }
 
@@ -123,7 +134,9 @@ impl Predictions {
             bins[bin].0 += confidence;
             bins[bin].1 += f64::from(u8::from(label == sweep.label));
         }
-        bins.iter().map(|(confidence, right)| (confidence - right).abs()).sum::<f64>()
+        bins.iter()
+            .map(|(confidence, right)| (confidence - right).abs())
+            .sum::<f64>()
             / self.sweeps.len() as f64
     }
 }
@@ -154,15 +167,29 @@ mod tests {
     fn wilson_interval_matches_statsmodels() {
         // statsmodels.stats.proportion.proportion_confint(18, 20, method="wilson")
         let estimate = Estimate::wilson(0.9, 20);
-        assert!((estimate.ci95_low - 0.698_966_4).abs() < 1e-6, "{estimate:?}");
-        assert!((estimate.ci95_high - 0.972_133_5).abs() < 1e-6, "{estimate:?}");
+        assert!(
+            (estimate.ci95_low - 0.698_966_4).abs() < 1e-6,
+            "{estimate:?}"
+        );
+        assert!(
+            (estimate.ci95_high - 0.972_133_5).abs() < 1e-6,
+            "{estimate:?}"
+        );
         let perfect = Estimate::wilson(1.0, 10);
-        assert!(perfect.ci95_low < 0.75 && perfect.ci95_high == 1.0, "{perfect:?}");
+        assert!(
+            perfect.ci95_low < 0.75 && perfect.ci95_high == 1.0,
+            "{perfect:?}"
+        );
     }
 
     #[test]
     fn calibration_figures_match_hand_computed_values() {
-        let p = predictions(&[(0, [0.9, 0.1]), (0, [0.9, 0.1]), (1, [0.9, 0.1]), (1, [0.2, 0.8])]);
+        let p = predictions(&[
+            (0, [0.9, 0.1]),
+            (0, [0.9, 0.1]),
+            (1, [0.9, 0.1]),
+            (1, [0.2, 0.8]),
+        ]);
         assert_eq!(p.accuracy(), 0.75);
         assert_eq!(p.confusion(), [[2, 0], [1, 1]]);
         let nll = -(0.9_f64.ln() * 2.0 + 0.1_f64.ln() + 0.8_f64.ln()) / 4.0;
@@ -185,7 +212,11 @@ mod tests {
         let fused = p.fused(3, Seed(1)).unwrap();
         assert_eq!(fused.bayes.n, 20);
         assert!(fused.bayes.mean > p.accuracy(), "{fused:?}");
-        assert_eq!(p.fused(3, Seed(1)), Some(fused), "the same seed gives the same groups");
+        assert_eq!(
+            p.fused(3, Seed(1)),
+            Some(fused),
+            "the same seed gives the same groups"
+        );
         assert!(p.fused(31, Seed(1)).is_none());
         let single = p.fused(1, Seed(1)).unwrap();
         assert!((single.bayes.mean - p.accuracy()).abs() < 1e-12);

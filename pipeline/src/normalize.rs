@@ -29,7 +29,10 @@ impl Normalizer {
     pub fn fit(scaling: Scaling, train: &TrainSplit<'_>) -> Self {
         let taxels = train.shape().taxels();
         match scaling {
-            Scaling::Digits => Self { offset: vec![0.0; taxels], gain: vec![1.0; taxels] },
+            Scaling::Digits => Self {
+                offset: vec![0.0; taxels],
+                gain: vec![1.0; taxels],
+            },
             Scaling::PerTaxel => per_taxel(train),
         }
     }
@@ -44,7 +47,12 @@ impl Normalizer {
     /// # Panics
     /// If the length is no multiple of the number of taxels.
     pub fn apply(&self, values: &mut [f32]) {
-        assert_eq!(values.len() % self.taxels(), 0, "whole frames of {} taxels", self.taxels());
+        assert_eq!(
+            values.len() % self.taxels(),
+            0,
+            "whole frames of {} taxels",
+            self.taxels()
+        );
         for frame in values.chunks_exact_mut(self.taxels()) {
             for ((value, offset), gain) in frame.iter_mut().zip(&self.offset).zip(&self.gain) {
                 *value = (*value - offset) * gain;
@@ -59,7 +67,9 @@ fn per_taxel(train: &SweepView<'_>) -> Normalizer {
     let frames = (train.len() * train.shape().steps) as f64;
     let mut mean = vec![0.0_f64; taxels];
     for_each_frame(train, |frame| {
-        mean.iter_mut().zip(frame).for_each(|(m, v)| *m += f64::from(*v));
+        mean.iter_mut()
+            .zip(frame)
+            .for_each(|(m, v)| *m += f64::from(*v));
     });
     mean.iter_mut().for_each(|m| *m /= frames);
     let mut variance = vec![0.0_f64; taxels];
@@ -71,9 +81,18 @@ fn per_taxel(train: &SweepView<'_>) -> Normalizer {
     let gain = variance
         .iter()
         .map(|sum| (sum / frames).sqrt())
-        .map(|deviation| if deviation > 0.0 { (1.0 / deviation) as f32 } else { 1.0 })
+        .map(|deviation| {
+            if deviation > 0.0 {
+                (1.0 / deviation) as f32
+            } else {
+                1.0
+            }
+        })
         .collect();
-    Normalizer { offset: mean.iter().map(|m| *m as f32).collect(), gain }
+    Normalizer {
+        offset: mean.iter().map(|m| *m as f32).collect(),
+        gain,
+    }
 }
 
 fn for_each_frame(view: &SweepView<'_>, mut visit: impl FnMut(&[f32])) {

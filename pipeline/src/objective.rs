@@ -31,10 +31,20 @@ pub struct Perturbation {
 /// - `sweeps`: `[batch, 1, steps, taxels]` without autodiff
 /// - `labels`: `[batch]`
 /// - `mask`: `[batch, features]` dropout mask
-pub fn base_pass(net: &TactNet, sweeps: Tensor<4>, labels: Tensor<1, Int>, mask: Tensor<2>) -> Pass {
+pub fn base_pass(
+    net: &TactNet,
+    sweeps: Tensor<4>,
+    labels: Tensor<1, Int>,
+    mask: Tensor<2>,
+) -> Pass {
     let (mut gradients, statistics, loss, correct) = pass(net, sweeps.autodiff(), labels, mask);
     let gradients = GradientsParams::from_module(&mut gradients, net);
-    Pass { gradients, statistics, loss, correct }
+    Pass {
+        gradients,
+        statistics,
+        loss,
+        correct,
+    }
 }
 
 /// `alpha E(x) + (1 - alpha) E(x + r)` with `r = epsilon sign(dE/dx)`, thesis section 4.4.1.
@@ -62,10 +72,18 @@ pub fn adversarial_pass(
     let gradients = weighted_sum(
         net,
         (alpha, GradientsParams::from_module(&mut clean, net)),
-        (1.0 - alpha, GradientsParams::from_module(&mut adversarial, net)),
+        (
+            1.0 - alpha,
+            GradientsParams::from_module(&mut adversarial, net),
+        ),
     );
     let loss = alpha * clean_loss + (1.0 - alpha) * adversarial_loss;
-    Pass { gradients, statistics, loss, correct }
+    Pass {
+        gradients,
+        statistics,
+        loss,
+        correct,
+    }
 }
 
 fn pass(
@@ -75,7 +93,12 @@ fn pass(
     mask: Tensor<2>,
 ) -> (Gradients, Vec<BatchStatistics>, f64, usize) {
     let forward = net.forward_train(sweeps, mask);
-    let recognised = forward.logits.clone().argmax(1).squeeze_dim::<1>(1).equal(labels.clone());
+    let recognised = forward
+        .logits
+        .clone()
+        .argmax(1)
+        .squeeze_dim::<1>(1)
+        .equal(labels.clone());
     let correct = recognised.int().sum().into_scalar::<i64>() as usize;
     let loss = cross_entropy(forward.logits, labels);
     let value = f64::from(loss.clone().into_scalar::<f32>());
@@ -95,7 +118,9 @@ fn weighted_sum(
     impl ModuleVisitor for Sum {
         fn visit_float<const D: usize>(&mut self, parameter: &Param<Tensor<D>>) {
             let scaled = |side: &mut (f64, GradientsParams)| {
-                side.1.remove::<D>(parameter.id).map(|gradient| gradient.mul_scalar(side.0))
+                side.1
+                    .remove::<D>(parameter.id)
+                    .map(|gradient| gradient.mul_scalar(side.0))
             };
             match (scaled(&mut self.first), scaled(&mut self.second)) {
                 (Some(a), Some(b)) => self.total.register(parameter.id, a + b),
@@ -104,7 +129,11 @@ fn weighted_sum(
             }
         }
     }
-    let mut sum = Sum { first, second, total: GradientsParams::new() };
+    let mut sum = Sum {
+        first,
+        second,
+        total: GradientsParams::new(),
+    };
     net.visit(&mut sum);
     sum.total
 }

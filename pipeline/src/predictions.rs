@@ -61,7 +61,11 @@ pub struct PredictionSource<'a> {
 impl Predictions {
     /// Share of sweeps whose most probable label is the true one.
     pub fn accuracy(&self) -> f64 {
-        let correct = self.sweeps.iter().filter(|s| s.predicted() == s.label).count();
+        let correct = self
+            .sweeps
+            .iter()
+            .filter(|s| s.predicted() == s.label)
+            .count();
         correct as f64 / self.sweeps.len().max(1) as f64
     }
 

@@ -152,7 +152,8 @@ impl Recipe {
     /// # Panics
     /// Never: every recipe can be written as TOML.
     pub fn to_toml(&self) -> String {
-        toml::to_string(self).unwrap_or_else(|error| panic!("a recipe is always valid TOML: {error}"))
+        toml::to_string(self)
+            .unwrap_or_else(|error| panic!("a recipe is always valid TOML: {error}"))
     }
 
     /// Learning rate of `epoch`, which counts from 0.
@@ -191,9 +192,17 @@ impl Recipe {
             );
         }
         if !(training.l2.is_finite() && training.l2 >= 0.0) {
-            return wrong("training.l2", "a number of at least 0", training.l2.to_string());
+            return wrong(
+                "training.l2",
+                "a number of at least 0",
+                training.l2.to_string(),
+            );
         }
-        if let Some(drop) = training.learning_rate_drops.iter().find(|d| !positive(d.factor)) {
+        if let Some(drop) = training
+            .learning_rate_drops
+            .iter()
+            .find(|d| !positive(d.factor))
+        {
             return wrong(
                 "training.learning_rate_drops",
                 "positive factors",
@@ -236,9 +245,15 @@ mod tests {
         assert_eq!(recipe.learning_rate(0), 1e-4);
         assert_eq!(recipe.learning_rate(169), 1e-4);
         assert!((recipe.learning_rate(170) - 1e-5).abs() < 1e-18);
-        let adversarial = TrainingMethod::Adversarial { alpha: 0.5, epsilon: 0.1 };
+        let adversarial = TrainingMethod::Adversarial {
+            alpha: 0.5,
+            epsilon: 0.1,
+        };
         assert_eq!(recipe.training.method, adversarial);
-        assert_eq!(recipe.prediction.method, PredictionMethod::McDropout { runs: 100 });
+        assert_eq!(
+            recipe.prediction.method,
+            PredictionMethod::McDropout { runs: 100 }
+        );
     }
 
     #[test]
@@ -246,21 +261,33 @@ mod tests {
         let thesis = BUILT_IN[1].1;
         let message = |from: &str, to: &str| {
             assert!(thesis.contains(from), "{from}");
-            Recipe::parse("r.toml", &thesis.replace(from, to)).unwrap_err().to_string()
+            Recipe::parse("r.toml", &thesis.replace(from, to))
+                .unwrap_err()
+                .to_string()
         };
         for (from, to, named) in [
             ("epochs = 200", "epochs = 0", "training.epochs"),
             ("epochs = 200", "epoch = 200", "unknown field `epoch`"),
-            ("learning_rate = 1e-4", "learning_rate = -1.0", "training.learning_rate"),
+            (
+                "learning_rate = 1e-4",
+                "learning_rate = -1.0",
+                "training.learning_rate",
+            ),
             ("alpha = 0.5", "alpha = 1.5", "alpha"),
             ("runs = 100", "runs = 0", "runs"),
             ("\"digits\"", "\"volts\"", "volts"),
         ] {
             let message = message(from, to);
-            assert!(message.contains(named) && message.contains("r.toml"), "{message}");
+            assert!(
+                message.contains(named) && message.contains("r.toml"),
+                "{message}"
+            );
             assert!(!message.contains('\n'), "{message}");
         }
         let unknown = Recipe::load("tesis").unwrap_err().to_string();
-        assert!(unknown.contains("tesis") && unknown.contains("quick, thesis"), "{unknown}");
+        assert!(
+            unknown.contains("tesis") && unknown.contains("quick, thesis"),
+            "{unknown}"
+        );
     }
 }

@@ -63,5 +63,8 @@ impl RunResult {
 
 /// How a split is named for people: scheme and part.
 pub fn describe_split(manifest: &SplitManifest) -> String {
-    format!("{}, run {}, fold {}", manifest.scheme, manifest.run, manifest.fold)
+    format!(
+        "{}, run {}, fold {}",
+        manifest.scheme, manifest.run, manifest.fold
+    )
 }

@@ -80,7 +80,9 @@ impl RunDir {
         split: &SplitManifest,
         provenance: &Provenance,
     ) -> Result<Self, PipelineError> {
-        let run = Self { path: path.to_path_buf() };
+        let run = Self {
+            path: path.to_path_buf(),
+        };
         if run.file("config.json").exists() {
             return Err(PipelineError::Run {
                 path: path.into(),
@@ -101,13 +103,16 @@ impl RunDir {
     /// # Errors
     /// A folder without a `config.json`.
     pub fn open(path: &Path) -> Result<Self, PipelineError> {
-        let run = Self { path: path.to_path_buf() };
+        let run = Self {
+            path: path.to_path_buf(),
+        };
         if run.file("config.json").is_file() {
             Ok(run)
         } else {
             Err(PipelineError::Run {
                 path: path.into(),
-                reason: "no run here (no config.json); name a folder that `tactnet train` made".into(),
+                reason: "no run here (no config.json); name a folder that `tactnet train` made"
+                    .into(),
             })
         }
     }
@@ -176,7 +181,11 @@ impl RunDir {
     ///
     /// # Errors
     /// It cannot be written; the former one is then still whole.
-    pub fn write_checkpoint(&self, state: &TrainingState, seconds: f64) -> Result<(), PipelineError> {
+    pub fn write_checkpoint(
+        &self,
+        state: &TrainingState,
+        seconds: f64,
+    ) -> Result<(), PipelineError> {
         let bytes = encode_checkpoint(state, seconds)?;
         self.write("checkpoint.safetensors", &bytes)
     }
@@ -194,8 +203,11 @@ impl RunDir {
             fs::read_to_string(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
         let mut metrics = Vec::new();
         for line in text.lines() {
-            let line: EpochMetrics = serde_json::from_str(line)
-                .map_err(|error| PipelineError::Run { path: path.clone(), reason: error.to_string() })?;
+            let line: EpochMetrics =
+                serde_json::from_str(line).map_err(|error| PipelineError::Run {
+                    path: path.clone(),
+                    reason: error.to_string(),
+                })?;
             metrics.push(line);
         }
         metrics.retain(|line| line.epoch < epoch);
@@ -258,8 +270,10 @@ impl RunDir {
         let path = self.file(name);
         let text =
             fs::read_to_string(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
-        serde_json::from_str(&text)
-            .map_err(|error| PipelineError::Run { path, reason: error.to_string() })
+        serde_json::from_str(&text).map_err(|error| PipelineError::Run {
+            path,
+            reason: error.to_string(),
+        })
     }
 
     fn file(&self, name: &str) -> PathBuf {
@@ -268,8 +282,15 @@ impl RunDir {
 }
 
 fn to_json(name: &str, value: &impl Serialize, pretty: bool) -> Result<String, PipelineError> {
-    let text = if pretty { serde_json::to_string_pretty(value) } else { serde_json::to_string(value) };
-    text.map_err(|error| PipelineError::Run { path: name.into(), reason: error.to_string() })
+    let text = if pretty {
+        serde_json::to_string_pretty(value)
+    } else {
+        serde_json::to_string(value)
+    };
+    text.map_err(|error| PipelineError::Run {
+        path: name.into(),
+        reason: error.to_string(),
+    })
 }
 
 /// Writes beside `path`, syncs, renames into place: after a crash or on a full disk the former file is still whole.

@@ -145,7 +145,11 @@ impl<'a> Training<'a> {
                 .map_err(|error| PipelineError::Optimizer(error.to_string()))?
                 .to_vec()
         };
-        Ok(TrainingState { position: self.position.clone(), weights, optimizer })
+        Ok(TrainingState {
+            position: self.position.clone(),
+            weights,
+            optimizer,
+        })
     }
 
     /// Where training stands.
@@ -191,7 +195,9 @@ impl<'a> Training<'a> {
             return Err(self.not_finite("loss"));
         }
         let learning_rate = self.recipe.learning_rate(epoch);
-        self.net = self.optimizer.step(learning_rate, self.net.clone(), pass.gradients);
+        self.net = self
+            .optimizer
+            .step(learning_rate, self.net.clone(), pass.gradients);
         self.net.follow(&pass.statistics);
 
         let batches = self.batches();
@@ -209,7 +215,10 @@ impl<'a> Training<'a> {
         };
         position.batch += 1;
         if report.ends_epoch() {
-            *position = Position { epoch: epoch + 1, ..Position::default() };
+            *position = Position {
+                epoch: epoch + 1,
+                ..Position::default()
+            };
         }
         Ok(Some(report))
     }
@@ -229,11 +238,17 @@ impl<'a> Training<'a> {
         self.train.copy_batch(positions, &mut values);
         self.normalizer.apply(&mut values);
         let extents = [positions.len(), 1, shape.steps, shape.taxels()];
-        Tensor::from_data(TensorData::new(values, extents), &self.device.clone().without_autodiff())
+        Tensor::from_data(
+            TensorData::new(values, extents),
+            &self.device.clone().without_autodiff(),
+        )
     }
 
     fn labels(&self, positions: &[usize]) -> Tensor<1, Int> {
-        let labels: Vec<i64> = positions.iter().map(|p| self.train.label(*p) as i64).collect();
+        let labels: Vec<i64> = positions
+            .iter()
+            .map(|p| self.train.label(*p) as i64)
+            .collect();
         let extent = [labels.len()];
         Tensor::from_data(TensorData::new(labels, extent), &self.device)
     }

@@ -31,7 +31,9 @@ pub enum Push {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum WindowError {
     /// Too many frames lost in a row.
-    #[error("{lost} frames lost in a row before frame {sequence}, at most {allowed} can be filled in")]
+    #[error(
+        "{lost} frames lost in a row before frame {sequence}, at most {allowed} can be filled in"
+    )]
     Gap {
         /// Frames lost.
         lost: u64,
@@ -104,23 +106,40 @@ impl SweepWindow {
     /// # Errors
     /// Says why the sweep cannot be used any more.
     pub fn push(&mut self, frame: &Frame<'_>) -> Result<Push, WindowError> {
-        let WindowConfig { taxels, longest_gap, .. } = self.config;
+        let WindowConfig {
+            taxels,
+            longest_gap,
+            ..
+        } = self.config;
         if frame.taxels.len() != taxels {
-            return Err(WindowError::Taxels { found: frame.taxels.len(), expected: taxels });
+            return Err(WindowError::Taxels {
+                found: frame.taxels.len(),
+                expected: taxels,
+            });
         }
         if let Some(taxel) = frame.taxels.iter().position(|v| !v.is_finite()) {
-            return Err(WindowError::NotFinite { sequence: frame.sequence, taxel });
+            return Err(WindowError::NotFinite {
+                sequence: frame.sequence,
+                taxel,
+            });
         }
         if self.is_complete() {
             return Ok(Push::Ignored);
         }
         if let Some(last) = self.last {
             if frame.sequence <= last {
-                return Err(WindowError::Order { sequence: frame.sequence, last });
+                return Err(WindowError::Order {
+                    sequence: frame.sequence,
+                    last,
+                });
             }
             let lost = frame.sequence - last - 1;
             if lost > longest_gap as u64 {
-                return Err(WindowError::Gap { lost, sequence: frame.sequence, allowed: longest_gap });
+                return Err(WindowError::Gap {
+                    lost,
+                    sequence: frame.sequence,
+                    allowed: longest_gap,
+                });
             }
             for step in 1..=lost {
                 let weight = step as f32 / (lost + 1) as f32;
@@ -131,7 +150,11 @@ impl SweepWindow {
         self.keep(|taxel, _| frame.taxels[taxel]);
         self.newest.copy_from_slice(frame.taxels);
         self.last = Some(frame.sequence);
-        Ok(if self.is_complete() { Push::Complete } else { Push::Taken })
+        Ok(if self.is_complete() {
+            Push::Complete
+        } else {
+            Push::Taken
+        })
     }
 
     /// Whether the window is full.
@@ -150,7 +173,12 @@ impl SweepWindow {
     }
 
     fn keep(&mut self, value: impl Fn(usize, f32) -> f32) {
-        let WindowConfig { taxels, skip, steps, .. } = self.config;
+        let WindowConfig {
+            taxels,
+            skip,
+            steps,
+            ..
+        } = self.config;
         if (skip..skip + steps).contains(&self.seen) {
             let row = (self.seen - skip) * taxels;
             for taxel in 0..taxels {
@@ -166,11 +194,20 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const CONFIG: WindowConfig = WindowConfig { taxels: 2, skip: 3, steps: 5, longest_gap: 2 };
+    const CONFIG: WindowConfig = WindowConfig {
+        taxels: 2,
+        skip: 3,
+        steps: 5,
+        longest_gap: 2,
+    };
 
     fn push(window: &mut SweepWindow, sequence: u64) -> Result<Push, WindowError> {
         let taxels = [sequence as f32, -(sequence as f32)];
-        window.push(&Frame { sequence, sensor_time_nanos: 0, taxels: &taxels })
+        window.push(&Frame {
+            sequence,
+            sensor_time_nanos: 0,
+            taxels: &taxels,
+        })
     }
 
     #[test]
@@ -195,13 +232,43 @@ mod tests {
         push(&mut window, 5).unwrap();
         assert_eq!(
             push(&mut window, 9),
-            Err(WindowError::Gap { lost: 3, sequence: 9, allowed: 2 })
+            Err(WindowError::Gap {
+                lost: 3,
+                sequence: 9,
+                allowed: 2
+            })
         );
-        assert_eq!(push(&mut window, 5), Err(WindowError::Order { sequence: 5, last: 5 }));
-        let nan = Frame { sequence: 6, sensor_time_nanos: 0, taxels: &[0.0, f32::NAN] };
-        assert_eq!(window.push(&nan), Err(WindowError::NotFinite { sequence: 6, taxel: 1 }));
-        let short = Frame { sequence: 6, sensor_time_nanos: 0, taxels: &[0.0] };
-        assert_eq!(window.push(&short), Err(WindowError::Taxels { found: 1, expected: 2 }));
+        assert_eq!(
+            push(&mut window, 5),
+            Err(WindowError::Order {
+                sequence: 5,
+                last: 5
+            })
+        );
+        let nan = Frame {
+            sequence: 6,
+            sensor_time_nanos: 0,
+            taxels: &[0.0, f32::NAN],
+        };
+        assert_eq!(
+            window.push(&nan),
+            Err(WindowError::NotFinite {
+                sequence: 6,
+                taxel: 1
+            })
+        );
+        let short = Frame {
+            sequence: 6,
+            sensor_time_nanos: 0,
+            taxels: &[0.0],
+        };
+        assert_eq!(
+            window.push(&short),
+            Err(WindowError::Taxels {
+                found: 1,
+                expected: 2
+            })
+        );
     }
 
     proptest! {

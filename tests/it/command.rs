@@ -51,7 +51,9 @@ pub struct RecipeChange {
 
 impl Lab {
     pub fn new() -> Self {
-        let lab = Self { folder: TempDir::new().unwrap() };
+        let lab = Self {
+            folder: TempDir::new().unwrap(),
+        };
         let size = ["--materials", "4", "--sweeps", "10", "--steps", "120"];
         let mut twin = tactnet(["data", "twin", "--out"]);
         twin.arg(lab.path("twin.h5")).args(size);
@@ -82,7 +84,12 @@ impl Lab {
     /// `tactnet train` on the small twin with the small recipe, into `out`.
     pub fn train(&self, recipe: &Path, out: &str) -> Command {
         let mut command = tactnet(["train", "--data"]);
-        command.arg(self.path("twin.h5")).arg("--recipe").arg(recipe).arg("--out").arg(self.path(out));
+        command
+            .arg(self.path("twin.h5"))
+            .arg("--recipe")
+            .arg(recipe)
+            .arg("--out")
+            .arg(self.path(out));
         command
     }
 

@@ -23,11 +23,16 @@ struct Golden {
 
 impl Golden {
     fn read(name: &str) -> Self {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(name);
+        let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("tests/golden")
+            .join(name);
         let bytes = std::fs::read(path).unwrap();
         let (_, header) = SafeTensors::read_metadata(&bytes).unwrap();
         let metadata = header.metadata().clone().unwrap().into_iter().collect();
-        Self { tensors: Weights::from_safetensors(&bytes).unwrap().0, metadata }
+        Self {
+            tensors: Weights::from_safetensors(&bytes).unwrap().0,
+            metadata,
+        }
     }
 
     fn setting<T: serde::de::DeserializeOwned>(&self, name: &str) -> T {
@@ -65,14 +70,24 @@ impl Golden {
 /// Largest deviation relative to the largest expected magnitude.
 fn deviation(found: &[f32], expected: &[f32]) -> f32 {
     assert_eq!(found.len(), expected.len());
-    let scale = expected.iter().fold(0.0_f32, |m, v| m.max(v.abs())).max(1e-12);
-    found.iter().zip(expected).fold(0.0_f32, |m, (f, e)| m.max((f - e).abs())) / scale
+    let scale = expected
+        .iter()
+        .fold(0.0_f32, |m, v| m.max(v.abs()))
+        .max(1e-12);
+    found
+        .iter()
+        .zip(expected)
+        .fold(0.0_f32, |m, (f, e)| m.max((f - e).abs()))
+        / scale
 }
 
 fn assert_close<const D: usize>(found: Tensor<D>, golden: &Golden, name: &str, tolerance: f32) {
     let values: Vec<f32> = found.into_data_as::<f32>().try_into_vec().unwrap();
     let off = deviation(&values, &golden.tensors[name].values);
-    assert!(off < tolerance, "{name} is off by {off:e} of its largest value");
+    assert!(
+        off < tolerance,
+        "{name} is off by {off:e} of its largest value"
+    );
 }
 
 fn assert_weights_close(found: &Weights, golden: &Golden, prefix: &str, tolerance: f32) {
@@ -81,12 +96,19 @@ fn assert_weights_close(found: &Weights, golden: &Golden, prefix: &str, toleranc
         let expected = &golden.tensors[&format!("{prefix}{name}")];
         assert_eq!(tensor.shape, expected.shape, "{name}");
         let off = deviation(&tensor.values, &expected.values);
-        assert!(off < tolerance, "{prefix}{name} is off by {off:e} of its largest value");
+        assert!(
+            off < tolerance,
+            "{prefix}{name} is off by {off:e} of its largest value"
+        );
     }
 }
 
 fn labels(golden: &Golden, device: &Device) -> Tensor<1, Int> {
-    let labels: Vec<i64> = golden.tensors["labels"].values.iter().map(|v| *v as i64).collect();
+    let labels: Vec<i64> = golden.tensors["labels"]
+        .values
+        .iter()
+        .map(|v| *v as i64)
+        .collect();
     let extent = [labels.len()];
     Tensor::from_data(TensorData::new(labels, extent), device)
 }
@@ -100,7 +122,12 @@ fn check_against_pytorch(name: &str) {
 
     let sweeps = golden.tensor::<4>("sweeps", &plain);
     let valid = net.valid();
-    assert_close(valid.head(valid.features(sweeps.clone())), &golden, "eval.logits", 1e-4);
+    assert_close(
+        valid.head(valid.features(sweeps.clone())),
+        &golden,
+        "eval.logits",
+        1e-4,
+    );
 
     let tracked = sweeps.clone().autodiff().require_grad();
     let mask = golden.tensor::<2>("mask.0.clean", &device);
@@ -112,29 +139,50 @@ fn check_against_pytorch(name: &str) {
     assert_close(input_gradient, &golden, "clean.gradient.sweeps", 1e-4);
     let gradients = GradientsParams::from_module(&mut gradients, &net);
     let named = net.gradients(&gradients);
-    assert_eq!(named.0.len(), 3 * config.pools().len() + 5, "every parameter has a gradient");
+    assert_eq!(
+        named.0.len(),
+        3 * config.pools().len() + 5,
+        "every parameter has a gradient"
+    );
     assert_weights_close(&named, &golden, "clean.gradient.", 1e-4);
 
     let mut adam = AdamConfig::new()
         .with_epsilon(1e-8)
         .with_weight_decay(Some(WeightDecayConfig::new(1e-3)))
         .init();
-    let perturbation = Perturbation { alpha: 0.5, epsilon: 0.1 };
+    let perturbation = Perturbation {
+        alpha: 0.5,
+        epsilon: 0.1,
+    };
     for step in 0..10 {
         let masks = ["clean", "adversarial"]
             .map(|kind| golden.tensor::<2>(&format!("mask.{step}.{kind}"), &device));
-        let pass =
-            adversarial_pass(&net, sweeps.clone(), labels(&golden, &device), masks, perturbation);
+        let pass = adversarial_pass(
+            &net,
+            sweeps.clone(),
+            labels(&golden, &device),
+            masks,
+            perturbation,
+        );
         let [clean, adversarial] = [0, 1].map(|i| golden.tensors["losses"].values[2 * step + i]);
         let expected = f64::from(0.5 * clean + 0.5 * adversarial);
         let off = (pass.loss - expected).abs() / expected;
-        assert!(off < 1e-3, "loss of step {step}: {} instead of {expected}", pass.loss);
+        assert!(
+            off < 1e-3,
+            "loss of step {step}: {} instead of {expected}",
+            pass.loss
+        );
         net = adam.step(1e-3, net, pass.gradients);
         net.follow(&pass.statistics);
     }
     assert_weights_close(&net.weights(), &golden, "final.", 2e-3);
     let valid = net.valid();
-    assert_close(valid.head(valid.features(sweeps)), &golden, "final.eval.logits", 2e-3);
+    assert_close(
+        valid.head(valid.features(sweeps)),
+        &golden,
+        "final.eval.logits",
+        2e-3,
+    );
 }
 
 #[test]
@@ -152,19 +200,32 @@ fn base_objective_is_the_clean_half_of_the_adversarial_one() {
     let golden = Golden::read("tactnet_reduced.safetensors");
     let plain = Device::flex();
     let device = plain.clone().autodiff();
-    let net = TactNet::from_weights(&golden.config(), &golden.weights("initial."), &device).unwrap();
+    let net =
+        TactNet::from_weights(&golden.config(), &golden.weights("initial."), &device).unwrap();
     let mask = golden.tensor::<2>("mask.0.clean", &device);
-    let pass = base_pass(&net, golden.tensor::<4>("sweeps", &plain), labels(&golden, &device), mask);
+    let pass = base_pass(
+        &net,
+        golden.tensor::<4>("sweeps", &plain),
+        labels(&golden, &device),
+        mask,
+    );
     let expected = f64::from(golden.tensors["losses"].values[0]);
     assert!((pass.loss - expected).abs() < 1e-5 * expected);
-    assert_weights_close(&net.gradients(&pass.gradients), &golden, "clean.gradient.", 1e-4);
+    assert_weights_close(
+        &net.gradients(&pass.gradients),
+        &golden,
+        "clean.gradient.",
+        1e-4,
+    );
 }
 
 /// `counter_uniform` of the generator script: splitmix64 of a counter, top 24 bits, mapped to [-1, 1).
 fn counter_uniform(stream: u64, count: usize) -> impl Iterator<Item = f64> {
     (0..count as u64).map(move |i| {
         const GOLDEN: u64 = 0x9E37_79B9_7F4A_7C15;
-        let mut z = ((stream << 32) + i).wrapping_mul(GOLDEN).wrapping_add(GOLDEN);
+        let mut z = ((stream << 32) + i)
+            .wrapping_mul(GOLDEN)
+            .wrapping_add(GOLDEN);
         z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
         z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
         ((z ^ (z >> 31)) >> 40) as f64 / f64::from(1 << 24) * 2.0 - 1.0
@@ -175,7 +236,10 @@ fn counter_uniform(stream: u64, count: usize) -> impl Iterator<Item = f64> {
 fn full_size_logits_match_pytorch() {
     let golden = Golden::read("tactnet_full.safetensors");
     let device = Device::flex();
-    let input = InputShape { steps: 1000, taxels: 16 };
+    let input = InputShape {
+        steps: 1000,
+        taxels: 16,
+    };
     let config = TactNetConfig::new(Architecture::default(), input, 36).unwrap();
     let mut rng = tactnet_data::Seed(0).rng("overwritten below");
     let mut weights = TactNet::init(&config, &device, &mut rng).weights();
@@ -185,7 +249,11 @@ fn full_size_logits_match_pytorch() {
             _ if name.ends_with("weight") => tensor.shape[1..].iter().product(),
             _ => 0,
         };
-        for (value, u) in tensor.values.iter_mut().zip(counter_uniform(stream as u64, usize::MAX)) {
+        for (value, u) in tensor
+            .values
+            .iter_mut()
+            .zip(counter_uniform(stream as u64, usize::MAX))
+        {
             *value = if fan_in > 0 {
                 u / (fan_in as f64).sqrt()
             } else if name.ends_with("gamma") {
@@ -198,8 +266,9 @@ fn full_size_logits_match_pytorch() {
         }
     }
     let net = TactNet::from_weights(&config, &weights, &device).unwrap();
-    let digits: Vec<f32> =
-        counter_uniform(1000, 2 * 16_000).map(|u| ((u + 1.0) * 20.0).floor() as f32).collect();
+    let digits: Vec<f32> = counter_uniform(1000, 2 * 16_000)
+        .map(|u| ((u + 1.0) * 20.0).floor() as f32)
+        .collect();
     let sweeps = Tensor::from_data(TensorData::new(digits, [2, 1, 1000, 16]), &device);
     assert_close(net.head(net.features(sweeps)), &golden, "logits", 1e-4);
 }

@@ -15,27 +15,54 @@ fn a_run_leaves_everything_needed_to_trust_and_repeat_it() {
     let result = lab.json("run/result.json");
     assert_eq!(printed, result, "--json prints exactly result.json");
     for field in [
-        "schema_version", "data_sha256", "git", "seed", "recipe", "n_train", "n_test", "epochs",
-        "accuracy_one_sweep", "accuracy_three_sweeps", "train_seconds", "seconds_per_epoch", "peak_rss_mib",
-        "evaluations", "command",
+        "schema_version",
+        "data_sha256",
+        "git",
+        "seed",
+        "recipe",
+        "n_train",
+        "n_test",
+        "epochs",
+        "accuracy_one_sweep",
+        "accuracy_three_sweeps",
+        "train_seconds",
+        "seconds_per_epoch",
+        "peak_rss_mib",
+        "evaluations",
+        "command",
     ] {
         assert!(result.get(field).is_some(), "result.json lacks {field}");
     }
-    assert_eq!((&result["n_train"], &result["n_test"]), (&32.into(), &8.into()));
+    assert_eq!(
+        (&result["n_train"], &result["n_test"]),
+        (&32.into(), &8.into())
+    );
     for field in ["mean", "ci95_low", "ci95_high", "n"] {
-        assert!(result["accuracy_one_sweep"][field].is_number(), "accuracy_one_sweep.{field}");
+        assert!(
+            result["accuracy_one_sweep"][field].is_number(),
+            "accuracy_one_sweep.{field}"
+        );
     }
     assert_eq!(
         result["accuracy_one_sweep"], result["evaluations"]["mc_dropout"]["one_sweep"],
         "the accuracy is that of the recipe's own way of predicting"
     );
-    assert_eq!(result["accuracy_three_sweeps"], serde_json::Value::Null, "two test sweeps a material");
+    assert_eq!(
+        result["accuracy_three_sweeps"],
+        serde_json::Value::Null,
+        "two test sweeps a material"
+    );
 
     let metrics = String::from_utf8(lab.read("run/metrics.jsonl")).unwrap();
-    let epochs: Vec<serde_json::Value> =
-        metrics.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let epochs: Vec<serde_json::Value> = metrics
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
     assert_eq!(epochs.len(), 3);
-    assert!(epochs[2]["train_loss"].as_f64() < epochs[0]["train_loss"].as_f64(), "{metrics}");
+    assert!(
+        epochs[2]["train_loss"].as_f64() < epochs[0]["train_loss"].as_f64(),
+        "{metrics}"
+    );
 
     let split = lab.json("run/split.json");
     assert_eq!(split["test"].as_array().unwrap().len(), 8);
@@ -43,13 +70,24 @@ fn a_run_leaves_everything_needed_to_trust_and_repeat_it() {
     let tsml = String::from_utf8(lab.read("run/predictions_test.csv")).unwrap();
     let rows: Vec<&str> = tsml.lines().skip(3).collect();
     assert_eq!(rows.len(), 8);
-    let correct = rows.iter().filter(|r| r.split(',').next() == r.split(',').nth(1)).count();
+    let correct = rows
+        .iter()
+        .filter(|r| r.split(',').next() == r.split(',').nth(1))
+        .count();
     assert_eq!(result["accuracy_one_sweep"]["mean"], correct as f64 / 8.0);
     for row in rows {
-        let p: f64 = row.split(',').skip(3).map(|p| p.parse::<f64>().unwrap()).sum();
+        let p: f64 = row
+            .split(',')
+            .skip(3)
+            .map(|p| p.parse::<f64>().unwrap())
+            .sum();
         assert!((p - 1.0).abs() < 1e-9, "probabilities of {row} sum to {p}");
     }
-    assert!(String::from_utf8(lab.read("run/confusion.svg")).unwrap().starts_with("<svg"));
+    assert!(
+        String::from_utf8(lab.read("run/confusion.svg"))
+            .unwrap()
+            .starts_with("<svg")
+    );
     assert!(lab.json("run/environment.json")["git"].is_string());
 
     let mut eval = tactnet(["eval", "--json", "--mc", "20", "--sweeps", "2"]);
@@ -98,36 +136,55 @@ fn equal_seeds_give_equal_weights_whatever_the_number_of_threads() {
 
 /// Starts `command` and waits until it has finished an epoch.
 fn start_and_wait_for_an_epoch(mut command: Command) -> std::process::Child {
-    let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut child = command
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
     let reader = BufReader::new(child.stderr.take().unwrap());
     let mut lines = reader.lines();
-    lines.find(|line| line.as_ref().unwrap().contains("epoch 2/")).expect("an epoch ends").unwrap();
+    lines
+        .find(|line| line.as_ref().unwrap().contains("epoch 2/"))
+        .expect("an epoch ends")
+        .unwrap();
     std::thread::spawn(move || lines.for_each(drop));
     child
 }
 
 fn signal(child: &std::process::Child, name: &str) {
-    let status = Command::new("kill").arg(format!("-{name}")).arg(child.id().to_string()).status();
+    let status = Command::new("kill")
+        .arg(format!("-{name}"))
+        .arg(child.id().to_string())
+        .status();
     assert!(status.unwrap().success());
 }
 
 #[test]
 fn an_interrupted_run_ends_with_the_very_same_weights() {
     let lab = Lab::new();
-    let recipe = lab.recipe(RecipeChange { epochs: Some(60), ..RecipeChange::default() });
+    let recipe = lab.recipe(RecipeChange {
+        epochs: Some(60),
+        ..RecipeChange::default()
+    });
     expect(0, lab.train(&recipe, "whole"));
-    for (name, signal_name, code) in
-        [("int", "INT", Some(130)), ("term", "TERM", Some(130)), ("kill", "KILL", None)]
-    {
+    for (name, signal_name, code) in [
+        ("int", "INT", Some(130)),
+        ("term", "TERM", Some(130)),
+        ("kill", "KILL", None),
+    ] {
         let mut child = start_and_wait_for_an_epoch(lab.train(&recipe, name));
         signal(&child, signal_name);
         assert_eq!(child.wait().unwrap().code(), code, "{name}");
-        assert!(!lab.path(name).join("result.json").exists(), "{name} was stopped too late to test");
+        assert!(
+            !lab.path(name).join("result.json").exists(),
+            "{name} was stopped too late to test"
+        );
         let mut resume = tactnet(["train", "--resume"]);
         resume.arg(lab.path(name));
         expect(0, resume);
         assert!(
-            lab.read("whole/weights.safetensors") == lab.read(&format!("{name}/weights.safetensors")),
+            lab.read("whole/weights.safetensors")
+                == lab.read(&format!("{name}/weights.safetensors")),
             "weights differ after {name}"
         );
         let epochs = |run: &str| {
@@ -157,14 +214,20 @@ fn a_loss_that_is_no_number_stops_with_epoch_and_batch_and_keeps_the_checkpoint(
     });
     let output = expect(1, lab.train(&recipe, "run"));
     let message = stderr(&output);
-    assert!(message.contains("not finite in epoch 3, batch 2"), "{message}");
+    assert!(
+        message.contains("not finite in epoch 3, batch 2"),
+        "{message}"
+    );
     assert!(!lab.path("run/result.json").exists());
     let metrics = String::from_utf8(lab.read("run/metrics.jsonl")).unwrap();
     assert_eq!(metrics.lines().count(), 2);
     let mut eval = tactnet(["eval"]);
     eval.arg(lab.path("run"));
     let table = stdout(&expect(0, eval));
-    assert!(table.contains("mc_dropout") && !table.contains("NaN"), "{table}");
+    assert!(
+        table.contains("mc_dropout") && !table.contains("NaN"),
+        "{table}"
+    );
 }
 
 #[test]
@@ -184,7 +247,10 @@ fn a_full_disk_is_an_error_and_never_a_broken_checkpoint() {
         .args(lab.train(&recipe, "full").get_args());
     let output = expect(1, limited);
     let message = stderr(&output);
-    assert!(message.contains("checkpoint.safetensors: cannot write"), "{message}");
+    assert!(
+        message.contains("checkpoint.safetensors: cannot write"),
+        "{message}"
+    );
     assert!(!lab.path("full/checkpoint.safetensors").exists());
     let left: Vec<_> = std::fs::read_dir(lab.path("full"))
         .unwrap()
@@ -205,12 +271,33 @@ fn mistakes_get_one_line_and_exit_code_two() {
     expect(0, lab.train(&recipe, "run"));
     let path = |name: &str| lab.path(name).display().to_string();
     let small = recipe.display().to_string();
-    let cases: [(&[&str], &[&str]); 9] = [
+    let cases: [(&[&str], &[&str]); 10] = [
+        (
+            &["data", "check"],
+            &["<FILE|twin>", "`tactnet data check --help`"],
+        ),
         (&["train", "--dta", "x"], &["--dta", "--data"]),
-        (&["train", "--data", "missing.h5"], &["missing.h5", "no such file"]),
+        (
+            &["train", "--data", "missing.h5"],
+            &["missing.h5", "no such file"],
+        ),
         (&["train", "--recipe", "tesis"], &["tesis", "quick, thesis"]),
-        (&["train", "--data", &path("twin.h5"), "--fold", "9"], &["fold", "9"]),
-        (&["train", "--data", &path("twin.h5"), "--recipe", &small, "--out", &path("run")], &["holds a run already", "--resume"]),
+        (
+            &["train", "--data", &path("twin.h5"), "--fold", "9"],
+            &["fold", "9"],
+        ),
+        (
+            &[
+                "train",
+                "--data",
+                &path("twin.h5"),
+                "--recipe",
+                &small,
+                "--out",
+                &path("run"),
+            ],
+            &["holds a run already", "--resume"],
+        ),
         (&["train", "--resume", &path("nowhere")], &["no run here"]),
         (&["train", "--data", &path("small.toml")], &["small.toml"]),
         (&["train", "--device", "vulkan"], &["vulkan"]),
@@ -222,7 +309,11 @@ fn mistakes_get_one_line_and_exit_code_two() {
         }
         let output = expect(2, tactnet(arguments));
         let message = stderr(&output);
-        assert_eq!(message.trim_end().lines().count(), 1, "{arguments:?}: {message}");
+        assert_eq!(
+            message.trim_end().lines().count(),
+            1,
+            "{arguments:?}: {message}"
+        );
         assert_eq!(stdout(&output), "", "{arguments:?}");
         for part in expected {
             assert!(message.contains(part), "{arguments:?}: {message}");
@@ -233,15 +324,22 @@ fn mistakes_get_one_line_and_exit_code_two() {
 #[test]
 fn a_changed_data_set_is_noticed_on_resume() {
     let lab = Lab::new();
-    let recipe = lab.recipe(RecipeChange { epochs: Some(60), ..RecipeChange::default() });
+    let recipe = lab.recipe(RecipeChange {
+        epochs: Some(60),
+        ..RecipeChange::default()
+    });
     let mut child = start_and_wait_for_an_epoch(lab.train(&recipe, "run"));
     signal(&child, "INT");
     child.wait().unwrap();
     let mut twin = tactnet(["data", "twin", "--force", "--seed", "99", "--out"]);
-    twin.arg(lab.path("twin.h5")).args(["--materials", "4", "--sweeps", "10", "--steps", "120"]);
+    twin.arg(lab.path("twin.h5"))
+        .args(["--materials", "4", "--sweeps", "10", "--steps", "120"]);
     expect(0, twin);
     let mut resume = tactnet(["train", "--resume"]);
     resume.arg(lab.path("run"));
     let message = stderr(&expect(2, resume));
-    assert!(message.contains("has changed since the run began"), "{message}");
+    assert!(
+        message.contains("has changed since the run began"),
+        "{message}"
+    );
 }

@@ -10,13 +10,28 @@ use tactnet_models::{
 
 fn logits_and_gradients(device: &Device) -> (Vec<f32>, Weights) {
     let device = device.clone().autodiff();
-    let input = InputShape { steps: 100, taxels: 4 };
-    let architecture = Architecture { maps: vec![4, 6], hidden: 8, ..Architecture::default() };
+    let input = InputShape {
+        steps: 100,
+        taxels: 4,
+    };
+    let architecture = Architecture {
+        maps: vec![4, 6],
+        hidden: 8,
+        ..Architecture::default()
+    };
     let config = TactNetConfig::new(architecture, input, 3).unwrap();
     let net = TactNet::init(&config, &device, &mut Seed(1).rng("initial weights"));
-    let values: Vec<f32> = (0..6 * 400).map(|i| ((i * 7919) % 101) as f32 / 50.0 - 1.0).collect();
+    let values: Vec<f32> = (0..6 * 400)
+        .map(|i| ((i * 7919) % 101) as f32 / 50.0 - 1.0)
+        .collect();
     let sweeps = Tensor::<4>::from_data(TensorData::new(values, [6, 1, 100, 4]), &device);
-    let mask = dropout_masks(6, config.features(), 0.8, &device, &mut Seed(1).rng("dropout"));
+    let mask = dropout_masks(
+        6,
+        config.features(),
+        0.8,
+        &device,
+        &mut Seed(1).rng("dropout"),
+    );
     let labels = TensorData::new(vec![0_i32, 1, 2, 0, 1, 2], [6]);
     let labels = Tensor::<1, Int>::from_data(labels, &device);
     let logits = net.forward_train(sweeps, mask).logits;
