@@ -3,7 +3,11 @@
 use std::collections::BTreeMap;
 use std::process::ExitCode;
 
-use tactnet_pipeline::{Estimate, Evaluation, RunDir, RunResult};
+use tactnet_experiments::published_for;
+use tactnet_pipeline::{Estimate, Evaluation, FusedAccuracy, RunDir, RunResult};
+
+/// Data sets that the published numbers may be set beside.
+const COMPARABLE: [&str; 2] = ["twin", "tactmat"];
 
 /// Prints `result.json`, or a table.
 pub fn print_result(run: &RunDir, result: &RunResult, json: bool) -> anyhow::Result<ExitCode> {
@@ -16,6 +20,14 @@ pub fn print_result(run: &RunDir, result: &RunResult, json: bool) -> anyhow::Res
         result.data, result.split, result.recipe, result.n_train, result.n_test
     );
     print_evaluations(&result.evaluations);
+    if let Some(row) =
+        published_for(&run.config()?.recipe).filter(|_| COMPARABLE.contains(&result.data.as_str()))
+    {
+        println!(
+            "published for TactMat, {}: {:.1} % with 1 sweep, {:.1} % with 3 (thesis, table 4.2)",
+            row.classifier, row.one_sweep.0, row.three_sweeps.0
+        );
+    }
     println!(
         "{} epochs in {:.0} s ({:.2} s an epoch); run directory {}",
         result.epochs,
@@ -33,7 +45,7 @@ pub fn print_evaluations(evaluations: &BTreeMap<String, Evaluation>) {
         "prediction", "1 sweep [%]", "fused, Bayes [%]", "fused, vote [%]", "NLL", "ECE", "Brier"
     );
     for (name, evaluation) in evaluations {
-        let fused = |pick: fn(&tactnet_pipeline::FusedAccuracy) -> Estimate| {
+        let fused = |pick: fn(&FusedAccuracy) -> Estimate| {
             evaluation.fused.as_ref().map_or_else(
                 || "too few sweeps".into(),
                 |fused| format!("{}x {}", fused.sweeps, percent(pick(fused))),

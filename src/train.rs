@@ -292,6 +292,11 @@ fn train_epochs(
         }
         if batch.ends_epoch() || stop.asked() || saved.elapsed() >= CHECKPOINT_EVERY {
             run.write_checkpoint(&training.state()?, seconds)?;
+            tracing::debug!(
+                epoch = batch.epoch + 1,
+                batch = batch.batch + 1,
+                "checkpoint written"
+            );
             saved = Instant::now();
         }
         if stop.asked() {

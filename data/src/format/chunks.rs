@@ -5,7 +5,7 @@
 //! digits never stands in memory as `f64`.
 
 use super::DEFLATE_LIMIT;
-use super::narrow::{Stored, TooWide, join, narrow, widen, width_of};
+use super::narrow::{Stored, TooWide, Width, join, narrow, widen, width_of};
 use crate::Samples;
 use hdf5_reader::chunk_index::{self, ChunkEntry};
 use hdf5_reader::dataset::{SliceInfo, SliceInfoElem};
@@ -205,45 +205,75 @@ impl Values<'_> {
         pieces.map(join)
     }
 
+    /// Every band is decoded straight into its part of a `u8` result, as most data sets need no more.
     fn read_chunks<T: Stored>(&self, grid: &ChunkGrid) -> Result<Samples, Mismatch> {
         let bands = grid.bands(self.shape);
-        let pieces: Result<Vec<Samples>, Mismatch> = bands
-            .par_iter()
-            .map(|band| self.read_band::<T>(grid, band))
-            .collect();
-        pieces.map(join)
+        let mut bytes = vec![0; self.shape.iter().product()];
+        let mut rest = bytes.as_mut_slice();
+        let mut parts = Vec::with_capacity(bands.len());
+        for band in &bands {
+            let (part, behind) = rest.split_at_mut(band.extent(self.shape).iter().product());
+            parts.push((band, part));
+            rest = behind;
+        }
+        let wider: Vec<Option<Samples>> = parts
+            .into_par_iter()
+            .map(|(band, part)| self.read_band::<T>(grid, band, part))
+            .collect::<Result<_, _>>()?;
+        if wider.iter().all(Option::is_none) {
+            return Ok(Samples::U8(bytes));
+        }
+        let mut start = 0;
+        let pieces = bands.iter().zip(wider).map(|(band, wider)| {
+            let end = start + band.extent(self.shape).iter().product::<usize>();
+            let piece = wider.unwrap_or_else(|| Samples::U8(bytes[start..end].to_vec()));
+            start = end;
+            piece
+        });
+        Ok(join(pieces.collect()))
     }
 
-    fn read_band<T: Stored>(&self, grid: &ChunkGrid, band: &Band) -> Result<Samples, Mismatch> {
-        let mut extent = self.shape;
-        extent[0] = band.materials.len();
-        extent[1] = band.sweeps.len();
-        let mut samples = Samples::U8(vec![0; extent.iter().product()]);
+    /// Reads a band into `bytes`, or returns its values if they do not fit there.
+    fn read_band<T: Stored>(
+        &self,
+        grid: &ChunkGrid,
+        band: &Band,
+        bytes: &mut [u8],
+    ) -> Result<Option<Samples>, Mismatch> {
+        let extent = band.extent(self.shape);
+        let mut wider = None;
         if band.chunks.len() < band.expected_chunks
             && let Some(fill) = &grid.fill_value
-            && let Some(&value) = T::decode(fill, self.order).first()
+            && let Some(&value) = T::decode(fill.clone(), self.order).first()
         {
-            let block = vec![value; samples.len()];
-            samples = narrow(&block).map_err(too_wide)?;
+            match narrow(&vec![value; bytes.len()]).map_err(too_wide)? {
+                Samples::U8(values) => bytes.copy_from_slice(&values),
+                values => wider = Some(values),
+            }
         }
         for entry in &band.chunks {
-            let tile = T::decode(&self.decode(grid, entry)?, self.order);
+            let tile = T::decode(self.decode(grid, entry)?, self.order);
             let mut offset = [0; RANK];
             for (axis, start) in offset.iter_mut().enumerate() {
                 *start = entry.offsets[axis] as usize;
             }
             offset[0] -= band.materials.start;
             offset[1] -= band.sweeps.start;
-            let width = width_of(&tile).map_err(too_wide)?;
-            samples = widen(samples, width);
             let copy = TileCopy::new(offset, grid.chunk, extent);
-            match &mut samples {
-                Samples::U8(out) => copy.run(&tile, out, T::to_u8),
-                Samples::U16(out) => copy.run(&tile, out, T::to_u16),
-                Samples::F32(out) => copy.run(&tile, out, T::to_f32),
+            let width = width_of(&tile).map_err(too_wide)?;
+            wider = match wider {
+                None if width == Width::U8 => None,
+                None => Some(widen(Samples::U8(bytes.to_vec()), width)),
+                Some(values) => Some(widen(values, width)),
+            };
+            match &mut wider {
+                None => copy.run(&tile, bytes, T::to_u8),
+                Some(Samples::U8(out)) => copy.run(&tile, out, T::to_u8),
+                Some(Samples::U16(out)) => copy.run(&tile, out, T::to_u16),
+                Some(Samples::F32(out)) => copy.run(&tile, out, T::to_f32),
             }
         }
-        Ok(samples)
+        Ok(wider)
     }
 
     /// The bytes of one chunk, unpacked.
@@ -469,6 +499,14 @@ struct Band {
     sweeps: Range<usize>,
     chunks: Vec<ChunkEntry>,
     expected_chunks: usize,
+}
+
+impl Band {
+    /// The extents of the band in a data set of `shape`.
+    fn extent(&self, shape: [usize; RANK]) -> [usize; RANK] {
+        let [_, _, steps, rows, cols] = shape;
+        [self.materials.len(), self.sweeps.len(), steps, rows, cols]
+    }
 }
 
 impl ChunkGrid {

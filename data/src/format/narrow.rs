@@ -28,13 +28,13 @@ pub(super) trait Stored: Copy + Send + Sync + std::fmt::Display + 'static {
     /// As the nearest `f32`.
     fn to_f32(self) -> f32;
     /// All numbers of `bytes`; a remainder shorter than one number is left out.
-    fn decode(bytes: &[u8], order: ByteOrder) -> Vec<Self>;
+    fn decode(bytes: Vec<u8>, order: ByteOrder) -> Vec<Self>;
     /// The numbers of a box of an HDF5 data set, row-major, as the crate lays its new arrays out.
     fn read_box(dataset: &Dataset, selection: &SliceInfo) -> hdf5_reader::error::Result<Vec<Self>>;
 }
 
 macro_rules! stored {
-    ($type:ty, $width:expr) => {
+    ($type:ty, $width:expr, $decode:expr) => {
         impl Stored for $type {
             fn width(self) -> Width {
                 $width(self)
@@ -48,16 +48,8 @@ macro_rules! stored {
             fn to_f32(self) -> f32 {
                 self as f32
             }
-            fn decode(bytes: &[u8], order: ByteOrder) -> Vec<Self> {
-                let (numbers, _) = bytes.as_chunks();
-                match order {
-                    ByteOrder::LittleEndian => {
-                        numbers.iter().map(|&b| Self::from_le_bytes(b)).collect()
-                    }
-                    ByteOrder::BigEndian => {
-                        numbers.iter().map(|&b| Self::from_be_bytes(b)).collect()
-                    }
-                }
+            fn decode(bytes: Vec<u8>, order: ByteOrder) -> Vec<Self> {
+                $decode(bytes, order)
             }
             fn read_box(
                 dataset: &Dataset,
@@ -67,6 +59,22 @@ macro_rules! stored {
                     .read_slice::<Self>(selection)?
                     .into_raw_vec_and_offset()
                     .0)
+            }
+        }
+    };
+}
+
+macro_rules! decode {
+    ($type:ty) => {
+        |bytes: Vec<u8>, order| {
+            let (numbers, _) = bytes.as_chunks();
+            match order {
+                ByteOrder::LittleEndian => {
+                    numbers.iter().map(|&b| <$type>::from_le_bytes(b)).collect()
+                }
+                ByteOrder::BigEndian => {
+                    numbers.iter().map(|&b| <$type>::from_be_bytes(b)).collect()
+                }
             }
         }
     };
@@ -93,20 +101,20 @@ fn float_width(value: f64) -> Width {
     }
 }
 
-stored!(u8, |_| Width::U8);
-stored!(i8, |value: i8| integer_width(value.into()));
-stored!(u16, |value: u16| if value < 0x100 {
-    Width::U8
-} else {
-    Width::U16
-});
-stored!(i16, |value: i16| integer_width(value.into()));
-stored!(u32, |value: u32| integer_width(value.into()));
-stored!(i32, |value: i32| integer_width(value.into()));
-stored!(u64, |value: u64| integer_width(value.into()));
-stored!(i64, |value: i64| integer_width(value.into()));
-stored!(f32, |value: f32| float_width(value.into()));
-stored!(f64, float_width);
+stored!(u8, |_| Width::U8, |bytes, _| bytes);
+stored!(i8, |value: i8| integer_width(value.into()), decode!(i8));
+stored!(
+    u16,
+    |value: u16| if value < 0x100 { Width::U8 } else { Width::U16 },
+    decode!(u16)
+);
+stored!(i16, |value: i16| integer_width(value.into()), decode!(i16));
+stored!(u32, |value: u32| integer_width(value.into()), decode!(u32));
+stored!(i32, |value: i32| integer_width(value.into()), decode!(i32));
+stored!(u64, |value: u64| integer_width(value.into()), decode!(u64));
+stored!(i64, |value: i64| integer_width(value.into()), decode!(i64));
+stored!(f32, |value: f32| float_width(value.into()), decode!(f32));
+stored!(f64, float_width, decode!(f64));
 
 /// A value that none of the element types can hold, as text.
 #[derive(Debug)]

@@ -111,7 +111,7 @@ impl Array {
     /// Numbers in their smallest element type; none if the values are not numbers.
     pub(super) fn numbers(&self) -> Option<Result<Samples, TooWide>> {
         fn all<T: Stored>(array: &Array) -> Option<Result<Samples, TooWide>> {
-            Some(narrow(&T::decode(&array.values, array.order)))
+            Some(narrow(&T::decode(array.values.clone(), array.order)))
         }
         match (self.kind, self.size) {
             ('u' | 'b', 1) => all::<u8>(self),
@@ -131,7 +131,7 @@ impl Array {
     /// Numbers as `f64`; none if the values are not numbers or too large for an `f32`.
     pub(super) fn floats(&self) -> Option<Vec<f64>> {
         if (self.kind, self.size) == ('f', 8) {
-            return Some(f64::decode(&self.values, self.order));
+            return Some(f64::decode(self.values.clone(), self.order));
         }
         let samples = self.numbers()?.ok()?;
         let mut values = vec![0.0; samples.len()];
@@ -164,7 +164,7 @@ impl Array {
         let count = self.shape.iter().product();
         let text = |bytes: &[u8]| match self.kind {
             'S' => String::from_utf8(bytes.to_vec()).ok(),
-            _ => u32::decode(bytes, self.order)
+            _ => u32::decode(bytes.to_vec(), self.order)
                 .into_iter()
                 .map(char::from_u32)
                 .collect(),
