@@ -20,9 +20,10 @@ pub fn print_result(run: &RunDir, result: &RunResult, json: bool) -> anyhow::Res
         result.data, result.split, result.recipe, result.n_train, result.n_test
     );
     print_evaluations(&result.evaluations);
-    if let Some(row) =
-        published_for(&run.config()?.recipe).filter(|_| COMPARABLE.contains(&result.data.as_str()))
-    {
+    let config = run.config()?;
+    let comparable =
+        COMPARABLE.contains(&result.data.as_str()) && config.classifier.labels.len() == 36;
+    if let Some(row) = published_for(&config.recipe).filter(|_| comparable) {
         println!(
             "published for TactMat, {}: {:.1} % with 1 sweep, {:.1} % with 3 (thesis, table 4.2)",
             row.classifier, row.one_sweep.0, row.three_sweeps.0

@@ -12,165 +12,22 @@
 //! | [`OutOfRange`](FindingKind::OutOfRange) | warning | a sweep with values far beyond, or negative unlike, the others |
 //! | [`UnbalancedMaterials`](FindingKind::UnbalancedMaterials) | warning | unequal numbers of sweeps |
 
-use crate::{Dataset, SweepShape};
+use crate::{Dataset, Finding, FindingKind, Place, Severity, SweepShape};
 use rayon::prelude::*;
-use serde::Serialize;
 use std::collections::BTreeMap;
 use std::collections::hash_map::DefaultHasher;
-use std::fmt;
 use std::hash::Hasher;
 
 /// Share of a sweep's values at the ceiling from which it counts as saturated.
 const SATURATED_SHARE: f64 = 0.01;
 /// The largest value of the data set counts as a ceiling if at least this share of all values equals it.
 const CEILING_SHARE: f64 = 0.001;
+/// Values of a clipped signal pile up at the ceiling: there are more of them than within this share of the range below.
+const NEAR_CEILING: f32 = 0.05;
 /// A sweep whose largest value is this many times that of the median sweep is out of range.
 const OUTLIER_FACTOR: f32 = 20.0;
 /// Negative values are odd in a sweep as long as no more than this share of the sweeps has some.
 const SIGNED_SHARE: f64 = 0.1;
-
-/// How bad a finding is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Severity {
-    /// Training would fail or its result would mean nothing; it is refused.
-    Error,
-    /// Likely a fault of sensor or recording.
-    Warning,
-    /// Normal for some sensors, but good to know.
-    Note,
-}
-
-/// What a finding is about.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum FindingKind {
-    /// NaN or infinite values.
-    NotFinite,
-    /// A sweep in which no taxel ever changes.
-    ConstantSweep,
-    /// Two sweeps with the same values.
-    IdenticalSweeps,
-    /// A material with fewer than two sweeps.
-    FewSweeps,
-    /// A taxel that has one value in the whole data set.
-    DeadTaxel,
-    /// A taxel that keeps one value throughout a sweep.
-    ConstantTaxel,
-    /// Many values at the ceiling of the sensor.
-    Saturation,
-    /// Values unlike those of the other sweeps.
-    OutOfRange,
-    /// Materials with unequal numbers of sweeps.
-    UnbalancedMaterials,
-}
-
-/// Where a finding is, as far as it has a place.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
-pub struct Place {
-    /// Index of the sweep in the data set.
-    pub sweep: Option<usize>,
-    /// Number of the taxel, row by row.
-    pub taxel: Option<usize>,
-    /// Time step.
-    pub step: Option<usize>,
-}
-
-/// One thing that is wrong or odd.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Finding {
-    /// How bad it is.
-    pub severity: Severity,
-    /// What it is about.
-    pub kind: FindingKind,
-    /// The first place where it shows.
-    pub at: Place,
-    /// A sentence for people: material, sweep, taxels, numbers.
-    pub message: String,
-}
-
-impl fmt::Display for Severity {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            Self::Error => "error",
-            Self::Warning => "warning",
-            Self::Note => "note",
-        })
-    }
-}
-
-impl fmt::Display for FindingKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            Self::NotFinite => "values that are not finite",
-            Self::ConstantSweep => "constant sweeps",
-            Self::IdenticalSweeps => "identical sweeps",
-            Self::FewSweeps => "too few sweeps",
-            Self::DeadTaxel => "dead taxels",
-            Self::ConstantTaxel => "constant taxels",
-            Self::Saturation => "saturation",
-            Self::OutOfRange => "values out of range",
-            Self::UnbalancedMaterials => "unbalanced materials",
-        })
-    }
-}
-
-impl fmt::Display for Finding {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}", self.severity, self.message)
-    }
-}
-
-/// Findings of one kind and severity.
-#[derive(Debug, Clone, Serialize)]
-pub struct FindingGroup {
-    /// How bad they are.
-    pub severity: Severity,
-    /// What they are about.
-    pub kind: FindingKind,
-    /// All of them, in the order of the sweeps.
-    pub findings: Vec<Finding>,
-}
-
-impl fmt::Display for FindingGroup {
-    /// A heading and a line per finding; the precision (`{:.5}`) limits the lines.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "{}: {} ({})",
-            self.severity,
-            self.kind,
-            self.findings.len()
-        )?;
-        let lines = f.precision().unwrap_or(usize::MAX);
-        for finding in self.findings.iter().take(lines) {
-            write!(f, "\n  {}", finding.message)?;
-        }
-        match self.findings.len().saturating_sub(lines) {
-            0 => Ok(()),
-            more => write!(f, "\n  and {more} more"),
-        }
-    }
-}
-
-/// Puts findings of one kind and severity together, errors first.
-pub fn group_findings(findings: &[Finding]) -> Vec<FindingGroup> {
-    let mut groups: BTreeMap<(Severity, FindingKind), Vec<Finding>> = BTreeMap::new();
-    for finding in findings {
-        groups
-            .entry((finding.severity, finding.kind))
-            .or_default()
-            .push(finding.clone());
-    }
-    groups
-        .into_iter()
-        .map(|((severity, kind), findings)| FindingGroup {
-            severity,
-            kind,
-            findings,
-        })
-        .collect()
-}
 
 /// Everything suspicious about `dataset`, errors first, then in the order of the sweeps.
 pub fn check(dataset: &Dataset) -> Vec<Finding> {
@@ -441,37 +298,41 @@ fn identical(dataset: &Dataset, sweeps: &[SweepRange]) -> Vec<Finding> {
     findings
 }
 
-/// Sweeps that stand at the top of the element type, or at the largest value of the data set where so many values equal
-/// it that it must be a clip.
+/// Sweeps that stand at the ceiling: the top of the element type, or the largest value of the data set where so many
+/// values pile up that it must be a clip.
 fn saturated(dataset: &Dataset, sweeps: &[SweepRange]) -> Vec<Finding> {
-    let ceiling = sweeps
-        .iter()
-        .map(SweepRange::max)
+    let taxels = || sweeps.iter().flat_map(|sweep| &sweep.taxels);
+    let ceiling = taxels()
+        .map(|taxel| taxel.1)
         .fold(f32::NEG_INFINITY, f32::max);
-    let at_ceiling: Vec<usize> = sweeps
+    let floor = taxels().map(|taxel| taxel.0).fold(f32::INFINITY, f32::min);
+    let step = if dataset.samples().element_max().is_some() {
+        1.0
+    } else {
+        0.0
+    };
+    let near = ceiling - (NEAR_CEILING * (ceiling - floor)).max(step);
+    let (at_ceiling, below): (Vec<usize>, Vec<usize>) = sweeps
         .par_iter()
         .enumerate()
         .map(|(index, sweep)| {
-            if sweep.max() < ceiling {
-                return 0;
+            if sweep.max() < near {
+                return (0, 0);
             }
-            dataset
-                .sweep(index)
+            let values = dataset.sweep(index);
+            let at_ceiling = values.iter().filter(|&&value| value == ceiling).count();
+            let not_below = values
                 .iter()
-                .filter(|&&value| value == ceiling)
-                .count()
+                .filter(|&&value| value >= near && value <= ceiling);
+            (at_ceiling, not_below.count() - at_ceiling)
         })
-        .collect();
+        .unzip();
     let per_sweep = dataset.shape().values() as f64;
-    let share = at_ceiling.iter().sum::<usize>() as f64 / (per_sweep * sweeps.len() as f64);
-    let is_element_max = dataset.samples().element_max() == Some(ceiling);
-    // A constant data set, or one of zeros and ones, has no ceiling to speak of.
-    let floor = sweeps
-        .iter()
-        .flat_map(|s| &s.taxels)
-        .map(|t| t.0)
-        .fold(f32::INFINITY, f32::min);
-    if !is_element_max && (share < CEILING_SHARE || ceiling - floor <= 1.0) {
+    let at: usize = at_ceiling.iter().sum();
+    let is_clip = at as f64 >= CEILING_SHARE * per_sweep * sweeps.len() as f64
+        && at > below.iter().sum()
+        && near > floor;
+    if dataset.samples().element_max() != Some(ceiling) && !is_clip {
         return Vec::new();
     }
     let mut findings = Vec::new();
@@ -573,7 +434,7 @@ fn sweeps_per_material(dataset: &Dataset) -> Vec<Finding> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{LabelSet, Samples, SweepRecord};
+    use crate::{LabelSet, Samples, SweepRecord, group_findings};
 
     const SHAPE: SweepShape = SweepShape {
         steps: 200,

@@ -1,5 +1,7 @@
 //! The file formats on fixtures written by h5py and numpy (`tests/golden/write_read_fixtures.py` and the issue's own).
 
+#![allow(clippy::unwrap_used)] // a test may panic; the lint spares only functions marked `#[test]`
+
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};

@@ -195,7 +195,7 @@ impl Classifier {
         let materials = self.network.materials();
         (0..sweeps)
             .map(|sweep| {
-                let rows = features.clone().slice([sweep..sweep + 1]) * masks.clone();
+                let rows = features.clone().narrow(0, sweep, 1) * masks.clone();
                 let probabilities = values(softmax(self.net.head(rows), 1));
                 let mut mean = vec![0.0_f64; materials];
                 for run in probabilities.chunks(materials) {

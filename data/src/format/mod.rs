@@ -8,12 +8,15 @@
 //!
 //! A file is recognised by its first bytes, not by its name; what is written goes by the extension.
 
+mod chunk_grid;
 mod chunks;
+mod mismatch;
 mod narrow;
 mod npy;
 pub mod npz;
 pub mod tactmat;
 mod tactmat_write;
+mod tile;
 pub mod ts;
 
 use crate::{DataError, Dataset, Samples};

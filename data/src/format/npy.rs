@@ -3,9 +3,10 @@
 //! Format: NEP 1 and the documentation of `numpy.lib.format`, versions 1 to 3. Read here and not by a crate, because the
 //! readers on crates.io bring a Python grammar and multiply a damaged shape without a check.
 
-use super::narrow::{Stored, TooWide, narrow};
+use super::narrow::{Stored, TooWide, join, narrow};
 use crate::Samples;
 use hdf5_reader::ByteOrder;
+use rayon::prelude::*;
 
 /// An array as it stands in the file.
 pub(super) struct Array {
@@ -25,7 +26,7 @@ impl Array {
     ///
     /// # Errors
     /// What is wrong with it, in words.
-    pub(super) fn parse(file: &[u8]) -> Result<Self, String> {
+    pub(super) fn parse(mut file: Vec<u8>) -> Result<Self, String> {
         let rest = file.strip_prefix(b"\x93NUMPY").ok_or("not a numpy array")?;
         let (length, rest) = match rest {
             [1, _, a, b, rest @ ..] => (usize::from(u16::from_le_bytes([*a, *b])), rest),
@@ -92,7 +93,9 @@ impl Array {
         let values = if fortran {
             last_index_fastest(values, &shape, bytes)
         } else {
-            values.to_vec()
+            let start = file.len() - values.len();
+            file.drain(..start);
+            file
         };
         Ok(Self {
             kind,
@@ -110,8 +113,14 @@ impl Array {
 
     /// Numbers in their smallest element type; none if the values are not numbers.
     pub(super) fn numbers(&self) -> Option<Result<Samples, TooWide>> {
+        // A piece at a time, so that wide values never stand in memory twice.
         fn all<T: Stored>(array: &Array) -> Option<Result<Samples, TooWide>> {
-            Some(narrow(&T::decode(array.values.clone(), array.order)))
+            let pieces: Result<Vec<Samples>, TooWide> = array
+                .values
+                .par_chunks(array.size << 16)
+                .map(|piece| narrow(&T::decode(piece.to_vec(), array.order)))
+                .collect();
+            Some(pieces.map(join))
         }
         match (self.kind, self.size) {
             ('u' | 'b', 1) => all::<u8>(self),

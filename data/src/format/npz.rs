@@ -265,7 +265,7 @@ fn unpack(
             }
             let mut content = Vec::with_capacity(size as usize);
             match member.take(room).read_to_end(&mut content) {
-                Ok(_) => Array::parse(&content),
+                Ok(_) => Array::parse(content),
                 Err(error) => Err(error.to_string()),
             }
         });

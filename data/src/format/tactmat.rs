@@ -17,7 +17,9 @@
 pub use super::tactmat_write::write;
 
 use super::DEFLATE_LIMIT;
-use super::chunks::{Mismatch, RANK, read_samples, type_name};
+use super::chunk_grid::RANK;
+use super::chunks::read_samples;
+use super::mismatch::{Mismatch, type_name};
 use crate::{DataError, Dataset, LabelSet, SweepRecord, SweepShape};
 use hdf5_reader::error::Error;
 use hdf5_reader::{Datatype, Hdf5File, OpenOptions};

@@ -1,0 +1,148 @@
+//! One thing that a check found, and many of them for people to read.
+
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::fmt;
+
+/// How bad a finding is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Severity {
+    /// Training would fail or its result would mean nothing; it is refused.
+    Error,
+    /// Likely a fault of sensor or recording.
+    Warning,
+    /// Normal for some sensors, but good to know.
+    Note,
+}
+
+/// What a finding is about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FindingKind {
+    /// NaN or infinite values.
+    NotFinite,
+    /// A sweep in which no taxel ever changes.
+    ConstantSweep,
+    /// Two sweeps with the same values.
+    IdenticalSweeps,
+    /// A material with fewer than two sweeps.
+    FewSweeps,
+    /// A taxel that has one value in the whole data set.
+    DeadTaxel,
+    /// A taxel that keeps one value throughout a sweep.
+    ConstantTaxel,
+    /// Many values at the ceiling of the sensor.
+    Saturation,
+    /// Values unlike those of the other sweeps.
+    OutOfRange,
+    /// Materials with unequal numbers of sweeps.
+    UnbalancedMaterials,
+}
+
+/// Where a finding is, as far as it has a place.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct Place {
+    /// Index of the sweep in the data set.
+    pub sweep: Option<usize>,
+    /// Number of the taxel, row by row.
+    pub taxel: Option<usize>,
+    /// Time step.
+    pub step: Option<usize>,
+}
+
+/// One thing that is wrong or odd.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Finding {
+    /// How bad it is.
+    pub severity: Severity,
+    /// What it is about.
+    pub kind: FindingKind,
+    /// The first place where it shows.
+    pub at: Place,
+    /// A sentence for people: material, sweep, taxels, numbers.
+    pub message: String,
+}
+
+impl fmt::Display for Severity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Error => "error",
+            Self::Warning => "warning",
+            Self::Note => "note",
+        })
+    }
+}
+
+impl fmt::Display for FindingKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::NotFinite => "values that are not finite",
+            Self::ConstantSweep => "constant sweeps",
+            Self::IdenticalSweeps => "identical sweeps",
+            Self::FewSweeps => "too few sweeps",
+            Self::DeadTaxel => "dead taxels",
+            Self::ConstantTaxel => "constant taxels",
+            Self::Saturation => "saturation",
+            Self::OutOfRange => "values out of range",
+            Self::UnbalancedMaterials => "unbalanced materials",
+        })
+    }
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.severity, self.message)
+    }
+}
+
+/// Findings of one kind and severity.
+#[derive(Debug, Clone, Serialize)]
+pub struct FindingGroup {
+    /// How bad they are.
+    pub severity: Severity,
+    /// What they are about.
+    pub kind: FindingKind,
+    /// All of them, in the order of the sweeps.
+    pub findings: Vec<Finding>,
+}
+
+impl fmt::Display for FindingGroup {
+    /// A heading and a line per finding; the precision (`{:.5}`) limits the lines.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{}: {} ({})",
+            self.severity,
+            self.kind,
+            self.findings.len()
+        )?;
+        let lines = f.precision().unwrap_or(usize::MAX);
+        for finding in self.findings.iter().take(lines) {
+            write!(f, "\n  {}", finding.message)?;
+        }
+        match self.findings.len().saturating_sub(lines) {
+            0 => Ok(()),
+            more => write!(f, "\n  and {more} more"),
+        }
+    }
+}
+
+/// Puts findings of one kind and severity together, errors first.
+pub fn group_findings(findings: &[Finding]) -> Vec<FindingGroup> {
+    let mut groups: BTreeMap<(Severity, FindingKind), Vec<Finding>> = BTreeMap::new();
+    for finding in findings {
+        groups
+            .entry((finding.severity, finding.kind))
+            .or_default()
+            .push(finding.clone());
+    }
+    groups
+        .into_iter()
+        .map(|((severity, kind), findings)| FindingGroup {
+            severity,
+            kind,
+            findings,
+        })
+        .collect()
+}

@@ -1,0 +1,301 @@
+//! Where the chunks of a five-dimensional HDF5 data set lie.
+
+use super::DEFLATE_LIMIT;
+use super::mismatch::Mismatch;
+use hdf5_reader::chunk_index::{self, ChunkEntry};
+use hdf5_reader::error::Error;
+use hdf5_reader::messages::HdfMessage;
+use hdf5_reader::messages::filter_pipeline::FilterPipelineMessage;
+use hdf5_reader::messages::layout::{ChunkIndexing, DataLayout};
+use hdf5_reader::{Dataset, Hdf5File, btree_v1, extensible_array, fixed_array};
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+/// Dimensions of `samples`: materials, sweeps, steps, rows, cols.
+pub(super) const RANK: usize = 5;
+
+/// The chunks of a data set.
+pub(super) struct ChunkGrid {
+    /// Extents of a chunk.
+    pub(super) chunk: [usize; RANK],
+    /// Bytes of a chunk when it is unpacked.
+    pub(super) chunk_bytes: usize,
+    pub(super) filters: Option<FilterPipelineMessage>,
+    /// What stands in chunks that were never written, as it is stored.
+    pub(super) fill_value: Option<Vec<u8>>,
+    /// By position in the grid.
+    entries: BTreeMap<[usize; RANK], ChunkEntry>,
+}
+
+/// Chunks whose values lie one behind the other in the result.
+pub(super) struct Band {
+    pub(super) materials: Range<usize>,
+    pub(super) sweeps: Range<usize>,
+    pub(super) chunks: Vec<ChunkEntry>,
+    pub(super) expected_chunks: usize,
+}
+
+impl Band {
+    /// The extents of the band in a data set of `shape`.
+    pub(super) fn extent(&self, shape: [usize; RANK]) -> [usize; RANK] {
+        let [_, _, steps, rows, cols] = shape;
+        [self.materials.len(), self.sweeps.len(), steps, rows, cols]
+    }
+}
+
+impl ChunkGrid {
+    /// Where the chunks of `dataset` lie in `file`; none for storage that is not chunked.
+    pub(super) fn of(
+        file: &Hdf5File,
+        dataset: &Dataset,
+        shape: [usize; RANK],
+    ) -> Result<Option<Self>, Mismatch> {
+        let hdf5 = |error| Mismatch::from_hdf5(&error);
+        let header = file.get_or_parse_header(dataset.address()).map_err(hdf5)?;
+        let mut layout = None;
+        let mut filters = None;
+        let mut fill_value = None;
+        for message in &header.messages {
+            match message {
+                HdfMessage::DataLayout(message) => layout = Some(&message.layout),
+                HdfMessage::FilterPipeline(pipeline) => filters = Some(pipeline.clone()),
+                HdfMessage::FillValue(message) if message.value.is_some() => {
+                    fill_value.clone_from(&message.value);
+                }
+                _ => {}
+            }
+        }
+        let Some(DataLayout::Chunked {
+            address,
+            dims,
+            chunk_indexing,
+            ..
+        }) = layout
+        else {
+            return Ok(None);
+        };
+        // Some versions of the message carry the element's size as one dimension more.
+        let Some(chunk) = dims.first_chunk::<RANK>().copied() else {
+            return Err(Mismatch::new("chunks of 5 dimensions", format!("{dims:?}")));
+        };
+        let chunk = chunk.map(|extent| extent as usize);
+        let size = dataset.raw_element_size().map_err(hdf5)?;
+        let chunk_bytes = chunk
+            .iter()
+            .try_fold(size, |n, &extent| n.checked_mul(extent));
+        let room = file.storage().len().saturating_mul(DEFLATE_LIMIT);
+        let Some(chunk_bytes) = chunk_bytes.filter(|&bytes| bytes > 0 && bytes as u64 <= room)
+        else {
+            return Err(Mismatch::new(
+                "chunks that the file can hold",
+                format!("{chunk:?}"),
+            ));
+        };
+        let index = ChunkIndex {
+            file,
+            dataset,
+            address: *address,
+            dims: &dims[..RANK],
+            size,
+        };
+        let entries = index
+            .entries(chunk_indexing.as_ref(), shape)
+            .map_err(hdf5)?;
+        Self {
+            chunk,
+            chunk_bytes,
+            filters,
+            fill_value,
+            entries: BTreeMap::new(),
+        }
+        .with_entries(entries, shape)
+        .map(Some)
+    }
+
+    /// Takes the chunks inside `shape`; one that a shrunk data set left behind is ignored.
+    fn with_entries(
+        mut self,
+        entries: Vec<ChunkEntry>,
+        shape: [usize; RANK],
+    ) -> Result<Self, Mismatch> {
+        for entry in entries {
+            let mut place = [0; RANK];
+            let mut inside = true;
+            for axis in 0..RANK {
+                let offset = entry.offsets.get(axis).copied().unwrap_or(u64::MAX);
+                let extent = self.chunk[axis] as u64;
+                if !offset.is_multiple_of(extent) {
+                    return Err(Mismatch::new(
+                        format!("chunks on a grid of {:?}", self.chunk),
+                        format!("a chunk at {:?}", entry.offsets),
+                    ));
+                }
+                inside &= offset < shape[axis] as u64;
+                place[axis] = (offset / extent) as usize;
+            }
+            if inside && let Some(twice) = self.entries.insert(place, entry) {
+                return Err(Mismatch::new(
+                    "one chunk at each place",
+                    format!("two at {:?}", twice.offsets),
+                ));
+            }
+        }
+        Ok(self)
+    }
+
+    /// Splits along the materials, and along the sweeps too where a chunk holds one material only.
+    pub(super) fn bands(&self, shape: [usize; RANK]) -> Vec<Band> {
+        let across: usize = (2..RANK)
+            .map(|axis| shape[axis].div_ceil(self.chunk[axis]))
+            .product();
+        let sweep_chunks = shape[1].div_ceil(self.chunk[1]);
+        let by_sweep = self.chunk[0] == 1;
+        let mut bands: BTreeMap<(usize, usize), Vec<ChunkEntry>> = BTreeMap::new();
+        for material in 0..shape[0].div_ceil(self.chunk[0]) {
+            for sweep in 0..if by_sweep { sweep_chunks } else { 1 } {
+                bands.insert((material, sweep), Vec::new());
+            }
+        }
+        for (place, entry) in &self.entries {
+            let key = (place[0], if by_sweep { place[1] } else { 0 });
+            bands.entry(key).or_default().push(entry.clone());
+        }
+        bands
+            .into_iter()
+            .map(|((material, sweep), chunks)| {
+                let first = material * self.chunk[0];
+                let materials = first..(first + self.chunk[0]).min(shape[0]);
+                let first = sweep * self.chunk[1];
+                let sweeps = if by_sweep {
+                    first..(first + self.chunk[1]).min(shape[1])
+                } else {
+                    0..shape[1]
+                };
+                let expected_chunks = if by_sweep {
+                    across
+                } else {
+                    across * sweep_chunks
+                };
+                Band {
+                    materials,
+                    sweeps,
+                    chunks,
+                    expected_chunks,
+                }
+            })
+            .collect()
+    }
+}
+
+/// The table in the file that says where each chunk is; HDF5 has six kinds of it.
+struct ChunkIndex<'a> {
+    file: &'a Hdf5File,
+    dataset: &'a Dataset,
+    address: u64,
+    dims: &'a [u32],
+    /// Bytes of one value.
+    size: usize,
+}
+
+impl ChunkIndex<'_> {
+    fn entries(
+        &self,
+        indexing: Option<&ChunkIndexing>,
+        shape: [usize; RANK],
+    ) -> hdf5_reader::error::Result<Vec<ChunkEntry>> {
+        let Self {
+            address,
+            dims,
+            size,
+            ..
+        } = *self;
+        let shape = &shape.map(|extent| extent as u64);
+        let superblock = self.file.superblock();
+        let (offset_size, length_size) = (superblock.offset_size, superblock.length_size);
+        let storage = self.file.storage();
+        let undefined = u64::MAX >> (64 - 8 * u32::from(offset_size.clamp(1, 8)));
+        if address == u64::MAX || address == undefined {
+            return Ok(Vec::new());
+        }
+        match indexing {
+            None => btree_v1::collect_btree_v1_leaves_storage(
+                storage,
+                address,
+                offset_size,
+                length_size,
+                Some(RANK as u32),
+                dims,
+                None,
+            )?
+            .into_iter()
+            .map(|(key, address)| match key {
+                btree_v1::BTreeV1Key::RawData {
+                    chunk_size,
+                    filter_mask,
+                    mut offsets,
+                } => {
+                    offsets.truncate(RANK);
+                    Ok(ChunkEntry {
+                        address,
+                        size: chunk_size.into(),
+                        filter_mask,
+                        offsets,
+                    })
+                }
+                btree_v1::BTreeV1Key::Group { .. } => {
+                    Err(Error::InvalidData("a group's node among the chunks".into()))
+                }
+            })
+            .collect(),
+            Some(ChunkIndexing::SingleChunk {
+                filtered_size,
+                filters,
+            }) => Ok(vec![chunk_index::single_chunk_entry(
+                address,
+                *filtered_size,
+                *filters,
+                RANK,
+            )]),
+            Some(ChunkIndexing::BTreeV2) => chunk_index::collect_v2_chunk_entries_storage(
+                storage,
+                address,
+                offset_size,
+                length_size,
+                RANK as u32,
+                dims,
+                None,
+            ),
+            Some(ChunkIndexing::Implicit) => chunk_index::collect_implicit_chunk_entries(
+                address,
+                shape,
+                dims,
+                size,
+                None,
+                storage.len(),
+            ),
+            Some(ChunkIndexing::FixedArray { .. }) => {
+                fixed_array::collect_fixed_array_chunk_entries_storage(
+                    storage,
+                    address,
+                    offset_size,
+                    length_size,
+                    shape,
+                    dims,
+                    None,
+                )
+            }
+            Some(ChunkIndexing::ExtensibleArray { .. }) => {
+                extensible_array::collect_extensible_array_chunk_entries_storage(
+                    storage,
+                    address,
+                    offset_size,
+                    length_size,
+                    shape,
+                    self.dataset.max_dims(),
+                    dims,
+                    None,
+                )
+            }
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! What an HDF5 data set should hold and what it holds instead, in words.
+
+use hdf5_reader::Datatype;
+use hdf5_reader::error::Error;
+
+/// What a data set should hold and what it holds instead.
+#[derive(Debug)]
+pub(super) struct Mismatch {
+    pub(super) expected: String,
+    pub(super) found: String,
+}
+
+impl Mismatch {
+    pub(super) fn new(expected: impl Into<String>, found: impl Into<String>) -> Self {
+        Self {
+            expected: expected.into(),
+            found: found.into(),
+        }
+    }
+
+    /// What the HDF5 crate says, with filters by name.
+    pub(super) fn from_hdf5(error: &Error) -> Self {
+        match error {
+            Error::Context { source, .. } => Self::from_hdf5(source),
+            Error::UnsupportedFilter(filter) => Self::new(
+                "no filter, or gzip, shuffle, fletcher32, szip, nbit or scale-offset",
+                format!(
+                    "the filter {}; rewrite the file with gzip",
+                    filter_name(filter)
+                ),
+            ),
+            other => Self::new("readable HDF5", other.to_string()),
+        }
+    }
+}
+
+fn filter_name(filter: &str) -> String {
+    let id = filter.rsplit(' ').next().unwrap_or_default();
+    let name = match id {
+        "4" => "SZIP",
+        "305" => "LZO",
+        "307" => "bzip2",
+        "32000" => "LZF",
+        "32001" => "Blosc",
+        "32004" => "LZ4",
+        "32008" => "bitshuffle",
+        "32013" => "ZFP",
+        "32015" => "Zstandard",
+        "32017" => "SZ",
+        "32026" => "Blosc2",
+        _ => return format!("of number {id}"),
+    };
+    format!("{name} (filter {id})")
+}
+
+/// How people call an HDF5 type.
+pub(super) fn type_name(datatype: &Datatype) -> String {
+    match datatype {
+        Datatype::FixedPoint {
+            size, signed: true, ..
+        } => format!("i{}", 8 * u32::from(*size)),
+        Datatype::FixedPoint { size, .. } => format!("u{}", 8 * u32::from(*size)),
+        Datatype::FloatingPoint { size, .. } => format!("f{}", 8 * u32::from(*size)),
+        Datatype::String { .. } => "strings".into(),
+        Datatype::VarLen { .. } => "variable-length values".into(),
+        Datatype::Compound { .. } => "compound values".into(),
+        Datatype::Enum { .. } => "enumerated values".into(),
+        Datatype::Array { .. } => "arrays".into(),
+        Datatype::Opaque { .. } => "opaque values".into(),
+        Datatype::Reference { .. } => "references".into(),
+        Datatype::Bitfield { .. } => "bit fields".into(),
+    }
+}
