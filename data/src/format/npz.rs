@@ -8,7 +8,7 @@
 //! | `blocks`, `test_flag`, optional | `[materials][sweeps]` or `[n]` | as in [`tactmat`](super::tactmat) |
 //! | `sample_rate_hz`, optional | a single number | frames per second; [`SAMPLE_RATE_HZ`] without it |
 //!
-//! Either byte order and either index order ("Fortran" too) are read. Pickled arrays are refused. What [`write`] writes
+//! Either byte order and either index order ("Fortran" too) are read. Pickled arrays are refused. What [`write()`] writes
 //! loads with `numpy.load` without pickle.
 
 use super::DEFLATE_LIMIT;
