@@ -13,7 +13,7 @@ use tactnet_data::{
     Dataset, Finding, Origin, Progress, Severity, Source, check, fetch, group_findings, info,
 };
 
-use crate::{failure, source};
+use crate::{failure, output, source};
 
 #[derive(Subcommand)]
 pub enum DataCommand {
@@ -160,9 +160,9 @@ fn load_with_gaps(data: &str) -> anyhow::Result<Dataset> {
 fn show_info(arguments: &FileArgs) -> anyhow::Result<ExitCode> {
     let info = info(&load_with_gaps(&arguments.data)?);
     if arguments.json {
-        println!("{}", serde_json::to_string_pretty(&info)?);
+        output::print_json(&info)?;
     } else {
-        println!("{info}");
+        output::print(info)?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -171,17 +171,17 @@ fn run_check(arguments: &CheckArgs) -> anyhow::Result<ExitCode> {
     let findings = check(&load_with_gaps(&arguments.file.data)?);
     let errors = count(&findings, Severity::Error);
     if arguments.file.json {
-        println!("{}", serde_json::to_string_pretty(&findings)?);
+        output::print_json(&findings)?;
     } else {
         let shown = if arguments.all { findings.len() } else { 3 };
         for group in group_findings(&findings) {
-            println!("{group:.shown$}");
+            output::print(format_args!("{group:.shown$}"))?;
         }
         let warnings = count(&findings, Severity::Warning);
-        println!(
+        output::print(format_args!(
             "{}: {errors} errors, {warnings} warnings",
             arguments.file.data
-        );
+        ))?;
     }
     Ok(ExitCode::from(if errors > 0 { failure::FAILED } else { 0 }))
 }
@@ -208,13 +208,10 @@ fn make_twin(arguments: &TwinArgs) -> anyhow::Result<ExitCode> {
     let twin = twin::generate(&config)?;
     if arguments.stats {
         let measured = statistics::measure(&twin);
-        println!(
-            "{}",
-            statistics::Comparison {
-                name: "twin",
-                measured: &measured
-            }
-        );
+        output::print(statistics::Comparison {
+            name: "twin",
+            measured: &measured,
+        })?;
     }
     if let Some(out) = &arguments.out {
         Format::from_extension(out)?.write(out, &twin)?;
@@ -283,7 +280,11 @@ fn run_fetch(arguments: &FetchArgs) -> anyhow::Result<ExitCode> {
             format!("downloaded (resumed at byte {resumed_from}) and verified")
         }
     };
-    println!("{}: {} bytes, {how}", fetched.path.display(), fetched.bytes);
+    output::print(format_args!(
+        "{}: {} bytes, {how}",
+        fetched.path.display(),
+        fetched.bytes
+    ))?;
     Ok(ExitCode::SUCCESS)
 }
 

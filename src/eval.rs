@@ -4,13 +4,16 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use anyhow::bail;
 use clap::Args;
 use serde::Serialize;
-use tactnet_data::SweepView;
-use tactnet_pipeline::{Classifier, Evaluation, PredictionMethod, RunDir};
+use tactnet_data::{Dataset, Seed, SplitManifest, SweepView};
+use tactnet_pipeline::{
+    Classifier, Evaluation, RunConfig, RunDir, evaluate_all_ways, without_sweeps_of,
+};
 
 use crate::train::DeviceChoice;
-use crate::{report, source};
+use crate::{GIT, output, report, source};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
@@ -21,15 +24,15 @@ pub struct EvalArgs {
     /// A run directory
     #[arg(value_name = "DIR")]
     run: PathBuf,
-    /// Another data set: all of its sweeps are tested [default: the run's own test sweeps]
+    /// Another data set: all of its sweeps are tested, but for training sweeps [default: the run's own test sweeps]
     #[arg(long, value_name = "FILE|twin")]
     data: Option<String>,
     /// Sweeps of one material that are fused into one decision
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
     sweeps: u32,
-    /// Runs of Monte Carlo dropout
-    #[arg(long, value_name = "M", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..))]
-    mc: u32,
+    /// Runs of Monte Carlo dropout [default: the recipe's, or 100]
+    #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..))]
+    mc: Option<u32>,
     /// Where to compute
     #[arg(long, value_enum, default_value_t)]
     device: DeviceChoice,
@@ -43,10 +46,14 @@ pub struct EvalArgs {
 struct EvalResult {
     schema_version: u32,
     run: String,
+    git: &'static str,
+    seed: Seed,
+    split_sha256: String,
+    /// False while the run has not ended; the weights are then those of its last checkpoint.
+    finished: bool,
     data: String,
     data_sha256: String,
-    /// `test split of the run` or `every sweep`
-    tested: &'static str,
+    tested: String,
     n_test: usize,
     evaluations: BTreeMap<String, Evaluation>,
 }
@@ -55,51 +62,81 @@ struct EvalResult {
 pub fn run(arguments: EvalArgs) -> anyhow::Result<ExitCode> {
     let run = RunDir::open(&arguments.run)?;
     let config = run.config()?;
+    let manifest = run.split()?;
     let device = arguments.device.compute().open()?;
     let weights = run.weights()?;
+    let finished = run.result()?.is_some();
+    if !finished {
+        eprintln!("this run has not ended: judging the weights of its last checkpoint");
+    }
     let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
     let dataset = source::load(arguments.data.as_deref().unwrap_or(&config.data))?;
-    let own = dataset.sha256() == config.data_sha256;
-    let view = if own {
-        SweepView::clone(&run.split()?.fold(&dataset)?.test)
+    let (view, tested) = if dataset.sha256() == config.data_sha256 {
+        let test = manifest.fold(&dataset)?.test;
+        (SweepView::clone(&test), "test split of the run".to_string())
     } else {
-        SweepView::all(&dataset)
+        unseen_sweeps(&dataset, &config, &manifest)?
     };
-    let mut evaluations = BTreeMap::new();
-    for (name, method) in [
-        ("plain", PredictionMethod::Plain),
-        (
-            "mc_dropout",
-            PredictionMethod::McDropout {
-                runs: arguments.mc as usize,
-            },
-        ),
-    ] {
-        let predictions = classifier.predict(&view, method)?;
-        let evaluation = Evaluation::of(&predictions, arguments.sweeps as usize, config.seed);
-        evaluations.insert(name.to_string(), evaluation);
+    if view.is_empty() {
+        bail!(
+            "{}: no sweep that the classifier has not been trained on",
+            dataset.name()
+        );
     }
+    let runs = arguments
+        .mc
+        .map_or(config.recipe.prediction.method.runs_or(100), |mc| {
+            mc as usize
+        });
+    let sweeps = arguments.sweeps as usize;
+    let evaluations = evaluate_all_ways(&classifier, &view, runs, sweeps, config.seed)?
+        .into_iter()
+        .map(|(name, _, evaluation)| (name.to_string(), evaluation))
+        .collect();
     let result = EvalResult {
         schema_version: 1,
         run: arguments.run.display().to_string(),
+        git: GIT,
+        seed: config.seed,
+        split_sha256: manifest.sha256,
+        finished,
         data: dataset.name().into(),
         data_sha256: dataset.sha256().into(),
-        tested: if own {
-            "test split of the run"
-        } else {
-            "every sweep"
-        },
+        tested,
         n_test: view.len(),
         evaluations,
     };
     if arguments.json {
-        println!("{}", serde_json::to_string_pretty(&result)?);
+        output::print_json(&result)?;
     } else {
-        println!(
+        output::print(format_args!(
             "{}: {} ({} sweeps)",
             result.data, result.tested, result.n_test
-        );
-        report::print_evaluations(&result.evaluations);
+        ))?;
+        report::print_evaluations(&result.evaluations)?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The sweeps of another data set without those that the classifier was trained on.
+fn unseen_sweeps<'a>(
+    dataset: &'a Dataset,
+    config: &RunConfig,
+    manifest: &SplitManifest,
+) -> anyhow::Result<(SweepView<'a>, String)> {
+    let all = SweepView::all(dataset);
+    let own = source::load(&config.data)
+        .ok()
+        .filter(|own| own.sha256() == config.data_sha256);
+    let Some(own) = own else {
+        let note =
+            "every sweep; the training data is not at hand, so training sweeps may be among them";
+        eprintln!("{}: {note}", dataset.name());
+        return Ok((all, note.into()));
+    };
+    let (unseen, dropped) = without_sweeps_of(&all, &manifest.fold(&own)?.train);
+    Ok((
+        unseen,
+        format!("every sweep but {dropped} of the training set"),
+    ))
 }

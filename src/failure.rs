@@ -3,6 +3,7 @@
 use std::process::ExitCode;
 
 use clap::error::ErrorKind;
+use tactnet_data::{DataError, FetchError};
 use tactnet_pipeline::PipelineError;
 
 /// Exit code of a failed check or a run that broke.
@@ -60,12 +61,37 @@ fn verb_of(usage: &str) -> String {
 
 /// Prints an error as one line.
 pub fn report(error: &anyhow::Error) -> ExitCode {
+    let mut causes = error.chain();
+    if causes.any(|cause| is_closed_pipe(cause)) {
+        return ExitCode::SUCCESS;
+    }
     eprintln!("error: {}", format!("{error:#}").replace('\n', " "));
-    ExitCode::from(match error.downcast_ref::<PipelineError>() {
-        Some(PipelineError::NotFinite { .. } | PipelineError::Optimizer(_)) => FAILED,
-        Some(PipelineError::Io {
-            action: "write", ..
-        }) => FAILED,
-        _ => USAGE,
+    ExitCode::from(if error.chain().any(broke) {
+        FAILED
+    } else {
+        USAGE
     })
+}
+
+/// Whether whoever read our output has gone (`tactnet … | head`).
+fn is_closed_pipe(cause: &(dyn std::error::Error + 'static)) -> bool {
+    cause
+        .downcast_ref::<std::io::Error>()
+        .is_some_and(|error| error.kind() == std::io::ErrorKind::BrokenPipe)
+}
+
+/// Whether something failed that another call would not mend: disk, network, numbers.
+fn broke(cause: &(dyn std::error::Error + 'static)) -> bool {
+    let pipeline = cause.downcast_ref::<PipelineError>().is_some_and(|error| {
+        matches!(
+            error,
+            PipelineError::NotFinite { .. }
+                | PipelineError::Optimizer(_)
+                | PipelineError::Io { .. }
+                | PipelineError::Data(DataError::Io { .. })
+        )
+    });
+    pipeline
+        || cause.is::<FetchError>()
+        || matches!(cause.downcast_ref(), Some(DataError::Io { .. }))
 }

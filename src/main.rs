@@ -3,6 +3,7 @@
 mod data;
 mod eval;
 mod failure;
+mod output;
 mod report;
 mod source;
 mod stop;

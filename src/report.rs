@@ -4,47 +4,63 @@ use std::collections::BTreeMap;
 use std::process::ExitCode;
 
 use tactnet_experiments::published_for;
-use tactnet_pipeline::{Estimate, Evaluation, FusedAccuracy, RunDir, RunResult};
+use tactnet_pipeline::{Estimate, Evaluation, FusedAccuracy, Recipe, RunDir, RunResult};
 
-/// Data sets that the published numbers may be set beside.
-const COMPARABLE: [&str; 2] = ["twin", "tactmat"];
+use crate::output;
+
+/// How a result is shown.
+#[derive(Clone, Copy)]
+pub enum Shown {
+    /// For people.
+    Table,
+    /// For programs.
+    Json,
+}
+
+impl Shown {
+    /// What `--json` asks for.
+    pub fn from_flag(json: bool) -> Self {
+        if json { Self::Json } else { Self::Table }
+    }
+}
 
 /// Prints `result.json`, or a table.
-pub fn print_result(run: &RunDir, result: &RunResult, json: bool) -> anyhow::Result<ExitCode> {
-    if json {
-        println!("{}", serde_json::to_string_pretty(result)?);
+pub fn print_result(run: &RunDir, result: &RunResult, shown: Shown) -> anyhow::Result<ExitCode> {
+    if let Shown::Json = shown {
+        output::print_json(result)?;
         return Ok(ExitCode::SUCCESS);
     }
-    println!(
+    output::print(format_args!(
         "{} ({}), recipe {}: {} training sweeps, {} test sweeps",
         result.data, result.split, result.recipe, result.n_train, result.n_test
-    );
-    print_evaluations(&result.evaluations);
+    ))?;
+    print_evaluations(&result.evaluations)?;
     let config = run.config()?;
-    let comparable =
-        COMPARABLE.contains(&result.data.as_str()) && config.classifier.labels.len() == 36;
+    let comparable = ["twin", "tactmat"].contains(&result.data.as_str())
+        && config.classifier.labels.len() == 36
+        && Recipe::load(&config.recipe.name).is_ok_and(|built_in| built_in == config.recipe);
     if let Some(row) = published_for(&config.recipe).filter(|_| comparable) {
-        println!(
+        output::print(format_args!(
             "published for TactMat, {}: {:.1} % with 1 sweep, {:.1} % with 3 (thesis, table 4.2)",
             row.classifier, row.one_sweep.0, row.three_sweeps.0
-        );
+        ))?;
     }
-    println!(
+    output::print(format_args!(
         "{} epochs in {:.0} s ({:.2} s an epoch); run directory {}",
         result.epochs,
         result.train_seconds,
         result.seconds_per_epoch,
         run.path().display()
-    );
+    ))?;
     Ok(ExitCode::SUCCESS)
 }
 
 /// One row per way of predicting.
-pub fn print_evaluations(evaluations: &BTreeMap<String, Evaluation>) {
-    println!(
+pub fn print_evaluations(evaluations: &BTreeMap<String, Evaluation>) -> anyhow::Result<()> {
+    output::print(format_args!(
         "{:<12} {:>22} {:>22} {:>22} {:>7} {:>7} {:>7}",
         "prediction", "1 sweep [%]", "fused, Bayes [%]", "fused, vote [%]", "NLL", "ECE", "Brier"
-    );
+    ))?;
     for (name, evaluation) in evaluations {
         let fused = |pick: fn(&FusedAccuracy) -> Estimate| {
             evaluation.fused.as_ref().map_or_else(
@@ -52,7 +68,7 @@ pub fn print_evaluations(evaluations: &BTreeMap<String, Evaluation>) {
                 |fused| format!("{}x {}", fused.sweeps, percent(pick(fused))),
             )
         };
-        println!(
+        output::print(format_args!(
             "{name:<12} {:>22} {:>22} {:>22} {:>7.3} {:>7.3} {:>7.3}",
             percent(evaluation.one_sweep),
             fused(|f| f.bayes),
@@ -60,8 +76,9 @@ pub fn print_evaluations(evaluations: &BTreeMap<String, Evaluation>) {
             evaluation.negative_log_likelihood,
             evaluation.expected_calibration_error,
             evaluation.brier,
-        );
+        ))?;
     }
+    Ok(())
 }
 
 fn percent(estimate: Estimate) -> String {

@@ -18,7 +18,7 @@ impl Stop {
             if flag.swap(true, Ordering::SeqCst) {
                 std::process::exit(i32::from(crate::failure::INTERRUPTED));
             }
-            eprintln!("\nstopping after this batch; once more to stop at once");
+            eprintln!("\nstopping as soon as the run can be resumed; once more to stop at once");
         })
         .context("cannot listen for Ctrl-C")?;
         Ok(Self(asked))

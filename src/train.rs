@@ -1,5 +1,6 @@
 //! `tactnet train`: from sweeps to a trained, judged classifier in a run directory.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -12,11 +13,12 @@ use sha2::{Digest, Sha256};
 use tactnet_data::{Dataset, Fold, Scheme, Seed, Severity, TrainSplit, check};
 use tactnet_models::Compute;
 use tactnet_pipeline::{
-    BatchReport, Classifier, ClassifierConfig, EpochMetrics, Evaluation, Normalizer,
-    PredictionMethod, PredictionSource, Provenance, Recipe, RunConfig, RunDir, RunResult, Training,
-    describe_split, peak_rss_mib,
+    BatchReport, Classifier, ClassifierConfig, EpochMetrics, Normalizer, PredictionSource,
+    Provenance, Recipe, RunConfig, RunDir, RunResult, Training, describe_split, evaluate_all_ways,
+    peak_rss_mib,
 };
 
+use crate::report::Shown;
 use crate::stop::Stop;
 use crate::{GIT, failure, report, source};
 
@@ -31,9 +33,9 @@ const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
     tactnet train --resume runs/thesis                   go on after Ctrl-C or a crash\n\n\
     Without --fold the file's own `test_flag` decides what is tested, where it has one; else fold 0 of 5.")]
 pub struct TrainArgs {
-    /// A data set (.h5, .npz), or `twin`
-    #[arg(long, value_name = "FILE|twin", default_value = source::TWIN)]
-    data: String,
+    /// A data set (.h5, .npz), or `twin` [default: twin]
+    #[arg(long, value_name = "FILE|twin")]
+    data: Option<String>,
     /// A built-in recipe (quick, thesis) or a TOML file
     #[arg(long, value_name = "NAME|FILE", default_value = "quick")]
     recipe: String,
@@ -46,7 +48,7 @@ pub struct TrainArgs {
     /// Run of the cross-validation, counted from 0; every run deals its folds anew
     #[arg(long, value_name = "R", default_value_t = 0)]
     run: usize,
-    /// Folder for the run [default: runs/DATA-RECIPE-SEED, numbered on if taken]
+    /// Folder for the run [default: runs/DATA-RECIPE-FOLD-SEED, numbered on if taken]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Decides every random choice: folds, weights, order, dropout
@@ -58,8 +60,8 @@ pub struct TrainArgs {
     /// Where to compute
     #[arg(long, value_enum, default_value_t)]
     device: DeviceChoice,
-    /// Continue an interrupted run with its own settings
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["data", "recipe", "split", "fold", "run", "out", "seed", "epochs", "device"])]
+    /// Continue an interrupted run with its own settings; --data says where its data set is now, if it was moved
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["recipe", "split", "fold", "run", "out", "seed", "epochs", "device"])]
     resume: Option<PathBuf>,
     /// Print result.json instead of a table
     #[arg(long)]
@@ -103,25 +105,29 @@ impl DeviceChoice {
 /// Runs the command.
 pub fn run(arguments: TrainArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen()?;
-    let json = arguments.json;
+    let shown = Shown::from_flag(arguments.json);
     let (dataset, run) = match &arguments.resume {
-        Some(path) => reopen(path)?,
+        Some(path) => reopen(path, arguments.data.as_deref())?,
         None => prepare(&arguments)?,
     };
     if let Some(result) = run.result()? {
         eprintln!("{}: this run has ended already", run.path().display());
-        return report::print_result(&run, &result, json);
+        return report::print_result(&run, &result, shown);
     }
     let config = run.config()?;
-    let manifest = run.split()?;
-    let fold = manifest.fold(&dataset)?;
+    let fold = run.split()?.fold(&dataset)?;
+    let sessions = run.record_session(&this_session())?;
+    if sessions.iter().any(|session| session.git != GIT) {
+        eprintln!("this run was begun by another build; its result will name both commits");
+    }
 
-    let Some((training_seconds, device)) = train_epochs(&run, &config, &fold.train, &stop)? else {
-        eprintln!(
-            "stopped; continue with `tactnet train --resume {}`",
-            run.path().display()
-        );
-        return Ok(ExitCode::from(failure::INTERRUPTED));
+    let stopped = || {
+        let path = run.path().display();
+        eprintln!("stopped; continue with `tactnet train --resume {path}`");
+        Ok(ExitCode::from(failure::INTERRUPTED))
+    };
+    let Some((seconds, device)) = train_epochs(&run, &config, &fold.train, &stop)? else {
+        return stopped();
     };
     let weights = run.weights()?;
     let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
@@ -131,9 +137,19 @@ pub fn run(arguments: TrainArgs) -> anyhow::Result<ExitCode> {
         &classifier,
         &fold,
         &dataset,
-        training_seconds,
+        sessions,
+        seconds,
     )?;
-    report::print_result(&run, &result, json)
+    if stop.asked() {
+        return stopped();
+    }
+    run.write_json("result.json", &result)
+        .context("cannot write the result")?;
+    report::print_result(&run, &result, shown)
+}
+
+fn this_session() -> Provenance {
+    Provenance::of_this_process(env!("CARGO_PKG_VERSION"), GIT)
 }
 
 /// Loads data and recipe, checks both, and writes everything known before training.
@@ -145,8 +161,9 @@ fn prepare(arguments: &TrainArgs) -> anyhow::Result<(Dataset, RunDir)> {
     }
     let compute = arguments.device.compute();
     compute.open()?;
-    let dataset = source::load(&arguments.data)?;
-    refuse_errors(&dataset, &arguments.data)?;
+    let data = arguments.data.as_deref().unwrap_or(source::TWIN);
+    let dataset = source::load(data)?;
+    refuse_errors(&dataset, data)?;
     let seed = Seed(arguments.seed);
     let scheme = match (arguments.split, arguments.fold) {
         (Some(SplitChoice::KFold), _) | (None, Some(_)) => Scheme::default(),
@@ -173,7 +190,8 @@ fn prepare(arguments: &TrainArgs) -> anyhow::Result<(Dataset, RunDir)> {
     classifier.network_config()?;
     let config = RunConfig {
         schema_version: RunConfig::SCHEMA_VERSION,
-        data: arguments.data.clone(),
+        data: data.into(),
+        recipe_source: arguments.recipe.clone(),
         data_sha256: dataset.sha256().into(),
         seed,
         compute,
@@ -182,16 +200,21 @@ fn prepare(arguments: &TrainArgs) -> anyhow::Result<(Dataset, RunDir)> {
     };
     let out = match &arguments.out {
         Some(out) => out.clone(),
-        None => free_folder(dataset.name(), &config),
+        None => free_folder(dataset.name(), &config, &fold),
     };
-    let provenance = Provenance::of_this_process(env!("CARGO_PKG_VERSION"), GIT);
-    let run = RunDir::create(&out, &config, &fold.manifest(), &provenance)?;
+    let run = RunDir::create(&out, &config, &fold.manifest(), &this_session())?;
     Ok((dataset, run))
 }
 
-/// `runs/DATA-RECIPE-SEED`, or the first `…-2`, `…-3` that is free.
-fn free_folder(dataset: &str, config: &RunConfig) -> PathBuf {
-    let name: String = format!("{dataset}-{}-{}", config.recipe.name, config.seed.0)
+/// `runs/DATA-RECIPE-FOLD-SEED`, or the first `…-2`, `…-3` that is free.
+fn free_folder(dataset: &str, config: &RunConfig, fold: &Fold<'_>) -> PathBuf {
+    let part = match fold.scheme() {
+        Scheme::TestFlag => "test_flag".to_string(),
+        Scheme::LeaveBlockOut => format!("block{}", fold.fold()),
+        Scheme::StratifiedKFold { .. } if fold.run() == 0 => format!("fold{}", fold.fold()),
+        Scheme::StratifiedKFold { .. } => format!("run{}_fold{}", fold.run(), fold.fold()),
+    };
+    let name: String = format!("{dataset}-{}-{part}-{}", config.recipe.name, config.seed.0)
         .chars()
         .map(|c| {
             if c.is_alphanumeric() || "-_.".contains(c) {
@@ -229,14 +252,15 @@ fn refuse_errors(dataset: &Dataset, data: &str) -> anyhow::Result<()> {
 }
 
 /// Opens a run to go on with, and its data set, which must be the same as before.
-fn reopen(path: &Path) -> anyhow::Result<(Dataset, RunDir)> {
-    let run = RunDir::open(path)?;
+fn reopen(path: &Path, data: Option<&str>) -> anyhow::Result<(Dataset, RunDir)> {
+    let run = RunDir::open(path)?.locked()?;
     let config = run.config()?;
-    let dataset = source::load(&config.data)?;
+    let data = data.unwrap_or(&config.data);
+    let dataset = source::load(data)?;
     if dataset.sha256() != config.data_sha256 {
         bail!(
-            "{}: the data set has changed since the run began: expected SHA-256 {}, found {}",
-            config.data,
+            "{data}: the data set has changed since the run began: expected SHA-256 {}, found {}; \
+             `--data FILE` names the right one",
             config.data_sha256,
             dataset.sha256()
         );
@@ -314,62 +338,63 @@ fn train_epochs(
     Ok(Some((seconds, device)))
 }
 
-/// Predicts the test sweeps every way there is and writes what was found.
+/// Predicts the test sweeps every way there is, writes scores and picture, and puts the result together.
 fn judge(
     run: &RunDir,
     config: &RunConfig,
     classifier: &Classifier,
     fold: &Fold<'_>,
     dataset: &Dataset,
+    sessions: Vec<Provenance>,
     train_seconds: f64,
 ) -> anyhow::Result<RunResult> {
     let recipe = &config.recipe;
     let own = recipe.prediction.method;
-    let runs = match own {
-        PredictionMethod::McDropout { runs } => runs,
-        PredictionMethod::Plain => 100,
-    };
-    let mut evaluations = std::collections::BTreeMap::new();
     let command = command_line(config, fold);
-    for (name, method) in [
-        ("plain", PredictionMethod::Plain),
-        ("mc_dropout", PredictionMethod::McDropout { runs }),
-    ] {
-        eprintln!("predicting {} test sweeps ({name}) …", fold.test.len());
-        let begun = Instant::now();
-        let predictions = classifier.predict(&fold.test, method)?;
-        if method == own {
-            let tsml = predictions.to_tsml(&PredictionSource {
-                dataset: dataset.name(),
-                classifier: &recipe.name,
-                resample: fold.run() * 1000 + fold.fold(),
-                parameters: &command,
-                train_millis: (train_seconds * 1e3) as u64,
-                test_millis: begun.elapsed().as_millis() as u64,
-            });
-            run.write("predictions_test.csv", tsml.as_bytes())?;
-            let title = format!("{}: {} ({name})", dataset.name(), recipe.name);
+    eprintln!("predicting {} test sweeps …", fold.test.len());
+    let begun = Instant::now();
+    let ways = evaluate_all_ways(classifier, &fold.test, own.runs_or(100), 3, config.seed)?;
+    let test_millis = begun.elapsed().as_millis() as u64;
+    let mut evaluations = BTreeMap::new();
+    for (name, predictions, evaluation) in ways {
+        let tsml = predictions.to_tsml(&PredictionSource {
+            dataset: dataset.name(),
+            classifier: &format!("{} ({name})", recipe.name),
+            resample: fold.run() * 1000 + fold.fold(),
+            parameters: &command,
+            train_millis: (train_seconds * 1e3) as u64,
+            test_millis,
+        });
+        let file = if name == own.name() {
+            let title = format!(
+                "{}: {:.1} % of {} test sweeps right (recipe {}, {name})",
+                dataset.name(),
+                100.0 * predictions.accuracy(),
+                fold.test.len(),
+                recipe.name
+            );
             run.write(
                 "confusion.svg",
                 predictions.confusion_svg(&title).as_bytes(),
             )?;
-        }
-        evaluations.insert(
-            name.to_string(),
-            Evaluation::of(&predictions, 3, config.seed),
-        );
+            "predictions_test.csv".to_string()
+        } else {
+            format!("predictions_test_{name}.csv")
+        };
+        run.write(&file, tsml.as_bytes())?;
+        evaluations.insert(name.to_string(), evaluation);
     }
-    let chosen = match own {
-        PredictionMethod::Plain => &evaluations["plain"],
-        PredictionMethod::McDropout { .. } => &evaluations["mc_dropout"],
-    };
+    let chosen = &evaluations[own.name()];
     let manifest = fold.manifest();
-    let result = RunResult {
+    let commits: BTreeSet<&str> = sessions
+        .iter()
+        .map(|session| session.git.as_str())
+        .collect();
+    Ok(RunResult {
         schema_version: RunResult::SCHEMA_VERSION,
         data: dataset.name().into(),
         data_sha256: dataset.sha256().into(),
-        git: GIT.into(),
-        provenance: Provenance::of_this_process(env!("CARGO_PKG_VERSION"), GIT),
+        git: commits.into_iter().collect::<Vec<_>>().join(" "),
         command,
         seed: config.seed,
         recipe: recipe.name.clone(),
@@ -387,26 +412,32 @@ fn judge(
         train_seconds,
         seconds_per_epoch: train_seconds / recipe.training.epochs as f64,
         peak_rss_mib: peak_rss_mib(),
-    };
-    run.write_json("result.json", &result)
-        .context("cannot write the result")?;
-    Ok(result)
+        provenance: sessions,
+    })
 }
 
-/// The call that leads to the same result, with the data set's file name only.
+/// The call that leads to the same result, with file names only.
 fn command_line(config: &RunConfig, fold: &Fold<'_>) -> String {
-    let data = Path::new(&config.data).file_name().map_or_else(
-        || config.data.clone(),
-        |name| name.to_string_lossy().into_owned(),
-    );
+    let file_name = |path: &str| {
+        Path::new(path).file_name().map_or_else(
+            || path.to_string(),
+            |name| name.to_string_lossy().into_owned(),
+        )
+    };
     let split = match fold.scheme() {
         Scheme::TestFlag => "test-flag",
         Scheme::LeaveBlockOut => "leave-block-out",
         Scheme::StratifiedKFold { .. } => "k-fold",
     };
+    let device = match config.compute {
+        Compute::Cpu => "cpu",
+        Compute::Vulkan => "vulkan",
+        Compute::Cuda => "cuda",
+    };
     format!(
-        "tactnet train --data {data} --recipe {} --epochs {} --split {split} --run {} --fold {} --seed {}",
-        config.recipe.name,
+        "tactnet train --data {} --recipe {} --epochs {} --split {split} --run {} --fold {} --seed {} --device {device}",
+        file_name(&config.data),
+        file_name(&config.recipe_source),
         config.recipe.training.epochs,
         fold.run(),
         fold.fold(),

@@ -60,6 +60,7 @@ pub struct Dataset {
     records: Vec<SweepRecord>,
     samples: Samples,
     sha256: String,
+    synthetic: bool,
 }
 
 impl Dataset {
@@ -132,12 +133,28 @@ impl Dataset {
             records,
             samples,
             sha256,
+            synthetic: false,
         })
     }
 
     /// What people call it.
     pub fn name(&self) -> &str {
         &self.name
+    }
+
+    /// Marks the sweeps as generated, not recorded. The mark stays with every file they are written to, and a name other
+    /// than "twin" becomes "twin (name)", so that their results are never taken for TactMat's.
+    pub fn into_synthetic(mut self) -> Self {
+        if self.name != "twin" {
+            self.name = format!("twin ({})", self.name);
+        }
+        self.synthetic = true;
+        self
+    }
+
+    /// Whether the sweeps were generated, not recorded.
+    pub fn is_synthetic(&self) -> bool {
+        self.synthetic
     }
 
     /// Frames per second.

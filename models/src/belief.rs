@@ -86,7 +86,7 @@ impl Belief {
 const LOWEST_LOG_PROBABILITY: f64 = -100.0;
 
 /// Index of the largest value, the first among equals.
-pub(crate) fn first_largest(values: &[f64]) -> usize {
+pub fn first_largest(values: &[f64]) -> usize {
     let mut best = 0;
     for (index, value) in values.iter().enumerate() {
         if *value > values[best] {

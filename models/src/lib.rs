@@ -17,7 +17,7 @@ mod loss;
 mod tactnet;
 mod weights;
 
-pub use belief::{Belief, log_softmax, majority_vote};
+pub use belief::{Belief, first_largest, log_softmax, majority_vote};
 pub use block::{BatchStatistics, BlockConfig, ConvBlock};
 pub use compute::Compute;
 pub use dense::NormalizedDense;

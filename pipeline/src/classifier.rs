@@ -1,6 +1,5 @@
 //! The offline classifier: normaliser, network and label set together.
 
-use burn::tensor::activation::softmax;
 use burn::tensor::{Device, Tensor, TensorData};
 use serde::{Deserialize, Serialize};
 use tactnet_data::{LabelSet, Seed, SweepShape, SweepView};
@@ -196,20 +195,26 @@ impl Classifier {
         (0..sweeps)
             .map(|sweep| {
                 let rows = features.clone().narrow(0, sweep, 1) * masks.clone();
-                let probabilities = values(softmax(self.net.head(rows), 1));
-                let mut mean = vec![0.0_f64; materials];
-                for run in probabilities.chunks(materials) {
-                    mean.iter_mut()
-                        .zip(run)
-                        .for_each(|(m, p)| *m += f64::from(*p));
-                }
-                let total: f64 = mean.iter().sum();
-                mean.iter()
-                    .map(|m| (m / total).max(f64::MIN_POSITIVE).ln())
-                    .collect()
+                let scores = values(self.net.head(rows));
+                let runs: Vec<Vec<f64>> = scores.chunks(materials).map(log_softmax).collect();
+                log_mean_exp(&runs)
             })
             .collect()
     }
+}
+
+/// `ln(mean over runs of exp)` for each material, normalised; stable however small a probability is.
+fn log_mean_exp(runs: &[Vec<f64>]) -> Vec<f64> {
+    let mean: Vec<f64> = (0..runs[0].len())
+        .map(|material| {
+            let column = runs.iter().map(|run| run[material]);
+            let largest = column.clone().fold(f64::NEG_INFINITY, f64::max);
+            let sum: f64 = column.map(|log_p| (log_p - largest).exp()).sum();
+            largest + (sum / runs.len() as f64).ln()
+        })
+        .collect();
+    let total: f64 = mean.iter().map(|log_p| log_p.exp()).sum();
+    mean.iter().map(|log_p| log_p - total.ln()).collect()
 }
 
 fn values(tensor: Tensor<2>) -> Vec<f32> {
@@ -217,4 +222,22 @@ fn values(tensor: Tensor<2>) -> Vec<f32> {
         .into_data_as::<f32>()
         .try_into_vec::<f32>()
         .unwrap_or_else(|error| panic!("scores were converted to f32: {error:?}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mean_over_runs_survives_probabilities_below_f32() {
+        let runs = [log_softmax(&[0.0, -300.0]), log_softmax(&[0.0, -310.0])];
+        let mean = log_mean_exp(&runs);
+        let expected = -300.0 + ((1.0 + (-10.0_f64).exp()) / 2.0).ln();
+        assert!((mean[1] - expected).abs() < 1e-9, "{mean:?}");
+        let even = log_mean_exp(&[
+            vec![0.2_f64.ln(), 0.8_f64.ln()],
+            vec![0.6_f64.ln(), 0.4_f64.ln()],
+        ]);
+        assert!((even[0].exp() - 0.4).abs() < 1e-12 && (even[1].exp() - 0.6).abs() < 1e-12);
+    }
 }

@@ -19,8 +19,11 @@ impl Predictions {
             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
              height=\"{height}\" font-family=\"sans-serif\" font-size=\"11\" role=\"img\">\n\
              <title>{title}</title>\n<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n\
-             <text x=\"{NAMES}\" y=\"20\" font-size=\"14\" fill=\"#222\">{title}</text>\n\
+             <text x=\"10\" y=\"20\" font-size=\"14\" fill=\"#222\">{title}</text>\n\
+             <text x=\"{}\" y=\"{}\" text-anchor=\"end\" fill=\"#222\">true material</text>\n\
              <text x=\"{NAMES}\" y=\"{}\" fill=\"#222\">predicted label</text>\n",
+            NAMES - 6,
+            TOP - 12,
             TOP + side + 34,
             title = escape(title),
         );

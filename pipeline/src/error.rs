@@ -65,7 +65,7 @@ pub enum PipelineError {
         "{what} is not finite in epoch {epoch}, batch {batch}; try a lower learning rate or another scaling"
     )]
     NotFinite {
-        /// "clean loss", "adversarial loss" or the name of a weight.
+        /// "loss" or the name of a weight.
         what: String,
         /// Epoch, counted from 1.
         epoch: usize,

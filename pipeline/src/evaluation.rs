@@ -1,9 +1,31 @@
 //! One way of predicting, judged.
 
 use serde::{Deserialize, Serialize};
-use tactnet_data::Seed;
+use tactnet_data::{Seed, SweepView};
 
-use crate::{Estimate, FusedAccuracy, PredictionMethod, Predictions};
+use crate::{Classifier, Estimate, FusedAccuracy, PipelineError, PredictionMethod, Predictions};
+
+/// Predicts `view` plainly and with `runs` passes of MC dropout: name of the way, predictions, what they are worth.
+///
+/// # Errors
+/// Sweeps that do not fit the classifier.
+pub fn evaluate_all_ways(
+    classifier: &Classifier,
+    view: &SweepView<'_>,
+    runs: usize,
+    sweeps: usize,
+    seed: Seed,
+) -> Result<[(&'static str, Predictions, Evaluation); 2], PipelineError> {
+    let evaluate = |method: PredictionMethod| {
+        let predictions = classifier.predict(view, method)?;
+        let evaluation = Evaluation::of(&predictions, sweeps, seed);
+        Ok::<_, PipelineError>((method.name(), predictions, evaluation))
+    };
+    Ok([
+        evaluate(PredictionMethod::Plain)?,
+        evaluate(PredictionMethod::McDropout { runs })?,
+    ])
+}
 
 /// Everything measured on the predictions of one method.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -7,6 +7,9 @@ use tactnet_models::{Belief, majority_vote};
 use crate::{Predictions, SweepScore};
 
 /// A share with its 95 % interval.
+///
+/// The interval is the sampling error of the test sweeps alone, for this one trained network, sweeps taken as
+/// independent. It holds no variance over training sets, seeds or recording blocks.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// The share, 0 to 1.
@@ -45,6 +48,8 @@ impl Estimate {
 pub struct FusedAccuracy {
     /// Sweeps fused into one decision.
     pub sweeps: usize,
+    /// Materials with enough test sweeps; the others do not count.
+    pub materials: usize,
     /// Bayesian fusion: log-probabilities add.
     pub bayes: Estimate,
     /// Each sweep has one vote.
@@ -70,8 +75,10 @@ impl Predictions {
     pub fn fused(&self, sweeps: usize, seed: Seed) -> Option<FusedAccuracy> {
         let mut groups = 0;
         let (mut bayes, mut majority) = (0, 0);
+        let mut materials = 0;
         for label in 0..self.labels.len() {
             let own: Vec<&SweepScore> = self.sweeps.iter().filter(|s| s.label == label).collect();
+            materials += usize::from(own.len() >= sweeps);
             for deal in 0..DEALS {
                 let mut order: Vec<usize> = (0..own.len()).collect();
                 shuffle(&mut order, &mut seed.rng(("fusion", label, deal)));
@@ -93,6 +100,7 @@ impl Predictions {
                 |right: usize| Estimate::wilson(right as f64 / groups as f64, groups / DEALS);
             FusedAccuracy {
                 sweeps,
+                materials,
                 bayes: share(bayes),
                 majority: share(majority),
             }

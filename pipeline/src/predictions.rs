@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use tactnet_data::LabelSet;
+use tactnet_models::first_largest;
 
 use crate::PredictionMethod;
 
@@ -20,13 +21,7 @@ pub struct SweepScore {
 impl SweepScore {
     /// The most probable label; the lowest among equals.
     pub fn predicted(&self) -> usize {
-        let mut best = 0;
-        for (label, value) in self.log_probability.iter().enumerate() {
-            if *value > self.log_probability[best] {
-                best = label;
-            }
-        }
-        best
+        first_largest(&self.log_probability)
     }
 }
 

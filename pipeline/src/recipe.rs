@@ -107,6 +107,24 @@ pub enum PredictionMethod {
     },
 }
 
+impl PredictionMethod {
+    /// Its name in results: `plain` or `mc_dropout`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Plain => "plain",
+            Self::McDropout { .. } => "mc_dropout",
+        }
+    }
+
+    /// Number of Monte Carlo passes, or `otherwise` for a plain prediction.
+    pub fn runs_or(self, otherwise: usize) -> usize {
+        match self {
+            Self::Plain => otherwise,
+            Self::McDropout { runs } => runs,
+        }
+    }
+}
+
 impl Recipe {
     /// Names of the recipes that ship with the binary.
     pub fn built_in_names() -> impl Iterator<Item = &'static str> {
@@ -181,8 +199,9 @@ impl Recipe {
         if training.epochs == 0 {
             return wrong("training.epochs", "at least 1", "0".into());
         }
-        if training.batch == 0 {
-            return wrong("training.batch", "at least 1", "0".into());
+        if training.batch < 2 {
+            let expected = "at least 2, since batch norm needs more than one sweep";
+            return wrong("training.batch", expected, training.batch.to_string());
         }
         if !positive(training.learning_rate) {
             return wrong(

@@ -16,11 +16,11 @@ pub struct RunResult {
     pub data: String,
     /// SHA-256 of its content.
     pub data_sha256: String,
-    /// Commit of the program.
+    /// Commit of the program; all commits where it was resumed by another build.
     pub git: String,
-    /// Program and machine.
-    pub provenance: Provenance,
-    /// Command line that leads here.
+    /// Program and machine of every session.
+    pub provenance: Vec<Provenance>,
+    /// Command line that leads here, paths shortened to file names.
     pub command: String,
     /// Names every random choice.
     pub seed: Seed,

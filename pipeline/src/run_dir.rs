@@ -4,7 +4,8 @@
 //! |---|---|---|
 //! | `config.json` | recipe, data source, seed, classifier (normaliser, labels, shape) | before training |
 //! | `split.json` | the split, hashed | before training |
-//! | `environment.json` | program, commit, machine | before training |
+//! | `environment.json` | program, commit, machine of every session | before training, at a resume elsewhere |
+//! | `.lock` | held by the process that trains | while it trains |
 //! | `metrics.jsonl` | one line per epoch | after every epoch |
 //! | `checkpoint.safetensors` | weights, optimiser state, position | at least once a minute and at every stop |
 //! | `weights.safetensors` | final weights and running statistics | at the end |
@@ -23,6 +24,9 @@ use tactnet_models::{Compute, Weights};
 use crate::checkpoint::{decode_checkpoint, encode_checkpoint};
 use crate::{ClassifierConfig, PipelineError, Provenance, Recipe, RunResult, TrainingState};
 
+/// Name of the lock file.
+const LOCK: &str = ".lock";
+
 /// `config.json`: all that is decided before the first batch.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -31,6 +35,8 @@ pub struct RunConfig {
     pub schema_version: u32,
     /// `twin`, or the data set's file.
     pub data: String,
+    /// Built-in name or file of the recipe, as it was asked for.
+    pub recipe_source: String,
     /// SHA-256 of the data set's content.
     pub data_sha256: String,
     /// Names every random choice.
@@ -64,56 +70,108 @@ pub struct EpochMetrics {
 }
 
 /// A folder that holds one run.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct RunDir {
     path: PathBuf,
+    /// Locked while this process trains; the system lets go of it when the process ends, however it ends.
+    lock: Option<fs::File>,
 }
 
 impl RunDir {
-    /// Makes a new run directory with everything known before training.
+    /// Makes a new run directory with everything known before training, and locks it.
     ///
     /// # Errors
-    /// A folder that already holds a run; a file that cannot be written.
+    /// A folder that holds anything already; a file that cannot be written.
     pub fn create(
         path: &Path,
         config: &RunConfig,
         split: &SplitManifest,
         provenance: &Provenance,
     ) -> Result<Self, PipelineError> {
+        let failed = |error| PipelineError::io(path, "make the run directory", error);
+        fs::create_dir_all(path).map_err(failed)?;
         let run = Self {
             path: path.to_path_buf(),
-        };
-        if run.file("config.json").exists() {
-            return Err(PipelineError::Run {
-                path: path.into(),
-                reason: "holds a run already; continue it with `--resume`, or name another folder with `--out`"
-                    .into(),
-            });
+            lock: None,
         }
-        fs::create_dir_all(path)
-            .map_err(|error| PipelineError::io(path, "make the run directory", error))?;
+        .locked()?;
+        if run.file("config.json").exists() {
+            return Err(run.refused(
+                "holds a run already; continue it with `--resume`, or name another folder with `--out`",
+            ));
+        }
+        for entry in fs::read_dir(path).map_err(failed)? {
+            let name = entry.map_err(failed)?.file_name();
+            if name != LOCK {
+                let name = name.to_string_lossy();
+                return Err(run.refused(&format!(
+                    "a new run needs an empty folder, found `{name}`; name another with `--out`"
+                )));
+            }
+        }
         run.write_json("split.json", split)?;
-        run.write_json("environment.json", provenance)?;
+        run.write_json("environment.json", &[provenance])?;
         run.write_json("config.json", config)?;
         Ok(run)
     }
 
-    /// Opens an existing run directory.
+    /// Opens an existing run directory to read from it.
     ///
     /// # Errors
     /// A folder without a `config.json`.
     pub fn open(path: &Path) -> Result<Self, PipelineError> {
         let run = Self {
             path: path.to_path_buf(),
+            lock: None,
         };
         if run.file("config.json").is_file() {
             Ok(run)
         } else {
-            Err(PipelineError::Run {
-                path: path.into(),
-                reason: "no run here (no config.json); name a folder that `tactnet train` made"
-                    .into(),
-            })
+            Err(run
+                .refused("no run here (no config.json); name a folder that `tactnet train` made"))
+        }
+    }
+
+    /// Locks the folder for training in it.
+    ///
+    /// # Errors
+    /// Another process trains in it.
+    pub fn locked(mut self) -> Result<Self, PipelineError> {
+        let path = self.file(LOCK);
+        let file = fs::File::create(&path)
+            .map_err(|error| PipelineError::io(&path, "make the lock file", error))?;
+        match file.try_lock() {
+            Ok(()) => {
+                self.lock = Some(file);
+                Ok(self)
+            }
+            Err(fs::TryLockError::WouldBlock) => {
+                Err(self.refused("another process trains in this folder"))
+            }
+            Err(fs::TryLockError::Error(error)) => Err(PipelineError::io(&path, "lock", error)),
+        }
+    }
+
+    /// Adds a session to `environment.json` where program or machine differ from the last one; returns all sessions.
+    ///
+    /// # Errors
+    /// The file is missing, damaged, or cannot be written.
+    pub fn record_session(
+        &self,
+        provenance: &Provenance,
+    ) -> Result<Vec<Provenance>, PipelineError> {
+        let mut sessions: Vec<Provenance> = self.read_json("environment.json")?;
+        if sessions.last() != Some(provenance) {
+            sessions.push(provenance.clone());
+            self.write_json("environment.json", &sessions)?;
+        }
+        Ok(sessions)
+    }
+
+    fn refused(&self, reason: &str) -> PipelineError {
+        PipelineError::Run {
+            path: self.path.clone(),
+            reason: reason.into(),
         }
     }
 
@@ -305,7 +363,10 @@ fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), PipelineError> {
     file.as_file().sync_all().map_err(failed)?;
     set_ordinary_permissions(file.as_file()).map_err(failed)?;
     file.persist(path).map_err(|error| failed(error.error))?;
-    Ok(())
+    // The new name must outlive a power cut, too.
+    fs::File::open(folder)
+        .and_then(|folder| folder.sync_all())
+        .map_err(failed)
 }
 
 /// Temporary files are private; a run's files are meant to be read by others.

@@ -1,6 +1,5 @@
 //! Training, one batch at a time, so that whoever drives it can show progress, stop and resume.
 
-use burn::module::Module;
 use burn::optim::decay::WeightDecayConfig;
 use burn::optim::{AdamConfig, ModuleOptimizer};
 use burn::tensor::{Bytes, Device, Int, Tensor, TensorData};
@@ -19,7 +18,7 @@ pub struct Position {
     pub epoch: usize,
     /// The next batch, counted from 0.
     pub batch: usize,
-    /// Sum of the clean loss over the sweeps of this epoch so far, nats.
+    /// Sum of the objective over the sweeps of this epoch so far, nats.
     pub loss_sum: f64,
     /// Sweeps of this epoch that were recognised while training.
     pub correct: usize,
@@ -47,7 +46,7 @@ pub struct BatchReport {
     pub batch: usize,
     /// Batches in an epoch.
     pub batches: usize,
-    /// Mean clean loss of the epoch so far, nats per sweep.
+    /// Mean objective of the epoch so far, nats per sweep.
     pub mean_loss: f64,
     /// Share of the epoch's sweeps recognised so far, with dropout on.
     pub accuracy: f64,
@@ -74,6 +73,8 @@ pub struct Training<'a> {
     net: TactNet,
     optimizer: ModuleOptimizer,
     position: Position,
+    /// Epoch and batch of the last step, counted from 0, for messages.
+    last: (usize, usize),
 }
 
 impl<'a> Training<'a> {
@@ -108,6 +109,7 @@ impl<'a> Training<'a> {
             net,
             optimizer: adam(recipe),
             position: Position::default(),
+            last: (0, 0),
         })
     }
 
@@ -162,20 +164,16 @@ impl<'a> Training<'a> {
         self.train.len().div_ceil(self.recipe.training.batch)
     }
 
-    /// The network for prediction, without gradients.
-    pub fn network(&self) -> TactNet {
-        self.net.valid()
-    }
-
     /// Trains on the next batch; `None` when all epochs are done.
     ///
     /// # Errors
     /// A loss that is not finite, with its epoch and batch; the weights are then those before this batch.
     pub fn step(&mut self) -> Result<Option<BatchReport>, PipelineError> {
         let Position { epoch, batch, .. } = self.position;
-        if epoch == self.recipe.training.epochs {
+        if epoch >= self.recipe.training.epochs {
             return Ok(None);
         }
+        self.last = (epoch, batch);
         let positions = self.batch_positions(epoch, batch);
         let sweeps = self.load(&positions);
         let labels = self.labels(&positions);
@@ -267,8 +265,8 @@ impl<'a> Training<'a> {
     fn not_finite(&self, what: impl Into<String>) -> PipelineError {
         PipelineError::NotFinite {
             what: what.into(),
-            epoch: self.position.epoch + 1,
-            batch: self.position.batch + 1,
+            epoch: self.last.0 + 1,
+            batch: self.last.1 + 1,
         }
     }
 }

@@ -23,7 +23,7 @@ pub enum Push {
     Taken,
     /// Taken; the window is full and can be read.
     Complete,
-    /// The window was full already.
+    /// The window was full already, or the sweep is lost.
     Ignored,
 }
 
@@ -79,6 +79,7 @@ pub struct SweepWindow {
     last: Option<u64>,
     seen: usize,
     filled_in: usize,
+    spoiled: bool,
 }
 
 impl SweepWindow {
@@ -90,6 +91,7 @@ impl SweepWindow {
             last: None,
             seen: 0,
             filled_in: 0,
+            spoiled: false,
             config,
         }
     }
@@ -99,13 +101,23 @@ impl SweepWindow {
         self.last = None;
         self.seen = 0;
         self.filled_in = 0;
+        self.spoiled = false;
     }
 
-    /// Takes the next frame of the motion.
+    /// Takes the next frame of the motion; after an error every frame is ignored until [`SweepWindow::restart`].
     ///
     /// # Errors
     /// Says why the sweep cannot be used any more.
     pub fn push(&mut self, frame: &Frame<'_>) -> Result<Push, WindowError> {
+        if self.spoiled {
+            return Ok(Push::Ignored);
+        }
+        let outcome = self.take(frame);
+        self.spoiled = outcome.is_err();
+        outcome
+    }
+
+    fn take(&mut self, frame: &Frame<'_>) -> Result<Push, WindowError> {
         let WindowConfig {
             taxels,
             longest_gap,
@@ -159,7 +171,7 @@ impl SweepWindow {
 
     /// Whether the window is full.
     pub fn is_complete(&self) -> bool {
-        self.seen >= self.config.skip + self.config.steps
+        !self.spoiled && self.seen >= self.config.skip + self.config.steps
     }
 
     /// `[steps][taxels]` digits once the window is full.
@@ -228,47 +240,47 @@ mod tests {
 
     #[test]
     fn long_gaps_repeats_and_foreign_frames_are_refused_with_a_reason() {
-        let mut window = SweepWindow::new(CONFIG);
-        push(&mut window, 5).unwrap();
+        let reason = |sequence: u64, taxels: &[f32]| {
+            let mut window = SweepWindow::new(CONFIG);
+            push(&mut window, 5).unwrap();
+            let frame = Frame {
+                sequence,
+                sensor_time_nanos: 0,
+                taxels,
+            };
+            let error = window.push(&frame).unwrap_err();
+            for sequence in 20..40 {
+                assert_eq!(push(&mut window, sequence), Ok(Push::Ignored));
+            }
+            assert!(window.sweep().is_none(), "a spoiled sweep never completes");
+            window.restart();
+            assert_eq!(push(&mut window, 41), Ok(Push::Taken));
+            error
+        };
+        let good = [0.0, 0.0];
+        let gap = WindowError::Gap {
+            lost: 3,
+            sequence: 9,
+            allowed: 2,
+        };
+        assert_eq!(reason(9, &good), gap);
         assert_eq!(
-            push(&mut window, 9),
-            Err(WindowError::Gap {
-                lost: 3,
-                sequence: 9,
-                allowed: 2
-            })
-        );
-        assert_eq!(
-            push(&mut window, 5),
-            Err(WindowError::Order {
+            reason(5, &good),
+            WindowError::Order {
                 sequence: 5,
                 last: 5
-            })
+            }
         );
-        let nan = Frame {
+        let nan = WindowError::NotFinite {
             sequence: 6,
-            sensor_time_nanos: 0,
-            taxels: &[0.0, f32::NAN],
+            taxel: 1,
         };
-        assert_eq!(
-            window.push(&nan),
-            Err(WindowError::NotFinite {
-                sequence: 6,
-                taxel: 1
-            })
-        );
-        let short = Frame {
-            sequence: 6,
-            sensor_time_nanos: 0,
-            taxels: &[0.0],
+        assert_eq!(reason(6, &[0.0, f32::NAN]), nan);
+        let short = WindowError::Taxels {
+            found: 1,
+            expected: 2,
         };
-        assert_eq!(
-            window.push(&short),
-            Err(WindowError::Taxels {
-                found: 1,
-                expected: 2
-            })
-        );
+        assert_eq!(reason(6, &[0.0]), short);
     }
 
     proptest! {

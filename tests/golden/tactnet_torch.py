@@ -1,4 +1,4 @@
-"""Golden values of TactNet-II from PyTorch, float64 where it decides and float32 nowhere.
+"""Golden values of TactNet-II from PyTorch in float64.
 
     pip install torch safetensors numpy && python tests/golden/tactnet_torch.py
 
@@ -19,7 +19,7 @@ from safetensors.numpy import save_file
 
 HERE = pathlib.Path(__file__).parent
 BN_EPSILON, BN_MOMENTUM = 1e-5, 0.1
-ALPHA, EPSILON = 0.5, 0.1
+ALPHA, EPSILON = 0.3, 0.1
 LEARNING_RATE, L2 = 1e-3, 1e-3
 
 
@@ -158,6 +158,8 @@ def training(name, seed, batch, steps, taxels, maps, kernel, pools, hidden, mate
         shifted_grads = torch.autograd.grad(adversarial, list(parameters.values()))
         for n, g, s in zip(names, grads[1:], shifted_grads):
             parameters[n].grad = ALPHA * g + (1 - ALPHA) * s
+            if i == 0:
+                out[f"combined.gradient.{n}"] = parameters[n].grad.clone()
         adam.step()
         losses.append([clean.item(), adversarial.item()])
     out["losses"] = torch.tensor(losses)

@@ -107,7 +107,7 @@ fn a_download_without_network_is_one_line_with_the_page_to_go_to() {
         "--out",
     ]);
     command.arg(lab.path("tactmat.h5"));
-    let message = stderr(&expect(2, command));
+    let message = stderr(&expect(1, command));
     assert_eq!(message.trim_end().lines().count(), 1, "{message}");
     assert!(
         message.contains("dlr-alr.github.io/dlr-tactmat"),
@@ -132,4 +132,21 @@ fn the_twin_is_called_a_twin_and_shows_its_statistics() {
     );
     let text = stdout(&output);
     assert!(text.contains("twin") && text.contains("TactMat"), "{text}");
+}
+
+#[test]
+fn a_twin_stays_a_twin_whatever_its_file_is_called() {
+    let lab = Lab::new();
+    for file in ["tactmat.h5", "tactmat.npz"] {
+        let mut export = tactnet(["data", "export"]);
+        export
+            .arg(lab.path("twin.h5"))
+            .arg("--out")
+            .arg(lab.path(file));
+        expect(0, export);
+        let mut info = tactnet(["data", "info", "--json"]);
+        info.arg(lab.path(file));
+        let info: serde_json::Value = serde_json::from_str(&stdout(&expect(0, info))).unwrap();
+        assert_eq!(info["name"], "twin (tactmat)", "{file}");
+    }
 }

@@ -88,9 +88,9 @@ fn a_run_leaves_everything_needed_to_trust_and_repeat_it() {
             .unwrap()
             .starts_with("<svg")
     );
-    assert!(lab.json("run/environment.json")["git"].is_string());
+    assert!(lab.json("run/environment.json")[0]["git"].is_string());
 
-    let mut eval = tactnet(["eval", "--json", "--mc", "20", "--sweeps", "2"]);
+    let mut eval = tactnet(["eval", "--json", "--sweeps", "2"]);
     eval.arg(lab.path("run"));
     let again: serde_json::Value = serde_json::from_str(&stdout(&expect(0, eval))).unwrap();
     for method in ["plain", "mc_dropout"] {
@@ -132,6 +132,37 @@ fn equal_seeds_give_equal_weights_whatever_the_number_of_threads() {
     other.args(["--seed", "2"]);
     expect(0, other);
     assert!(lab.read("1/weights.safetensors") != lab.read("other/weights.safetensors"));
+}
+
+#[test]
+fn the_full_size_network_ignores_the_number_of_threads() {
+    let lab = Lab::new();
+    let mut twin = tactnet([
+        "data",
+        "twin",
+        "--materials",
+        "4",
+        "--sweeps",
+        "10",
+        "--out",
+    ]);
+    twin.arg(lab.path("long.h5"));
+    expect(0, twin);
+    for threads in ["1", "4"] {
+        let mut command = tactnet(["train", "--recipe", "thesis", "--epochs", "1", "--data"]);
+        command
+            .arg(lab.path("long.h5"))
+            .arg("--out")
+            .arg(lab.path(threads));
+        command.env("RAYON_NUM_THREADS", threads);
+        expect(0, command);
+    }
+    assert!(lab.read("1/weights.safetensors") == lab.read("4/weights.safetensors"));
+    let rows = |run: &str| {
+        let text = String::from_utf8(lab.read(&format!("{run}/predictions_test.csv"))).unwrap();
+        text.lines().skip(3).map(String::from).collect::<Vec<_>>()
+    };
+    assert_eq!(rows("1"), rows("4"));
 }
 
 /// Starts `command` and waits until it has finished an epoch.
@@ -233,35 +264,113 @@ fn a_loss_that_is_no_number_stops_with_epoch_and_batch_and_keeps_the_checkpoint(
 #[test]
 fn a_full_disk_is_an_error_and_never_a_broken_checkpoint() {
     let lab = Lab::new();
-    let recipe = lab.recipe(RecipeChange::default());
-    expect(0, lab.train(&recipe, "good"));
-    let checkpoint = lab.read("good/checkpoint.safetensors").len();
+    let recipe = lab.recipe(RecipeChange {
+        epochs: Some(60),
+        ..RecipeChange::default()
+    });
+    expect(0, lab.train(&recipe, "whole"));
+    let mut child = start_and_wait_for_an_epoch(lab.train(&recipe, "full"));
+    signal(&child, "INT");
+    child.wait().unwrap();
+    let checkpoint = lab.read("full/checkpoint.safetensors");
+    let resume = || {
+        let mut command = tactnet(["train", "--resume"]);
+        command.arg(lab.path("full"));
+        command
+    };
+    // A file beyond the limit fails half-way, as on a full disk.
+    let limit = (checkpoint.len() - 1) / 1024;
     let mut limited = Command::new("bash");
-    // Files larger than the limit fail like on a full disk; it lets config.json pass but no checkpoint.
-    let limit = (checkpoint - 1) / 1024;
     limited
         .arg("-c")
         .arg(format!("trap '' XFSZ; ulimit -f {limit}; exec \"$@\""))
         .arg("bash")
         .arg(env!("CARGO_BIN_EXE_tactnet"))
-        .args(lab.train(&recipe, "full").get_args());
-    let output = expect(1, limited);
-    let message = stderr(&output);
+        .args(resume().get_args());
+    let message = stderr(&expect(1, limited));
     assert!(
         message.contains("checkpoint.safetensors: cannot write"),
         "{message}"
     );
-    assert!(!lab.path("full/checkpoint.safetensors").exists());
+    assert!(
+        lab.read("full/checkpoint.safetensors") == checkpoint,
+        "the former checkpoint is whole"
+    );
     let left: Vec<_> = std::fs::read_dir(lab.path("full"))
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
         .filter(|name| name.starts_with(".writing"))
         .collect();
     assert!(left.is_empty(), "{left:?}");
+    expect(0, resume());
+    assert!(lab.read("whole/weights.safetensors") == lab.read("full/weights.safetensors"));
+}
+
+#[test]
+fn two_processes_never_train_in_one_folder() {
+    let lab = Lab::new();
+    let recipe = lab.recipe(RecipeChange {
+        epochs: Some(400),
+        ..RecipeChange::default()
+    });
+    let mut child = start_and_wait_for_an_epoch(lab.train(&recipe, "run"));
     let mut resume = tactnet(["train", "--resume"]);
-    resume.arg(lab.path("full"));
+    resume.arg(lab.path("run"));
+    for second in [resume, lab.train(&recipe, "run")] {
+        let message = stderr(&expect(2, second));
+        assert!(
+            message.contains("another process trains in this folder"),
+            "{message}"
+        );
+    }
+    signal(&child, "INT");
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+}
+
+#[test]
+fn a_copy_of_the_training_sweeps_is_recognised_in_any_format() {
+    let lab = Lab::new();
+    expect(0, lab.train(&lab.recipe(RecipeChange::default()), "run"));
+    let mut export = tactnet([
+        "data",
+        "twin",
+        "--materials",
+        "4",
+        "--sweeps",
+        "12",
+        "--steps",
+        "120",
+        "--out",
+    ]);
+    export.arg(lab.path("more.npz"));
+    expect(0, export);
+    let mut eval = tactnet(["eval", "--json", "--data"]);
+    eval.arg(lab.path("more.npz")).arg(lab.path("run"));
+    let result: serde_json::Value = serde_json::from_str(&stdout(&expect(0, eval))).unwrap();
+    assert_eq!(result["tested"], "every sweep but 32 of the training set");
+    assert_eq!(result["n_test"], 48 - 32);
+}
+
+#[test]
+fn a_moved_data_set_can_be_named_on_resume() {
+    let lab = Lab::new();
+    let recipe = lab.recipe(RecipeChange {
+        epochs: Some(60),
+        ..RecipeChange::default()
+    });
+    let mut child = start_and_wait_for_an_epoch(lab.train(&recipe, "run"));
+    signal(&child, "INT");
+    child.wait().unwrap();
+    std::fs::rename(lab.path("twin.h5"), lab.path("moved.h5")).unwrap();
+    let mut resume = tactnet(["train", "--resume"]);
+    resume.arg(lab.path("run"));
+    expect(2, resume);
+    let mut resume = tactnet(["train", "--resume"]);
+    resume
+        .arg(lab.path("run"))
+        .arg("--data")
+        .arg(lab.path("moved.h5"));
     expect(0, resume);
-    assert!(lab.read("good/weights.safetensors") == lab.read("full/weights.safetensors"));
 }
 
 #[test]

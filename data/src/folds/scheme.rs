@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 
 /// How a data set is split into training and test sweeps.
 ///
-/// In a recipe (unknown keys are refused):
+/// As TOML (unknown keys are refused):
 ///
 /// ```toml
 /// [split]

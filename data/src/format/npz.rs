@@ -7,13 +7,14 @@
 //! | `labels`, with four dimensions | `[n]` | index into `materials`, or the name itself |
 //! | `blocks`, `test_flag`, optional | `[materials][sweeps]` or `[n]` | as in [`tactmat`](super::tactmat) |
 //! | `sample_rate_hz`, optional | a single number | frames per second; [`SAMPLE_RATE_HZ`] without it |
+//! | `synthetic`, optional | a single number | not 0 where the sweeps were generated |
 //!
 //! Either byte order and either index order ("Fortran" too) are read. Pickled arrays are refused. What [`write()`] writes
 //! loads with `numpy.load` without pickle.
 
 use super::DEFLATE_LIMIT;
 use super::npy::{self, Array};
-use super::tactmat::{RATE_ATTRIBUTE, SAMPLE_RATE_HZ};
+use super::tactmat::{RATE_ATTRIBUTE, SAMPLE_RATE_HZ, SYNTHETIC_ATTRIBUTE};
 use crate::{DataError, Dataset, LabelSet, Samples, SweepRecord, SweepShape};
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read, Write};
@@ -90,7 +91,7 @@ pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
             }
         })
         .collect();
-    Dataset::new(
+    let dataset = Dataset::new(
         super::stem(path),
         arrays.rate()?,
         shape,
@@ -98,7 +99,15 @@ pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
         records,
         values,
     )
-    .map_err(|error| super::in_file(path, error))
+    .map_err(|error| super::in_file(path, error))?;
+    let mark = arrays
+        .optional(SYNTHETIC_ATTRIBUTE)?
+        .and_then(Array::floats);
+    Ok(if mark.is_some_and(|mark| mark != [0.0]) {
+        dataset.into_synthetic()
+    } else {
+        dataset
+    })
 }
 
 /// The arrays of one archive by name.
@@ -351,6 +360,9 @@ fn archive(dataset: &Dataset) -> zip::result::ZipResult<Vec<u8>> {
             .map(u8::from)
             .collect();
         add("test_flag", "|b1", &leading, &flags)?;
+    }
+    if dataset.is_synthetic() {
+        add(SYNTHETIC_ATTRIBUTE, "<f8", &[], &1.0_f64.to_le_bytes())?;
     }
     add(
         RATE_ATTRIBUTE,

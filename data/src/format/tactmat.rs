@@ -7,6 +7,7 @@
 //! | `blocks`, optional | `[materials][sweeps]` | number of the recording block |
 //! | `test_flag`, optional | `[materials][sweeps]` | 1 or true for the author's test sweeps |
 //! | attribute `sample_rate_hz`, optional | scalar, on the file or on `samples` | frames per second |
+//! | attribute `synthetic`, optional | scalar, on the file | not 0 where the sweeps were generated |
 //!
 //! Without the attribute a file counts as recorded at [`SAMPLE_RATE_HZ`], the rate of TactMat's sensor.
 //! Values are kept in the smallest of `u8`, `u16` and `f32` that holds them all; an `f64` that no `f32` equals is
@@ -28,6 +29,8 @@ use std::path::Path;
 /// Frames per second of a file that does not say: the 4256E skin of TactMat.
 pub const SAMPLE_RATE_HZ: f64 = 750.0;
 
+/// Not zero where the sweeps were generated, not recorded.
+pub(super) const SYNTHETIC_ATTRIBUTE: &str = "synthetic";
 pub(super) const RATE_ATTRIBUTE: &str = "sample_rate_hz";
 
 /// Reads a data set whose values are all finite.
@@ -91,7 +94,7 @@ pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
         })
         .collect();
     let name = super::stem(path);
-    Dataset::new(
+    let dataset = Dataset::new(
         name,
         rate,
         SweepShape { steps, rows, cols },
@@ -99,7 +102,20 @@ pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
         records,
         values,
     )
-    .map_err(|error| super::in_file(path, error))
+    .map_err(|error| super::in_file(path, error))?;
+    Ok(if is_synthetic(&file) {
+        dataset.into_synthetic()
+    } else {
+        dataset
+    })
+}
+
+/// Whether the file carries the mark of generated sweeps.
+fn is_synthetic(file: &Hdf5File) -> bool {
+    file.root_group()
+        .and_then(|group| group.attribute(SYNTHETIC_ATTRIBUTE))
+        .and_then(|mark| mark.read_as_f64())
+        .is_ok_and(|mark| mark != 0.0)
 }
 
 fn open(path: &Path) -> Result<Hdf5File, DataError> {

@@ -68,6 +68,10 @@ fn plan(dataset: &Dataset, order: &[usize]) -> hdf5_writer::Result<Hdf5WritePlan
             [names.len() as u64],
             &names,
         )?);
+    if dataset.is_synthetic() {
+        let mark = AttributeBuilder::scalar(tactmat::SYNTHETIC_ATTRIBUTE, 1.0)?;
+        file = file.attribute(mark);
+    }
     let records = || order.iter().map(|&index| &dataset.records()[index]);
     if dataset.has_blocks() {
         let blocks: Vec<u32> = records().filter_map(|record| record.block).collect();

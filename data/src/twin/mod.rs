@@ -166,6 +166,7 @@ pub fn generate(config: &TwinConfig) -> Result<Dataset, DataError> {
         records,
         Samples::U8(digits),
     )
+    .map(Dataset::into_synthetic)
 }
 
 fn generate_sweep(
