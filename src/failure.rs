@@ -62,7 +62,7 @@ fn verb_of(usage: &str) -> String {
 /// Prints an error as one line.
 pub fn report(error: &anyhow::Error) -> ExitCode {
     let mut causes = error.chain();
-    if causes.any(|cause| is_closed_pipe(cause)) {
+    if causes.any(is_closed_pipe) {
         return ExitCode::SUCCESS;
     }
     eprintln!("error: {}", format!("{error:#}").replace('\n', " "));
