@@ -10,6 +10,7 @@
 mod belief;
 mod block;
 mod compute;
+pub mod conv;
 mod dense;
 mod dropout;
 mod initial;

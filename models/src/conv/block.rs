@@ -1,0 +1,246 @@
+//! One planned block: the route its shape takes, forward and backward.
+
+use super::buffers::Buffers;
+use super::direct::{self, SavedDirect};
+use super::norm::{Normalizer, OutputGradient, Pooled};
+use super::shape::BlockShape;
+use super::simd::Isa;
+use super::single::{SavedSingle, Single};
+use super::spectral::{SavedSpectral, Spectral};
+
+/// A block planned for one shape, with the workspace it reuses from call to call.
+#[derive(Debug)]
+pub struct Block {
+    shape: BlockShape,
+    route: Route,
+    values: Buffers<f32>,
+    bytes: Buffers<u8>,
+}
+
+/// The way a shape is computed.
+#[derive(Debug)]
+enum Route {
+    /// Any shape.
+    Direct,
+    /// Multiples of eight maps in and out, at most 16 taxels.
+    Spectral(Spectral),
+    /// One map in, multiples of eight out, at most 16 taxels and a kernel of 15 x 5.
+    Single(Single),
+}
+
+/// What a forward pass with batch statistics gives.
+#[derive(Debug)]
+pub struct Trained {
+    /// `[batch, pooled_steps, taxels, maps_out]`
+    pub pooled: Vec<f32>,
+    /// Mean per map over batch, steps and taxels.
+    pub mean: Vec<f32>,
+    /// Biased variance per map.
+    pub variance: Vec<f32>,
+    /// For [`Block::backward`].
+    pub saved: Saved,
+}
+
+/// What the backward pass needs of a forward pass.
+#[derive(Debug)]
+pub struct Saved {
+    normalizer: Normalizer,
+    winners: Vec<f32>,
+    positions: Vec<u8>,
+    route: SavedRoute,
+}
+
+#[derive(Debug)]
+enum SavedRoute {
+    Direct(SavedDirect),
+    Spectral(SavedSpectral),
+    Single(SavedSingle),
+}
+
+/// Gradients of one block.
+#[derive(Debug)]
+pub struct Gradients {
+    /// `[maps_out, maps_in, kernel steps, kernel taxels]`
+    pub weight: Vec<f32>,
+    /// `[maps_out]`
+    pub gamma: Vec<f32>,
+    /// `[maps_out]`
+    pub beta: Vec<f32>,
+    /// `[batch, steps, taxels, maps_in]`, where it was asked for.
+    pub input: Option<Vec<f32>>,
+}
+
+impl Block {
+    /// Plans a block; panics on even kernel sizes and empty dimensions.
+    pub fn plan(shape: BlockShape) -> Self {
+        Self::plan_for(shape, Isa::detect())
+    }
+
+    pub(super) fn plan_for(shape: BlockShape, isa: Isa) -> Self {
+        shape.check();
+        let route = if let Some(single) = Single::new(shape, isa) {
+            Route::Single(single)
+        } else {
+            Spectral::new(shape, isa).map_or(Route::Direct, Route::Spectral)
+        };
+        Self {
+            shape,
+            route,
+            values: Buffers::default(),
+            bytes: Buffers::default(),
+        }
+    }
+
+    fn convolve(&self, input: &[f32], weight: &[f32], gamma: &[f32]) -> (Pooled, SavedRoute) {
+        let outputs = self.shape.output_len();
+        let to = || (self.values.take(outputs), self.bytes.take(outputs));
+        match &self.route {
+            Route::Direct => {
+                let (pooled, saved) = direct::forward(&self.shape, input, weight, gamma);
+                (pooled, SavedRoute::Direct(saved))
+            }
+            Route::Spectral(spectral) => {
+                let (pooled, saved) = spectral.forward(input, weight, gamma, to());
+                (pooled, SavedRoute::Spectral(saved))
+            }
+            Route::Single(single) => {
+                let (pooled, saved) = single.forward(input, weight, gamma, to());
+                (pooled, SavedRoute::Single(saved))
+            }
+        }
+    }
+
+    /// The planned shape.
+    pub fn shape(&self) -> &BlockShape {
+        &self.shape
+    }
+
+    /// Normalises with the statistics of this batch.
+    pub fn forward_train(
+        &self,
+        input: &[f32],
+        weight: &[f32],
+        gamma: &[f32],
+        beta: &[f32],
+    ) -> Trained {
+        self.check(input, weight, gamma, beta);
+        let (pooled, route) = self.convolve(input, weight, gamma);
+        let (mean, variance) = (pooled.moments.mean(), pooled.moments.variance());
+        let normalizer = Normalizer::new(&mean, &variance, gamma, beta);
+        let mut out = vec![0.0; self.shape.output_len()];
+        normalizer.rectify(&pooled.winners, &mut out);
+        let saved = Saved {
+            normalizer,
+            winners: pooled.winners,
+            positions: pooled.positions,
+            route,
+        };
+        Trained {
+            pooled: out,
+            mean,
+            variance,
+            saved,
+        }
+    }
+
+    /// Normalises with the given mean and variance.
+    pub fn forward_eval(
+        &self,
+        input: &[f32],
+        weight: &[f32],
+        gamma: &[f32],
+        beta: &[f32],
+        mean: &[f32],
+        variance: &[f32],
+    ) -> Vec<f32> {
+        self.check(input, weight, gamma, beta);
+        let (pooled, saved) = self.convolve(input, weight, gamma);
+        let normalizer = Normalizer::new(mean, variance, gamma, beta);
+        let mut out = vec![0.0; self.shape.output_len()];
+        normalizer.rectify(&pooled.winners, &mut out);
+        self.recycle(Saved {
+            normalizer,
+            winners: pooled.winners,
+            positions: pooled.positions,
+            route: saved,
+        });
+        out
+    }
+
+    /// Gradients of a forward pass with batch statistics, from the gradient of its pooled output.
+    pub fn backward(&self, saved: Saved, gradient: &[f32], need_input: bool) -> Gradients {
+        assert_eq!(
+            gradient.len(),
+            self.shape.output_len(),
+            "the gradient has the pooled output's size"
+        );
+        let mut gated = self.values.take(gradient.len());
+        gated.copy_from_slice(gradient);
+        let affine = saved
+            .normalizer
+            .backward(&self.shape, &mut gated, &saved.winners);
+        let output = OutputGradient {
+            gradient: &gated,
+            positions: &saved.positions,
+            affine: &affine,
+        };
+        let (weight, input) = match (&self.route, saved.route) {
+            (Route::Spectral(spectral), SavedRoute::Spectral(route)) => {
+                spectral.backward(route, output, need_input)
+            }
+            (Route::Single(single), SavedRoute::Single(route)) => {
+                single.backward(route, output, need_input)
+            }
+            (Route::Direct, SavedRoute::Direct(route)) => {
+                direct::backward(&self.shape, route, output, need_input)
+            }
+            _ => panic!("the forward pass was another block's"),
+        };
+        [gated, saved.winners]
+            .into_iter()
+            .for_each(|buffer| self.values.give(buffer));
+        self.bytes.give(saved.positions);
+        Gradients {
+            weight,
+            gamma: affine.gamma,
+            beta: affine.beta,
+            input,
+        }
+    }
+
+    /// Takes back the buffers of a forward pass whose gradient is not wanted.
+    pub fn recycle(&self, saved: Saved) {
+        if let (Route::Spectral(spectral), SavedRoute::Spectral(saved)) = (&self.route, saved.route)
+        {
+            spectral.recycle(saved);
+        }
+        self.values.give(saved.winners);
+        self.bytes.give(saved.positions);
+    }
+
+    fn check(&self, input: &[f32], weight: &[f32], gamma: &[f32], beta: &[f32]) {
+        let shape = &self.shape;
+        assert_eq!(
+            input.len(),
+            shape.input_len(),
+            "the input has the planned size"
+        );
+        assert_eq!(
+            weight.len(),
+            shape.weight_len(),
+            "the weights have the planned size"
+        );
+        assert_eq!(
+            [gamma.len(), beta.len()],
+            [shape.maps_out; 2],
+            "gamma and beta hold one value per map"
+        );
+    }
+}
+
+impl Saved {
+    /// Step of the winner within every pooling window, `[batch, pooled_steps, taxels, maps_out]`.
+    pub fn positions(&self) -> &[u8] {
+        &self.positions
+    }
+}

@@ -1,0 +1,287 @@
+//! Complex Fourier transforms over time, eight maps to a vector.
+//!
+//! Stockham's self-sorting form: every pass splits the length by one radix and leaves the next pass's input in order, so there is no
+//! bit reversal and, as the lanes are maps, no shuffling. The first pass reads through a table of rows and the last one writes through
+//! another, which covers zero padding, the kernel's wrap around zero and the cropping of outputs at no cost. The inverse (unscaled)
+//! transform is the forward one with real and imaginary parts exchanged.
+
+use super::butterfly::{Complex, butterfly};
+use super::simd::{Isa, Kernel, Lanes, Octet, Reader, Rows, Table, Writer};
+
+/// A transform of one length.
+#[derive(Debug, Clone)]
+pub(super) struct TimePlan {
+    length: usize,
+    passes: Vec<Pass>,
+    /// Rows of the buffers between passes.
+    order: Table,
+}
+
+#[derive(Debug, Clone)]
+struct Pass {
+    radix: usize,
+    /// Butterflies that differ in their twiddle factors.
+    groups: usize,
+    /// Butterflies that share them.
+    stride: usize,
+    /// `[groups, radix, 2]`: cosine and sine
+    twiddles: Vec<[f32; 2]>,
+}
+
+impl TimePlan {
+    /// The shortest length of at least `least` that the radices can build, in the fewest passes.
+    pub(super) fn at_least(least: usize) -> Self {
+        let mut length = least.max(2);
+        loop {
+            if let Some(radices) = factor(length) {
+                return Self::new(length, &radices);
+            }
+            length += 1;
+        }
+    }
+
+    fn new(length: usize, radices: &[usize]) -> Self {
+        let mut passes = Vec::new();
+        let (mut left, mut stride) = (length, 1);
+        for &radix in radices {
+            let groups = left / radix;
+            let mut twiddles = Vec::with_capacity(left);
+            for group in 0..groups {
+                for output in 0..radix {
+                    let angle = -std::f64::consts::TAU * (group * output) as f64 / left as f64;
+                    twiddles.push([angle.cos() as f32, angle.sin() as f32]);
+                }
+            }
+            passes.push(Pass {
+                radix,
+                groups,
+                stride,
+                twiddles,
+            });
+            left = groups;
+            stride *= radix;
+        }
+        Self {
+            length,
+            passes,
+            order: Table::new(0..length as u32),
+        }
+    }
+
+    pub(super) fn length(&self) -> usize {
+        self.length
+    }
+
+    /// Octets of scratch that [`TimePlan::run`] needs.
+    pub(super) fn scratch(&self) -> usize {
+        4 * self.length
+    }
+
+    /// Transforms one vector of maps from `source` to `target`.
+    pub(super) fn run(
+        &self,
+        isa: Isa,
+        (source, from): (&[Octet], Rows<'_>),
+        (target, to): (&mut [Octet], Rows<'_>),
+        scratch: &mut [Octet],
+    ) {
+        isa.run(Transform {
+            plan: self,
+            source,
+            from,
+            target,
+            to,
+            scratch,
+        });
+    }
+}
+
+/// Compiled once per instruction set: with all its radices it is too large to be part of other kernels.
+struct Transform<'a> {
+    plan: &'a TimePlan,
+    source: &'a [Octet],
+    from: Rows<'a>,
+    target: &'a mut [Octet],
+    to: Rows<'a>,
+    scratch: &'a mut [Octet],
+}
+
+impl Kernel for Transform<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let Transform {
+            plan,
+            source,
+            from,
+            target,
+            to,
+            scratch,
+        } = self;
+        let (mut front, mut back) = scratch[..plan.scratch()].split_at_mut(2 * plan.length);
+        let between = Rows {
+            table: &plan.order,
+            stride: 2,
+            parts: [0, 1],
+        };
+        let last = plan.passes.len() - 1;
+        for (index, pass) in plan.passes.iter().enumerate() {
+            let (source, from) = if index == 0 {
+                (source, from)
+            } else {
+                (&*back, between)
+            };
+            let (target, to) = if index == last {
+                (&mut *target, to)
+            } else {
+                (&mut *front, between)
+            };
+            pass.run::<L>(Reader::new(source, from), Writer::new(target, to));
+            std::mem::swap(&mut front, &mut back);
+        }
+    }
+}
+
+/// Large radices first; none if a prime above 5 is left.
+fn factor(length: usize) -> Option<Vec<usize>> {
+    fn search(left: usize, most: usize) -> Option<Vec<usize>> {
+        if left == 1 {
+            return Some(Vec::new());
+        }
+        let tries = [12, 10, 9, 8, 6, 5, 4, 3, 2]
+            .into_iter()
+            .filter(|&r| r <= most && left.is_multiple_of(r));
+        let found = tries.filter_map(|r| {
+            let mut rest = search(left / r, r)?;
+            rest.insert(0, r);
+            Some(rest)
+        });
+        found.min_by_key(Vec::len)
+    }
+    search(length, 12)
+}
+
+impl Pass {
+    #[inline(always)]
+    fn run<L: Lanes>(&self, source: Reader<'_>, target: Writer<'_>) {
+        match self.radix {
+            2 => self.radix::<L, 2>(source, target),
+            3 => self.radix::<L, 3>(source, target),
+            4 => self.radix::<L, 4>(source, target),
+            5 => self.radix::<L, 5>(source, target),
+            6 => self.radix::<L, 6>(source, target),
+            8 => self.radix::<L, 8>(source, target),
+            9 => self.radix::<L, 9>(source, target),
+            10 => self.radix::<L, 10>(source, target),
+            _ => self.radix::<L, 12>(source, target),
+        }
+    }
+
+    #[inline(always)]
+    fn radix<L: Lanes, const RADIX: usize>(&self, source: Reader<'_>, mut target: Writer<'_>) {
+        let zero = L::splat(0.0);
+        for group in 0..self.groups {
+            let twiddles = &self.twiddles[group * RADIX..(group + 1) * RADIX];
+            for shared in 0..self.stride {
+                let mut values = [Complex { re: zero, im: zero }; RADIX];
+                for k in 0..RADIX {
+                    let [re, im] =
+                        source.read::<L>(shared + self.stride * (group + self.groups * k));
+                    values[k] = Complex { re, im };
+                }
+                butterfly::<L, RADIX>(&mut values);
+                for k in 0..RADIX {
+                    let value = if group == 0 {
+                        values[k]
+                    } else {
+                        values[k].rotated(twiddles[k])
+                    };
+                    target.write(
+                        shared + self.stride * (RADIX * group + k),
+                        [value.re, value.im],
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::conv::simd::{Isa, floats, floats_mut};
+    use crate::conv::tests::noise;
+
+    #[test]
+    fn transforms_agree_with_their_definition() {
+        for length in [2, 3, 4, 5, 6, 8, 9, 10, 12, 18, 30, 50, 108, 120, 144, 600] {
+            let plan = TimePlan::at_least(length);
+            assert_eq!(plan.length(), length);
+            let rows = Table::new(0..length as u32);
+            let mut x = vec![Octet::ZERO; 2 * length];
+            floats_mut(&mut x).copy_from_slice(&noise(16 * length, 9));
+            for isa in [Isa::detect(), Isa::portable()] {
+                let mut y = vec![Octet::ZERO; 2 * length];
+                let mut scratch = vec![Octet::ZERO; plan.scratch()];
+                let at = Rows {
+                    table: &rows,
+                    stride: 2,
+                    parts: [0, 1],
+                };
+                plan.run(isa, (&x, at), (&mut y, at), &mut scratch);
+                let (x, y) = (floats(&x), floats(&y));
+                for f in 0..length {
+                    for lane in 0..8 {
+                        let (mut re, mut im) = (0f64, 0f64);
+                        for t in 0..length {
+                            let angle =
+                                -std::f64::consts::TAU * (f * t % length) as f64 / length as f64;
+                            let (a, b) =
+                                (f64::from(x[16 * t + lane]), f64::from(x[16 * t + 8 + lane]));
+                            re += a * angle.cos() - b * angle.sin();
+                            im += a * angle.sin() + b * angle.cos();
+                        }
+                        assert!((f64::from(y[16 * f + lane]) - re).abs() < 2e-5, "{length}");
+                        assert!(
+                            (f64::from(y[16 * f + 8 + lane]) - im).abs() < 2e-5,
+                            "{length}"
+                        );
+                    }
+                }
+            }
+        }
+        assert_eq!(TimePlan::at_least(107).length(), 108);
+    }
+
+    #[test]
+    #[ignore = "timing"]
+    fn transform_rate() {
+        for length in [18usize, 108, 120] {
+            let plan = TimePlan::at_least(length);
+            let rows = Table::new(0..length as u32);
+            let x = vec![Octet([1.0; 8]); 2 * length];
+            let mut y = vec![Octet::ZERO; 2 * length];
+            let mut scratch = vec![Octet::ZERO; plan.scratch()];
+            let at = Rows {
+                table: &rows,
+                stride: 2,
+                parts: [0, 1],
+            };
+            for _ in 0..3 {
+                let start = crate::conv::tests::cpu_nanoseconds();
+                for _ in 0..10000 {
+                    plan.run(
+                        Isa::detect(),
+                        (std::hint::black_box(&x), at),
+                        (&mut y, at),
+                        &mut scratch,
+                    );
+                }
+                println!(
+                    "{length}: {:.0} ns",
+                    (crate::conv::tests::cpu_nanoseconds() - start) / 1e4
+                );
+            }
+        }
+    }
+}

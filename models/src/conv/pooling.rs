@@ -1,0 +1,72 @@
+//! One pooling window, eight maps to a vector: winners, their steps, and sums for the batch statistics, while the maps are in cache.
+
+use super::norm::Moments;
+use super::simd::{Lanes, Octet, floats};
+
+/// Where a window's results go.
+pub(super) struct Window<'a> {
+    /// `[taxels, maps]`
+    pub(super) winners: &'a mut [f32],
+    /// `[taxels, maps]`
+    pub(super) positions: &'a mut [u8],
+    /// `[3, columns]`: pivot, sum and sum of squares of `y - pivot`
+    pub(super) sums: &'a mut [Octet],
+    /// Octets of maps in a row of these.
+    pub(super) columns: usize,
+}
+
+/// Chooses the winners of map octet `column` within `tile`, `[steps, taxels, tile columns]`, where it is octet `tile_column`.
+///
+/// `sign` is 1 where the largest value wins and -1 where the smallest does.
+#[inline(always)]
+pub(super) fn pool_column<L: Lanes>(
+    (tile, tile_columns, tile_column): (&[Octet], usize, usize),
+    taxels: usize,
+    sign: &Octet,
+    to: &mut Window<'_>,
+    column: usize,
+) {
+    let columns = to.columns;
+    let sign = L::load(sign);
+    let pivot = L::load(&tile[taxels / 2 * tile_columns + tile_column]);
+    let (mut sum, mut squares) = (L::splat(0.0), L::splat(0.0));
+    for taxel in 0..taxels {
+        let first = taxel * tile_columns + tile_column;
+        let target = taxel * columns + column;
+        let mut best = L::load(&tile[first]).mul(sign);
+        let mut position = L::splat(0.0);
+        let mut step = L::splat(0.0);
+        for row in tile.chunks_exact(taxels * tile_columns) {
+            let y = L::load(&row[first]);
+            let offset = y.sub(pivot);
+            sum = sum.add(offset);
+            squares = offset.mul_add(offset, squares);
+            let signed = y.mul(sign);
+            position = signed.if_greater(best, step, position);
+            best = best.max(signed);
+            step = step.add(L::splat(1.0));
+        }
+        let (winners, _) = to.winners.as_chunks_mut::<8>();
+        let (positions, _) = to.positions.as_chunks_mut::<8>();
+        best.mul(sign).store_slice(&mut winners[target]);
+        positions[target] = position.to_bytes();
+    }
+    pivot.store(&mut to.sums[column]);
+    sum.store(&mut to.sums[columns + column]);
+    squares.store(&mut to.sums[2 * columns + column]);
+}
+
+/// Merges the sums of windows, in order; `count` tells how many values per map a window of that index holds.
+pub(super) fn merge_sums(
+    sums: &[Octet],
+    columns: usize,
+    count: impl Fn(usize) -> usize,
+) -> Moments {
+    let mut moments = Moments::new(columns * 8);
+    for (window, sums) in sums.chunks_exact(3 * columns).enumerate() {
+        let (pivot, rest) = floats(sums).split_at(8 * columns);
+        let (sum, squares) = rest.split_at(8 * columns);
+        moments.add_shifted(count(window), pivot, sum, squares);
+    }
+    moments
+}

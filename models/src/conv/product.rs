@@ -1,0 +1,234 @@
+//! Complex matrix products, eight columns to a vector.
+//!
+//! Real and imaginary parts lie apart: a row of the right factor and of the result is `[2, columns]`. The left factor is read
+//! element by element with any strides, so that it may be transposed. A register block of 2 rows by 16 columns keeps eight accumulators,
+//! four vectors of the right factor and the two broadcast parts in sixteen registers.
+
+use super::simd::{Isa, Kernel, Lanes, Octet, Walk};
+
+/// Left factor: element `(i, k)` has its real part at `i * row + k * inner` and its imaginary part `imaginary` values later.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Left<'a> {
+    pub(super) values: &'a [f32],
+    pub(super) row: usize,
+    pub(super) inner: usize,
+    pub(super) imaginary: usize,
+}
+
+impl Left<'_> {
+    /// `out = self * right`; `right` is `[inner, 2, columns]`, `out` `[rows, 2, columns]`, with `columns` in octets.
+    pub(super) fn times(self, isa: Isa, right: &[Octet], out: &mut [Octet], columns: usize) {
+        isa.run(Product::<false> {
+            left: self,
+            right,
+            out,
+            columns,
+        });
+    }
+
+    /// `out = conj(self) * right`
+    pub(super) fn conjugate_times(
+        self,
+        isa: Isa,
+        right: &[Octet],
+        out: &mut [Octet],
+        columns: usize,
+    ) {
+        isa.run(Product::<true> {
+            left: self,
+            right,
+            out,
+            columns,
+        });
+    }
+}
+
+struct Product<'a, const CONJUGATE: bool> {
+    left: Left<'a>,
+    right: &'a [Octet],
+    out: &'a mut [Octet],
+    columns: usize,
+}
+
+impl<const CONJUGATE: bool> Kernel for Product<'_, CONJUGATE> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let Product {
+            left,
+            right,
+            out,
+            columns,
+        } = self;
+        let mut rows = out.chunks_exact_mut(4 * columns);
+        let mut row = 0;
+        for pair in rows.by_ref() {
+            let left = Left {
+                values: &left.values[row * left.row..],
+                ..left
+            };
+            row_block::<L, CONJUGATE, 2>(left, right, pair, columns);
+            row += 2;
+        }
+        let last = rows.into_remainder();
+        if !last.is_empty() {
+            let left = Left {
+                values: &left.values[row * left.row..],
+                ..left
+            };
+            row_block::<L, CONJUGATE, 1>(left, right, last, columns);
+        }
+    }
+}
+
+#[inline(always)]
+fn row_block<L: Lanes, const CONJUGATE: bool, const ROWS: usize>(
+    left: Left<'_>,
+    right: &[Octet],
+    out: &mut [Octet],
+    columns: usize,
+) {
+    let mut column = 0;
+    while column + 2 <= columns {
+        tile::<L, CONJUGATE, ROWS, 2>(left, right, out, columns, column);
+        column += 2;
+    }
+    if column < columns {
+        tile::<L, CONJUGATE, ROWS, 1>(left, right, out, columns, column);
+    }
+}
+
+#[inline(always)]
+fn tile<L: Lanes, const CONJUGATE: bool, const ROWS: usize, const WIDTH: usize>(
+    left: Left<'_>,
+    right: &[Octet],
+    out: &mut [Octet],
+    columns: usize,
+    column: usize,
+) {
+    let zero = L::splat(0.0);
+    let mut sums = [[[zero; 2]; WIDTH]; ROWS];
+    let inner = right.len() / (2 * columns);
+    let mut offsets = [[0; 2]; WIDTH];
+    for (v, offset) in offsets.iter_mut().enumerate() {
+        *offset = [column + v, columns + column + v];
+    }
+    let mut right = Walk::new(right, 2 * columns, inner, offsets);
+    let mut offsets = [[0; 2]; ROWS];
+    for (r, offset) in offsets.iter_mut().enumerate() {
+        *offset = [r * left.row, r * left.row + left.imaginary];
+    }
+    let mut left = Walk::new(left.values, left.inner, inner, offsets);
+    while let (Some(left), Some(loaded)) = (left.step(), right.step()) {
+        let mut right = [[zero; 2]; WIDTH];
+        for v in 0..WIDTH {
+            right[v] = [L::load(loaded[v][0]), L::load(loaded[v][1])];
+        }
+        for r in 0..ROWS {
+            let a = L::splat(*left[r][0]);
+            for v in 0..WIDTH {
+                sums[r][v][0] = a.mul_add(right[v][0], sums[r][v][0]);
+                sums[r][v][1] = a.mul_add(right[v][1], sums[r][v][1]);
+            }
+            let b = L::splat(*left[r][1]);
+            for v in 0..WIDTH {
+                if CONJUGATE {
+                    sums[r][v][0] = b.mul_add(right[v][1], sums[r][v][0]);
+                    sums[r][v][1] = b.mul_sub_from(right[v][0], sums[r][v][1]);
+                } else {
+                    sums[r][v][0] = b.mul_sub_from(right[v][1], sums[r][v][0]);
+                    sums[r][v][1] = b.mul_add(right[v][0], sums[r][v][1]);
+                }
+            }
+        }
+    }
+    for r in 0..ROWS {
+        for v in 0..WIDTH {
+            sums[r][v][0].store(&mut out[2 * r * columns + column + v]);
+            sums[r][v][1].store(&mut out[(2 * r + 1) * columns + column + v]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::conv::simd::{floats, floats_mut};
+    use crate::conv::tests::{cpu_nanoseconds, noise};
+
+    fn octets(len: usize, seed: u64) -> Vec<Octet> {
+        let mut made = vec![Octet::ZERO; len];
+        floats_mut(&mut made).copy_from_slice(&noise(len * 8, seed));
+        made
+    }
+
+    #[test]
+    fn products_are_sums_of_products() {
+        for (rows, inner, columns) in [(36, 32, 8), (5, 7, 3), (1, 1, 1)] {
+            for isa in [Isa::detect(), Isa::portable()] {
+                for conjugate in [false, true] {
+                    let left = noise(rows * inner * 2, 3);
+                    let right = octets(inner * 2 * columns, 4);
+                    let mut out = octets(rows * 2 * columns, 5);
+                    let a = Left {
+                        values: &left,
+                        row: 2 * inner,
+                        inner: 1,
+                        imaginary: inner,
+                    };
+                    if conjugate {
+                        a.conjugate_times(isa, &right, &mut out, columns);
+                    } else {
+                        a.times(isa, &right, &mut out, columns);
+                    }
+                    let (b, c, n) = (floats(&right), floats(&out), columns * 8);
+                    for i in 0..rows {
+                        for j in 0..n {
+                            let (mut re, mut im) = (0.0, 0.0);
+                            for k in 0..inner {
+                                let sign = if conjugate { -1.0 } else { 1.0 };
+                                let (ar, ai) = (
+                                    left[2 * inner * i + k],
+                                    sign * left[2 * inner * i + inner + k],
+                                );
+                                let (br, bi) = (b[2 * k * n + j], b[(2 * k + 1) * n + j]);
+                                re += ar * br - ai * bi;
+                                im += ar * bi + ai * br;
+                            }
+                            assert!((c[2 * i * n + j] - re).abs() < 1e-4);
+                            assert!((c[(2 * i + 1) * n + j] - im).abs() < 1e-4);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    #[ignore = "timing"]
+    fn product_rate() {
+        let (rows, inner, columns) = (36, 32, 8);
+        let left = noise(rows * inner * 2, 3);
+        let right = octets(inner * 2 * columns, 4);
+        let mut out = octets(rows * 2 * columns, 5);
+        let a = Left {
+            values: &left,
+            row: 2 * inner,
+            inner: 1,
+            imaginary: inner,
+        };
+        for _ in 0..5 {
+            let start = cpu_nanoseconds();
+            for _ in 0..2000 {
+                a.times(
+                    Isa::detect(),
+                    std::hint::black_box(&right),
+                    &mut out,
+                    columns,
+                );
+            }
+            let flops = 2000.0 * 8.0 * (rows * inner * columns * 8) as f64;
+            println!("{:.1} GFLOP/s", flops / (cpu_nanoseconds() - start));
+        }
+    }
+}

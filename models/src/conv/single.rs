@@ -1,0 +1,299 @@
+//! The first block, one input map: overlap-save tiles.
+//!
+//! A tile of `tile` steps needs `tile + 2 pad` input steps; its two-dimensional spectrum times those of the kernels gives all output
+//! maps. The spectra of eight tiles are computed at once, one tile a lane; from the product on, lanes are maps. A tile is
+//! pooled while it is in cache, so the full-resolution maps are never written. The backward pass does not need them either.
+
+use rayon::prelude::*;
+
+use super::buffers::Buffers;
+use super::fft::TimePlan;
+use super::norm::Pooled;
+use super::pooling::{Window, merge_sums};
+use super::shape::BlockShape;
+use super::simd::{Isa, NOWHERE, Octet, Rows, Table};
+use super::single_stages::{Analyze, KernelRows, Scale, Synthesize};
+use super::spectral_plan::{by_octet, signs};
+use super::taxel::TaxelPlan;
+
+/// Steps that a tile should have at most.
+const TILE: usize = 100;
+/// Most kernel steps and taxels.
+pub(super) const MOST_KERNEL: [usize; 2] = [15, 5];
+
+/// Plan and workspace.
+#[derive(Debug)]
+pub(super) struct Single {
+    pub(super) shape: BlockShape,
+    pub(super) isa: Isa,
+    pub(super) time: TimePlan,
+    pub(super) taxel: TaxelPlan,
+    /// Octets of output maps.
+    pub(super) outs: usize,
+    /// Output steps of a tile.
+    pub(super) tile: usize,
+    all: Table,
+    taps: Table,
+    cropped: Table,
+    buffers: Buffers<Octet>,
+}
+
+/// What the backward pass needs.
+#[derive(Debug)]
+pub(super) struct SavedSingle {
+    pub(super) input: Vec<f32>,
+    pub(super) weight: Vec<f32>,
+}
+
+/// One tile: its sweep, its first step and where its winners go.
+pub(super) struct Tile<'a> {
+    input: &'a [f32],
+    first: usize,
+    pub(super) steps: usize,
+    pub(super) to: Window<'a>,
+}
+
+impl Single {
+    /// None if the shape is not one for this route.
+    pub(super) fn new(shape: BlockShape, isa: Isa) -> Option<Self> {
+        let [pad_steps, pad_taxels] = shape.padding();
+        if shape.maps_in != 1
+            || !shape.maps_out.is_multiple_of(8)
+            || shape.kernel[0] > MOST_KERNEL[0]
+            || shape.kernel[1] > MOST_KERNEL[1]
+        {
+            return None;
+        }
+        let tile = (TILE / shape.pool).max(1) * shape.pool;
+        let time = TimePlan::at_least(tile + 2 * pad_steps);
+        let length = time.length();
+        let taxel = TaxelPlan::new(shape.taxels, pad_taxels, 1.0 / length as f64)?;
+        let row = |inside: bool, row: usize| if inside { row as u32 } else { NOWHERE };
+        let taps = |t: usize| {
+            let tap = if t <= pad_steps {
+                pad_steps - t
+            } else {
+                pad_steps + length - t
+            };
+            row(tap < shape.kernel[0], tap)
+        };
+        let cropped = |t: usize| {
+            row(
+                (pad_steps..pad_steps + tile).contains(&t),
+                t.wrapping_sub(pad_steps),
+            )
+        };
+        Some(Self {
+            outs: shape.maps_out / 8,
+            tile,
+            all: Table::new((0..length).map(|s| row(true, s))),
+            taps: Table::new((0..length).map(taps)),
+            cropped: Table::new((0..length).map(cropped)),
+            buffers: Buffers::default(),
+            shape,
+            isa,
+            time,
+            taxel,
+        })
+    }
+
+    /// Convolves, pools and keeps what the backward pass needs; winners and positions are written over `to`.
+    pub(super) fn forward(
+        &self,
+        input: &[f32],
+        weight: &[f32],
+        gamma: &[f32],
+        to: (Vec<f32>, Vec<u8>),
+    ) -> (Pooled, SavedSingle) {
+        let shape = &self.shape;
+        let spectra = self.weight_spectra(weight);
+        let signs = signs(gamma);
+        let (windows, tile_windows) = (shape.pooled_steps(), self.tile / shape.pool);
+        let window = shape.taxels * shape.maps_out;
+        let (mut winners, mut positions) = to;
+        let mut sums = self.buffers.take(shape.batch * windows * 3 * self.outs);
+        let mut tiles = Vec::new();
+        let sweeps = input.chunks_exact(shape.steps * shape.taxels);
+        let outputs = winners
+            .chunks_exact_mut(windows * window)
+            .zip(positions.chunks_exact_mut(windows * window));
+        for ((input, (winners, positions)), sums) in sweeps
+            .zip(outputs)
+            .zip(sums.chunks_exact_mut(windows * 3 * self.outs))
+        {
+            let parts = winners
+                .chunks_mut(tile_windows * window)
+                .zip(positions.chunks_mut(tile_windows * window));
+            for (index, ((winners, positions), sums)) in parts
+                .zip(sums.chunks_mut(tile_windows * 3 * self.outs))
+                .enumerate()
+            {
+                let first = index * self.tile;
+                let to = Window {
+                    winners,
+                    positions,
+                    sums,
+                    columns: self.outs,
+                };
+                tiles.push(Tile {
+                    input,
+                    first,
+                    steps: (shape.steps - first).min(self.tile),
+                    to,
+                });
+            }
+        }
+        tiles.par_chunks_mut(8).for_each(|tiles| {
+            let columns = self.taxel.frequencies();
+            let length = self.time.length();
+            let mut rows = self.buffers.take(length * shape.taxels);
+            let mut taxel_spectra = self.buffers.take(columns * length * 2);
+            let mut tile_spectra = self.buffers.take(columns * length * 2);
+            let mut scratch = self.buffers.take(self.time.scratch());
+            self.gather(tiles, &mut rows);
+            self.isa.run(Analyze {
+                plan: self,
+                rows: &rows,
+                spectra: &mut taxel_spectra,
+            });
+            let pairs = Rows {
+                table: &self.all,
+                stride: 2,
+                parts: [0, 1],
+            };
+            for (source, target) in taxel_spectra
+                .chunks_exact(2 * length)
+                .zip(tile_spectra.chunks_exact_mut(2 * length))
+            {
+                self.time
+                    .run(self.isa, (source, pairs), (target, pairs), &mut scratch);
+            }
+            let mut product = self.buffers.take(2 * length);
+            let mut cropped = self.buffers.take(columns * self.tile * 2);
+            let mut maps = self.buffers.take(shape.pool * shape.taxels);
+            for (v, sign) in signs.iter().enumerate() {
+                let kernels = &spectra[v * columns * 2 * length..(v + 1) * columns * 2 * length];
+                for (lane, tile) in tiles.iter_mut().enumerate() {
+                    for column in 0..columns {
+                        let span = column * 2 * length..(column + 1) * 2 * length;
+                        let (spectrum, kernel) = (&tile_spectra[span.clone()], &kernels[span]);
+                        self.isa.run(Scale {
+                            spectrum,
+                            lane,
+                            kernel,
+                            product: &mut product,
+                        });
+                        let cropped_rows = Rows {
+                            table: &self.cropped,
+                            stride: 2,
+                            parts: [0, 1],
+                        };
+                        let target =
+                            &mut cropped[column * self.tile * 2..(column + 1) * self.tile * 2];
+                        self.time.run(
+                            self.isa,
+                            (&product, pairs.exchanged()),
+                            (target, cropped_rows.exchanged()),
+                            &mut scratch,
+                        );
+                    }
+                    self.isa.run(Synthesize {
+                        plan: self,
+                        spectra: &cropped,
+                        maps: &mut maps,
+                        sign,
+                        tile,
+                        column: v,
+                    });
+                }
+            }
+            for buffer in [
+                rows,
+                taxel_spectra,
+                tile_spectra,
+                scratch,
+                product,
+                cropped,
+                maps,
+            ] {
+                self.buffers.give(buffer);
+            }
+        });
+        drop(tiles);
+        let moments = merge_sums(&sums, self.outs, |index| {
+            (shape.steps - index % windows * shape.pool).min(shape.pool) * shape.taxels
+        });
+        self.buffers.give(sums);
+        self.buffers.give(spectra);
+        let saved = SavedSingle {
+            input: input.to_vec(),
+            weight: weight.to_vec(),
+        };
+        (
+            Pooled {
+                winners,
+                positions,
+                moments,
+            },
+            saved,
+        )
+    }
+
+    /// `[maps_out octet, column, time frequency, 2]`
+    fn weight_spectra(&self, weight: &[f32]) -> Vec<Octet> {
+        let [kernel_steps, kernel_taxels] = self.shape.kernel;
+        let (columns, length) = (self.taxel.frequencies(), self.time.length());
+        let mut taps = self.buffers.take(weight.len() / 8);
+        by_octet(weight, kernel_steps * kernel_taxels, &mut taps);
+        let mut spectra = self.buffers.take(self.outs * columns * length * 2);
+        let mut lags = vec![Octet::ZERO; columns * kernel_steps * 2];
+        let mut scratch = self.buffers.take(self.time.scratch());
+        for (taps, spectra) in taps
+            .chunks_exact(kernel_steps * kernel_taxels)
+            .zip(spectra.chunks_exact_mut(columns * length * 2))
+        {
+            self.isa.run(KernelRows {
+                plan: self,
+                taps,
+                lags: &mut lags,
+            });
+            for (lags, spectrum) in lags
+                .chunks_exact(2 * kernel_steps)
+                .zip(spectra.chunks_exact_mut(2 * length))
+            {
+                let from = Rows {
+                    table: &self.taps,
+                    stride: 2,
+                    parts: [0, 1],
+                };
+                let to = Rows {
+                    table: &self.all,
+                    stride: 2,
+                    parts: [0, 1],
+                };
+                self.time
+                    .run(self.isa, (lags, from), (spectrum, to), &mut scratch);
+            }
+        }
+        self.buffers.give(taps);
+        self.buffers.give(scratch);
+        spectra
+    }
+
+    /// Input of up to eight tiles, `[length, taxels]`, one tile a lane, zero outside the sweep.
+    fn gather(&self, tiles: &[Tile<'_>], rows: &mut [Octet]) {
+        let (taxels, pad) = (self.shape.taxels, self.shape.padding()[0]);
+        rows.fill(Octet::ZERO);
+        for (lane, tile) in tiles.iter().enumerate() {
+            let begin = tile.first.saturating_sub(pad);
+            let end = (tile.first + self.time.length() - pad).min(self.shape.steps);
+            let offset = (begin + pad - tile.first) * taxels;
+            for (row, &value) in rows[offset..]
+                .iter_mut()
+                .zip(&tile.input[begin * taxels..end * taxels])
+            {
+                row.0[lane] = value;
+            }
+        }
+    }
+}

@@ -1,0 +1,357 @@
+//! Gradient of the first block's weights: winners gathered, the rest by autocorrelation.
+//!
+//! With `dy = ka g + kb + kc y` (see [`super::norm`]) the gradient of tap `k` of a map with weights `w` is
+//!
+//! `sum ka g x[winner + k] + kb P[k] + kc (R w)[k]`, `P[k] = sum x[p + k]`, `R[k', k] = sum x[p + k'] x[p + k]`,
+//!
+//! sums over winners and over all output cells `p`. So the maps `y` are not needed. `R` depends on the two taps' distance alone
+//! but for the borders: products of rows `a` and `a + d` are summed over all `a`, and for each tap those few rows that it
+//! does not meet are taken away again.
+
+use rayon::prelude::*;
+
+use super::norm::OutputGradient;
+use super::simd::{Kernel, Lanes};
+use super::single::{MOST_KERNEL, SavedSingle, Single};
+
+/// Values in a padded row: four zeros, up to sixteen taxels, zeros.
+pub(super) const ROW: usize = 24;
+/// Zeros before the first taxel: the farthest that two taps of a row lie apart.
+pub(super) const MARGIN: usize = MOST_KERNEL[1] - 1;
+/// Values from a patch's first to its last.
+pub(super) const PATCH: usize = (MOST_KERNEL[0] - 1) * ROW + 8;
+/// Distances between two taps of a row, from `-MARGIN` on.
+const ACROSS: usize = 2 * MARGIN + 1;
+
+/// A winner with a gradient: the gradient times `ka`, and where its patch begins in the padded sweep.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Winner {
+    pub(super) gradient: f32,
+    pub(super) patch: u32,
+}
+
+/// One sweep's share.
+struct Share {
+    /// `[maps_out, MOST_KERNEL[0], 8]`
+    sparse: Vec<f32>,
+    /// `[time distance, rows, ACROSS, 16]`, rows as [`Autocorrelation::edges`] numbers them
+    products: Vec<f32>,
+    /// `[1 + edges, 16]`: column sums over all rows and the edge rows
+    sums: Vec<f32>,
+    /// `[steps, taxels]`, empty if not wanted
+    input: Vec<f32>,
+}
+
+impl Single {
+    /// Gradients of the weights and, if wanted, of the input.
+    pub(super) fn backward(
+        &self,
+        saved: SavedSingle,
+        output: OutputGradient<'_>,
+        need_input: bool,
+    ) -> (Vec<f32>, Option<Vec<f32>>) {
+        let shape = &self.shape;
+        let edges = self.edges();
+        let composite = need_input.then(|| self.composite(&saved.weight, output.affine));
+        let shares: Vec<Share> = saved
+            .input
+            .par_chunks_exact(shape.steps * shape.taxels)
+            .enumerate()
+            .map(|(sweep, input)| {
+                let padded = self.pad(input);
+                let winners = self.winners(sweep, output);
+                let mut share = Share {
+                    sparse: vec![0.0; shape.maps_out * MOST_KERNEL[0] * 8],
+                    products: vec![0.0; shape.kernel[0] * (1 + edges.len()) * ACROSS * 16],
+                    sums: vec![0.0; (1 + edges.len()) * 16],
+                    input: Vec::new(),
+                };
+                self.isa.run(Gather {
+                    padded: &padded,
+                    winners: &winners,
+                    out: &mut share.sparse,
+                });
+                self.isa.run(Autocorrelation {
+                    plan: self,
+                    padded: &padded,
+                    edges: &edges,
+                    share: &mut share,
+                });
+                if let Some(composite) = &composite {
+                    share.input = self.input_gradient(composite, &saved.weight, &padded, &winners);
+                }
+                share
+            })
+            .collect();
+        let weight = self.weight_gradient(&saved.weight, output, &shares, edges.len());
+        let input = need_input.then(|| shares.into_iter().flat_map(|share| share.input).collect());
+        (weight, input)
+    }
+
+    /// The sweep within zeros: `pad` rows before, enough for a patch after.
+    fn pad(&self, input: &[f32]) -> Vec<f32> {
+        let (taxels, pad) = (self.shape.taxels, self.shape.padding()[0]);
+        let mut padded = vec![0.0; (self.shape.steps + pad + MOST_KERNEL[0] + 1) * ROW];
+        for (row, values) in padded
+            .chunks_exact_mut(ROW)
+            .skip(pad)
+            .zip(input.chunks_exact(taxels))
+        {
+            row[MARGIN..MARGIN + taxels].copy_from_slice(values);
+        }
+        padded
+    }
+
+    /// The winners of one sweep that have a gradient, map by map.
+    fn winners(&self, sweep: usize, output: OutputGradient<'_>) -> Vec<Vec<Winner>> {
+        let shape = &self.shape;
+        let cells = shape.pooled_steps() * shape.taxels;
+        let mut found: Vec<Vec<Winner>> = (0..shape.maps_out)
+            .map(|_| Vec::with_capacity(cells))
+            .collect();
+        let span = sweep * cells * shape.maps_out..(sweep + 1) * cells * shape.maps_out;
+        let rows = output.gradient[span.clone()].chunks_exact(shape.maps_out);
+        let corner = MARGIN - shape.padding()[1];
+        for (cell, (gradients, positions)) in rows
+            .zip(output.positions[span].chunks_exact(shape.maps_out))
+            .enumerate()
+        {
+            let first = cell / shape.taxels * shape.pool * ROW + cell % shape.taxels + corner;
+            for (map, (&gradient, &position)) in gradients.iter().zip(positions).enumerate() {
+                if gradient != 0.0 {
+                    let patch = (first + usize::from(position) * ROW) as u32;
+                    found[map].push(Winner {
+                        gradient: gradient * output.affine.ka[map],
+                        patch,
+                    });
+                }
+            }
+        }
+        found
+    }
+
+    /// Padded rows of the sweep that some tap does not meet.
+    fn edges(&self) -> Vec<usize> {
+        let (steps, pad) = (self.shape.steps, self.shape.padding()[0]);
+        (0..2 * pad + steps)
+            .filter(|&a| (pad..pad + steps).contains(&a) && (a < 2 * pad || a >= steps))
+            .collect()
+    }
+
+    fn weight_gradient(
+        &self,
+        weight: &[f32],
+        output: OutputGradient<'_>,
+        shares: &[Share],
+        edges: usize,
+    ) -> Vec<f32> {
+        let [kernel_steps, kernel_taxels] = self.shape.kernel;
+        let taps = kernel_steps * kernel_taxels;
+        let total = |part: fn(&Share) -> &[f32]| {
+            let mut total = vec![0f64; part(&shares[0]).len()];
+            for share in shares {
+                total
+                    .iter_mut()
+                    .zip(part(share))
+                    .for_each(|(total, &value)| *total += f64::from(value));
+            }
+            total
+        };
+        let sparse = total(|share| &share.sparse);
+        let products = total(|share| &share.products);
+        let sums = total(|share| &share.sums);
+        let (correlation, patch_sums) =
+            (self.correlation(&products, edges), self.patch_sums(&sums));
+        let mut out = vec![0f32; weight.len()];
+        for (map, (out, weight)) in out
+            .chunks_exact_mut(taps)
+            .zip(weight.chunks_exact(taps))
+            .enumerate()
+        {
+            let (kb, kc) = (
+                f64::from(output.affine.kb[map]),
+                f64::from(output.affine.kc[map]),
+            );
+            for (tap, out) in out.iter_mut().enumerate() {
+                let gathered =
+                    sparse[(map * MOST_KERNEL[0] + tap / kernel_taxels) * 8 + tap % kernel_taxels];
+                let row = &correlation[tap * taps..(tap + 1) * taps];
+                let mixed: f64 = row.iter().zip(weight).map(|(r, &w)| r * f64::from(w)).sum();
+                *out = (gathered + kb * patch_sums[tap] + kc * mixed) as f32;
+            }
+        }
+        out
+    }
+
+    /// Whether tap row `tap` meets padded row `a` for some output step.
+    fn meets(&self, tap: usize, a: usize) -> bool {
+        (tap..tap + self.shape.steps).contains(&a)
+    }
+
+    /// Taxels that tap column `tap` meets.
+    fn met_taxels(&self, tap: usize) -> std::ops::Range<usize> {
+        let (taxels, pad) = (self.shape.taxels, self.shape.padding()[1]);
+        tap.saturating_sub(pad)..(taxels + tap).saturating_sub(pad).min(taxels)
+    }
+
+    /// `P`, per tap.
+    fn patch_sums(&self, sums: &[f64]) -> Vec<f64> {
+        let [kernel_steps, kernel_taxels] = self.shape.kernel;
+        let edges = self.edges();
+        let mut out = Vec::with_capacity(kernel_steps * kernel_taxels);
+        for tap in 0..kernel_steps * kernel_taxels {
+            let (row, column) = (tap / kernel_taxels, tap % kernel_taxels);
+            let over = |line: usize| {
+                self.met_taxels(column)
+                    .map(|c| sums[line * 16 + c])
+                    .sum::<f64>()
+            };
+            let missed = edges
+                .iter()
+                .enumerate()
+                .filter(|&(_, &a)| !self.meets(row, a));
+            out.push(over(0) - missed.map(|(edge, _)| over(1 + edge)).sum::<f64>());
+        }
+        out
+    }
+
+    /// `R`, `[tap, tap]`.
+    fn correlation(&self, products: &[f64], edges: usize) -> Vec<f64> {
+        let [kernel_steps, kernel_taxels] = self.shape.kernel;
+        let taps = kernel_steps * kernel_taxels;
+        let rows = self.edges();
+        let mut out = vec![0f64; taps * taps];
+        for early in 0..kernel_steps {
+            for late in early..kernel_steps {
+                let lines = &products[(late - early) * (1 + edges) * ACROSS * 16..];
+                for left in 0..kernel_taxels {
+                    for right in 0..kernel_taxels {
+                        let across = right + MARGIN - left;
+                        let over = |line: usize| {
+                            self.met_taxels(left)
+                                .map(|c| lines[(line * ACROSS + across) * 16 + c])
+                                .sum::<f64>()
+                        };
+                        let missed = rows
+                            .iter()
+                            .enumerate()
+                            .filter(|&(_, &a)| !self.meets(early, a));
+                        let sum = over(0) - missed.map(|(edge, _)| over(1 + edge)).sum::<f64>();
+                        let (a, b) = (early * kernel_taxels + left, late * kernel_taxels + right);
+                        out[a * taps + b] = sum;
+                        out[b * taps + a] = sum;
+                    }
+                }
+            }
+        }
+        out
+    }
+}
+
+/// Sums of `gradient * patch` per map.
+struct Gather<'a> {
+    padded: &'a [f32],
+    winners: &'a [Vec<Winner>],
+    out: &'a mut [f32],
+}
+
+impl Kernel for Gather<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        for (winners, out) in self
+            .winners
+            .iter()
+            .zip(self.out.chunks_exact_mut(MOST_KERNEL[0] * 8))
+        {
+            let mut sums = [L::splat(0.0); MOST_KERNEL[0]];
+            for winner in winners {
+                let Some(patch) = self.padded[winner.patch as usize..].first_chunk::<PATCH>()
+                else {
+                    continue;
+                };
+                let gradient = L::splat(winner.gradient);
+                for row in 0..MOST_KERNEL[0] {
+                    let Some(values) = patch[row * ROW..].first_chunk::<8>() else {
+                        continue;
+                    };
+                    sums[row] = gradient.mul_add(L::load_slice(values), sums[row]);
+                }
+            }
+            let (out, _) = out.as_chunks_mut::<8>();
+            for row in 0..MOST_KERNEL[0] {
+                sums[row].store_slice(&mut out[row]);
+            }
+        }
+    }
+}
+
+/// Sums of the products of every two rows up to a kernel apart, over all rows and for each edge row alone, and column sums.
+struct Autocorrelation<'a> {
+    plan: &'a Single,
+    padded: &'a [f32],
+    edges: &'a [usize],
+    share: &'a mut Share,
+}
+
+impl Autocorrelation<'_> {
+    /// Adds the products of padded rows `first..end` with those `distance` later to `out`, `[ACROSS, 16]`.
+    #[inline(always)]
+    fn add<L: Lanes>(padded: &[f32], first: usize, end: usize, distance: usize, out: &mut [f32]) {
+        for half in [0, 8] {
+            let mut sums = [L::splat(0.0); ACROSS];
+            for a in first..end {
+                let base = &padded[a * ROW + MARGIN + half..];
+                let other = &padded[(a + distance) * ROW + half..];
+                let (Some(x), Some(other)) = (
+                    base.first_chunk::<8>(),
+                    other.first_chunk::<{ 2 * MARGIN + 8 }>(),
+                ) else {
+                    continue;
+                };
+                let x = L::load_slice(x);
+                for across in 0..ACROSS {
+                    let Some(values) = other[across..].first_chunk::<8>() else {
+                        continue;
+                    };
+                    sums[across] = x.mul_add(L::load_slice(values), sums[across]);
+                }
+            }
+            for across in 0..ACROSS {
+                if let Some(out) = out[across * 16 + half..].first_chunk_mut::<8>() {
+                    sums[across].add(L::load_slice(out)).store_slice(out);
+                }
+            }
+        }
+    }
+}
+
+impl Kernel for Autocorrelation<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let (steps, pad) = (self.plan.shape.steps, self.plan.shape.padding()[0]);
+        let Share { products, sums, .. } = self.share;
+        let lines = 1 + self.edges.len();
+        for (distance, out) in products.chunks_exact_mut(lines * ACROSS * 16).enumerate() {
+            for (line, out) in out.chunks_exact_mut(ACROSS * 16).enumerate() {
+                let (first, end) = match line {
+                    0 => (pad, pad + steps),
+                    _ => (self.edges[line - 1], self.edges[line - 1] + 1),
+                };
+                Self::add::<L>(self.padded, first, end.min(pad + steps), distance, out);
+            }
+        }
+        for (line, out) in sums.chunks_exact_mut(16).enumerate() {
+            let rows = match line {
+                0 => pad..pad + steps,
+                _ => self.edges[line - 1]..self.edges[line - 1] + 1,
+            };
+            for a in rows {
+                for (out, &x) in out.iter_mut().zip(&self.padded[a * ROW + MARGIN..]) {
+                    *out += x;
+                }
+            }
+        }
+    }
+}

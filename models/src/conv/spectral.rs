@@ -1,0 +1,291 @@
+//! Blocks with many input maps: the convolution in the two-dimensional frequency domain.
+//!
+//! A sweep of `steps x taxels` is transformed with `steps + pad` by `taxels + pad` points: SAME padding needs no more, as
+//! what wraps around falls on outputs that are cropped away. At every frequency the convolution is one complex matrix product,
+//! `[batch, maps_in] x [maps_in, maps_out]`. The same spectra serve the backward pass.
+//!
+//! One taxel frequency after the other (a *column*) is taken through its time spectrum, its products and back, so only a column's
+//! spectra need to stay in cache; columns are also what threads share out.
+
+use rayon::prelude::*;
+
+use super::buffers::Buffers;
+use super::norm::Pooled;
+use super::pooling::{Window, merge_sums};
+use super::product::Left;
+use super::shape::BlockShape;
+use super::simd::{Isa, NOWHERE, Octet, Rows, floats};
+use super::spectral_plan::{Plan, by_octet, signs};
+use super::spectral_stages::{Analyze, KernelRows, Synthesize};
+
+/// Plan and workspace.
+#[derive(Debug)]
+pub(super) struct Spectral {
+    pub(super) plan: Plan,
+    pub(super) buffers: Buffers<Octet>,
+}
+
+/// What the backward pass needs.
+#[derive(Debug)]
+pub(super) struct SavedSpectral {
+    /// `[column, time frequency, batch, 2, maps_in]`
+    pub(super) input: Vec<Octet>,
+    /// `[column, time frequency, maps_in, 2, maps_out]`
+    pub(super) weight: Vec<Octet>,
+    /// `[batch, steps, taxels, maps_out]`
+    pub(super) maps: Vec<Octet>,
+}
+
+impl Spectral {
+    pub(super) fn new(shape: BlockShape, isa: Isa) -> Option<Self> {
+        Some(Self {
+            plan: Plan::new(shape, isa)?,
+            buffers: Buffers::default(),
+        })
+    }
+
+    /// Convolves, pools and keeps what the backward pass needs; winners and positions are written over `to`.
+    pub(super) fn forward(
+        &self,
+        input: &[f32],
+        weight: &[f32],
+        gamma: &[f32],
+        to: (Vec<f32>, Vec<u8>),
+    ) -> (Pooled, SavedSpectral) {
+        let plan = &self.plan;
+        let (shape, columns, length) = (plan.shape, plan.taxel.frequencies(), plan.time.length());
+        let mut taps = self.buffers.take(weight.len() / 8);
+        by_octet(weight, weight.len() / shape.maps_out, &mut taps);
+        let mut rows = self
+            .buffers
+            .take(shape.batch * columns * shape.steps * 2 * plan.ins);
+        rows.par_chunks_exact_mut(columns * shape.steps * 2 * plan.ins)
+            .zip(input.par_chunks_exact(shape.input_len() / shape.batch))
+            .for_each(|(rows, input)| plan.isa.run(Analyze { plan, input, rows }));
+        let mut saved = SavedSpectral {
+            input: self.buffers.take(columns * length * plan.input_stride()),
+            weight: self.buffers.take(columns * length * plan.weight_stride()),
+            maps: self.buffers.take(shape.count() * plan.outs),
+        };
+        let mut products = self
+            .buffers
+            .take(columns * shape.batch * shape.steps * 2 * plan.outs);
+        saved
+            .input
+            .par_chunks_exact_mut(length * plan.input_stride())
+            .zip(
+                saved
+                    .weight
+                    .par_chunks_exact_mut(length * plan.weight_stride()),
+            )
+            .zip(products.par_chunks_exact_mut(shape.batch * shape.steps * 2 * plan.outs))
+            .enumerate()
+            .for_each(|(column, ((input, weight), out))| {
+                let mut spectrum = self.buffers.take(length * plan.output_stride());
+                let mut scratch = self.buffers.take(plan.time.scratch());
+                let (taps, rows) = (&taps, &rows);
+                Column {
+                    plan,
+                    column,
+                    taps,
+                    rows,
+                    input,
+                    weight,
+                    spectrum: &mut spectrum,
+                    out,
+                    scratch: &mut scratch,
+                }
+                .run();
+                self.buffers.give(spectrum);
+                self.buffers.give(scratch);
+            });
+        let pooled = self.pool(&products, &mut saved.maps, gamma, to);
+        for buffer in [taps, rows, products] {
+            self.buffers.give(buffer);
+        }
+        (pooled, saved)
+    }
+
+    fn pool(
+        &self,
+        products: &[Octet],
+        maps: &mut [Octet],
+        gamma: &[f32],
+        to: (Vec<f32>, Vec<u8>),
+    ) -> Pooled {
+        let plan = &self.plan;
+        let shape = &plan.shape;
+        let windows = shape.pooled_steps();
+        let sweep = windows * shape.taxels * shape.maps_out;
+        let signs = signs(gamma);
+        let (mut winners, mut positions) = to;
+        let mut sums = self.buffers.take(shape.batch * windows * 3 * plan.outs);
+        winners
+            .par_chunks_exact_mut(sweep)
+            .zip(positions.par_chunks_exact_mut(sweep))
+            .zip(sums.par_chunks_exact_mut(windows * 3 * plan.outs))
+            .zip(maps.par_chunks_exact_mut(shape.steps * shape.taxels * plan.outs))
+            .enumerate()
+            .for_each(|(sweep, (((winners, positions), sums), maps))| {
+                let to = Window {
+                    winners,
+                    positions,
+                    sums,
+                    columns: plan.outs,
+                };
+                plan.isa.run(Synthesize {
+                    plan,
+                    sweep,
+                    products,
+                    maps,
+                    signs: &signs,
+                    to,
+                });
+            });
+        let moments = merge_sums(&sums, plan.outs, |window| {
+            let first = window % windows * shape.pool;
+            (shape.steps - first).min(shape.pool) * shape.taxels
+        });
+        self.buffers.give(sums);
+        Pooled {
+            winners,
+            positions,
+            moments,
+        }
+    }
+
+    /// Puts what a forward pass saved to rest.
+    pub(super) fn recycle(&self, saved: SavedSpectral) {
+        for buffer in [saved.input, saved.weight, saved.maps] {
+            self.buffers.give(buffer);
+        }
+    }
+}
+
+/// One column: time spectra of weights and input, products, and back to steps, `[batch, steps, 2, maps_out]`.
+struct Column<'a> {
+    plan: &'a Plan,
+    column: usize,
+    taps: &'a [Octet],
+    rows: &'a [Octet],
+    input: &'a mut [Octet],
+    weight: &'a mut [Octet],
+    spectrum: &'a mut [Octet],
+    out: &'a mut [Octet],
+    scratch: &'a mut [Octet],
+}
+
+impl Column<'_> {
+    fn run(self) {
+        let (plan, column) = (self.plan, self.column);
+        let BlockShape {
+            batch,
+            steps,
+            maps_in,
+            ..
+        } = plan.shape;
+        let (ins, outs) = (plan.ins, plan.outs);
+        let wanted = plan.wanted(column);
+        weight_spectrum(plan, column, self.taps, self.weight, self.scratch);
+        let columns = plan.taxel.frequencies();
+        for sweep in 0..batch {
+            let source =
+                &self.rows[(sweep * columns + column) * steps * 2 * ins..][..steps * 2 * ins];
+            for v in 0..ins {
+                let from = Rows {
+                    table: &plan.steps,
+                    stride: 2 * ins,
+                    parts: [v, ins + v],
+                };
+                let at = sweep * 2 * ins + v;
+                let to = Rows {
+                    table: wanted,
+                    stride: plan.input_stride(),
+                    parts: [at, at + ins],
+                };
+                plan.time
+                    .run(plan.isa, (source, from), (self.input, to), self.scratch);
+            }
+        }
+        let lefts = self.input.chunks_exact(plan.input_stride());
+        let rights = self.weight.chunks_exact(plan.weight_stride());
+        let products = self.spectrum.chunks_exact_mut(plan.output_stride());
+        for (((left, right), out), &row) in lefts.zip(rights).zip(products).zip(wanted.rows()) {
+            if row != NOWHERE {
+                let left = Left {
+                    values: floats(left),
+                    row: 2 * maps_in,
+                    inner: 1,
+                    imaginary: maps_in,
+                };
+                left.times(
+                    plan.isa,
+                    &right[..maps_in * 2 * outs],
+                    &mut out[..batch * 2 * outs],
+                    outs,
+                );
+            }
+        }
+        plan.mirror(
+            plan.taxel.mirror(column),
+            self.spectrum,
+            plan.output_stride(),
+            outs,
+        );
+        for (sweep, out) in self.out.chunks_exact_mut(steps * 2 * outs).enumerate() {
+            for v in 0..outs {
+                let at = sweep * 2 * outs + v;
+                let from = Rows {
+                    table: &plan.all,
+                    stride: plan.output_stride(),
+                    parts: [at, at + outs],
+                };
+                let to = Rows {
+                    table: &plan.steps,
+                    stride: 2 * outs,
+                    parts: [v, outs + v],
+                };
+                plan.time.run(
+                    plan.isa,
+                    (self.spectrum, from.exchanged()),
+                    (out, to.exchanged()),
+                    self.scratch,
+                );
+            }
+        }
+    }
+}
+
+/// One column of the weights' spectra: `[time frequency, maps_in, 2, maps_out]`.
+fn weight_spectrum(
+    plan: &Plan,
+    column: usize,
+    taps: &[Octet],
+    spectrum: &mut [Octet],
+    scratch: &mut [Octet],
+) {
+    let [kernel_steps, kernel_taxels] = plan.shape.kernel;
+    let (maps_in, outs) = (plan.shape.maps_in, plan.outs);
+    let mut lags = vec![Octet::ZERO; 2 * kernel_steps];
+    for (kernel, taps) in taps.chunks_exact(kernel_steps * kernel_taxels).enumerate() {
+        plan.isa.run(KernelRows {
+            plan,
+            column,
+            taps,
+            lags: &mut lags,
+        });
+        let at = kernel % maps_in * 2 * outs + kernel / maps_in;
+        let from = Rows {
+            table: &plan.taps,
+            stride: 2,
+            parts: [0, 1],
+        };
+        let to = Rows {
+            table: plan.wanted(column),
+            stride: plan.weight_stride(),
+            parts: [at, at + outs],
+        };
+        plan.time
+            .run(plan.isa, (&lags, from), (spectrum, to), scratch);
+    }
+}

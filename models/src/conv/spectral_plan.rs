@@ -1,0 +1,136 @@
+//! Sizes, transforms and tables of rows of a spectral block.
+
+use rayon::prelude::*;
+
+use super::fft::TimePlan;
+use super::shape::BlockShape;
+use super::simd::{Isa, NOWHERE, Octet, Table};
+use super::taxel::{Mirror, TaxelPlan};
+
+/// Sizes, transforms and tables of rows.
+#[derive(Debug)]
+pub(super) struct Plan {
+    pub(super) shape: BlockShape,
+    pub(super) isa: Isa,
+    pub(super) time: TimePlan,
+    pub(super) taxel: TaxelPlan,
+    /// Octets of input and output maps.
+    pub(super) ins: usize,
+    pub(super) outs: usize,
+    /// A sweep's steps within the transform.
+    pub(super) steps: Table,
+    /// The kernel's taps within the transform.
+    pub(super) taps: Table,
+    /// All time frequencies, and those that do not mirror another.
+    pub(super) all: Table,
+    pub(super) half: Table,
+}
+
+/// Octets per time frequency: padded, as strides of powers of two would crowd into few cache sets.
+fn padded(octets: usize) -> usize {
+    octets + 2
+}
+
+impl Plan {
+    /// None if the shape is not one for this route.
+    pub(super) fn new(shape: BlockShape, isa: Isa) -> Option<Self> {
+        let [pad_steps, pad_taxels] = shape.padding();
+        if !shape.maps_in.is_multiple_of(8) || !shape.maps_out.is_multiple_of(8) {
+            return None;
+        }
+        let time = TimePlan::at_least((shape.steps + pad_steps).max(shape.kernel[0]));
+        let length = time.length();
+        let taxel = TaxelPlan::new(shape.taxels, pad_taxels, 1.0 / length as f64)?;
+        let row = |inside: bool, row: usize| if inside { row as u32 } else { NOWHERE };
+        let taps = |t: usize| {
+            // Lag t (or t - length) is tap pad - lag of the cross-correlation.
+            let tap = if t <= pad_steps {
+                pad_steps - t
+            } else {
+                pad_steps + length - t
+            };
+            row(tap < shape.kernel[0], tap)
+        };
+        Some(Self {
+            ins: shape.maps_in / 8,
+            outs: shape.maps_out / 8,
+            steps: Table::new((0..length).map(|t| row(t < shape.steps, t))),
+            taps: Table::new((0..length).map(taps)),
+            all: Table::new((0..length).map(|s| row(true, s))),
+            half: Table::new((0..length).map(|s| row(s <= length / 2, s))),
+            shape,
+            isa,
+            time,
+            taxel,
+        })
+    }
+
+    pub(super) fn input_stride(&self) -> usize {
+        padded(self.shape.batch * 2 * self.ins)
+    }
+
+    pub(super) fn output_stride(&self) -> usize {
+        padded(self.shape.batch * 2 * self.outs)
+    }
+
+    pub(super) fn weight_stride(&self) -> usize {
+        padded(self.shape.maps_in * 2 * self.outs)
+    }
+
+    /// Time frequencies to multiply in a column, as a table of rows.
+    pub(super) fn wanted(&self, column: usize) -> &Table {
+        if self.taxel.mirror(column) == Mirror::Free {
+            &self.all
+        } else {
+            &self.half
+        }
+    }
+
+    /// Fills in the mirrored half of a column's spectrum.
+    pub(super) fn mirror(
+        &self,
+        mirror: Mirror,
+        spectrum: &mut [Octet],
+        stride: usize,
+        parts: usize,
+    ) {
+        let (re, im) = match mirror {
+            Mirror::Free => return,
+            Mirror::Real => (1.0, -1.0),
+            Mirror::Imaginary => (-1.0, 1.0),
+        };
+        let length = self.time.length();
+        for s in length / 2 + 1..length {
+            let (low, high) = spectrum.split_at_mut(s * stride);
+            let from = low[(length - s) * stride..].chunks_exact(2 * parts);
+            for (to, from) in high[..stride].chunks_exact_mut(2 * parts).zip(from) {
+                for part in 0..parts {
+                    to[part].0 = from[part].0.map(|value| re * value);
+                    to[parts + part].0 = from[parts + part].0.map(|value| im * value);
+                }
+            }
+        }
+    }
+}
+
+/// Weights `[out][in][tap]` to `[out octet][in][tap]` octets.
+pub(super) fn by_octet(weight: &[f32], row: usize, out: &mut [Octet]) {
+    out.par_chunks_exact_mut(row)
+        .zip(weight.par_chunks_exact(8 * row))
+        .for_each(|(out, weight)| {
+            for (at, out) in out.iter_mut().enumerate() {
+                for (lane, value) in out.0.iter_mut().enumerate() {
+                    *value = weight[lane * row + at];
+                }
+            }
+        });
+}
+
+/// 1 where gamma is not negative, else -1.
+pub(super) fn signs(gamma: &[f32]) -> Vec<Octet> {
+    let (octets, _) = gamma.as_chunks::<8>();
+    octets
+        .iter()
+        .map(|octet| Octet(octet.map(|g| if g < 0.0 { -1.0 } else { 1.0 })))
+        .collect()
+}

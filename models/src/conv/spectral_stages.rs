@@ -1,0 +1,262 @@
+//! The steps of a spectral block that run on vector lanes: taxel spectra of inputs, kernels and gradients, and back.
+
+use super::norm::OutputGradient;
+use super::pooling::{Window, pool_column};
+use super::shape::BlockShape;
+use super::simd::{Kernel, Lanes, Octet};
+use super::spectral_plan::Plan;
+use super::taxel::MOST_TAXELS;
+
+/// Taxel spectra of one sweep: `[steps, taxels, maps_in]` to `[column, steps, 2, maps_in]`.
+pub(super) struct Analyze<'a> {
+    pub(super) plan: &'a Plan,
+    pub(super) input: &'a [f32],
+    pub(super) rows: &'a mut [Octet],
+}
+
+impl Kernel for Analyze<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let (plan, ins) = (self.plan, self.plan.ins);
+        let (octets, _) = self.input.as_chunks::<8>();
+        for (step, row) in octets.chunks_exact(plan.shape.taxels * ins).enumerate() {
+            for v in 0..ins {
+                let out = &mut self.rows[step * 2 * ins + v..];
+                let values = |taxel: usize| L::load_slice(&row[taxel * ins + v]);
+                plan.taxel
+                    .forward::<L>(values, out, plan.shape.steps * 2 * ins, ins);
+            }
+        }
+    }
+}
+
+/// One taxel frequency of the rows of one kernel.
+pub(super) struct KernelRows<'a> {
+    pub(super) plan: &'a Plan,
+    pub(super) column: usize,
+    pub(super) taps: &'a [Octet],
+    pub(super) lags: &'a mut [Octet],
+}
+
+impl Kernel for KernelRows<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        for (lag, taps) in self
+            .lags
+            .chunks_exact_mut(2)
+            .zip(self.taps.chunks_exact(self.plan.shape.kernel[1]))
+        {
+            let [re, im] = self.plan.taxel.kernel::<L>(self.column, taps);
+            re.store(&mut lag[0]);
+            im.store(&mut lag[1]);
+        }
+    }
+}
+
+/// Maps of one sweep from the columns, and their pooling windows.
+pub(super) struct Synthesize<'a> {
+    pub(super) plan: &'a Plan,
+    pub(super) sweep: usize,
+    pub(super) products: &'a [Octet],
+    pub(super) maps: &'a mut [Octet],
+    pub(super) signs: &'a [Octet],
+    pub(super) to: Window<'a>,
+}
+
+impl Kernel for Synthesize<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let (plan, outs) = (self.plan, self.plan.outs);
+        let BlockShape {
+            batch,
+            steps,
+            taxels,
+            maps_out,
+            pool,
+            ..
+        } = plan.shape;
+        let row = taxels * outs;
+        for (window, tile) in self.maps.chunks_mut(pool * row).enumerate() {
+            let values = window * taxels * maps_out..(window + 1) * taxels * maps_out;
+            let mut to = Window {
+                winners: &mut self.to.winners[values.clone()],
+                positions: &mut self.to.positions[values],
+                sums: &mut self.to.sums[window * 3 * outs..(window + 1) * 3 * outs],
+                columns: outs,
+            };
+            for v in 0..outs {
+                for (step, maps) in tile.chunks_exact_mut(row).enumerate() {
+                    let spectrum = &self.products
+                        [(self.sweep * steps + window * pool + step) * 2 * outs + v..];
+                    plan.taxel.inverse::<L>(
+                        spectrum,
+                        batch * steps * 2 * outs,
+                        outs,
+                        |taxel, y: L| {
+                            y.store(&mut maps[taxel * outs + v]);
+                        },
+                    );
+                }
+                pool_column::<L>((tile, outs, v), taxels, &self.signs[v], &mut to, v);
+            }
+        }
+    }
+}
+
+/// `dy` of one sweep as taxel spectra, `[column, steps, 2, maps_out]`.
+pub(super) struct Spread<'a> {
+    pub(super) plan: &'a Plan,
+    pub(super) sweep: usize,
+    pub(super) output: OutputGradient<'a>,
+    pub(super) maps: &'a [Octet],
+    pub(super) rows: &'a mut [Octet],
+}
+
+impl Kernel for Spread<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let (plan, outs) = (self.plan, self.plan.outs);
+        let BlockShape {
+            steps,
+            taxels,
+            pool,
+            ..
+        } = plan.shape;
+        let window_row = taxels * outs;
+        let (gradients, _) = self.output.gradient.as_chunks::<8>();
+        let (positions, _) = self.output.positions.as_chunks::<8>();
+        let ([ka, kb, kc], affine) = ([0, 1, 2], self.output.affine);
+        let terms = [&affine.ka, &affine.kb, &affine.kc].map(|values| values.as_chunks::<8>().0);
+        for (window, tile) in self.maps.chunks(pool * window_row).enumerate() {
+            let first = (self.sweep * plan.shape.pooled_steps() + window) * window_row;
+            for v in 0..outs {
+                let mut sparse = [[L::splat(0.0); 2]; MOST_TAXELS];
+                for taxel in 0..taxels {
+                    let at = first + taxel * outs + v;
+                    let gradient = L::load_slice(&gradients[at]).mul(L::load_slice(&terms[ka][v]));
+                    sparse[taxel] = [gradient, L::from_bytes(&positions[at])];
+                }
+                let (kb, kc) = (L::load_slice(&terms[kb][v]), L::load_slice(&terms[kc][v]));
+                for (step, maps) in tile.chunks_exact(window_row).enumerate() {
+                    let won = L::splat(step as f32);
+                    let out = &mut self.rows[(window * pool + step) * 2 * outs + v..];
+                    let values = |taxel: usize| {
+                        let [gradient, position] = sparse[taxel];
+                        let dense = L::load(&maps[taxel * outs + v]).mul_add(kc, kb);
+                        position.if_equal(won, gradient).add(dense)
+                    };
+                    plan.taxel.forward::<L>(values, out, steps * 2 * outs, outs);
+                }
+            }
+        }
+    }
+}
+
+/// `[maps_in, 2, maps_out]` to the conjugate of its transpose, `[maps_out, 2, maps_in]`.
+pub(super) struct TurnConjugated<'a> {
+    pub(super) weight: &'a [Octet],
+    pub(super) turned: &'a mut [Octet],
+    pub(super) ins: usize,
+    pub(super) outs: usize,
+}
+
+impl Kernel for TurnConjugated<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let TurnConjugated {
+            weight,
+            turned,
+            ins,
+            outs,
+        } = self;
+        let mut rows = [L::splat(0.0); 8];
+        for (part, sign) in [(0, 1.0), (1, -1.0)] {
+            for (i, weight) in weight.chunks_exact(16 * outs).enumerate() {
+                for (o, turned) in turned.chunks_exact_mut(16 * ins).enumerate() {
+                    for lane in 0..8 {
+                        rows[lane] =
+                            L::load(&weight[(2 * lane + part) * outs + o]).mul(L::splat(sign));
+                    }
+                    rows = L::transpose(rows);
+                    for lane in 0..8 {
+                        rows[lane].store(&mut turned[(2 * lane + part) * ins + i]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Eight output maps' weight gradients from all columns: `[8, maps_in, kernel steps, kernel taxels]`.
+pub(super) struct WeightGradient<'a> {
+    pub(super) plan: &'a Plan,
+    pub(super) octet: usize,
+    pub(super) d_taps: &'a [Octet],
+    pub(super) weight: &'a mut [f32],
+}
+
+impl Kernel for WeightGradient<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let plan = self.plan;
+        let [kernel_steps, kernel_taxels] = plan.shape.kernel;
+        let lags = plan.shape.maps_in * kernel_steps;
+        let column_len = lags * plan.outs * 2;
+        let mut taps = vec![Octet::ZERO; kernel_taxels];
+        for lag in 0..lags {
+            taps.fill(Octet::ZERO);
+            for column in 0..plan.taxel.frequencies() {
+                let at = column * column_len + (self.octet * lags + lag) * 2;
+                let value = [L::load(&self.d_taps[at]), L::load(&self.d_taps[at + 1])];
+                plan.taxel.add_kernel_inverse::<L>(column, value, &mut taps);
+            }
+            for (tap, values) in taps.iter().enumerate() {
+                for (lane, &value) in values.0.iter().enumerate() {
+                    self.weight[(lane * lags + lag) * kernel_taxels + tap] = value;
+                }
+            }
+        }
+    }
+}
+
+/// One sweep's input gradient, `[steps, taxels, maps_in]`, from the columns.
+pub(super) struct InputGradient<'a> {
+    pub(super) plan: &'a Plan,
+    pub(super) sweep: usize,
+    pub(super) spectra: &'a [Octet],
+    pub(super) input: &'a mut [f32],
+}
+
+impl Kernel for InputGradient<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let (plan, ins) = (self.plan, self.plan.ins);
+        let BlockShape {
+            batch,
+            steps,
+            taxels,
+            ..
+        } = plan.shape;
+        let (octets, _) = self.input.as_chunks_mut::<8>();
+        for (step, row) in octets.chunks_exact_mut(taxels * ins).enumerate() {
+            for v in 0..ins {
+                let spectrum = &self.spectra[(self.sweep * steps + step) * 2 * ins + v..];
+                plan.taxel.inverse::<L>(
+                    spectrum,
+                    batch * steps * 2 * ins,
+                    ins,
+                    |taxel, value: L| {
+                        value.store_slice(&mut row[taxel * ins + v]);
+                    },
+                );
+            }
+        }
+    }
+}

@@ -1,0 +1,233 @@
+//! Real Fourier transforms across the few taxels, as dense products, eight maps to a vector.
+//!
+//! Positions are counted from the middle of the taxel row, `u = w - (taxels - 1) / 2`, so every pair `+-u` enters as its sum
+//! (times a cosine) and its difference (times a sine): half the multiplications. The middle may lie between two taxels; the
+//! phase this adds is the same before and after a convolution, so products of spectra do not see it. Only frequencies
+//! `0 ..= length / 2` are kept, as the values are real.
+
+use super::simd::{Lanes, Octet};
+
+/// Most taxels that a plan takes: sums and differences of eight pairs fill the registers. Narrower rows are padded with zero pairs.
+pub(super) const MOST_TAXELS: usize = 16;
+const PAIRS: usize = MOST_TAXELS / 2;
+
+/// How the time spectrum of one taxel frequency repeats itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Mirror {
+    /// It does not.
+    Free,
+    /// Real in time: `z(-s) = conj z(s)`.
+    Real,
+    /// Imaginary in time: `z(-s) = -conj z(s)`.
+    Imaginary,
+}
+
+/// Tables for one row width and kernel width.
+#[derive(Debug, Clone)]
+pub(super) struct TaxelPlan {
+    taxels: usize,
+    length: usize,
+    /// `[frequency, pair, 2]`: cosine, minus sine
+    forward: Vec<Octet>,
+    /// `[pair, frequency, 2]`: the same, scaled by the inverse transform's weights
+    inverse: Vec<Octet>,
+    /// `[frequency, lag, 2]` for lags 0 ..= pad
+    kernel: Vec<[f32; 2]>,
+    pad: usize,
+    scale: f32,
+}
+
+impl TaxelPlan {
+    /// For rows of `taxels` and kernels of `2 pad + 1`; the inverse also multiplies by `scale`. None if the row is too wide.
+    pub(super) fn new(taxels: usize, pad: usize, scale: f64) -> Option<Self> {
+        let length = taxels + pad;
+        if taxels > MOST_TAXELS {
+            return None;
+        }
+        let half = if taxels.is_multiple_of(2) { 0.5 } else { 0.0 };
+        let splat = |value: f64| Octet([value as f32; 8]);
+        let angle = |f: usize, u: f64| std::f64::consts::TAU * f as f64 * u / length as f64;
+        let (mut forward, mut inverse, mut kernel) = (Vec::new(), Vec::new(), Vec::new());
+        for f in 0..=length / 2 {
+            for pair in 0..PAIRS {
+                let angle = angle(f, pair as f64 + half);
+                forward.extend([splat(angle.cos()), splat(-angle.sin())]);
+            }
+            for lag in 0..=pad {
+                kernel.push([
+                    angle(f, lag as f64).cos() as f32,
+                    -angle(f, lag as f64).sin() as f32,
+                ]);
+            }
+        }
+        let plan = Self {
+            taxels,
+            length,
+            forward,
+            inverse: Vec::new(),
+            kernel,
+            pad,
+            scale: scale as f32,
+        };
+        for pair in 0..PAIRS {
+            for f in 0..=length / 2 {
+                let (angle, weight) = (angle(f, pair as f64 + half), f64::from(plan.weight(f)));
+                inverse.extend([splat(weight * angle.cos()), splat(-weight * angle.sin())]);
+            }
+        }
+        Some(Self { inverse, ..plan })
+    }
+
+    /// Frequencies kept.
+    pub(super) fn frequencies(&self) -> usize {
+        self.length / 2 + 1
+    }
+
+    fn pairs(&self) -> usize {
+        self.taxels.div_ceil(2)
+    }
+
+    pub(super) fn mirror(&self, frequency: usize) -> Mirror {
+        match frequency {
+            0 => Mirror::Real,
+            f if 2 * f == self.length && self.taxels.is_multiple_of(2) => Mirror::Imaginary,
+            f if 2 * f == self.length => Mirror::Real,
+            _ => Mirror::Free,
+        }
+    }
+
+    /// Share of a frequency in the inverse transform: all but zero and Nyquist stand for their negative too.
+    fn weight(&self, frequency: usize) -> f32 {
+        let doubled = if frequency == 0 || 2 * frequency == self.length {
+            1.0
+        } else {
+            2.0
+        };
+        self.scale * doubled / self.length as f32
+    }
+
+    /// The taxels `+-u` of a pair; equal in the middle of an odd row.
+    #[inline(always)]
+    fn ends(&self, pair: usize) -> [usize; 2] {
+        let (pairs, even) = (self.pairs(), self.taxels.is_multiple_of(2));
+        [
+            pairs - 1 - pair,
+            if even { pairs + pair } else { pairs - 1 + pair },
+        ]
+    }
+
+    /// Spectrum of one row: frequency `f` goes to `out[f * stride]` (real) and `out[f * stride + imaginary]`.
+    ///
+    /// `values` gives the taxels' values.
+    #[inline(always)]
+    pub(super) fn forward<L: Lanes>(
+        &self,
+        values: impl Fn(usize) -> L,
+        out: &mut [Octet],
+        stride: usize,
+        imaginary: usize,
+    ) {
+        let mut sums = [L::splat(0.0); PAIRS];
+        let mut differences = [L::splat(0.0); PAIRS];
+        for pair in 0..PAIRS {
+            if pair >= self.pairs() {
+                break;
+            }
+            let [minus, plus] = self.ends(pair);
+            let (a, b) = (values(plus), values(minus));
+            sums[pair] = if plus == minus { a } else { a.add(b) };
+            differences[pair] = a.sub(b);
+        }
+        for (f, table) in self.forward.chunks_exact(2 * PAIRS).enumerate() {
+            let mut re = sums[0].mul(L::load(&table[0]));
+            let mut im = differences[0].mul(L::load(&table[1]));
+            for pair in 1..PAIRS {
+                re = sums[pair].mul_add(L::load(&table[2 * pair]), re);
+                im = differences[pair].mul_add(L::load(&table[2 * pair + 1]), im);
+            }
+            re.store(&mut out[f * stride]);
+            im.store(&mut out[f * stride + imaginary]);
+        }
+    }
+
+    /// One row from its spectrum, which lies as [`TaxelPlan::forward`] writes it; taxel `w` goes to `put(w, value)`.
+    #[inline(always)]
+    pub(super) fn inverse<L: Lanes>(
+        &self,
+        spectrum: &[Octet],
+        stride: usize,
+        imaginary: usize,
+        mut put: impl FnMut(usize, L),
+    ) {
+        let mut even = [L::splat(0.0); PAIRS];
+        let mut odd = [L::splat(0.0); PAIRS];
+        let frequencies = self.frequencies();
+        let table = &self.inverse[..2 * PAIRS * frequencies];
+        for f in 0..frequencies {
+            let re = L::load(&spectrum[f * stride]);
+            for pair in 0..PAIRS {
+                even[pair] = re.mul_add(L::load(&table[2 * (pair * frequencies + f)]), even[pair]);
+            }
+        }
+        for f in 0..frequencies {
+            let im = L::load(&spectrum[f * stride + imaginary]);
+            for pair in 0..PAIRS {
+                odd[pair] =
+                    im.mul_add(L::load(&table[2 * (pair * frequencies + f) + 1]), odd[pair]);
+            }
+        }
+        for pair in 0..PAIRS {
+            if pair >= self.pairs() {
+                break;
+            }
+            let [minus, plus] = self.ends(pair);
+            put(minus, even[pair].sub(odd[pair]));
+            put(plus, even[pair].add(odd[pair]));
+        }
+    }
+
+    /// Frequency `f` of a kernel row, given as taps of a cross-correlation: the convolution's lags are the taps reversed.
+    #[inline(always)]
+    pub(super) fn kernel<L: Lanes>(&self, frequency: usize, taps: &[Octet]) -> [L; 2] {
+        let table = &self.kernel[frequency * (self.pad + 1)..(frequency + 1) * (self.pad + 1)];
+        let taps = &taps[..2 * self.pad + 1];
+        let (mut re, mut im) = (L::load(&taps[self.pad]), L::splat(0.0));
+        for lag in 1..=self.pad {
+            let (plus, minus) = (
+                L::load(&taps[self.pad - lag]),
+                L::load(&taps[self.pad + lag]),
+            );
+            re = plus.add(minus).mul_add(L::splat(table[lag][0]), re);
+            im = plus.sub(minus).mul_add(L::splat(table[lag][1]), im);
+        }
+        [re, im]
+    }
+
+    /// Adds frequency `f` of a kernel's gradient, real and imaginary part, to the gradients of the taps.
+    #[inline(always)]
+    pub(super) fn add_kernel_inverse<L: Lanes>(
+        &self,
+        frequency: usize,
+        [re, im]: [L; 2],
+        taps: &mut [Octet],
+    ) {
+        let table = &self.kernel[frequency * (self.pad + 1)..(frequency + 1) * (self.pad + 1)];
+        let weight = L::splat(self.weight(frequency));
+        let (re, im) = (re.mul(weight), im.mul(weight));
+        let taps = &mut taps[..2 * self.pad + 1];
+        L::load(&taps[self.pad]).add(re).store(&mut taps[self.pad]);
+        for lag in 1..=self.pad {
+            let (even, odd) = (
+                re.mul(L::splat(table[lag][0])),
+                im.mul(L::splat(table[lag][1])),
+            );
+            let (plus, minus) = (self.pad - lag, self.pad + lag);
+            L::load(&taps[plus])
+                .add(even.add(odd))
+                .store(&mut taps[plus]);
+            L::load(&taps[minus])
+                .add(even.sub(odd))
+                .store(&mut taps[minus]);
+        }
+    }
+}

@@ -1,0 +1,297 @@
+//! Every route against the f64 reference.
+
+use super::reference::{Reference, reference};
+use super::simd::Isa;
+use super::{Block, BlockShape};
+use proptest::prelude::*;
+
+/// Deterministic values, roughly uniform in -1..1.
+pub(super) fn noise(len: usize, seed: u64) -> Vec<f32> {
+    let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
+    (0..len)
+        .map(|_| {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            (state >> 40) as f32 / (1u64 << 23) as f32 - 1.0
+        })
+        .collect()
+}
+
+/// Time this thread has run: timings on a busy machine. 0 where it is unknown.
+pub(super) fn cpu_nanoseconds() -> f64 {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
+    text.split(' ')
+        .next()
+        .and_then(|run| run.parse().ok())
+        .unwrap_or(0.0)
+}
+
+pub(super) struct Case {
+    pub(super) x: Vec<f32>,
+    pub(super) weight: Vec<f32>,
+    pub(super) gamma: Vec<f32>,
+    pub(super) beta: Vec<f32>,
+    pub(super) grad: Vec<f32>,
+}
+
+pub(super) fn case(s: &BlockShape, seed: u64) -> Case {
+    let fan = (s.maps_in * s.kernel[0] * s.kernel[1]) as f32;
+    Case {
+        x: noise(s.input_len(), seed + 1),
+        weight: noise(s.weight_len(), seed + 2)
+            .iter()
+            .map(|w| w / fan.sqrt())
+            .collect(),
+        // Both signs of gamma, none near zero.
+        gamma: noise(s.maps_out, seed + 3)
+            .iter()
+            .map(|g| g + 0.5f32.copysign(*g))
+            .collect(),
+        beta: noise(s.maps_out, seed + 4)
+            .iter()
+            .map(|b| 0.3 * b)
+            .collect(),
+        grad: noise(s.output_len(), seed + 5),
+    }
+}
+
+/// Largest difference over the largest magnitude, which counts as 0.3 at least: normalisation cancels some gradients altogether.
+pub(super) fn error(found: &[f32], expected: &[f64]) -> f64 {
+    assert_eq!(found.len(), expected.len());
+    let scale = expected.iter().fold(0.3, |m: f64, v| m.max(v.abs()));
+    found
+        .iter()
+        .zip(expected)
+        .fold(0.0, |m: f64, (f, e)| m.max((f64::from(*f) - e).abs()))
+        / scale
+}
+
+/// Errors of pooled, mean, variance, d_weight, d_gamma, d_beta, d_input.
+pub(super) fn errors(s: BlockShape, seed: u64) -> [f64; 7] {
+    let c = case(&s, seed);
+    let block = Block::plan(s);
+    let t = block.forward_train(&c.x, &c.weight, &c.gamma, &c.beta);
+    let r: Reference = reference(
+        &s,
+        &c.x,
+        &c.weight,
+        &c.gamma,
+        &c.beta,
+        None,
+        &c.grad,
+        Some(t.saved.positions()),
+    );
+    let forward = [
+        error(&t.pooled, &r.pooled),
+        error(&t.mean, &r.mean),
+        error(&t.variance, &r.variance),
+    ];
+    let g = block.backward(t.saved, &c.grad, true);
+    let input = g.input.expect("asked for");
+    let eval = block.forward_eval(&c.x, &c.weight, &c.gamma, &c.beta, &c.beta, &t.variance);
+    let e = reference(
+        &s,
+        &c.x,
+        &c.weight,
+        &c.gamma,
+        &c.beta,
+        Some((&c.beta, &t.variance)),
+        &c.grad,
+        None,
+    );
+    assert!(
+        error(&eval, &e.pooled) < 2e-5,
+        "eval {s:?}: {}",
+        error(&eval, &e.pooled)
+    );
+    let [a, b, d] = forward;
+    [
+        a,
+        b,
+        d,
+        error(&g.weight, &r.d_weight),
+        error(&g.gamma, &r.d_gamma),
+        error(&g.beta, &r.d_beta),
+        error(&input, &r.d_input),
+    ]
+}
+
+pub(super) fn shape(
+    batch: usize,
+    steps: usize,
+    taxels: usize,
+    maps: [usize; 2],
+    kernel: [usize; 2],
+    pool: usize,
+) -> BlockShape {
+    BlockShape {
+        batch,
+        steps,
+        taxels,
+        maps_in: maps[0],
+        maps_out: maps[1],
+        kernel,
+        pool,
+    }
+}
+
+fn holds(s: BlockShape, seed: u64) {
+    let found = errors(s, seed);
+    assert!(found.iter().all(|&e| e < 2e-5), "{s:?}: {found:?}");
+}
+
+#[test]
+fn direct_route_agrees_with_f64() {
+    holds(shape(2, 23, 5, [3, 5], [5, 3], 4), 1);
+    holds(shape(1, 4, 3, [1, 2], [15, 5], 10), 2);
+    holds(shape(3, 9, 1, [2, 3], [1, 1], 1), 3);
+}
+
+#[test]
+fn single_route_agrees_with_f64() {
+    holds(shape(2, 230, 16, [1, 32], [15, 5], 10), 1);
+    holds(shape(3, 23, 5, [1, 8], [5, 3], 4), 2);
+    holds(shape(1, 4, 1, [1, 8], [15, 5], 10), 3);
+    holds(shape(5, 105, 13, [1, 16], [7, 5], 7), 3);
+}
+
+#[test]
+fn spectral_route_agrees_with_f64() {
+    holds(shape(2, 30, 16, [8, 16], [15, 5], 10), 1);
+    holds(shape(3, 23, 5, [16, 8], [5, 3], 4), 2);
+    holds(shape(1, 4, 1, [8, 8], [15, 5], 10), 3);
+    holds(shape(5, 10, 16, [32, 24], [15, 5], 10), 3);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 40, failure_persistence: None, ..ProptestConfig::default() })]
+    #[test]
+    fn any_small_shape_agrees_with_f64(
+        batch in 1usize..4, steps in 2usize..40, taxels in 1usize..10,
+        ins in 1usize..4, outs in 1usize..4, kt in 1usize..8, kw in 0usize..3, pool in 1usize..11, seed in 0u64..1000,
+    ) {
+        holds(shape(batch, steps, taxels, [ins, outs], [2 * kt + 1, 2 * kw + 1], pool), seed);
+    }
+
+    #[test]
+    fn any_small_single_shape_agrees_with_f64(
+        batch in 1usize..4, steps in 2usize..130, taxels in 1usize..17,
+        outs in 1usize..4, kt in 1usize..8, kw in 0usize..3, pool in 1usize..11, seed in 0u64..1000,
+    ) {
+        holds(shape(batch, steps, taxels, [1, 8 * outs], [2 * kt + 1, 2 * kw + 1], pool), seed);
+    }
+
+    #[test]
+    fn any_small_spectral_shape_agrees_with_f64(
+        batch in 1usize..4, steps in 2usize..30, taxels in 1usize..17,
+        ins in 1usize..3, outs in 1usize..4, kt in 1usize..8, kw in 0usize..3, pool in 1usize..11, seed in 0u64..1000,
+    ) {
+        holds(shape(batch, steps, taxels, [8 * ins, 8 * outs], [2 * kt + 1, 2 * kw + 1], pool), seed);
+    }
+}
+
+/// Everything a step computes, in one list.
+fn step(s: BlockShape, isa: Isa, threads: usize) -> Vec<f32> {
+    let c = case(&s, 7);
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .expect("threads");
+    pool.install(|| {
+        let block = Block::plan_for(s, isa);
+        // Twice: the second time with used buffers.
+        let first = block.forward_train(&c.x, &c.weight, &c.gamma, &c.beta);
+        block.backward(first.saved, &c.grad, true);
+        let t = block.forward_train(&c.x, &c.weight, &c.gamma, &c.beta);
+        let g = block.backward(t.saved, &c.grad, true);
+        [
+            t.pooled,
+            t.mean,
+            t.variance,
+            g.weight,
+            g.gamma,
+            g.beta,
+            g.input.expect("asked for"),
+        ]
+        .concat()
+    })
+}
+
+fn routes() -> [BlockShape; 3] {
+    [
+        shape(3, 230, 16, [1, 16], [15, 5], 10),
+        shape(5, 50, 16, [16, 24], [15, 5], 10),
+        shape(3, 30, 6, [3, 5], [5, 3], 4),
+    ]
+}
+
+#[test]
+fn threads_change_no_bit() {
+    for s in routes() {
+        let one = step(s, Isa::detect(), 1);
+        for threads in [2, 4] {
+            let more = step(s, Isa::detect(), threads);
+            assert!(
+                one.iter()
+                    .zip(&more)
+                    .all(|(a, b)| a.to_bits() == b.to_bits()),
+                "{s:?} on {threads} threads"
+            );
+        }
+    }
+}
+
+#[test]
+fn plain_arrays_agree_with_the_detected_instructions() {
+    for s in routes() {
+        let (found, plain) = (step(s, Isa::detect(), 2), step(s, Isa::portable(), 2));
+        let plain: Vec<f64> = plain.into_iter().map(f64::from).collect();
+        assert!(
+            error(&found, &plain) < 1e-5,
+            "{s:?}: {}",
+            error(&found, &plain)
+        );
+    }
+}
+
+/// Full-size sweeps, few of them: the f64 reference takes a while.
+#[test]
+fn full_size_blocks_agree_with_f64() {
+    for (steps, maps, batch) in [(1000, [1, 32], 2), (100, [32, 64], 2), (10, [64, 128], 4)] {
+        let found = errors(shape(batch, steps, 16, maps, [15, 5], 10), 11);
+        println!("{maps:?}: {:?}", found.map(|e| format!("{e:.1e}")));
+        assert!(found.iter().all(|&e| e < 1e-5), "{maps:?}: {found:?}");
+    }
+}
+
+#[test]
+#[ignore = "timing"]
+fn block_times() {
+    let sizes = [(1000, [1, 32]), (100, [32, 64]), (10, [64, 128])];
+    for (steps, maps) in sizes {
+        let s = shape(36, steps, 16, maps, [15, 5], 10);
+        let c = case(&s, 1);
+        let block = Block::plan(s);
+        let mut times = [Vec::new(), Vec::new(), Vec::new()];
+        for round in 0..if maps[0] == 1 { 6 } else { 12 } {
+            let start = std::time::Instant::now();
+            let t = block.forward_train(&c.x, &c.weight, &c.gamma, &c.beta);
+            times[0].push(start.elapsed().as_secs_f64() * 1e3);
+            let start = std::time::Instant::now();
+            block.backward(t.saved, &c.grad, round % 2 == 0);
+            times[1 + round % 2].push(start.elapsed().as_secs_f64() * 1e3);
+        }
+        for (name, times) in ["forward", "backward with input", "backward"]
+            .iter()
+            .zip(&mut times)
+        {
+            times.sort_by(f64::total_cmp);
+            println!(
+                "{maps:?} {name}: least {:.1} ms, median {:.1} ms",
+                times[0],
+                times[times.len() / 2]
+            );
+        }
+    }
+}
