@@ -7,6 +7,7 @@ use burn::tensor::ops::{ConvOptions, MaxPoolOptions};
 use burn::tensor::{Device, Tensor};
 use rand::Rng;
 
+use crate::conv::{self, TrainedBlock};
 use crate::initial::{constant_parameter, uniform_parameter};
 
 /// Added to the variance before the square root of every batch normalisation.
@@ -64,7 +65,8 @@ pub struct BlockConfig {
 /// Convolution with SAME zero padding (no bias: batch normalisation follows), batch normalisation over batch, time and
 /// taxels, ReLU, and max-pool `pool x 1`. The last pooled step covers whatever steps are left (`ceil(steps / pool)`).
 ///
-/// Shapes: `[batch, maps_in, steps, taxels] -> [batch, maps_out, ceil(steps / pool), taxels]`.
+/// Maps lie channels last: `[batch, steps, taxels, maps_in] -> [batch, ceil(steps / pool), taxels, maps_out]`. On the processor
+/// the whole block is one operation, see [`crate::conv`]; other devices compose it of Burn's.
 ///
 /// Source: Tulbure & Bäuml, Humanoids 2018, figure 4.
 #[derive(Module, Debug)]
@@ -101,42 +103,66 @@ impl ConvBlock {
         }
     }
 
-    fn convolve(&self, input: Tensor<4>) -> Tensor<4> {
-        let [_, _, time, taxels] = self.weight.dims();
-        let options = ConvOptions::new([1, 1], [time / 2, taxels / 2], [1, 1], 1);
-        conv2d(input, self.weight.val(), None, options)
-    }
-
-    fn pool(&self, maps: Tensor<4>) -> Tensor<4> {
-        let mut options = MaxPoolOptions::new([self.pool, 1]);
-        options.ceil_mode = !maps.dims()[2].is_multiple_of(self.pool);
-        max_pool2d(maps, options)
-    }
-
     /// Forward pass that normalises with the batch's own statistics, and returns them.
     pub fn forward_train(&self, input: Tensor<4>) -> (Tensor<4>, BatchStatistics) {
-        let maps = self.convolve(input);
-        let [batch, _, steps, taxels] = maps.dims();
-        let normalized = batch_norm_train(maps, self.gamma.val(), self.beta.val(), NORM_EPSILON);
-        let statistics = BatchStatistics::from_biased(
-            normalized.mean,
-            normalized.variance,
-            batch * steps * taxels,
-        );
-        (self.pool(relu(normalized.output)), statistics)
+        let [batch, steps, taxels, _] = input.dims();
+        let found = if conv::runs_on(&input.device()) {
+            let (gamma, beta) = (self.gamma.val(), self.beta.val());
+            conv::block_train(input, self.weight.val(), gamma, beta, self.pool)
+        } else {
+            self.train_by_operations(input)
+        };
+        let count = batch * steps * taxels;
+        let statistics = BatchStatistics::from_biased(found.mean, found.variance, count);
+        (found.pooled, statistics)
     }
 
-    /// Forward pass with the running statistics frozen.
+    /// Forward pass with the running statistics frozen. Differentiable where the device is.
     pub fn forward(&self, input: Tensor<4>) -> Tensor<4> {
-        let normalized = batch_norm(
-            self.convolve(input),
+        let device = input.device();
+        let norm = [
             self.gamma.val(),
             self.beta.val(),
             self.running_mean.clone(),
             self.running_variance.clone(),
-            NORM_EPSILON,
-        );
-        self.pool(relu(normalized))
+        ];
+        if conv::runs_on(&device) && !device.is_autodiff() {
+            conv::block_eval(input, self.weight.val(), norm, self.pool)
+        } else {
+            let [gamma, beta, mean, variance] = norm;
+            let maps = self.convolve(input);
+            self.pool(batch_norm(maps, gamma, beta, mean, variance, NORM_EPSILON))
+        }
+    }
+
+    /// The block in Burn's own operations, for devices that the fused one does not run on.
+    fn train_by_operations(&self, input: Tensor<4>) -> TrainedBlock {
+        let maps = self.convolve(input);
+        let normalized = batch_norm_train(maps, self.gamma.val(), self.beta.val(), NORM_EPSILON);
+        TrainedBlock {
+            pooled: self.pool(normalized.output),
+            mean: normalized.mean,
+            variance: normalized.variance,
+        }
+    }
+
+    /// `[batch, steps, taxels, maps_in] -> [batch, maps_out, steps, taxels]`
+    fn convolve(&self, input: Tensor<4>) -> Tensor<4> {
+        let [_, _, time, taxels] = self.weight.dims();
+        let options = ConvOptions::new([1, 1], [time / 2, taxels / 2], [1, 1], 1);
+        conv2d(
+            input.permute([0, 3, 1, 2]),
+            self.weight.val(),
+            None,
+            options,
+        )
+    }
+
+    /// `[batch, maps, steps, taxels] -> [batch, pooled steps, taxels, maps]`
+    fn pool(&self, normalized: Tensor<4>) -> Tensor<4> {
+        let mut options = MaxPoolOptions::new([self.pool, 1]);
+        options.ceil_mode = !normalized.dims()[2].is_multiple_of(self.pool);
+        max_pool2d(relu(normalized), options).permute([0, 2, 3, 1])
     }
 
     pub(crate) fn follow(&mut self, batch: &BatchStatistics) {

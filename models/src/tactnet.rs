@@ -254,14 +254,13 @@ impl TactNet {
     /// - `mask`: `[batch, features]`, see [`crate::dropout_masks`]
     pub fn forward_train(&self, sweeps: Tensor<4>, mask: Tensor<2>) -> TrainingForward {
         let mut statistics = Vec::with_capacity(self.blocks.len() + 1);
-        let mut maps = sweeps;
+        let mut maps = channels_last(sweeps);
         for block in &self.blocks {
             let (pooled, batch) = block.forward_train(maps);
             maps = pooled;
             statistics.push(batch);
         }
-        let features: Tensor<2> = maps.flatten(1, 3);
-        let (hidden, batch) = self.hidden.forward_train(features * mask);
+        let (hidden, batch) = self.hidden.forward_train(flat_features(maps) * mask);
         statistics.push(batch);
         TrainingForward {
             logits: self.output(hidden),
@@ -289,10 +288,11 @@ impl TactNet {
     ///
     /// The only dropout comes behind them, so a Monte Carlo prediction needs them once.
     pub fn features(&self, sweeps: Tensor<4>) -> Tensor<2> {
-        self.blocks
+        let maps = self
+            .blocks
             .iter()
-            .fold(sweeps, |maps, block| block.forward(maps))
-            .flatten(1, 3)
+            .fold(channels_last(sweeps), |maps, block| block.forward(maps));
+        flat_features(maps)
     }
 
     /// Dense and output layer with frozen statistics: `[rows, features] -> [rows, materials]` logits.
@@ -303,6 +303,17 @@ impl TactNet {
     fn output(&self, hidden: Tensor<2>) -> Tensor<2> {
         hidden.matmul(self.output_weight.val().transpose()) + self.output_bias.val().unsqueeze()
     }
+}
+
+/// `[batch, 1, steps, taxels] -> [batch, steps, taxels, 1]`
+fn channels_last(sweeps: Tensor<4>) -> Tensor<4> {
+    let [batch, one, steps, taxels] = sweeps.dims();
+    sweeps.reshape([batch, steps, taxels, one])
+}
+
+/// `[batch, steps, taxels, maps] -> [batch, maps x steps x taxels]`, the order in which weights are stored.
+fn flat_features(maps: Tensor<4>) -> Tensor<2> {
+    maps.permute([0, 3, 1, 2]).flatten(1, 3)
 }
 
 #[cfg(test)]

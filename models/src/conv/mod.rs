@@ -8,8 +8,10 @@ mod block;
 mod buffers;
 mod butterfly;
 mod direct;
+mod extension;
 mod fft;
 mod norm;
+mod plans;
 mod pooling;
 mod product;
 #[cfg(test)]
@@ -27,6 +29,8 @@ mod spectral_stages;
 mod taxel;
 #[cfg(test)]
 mod tests;
+
+pub(crate) use extension::{TrainedBlock, block_eval, block_train, runs_on};
 
 pub use block::{Block, Gradients, Saved, Trained};
 pub use shape::BlockShape;
