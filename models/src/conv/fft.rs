@@ -220,7 +220,7 @@ mod tests {
             let rows = Table::new(0..length as u32);
             let mut x = vec![Octet::ZERO; 2 * length];
             floats_mut(&mut x).copy_from_slice(&noise(16 * length, 9));
-            for isa in [Isa::detect(), Isa::portable()] {
+            for isa in Isa::all() {
                 let mut y = vec![Octet::ZERO; 2 * length];
                 let mut scratch = vec![Octet::ZERO; plan.scratch()];
                 let at = Rows {

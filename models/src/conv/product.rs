@@ -165,7 +165,7 @@ mod tests {
     #[test]
     fn products_are_sums_of_products() {
         for (rows, inner, columns) in [(36, 32, 8), (5, 7, 3), (1, 1, 1)] {
-            for isa in [Isa::detect(), Isa::portable()] {
+            for isa in Isa::all() {
                 for conjugate in [false, true] {
                     let left = noise(rows * inner * 2, 3);
                     let right = octets(inner * 2 * columns, 4);

@@ -245,7 +245,7 @@ fn threads_change_no_bit() {
 #[test]
 fn plain_arrays_agree_with_the_detected_instructions() {
     for s in routes() {
-        let (found, plain) = (step(s, Isa::detect(), 2), step(s, Isa::portable(), 2));
+        let (found, plain) = (step(s, Isa::detect(), 2), step(s, Isa::Portable, 2));
         let plain: Vec<f64> = plain.into_iter().map(f64::from).collect();
         assert!(
             error(&found, &plain) < 1e-5,

@@ -15,6 +15,15 @@ pub(super) unsafe fn run<K: Kernel>(kernel: K) -> K::Output {
     kernel.run::<Avx2>()
 }
 
+/// The same lanes with the 32 registers of AVX-512, which the larger butterflies need.
+///
+/// # Safety
+/// The processor must have AVX2, FMA and AVX-512 F, VL, BW and DQ.
+#[target_feature(enable = "avx2,fma,avx512f,avx512vl,avx512bw,avx512dq")]
+pub(super) unsafe fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run::<Avx2>()
+}
+
 // SAFETY of every block below: `Avx2` is only named in `run`, whose caller has detected the features; loads and stores go
 // through references to eight valid f32, and `Octet` is 32-byte aligned.
 impl Lanes for Avx2 {

@@ -73,34 +73,51 @@ pub(super) trait Kernel {
 
 /// The instruction set found at run time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Isa {
-    avx2: bool,
+pub(super) enum Isa {
+    /// Plain arrays.
+    Portable,
+    /// AVX2 and FMA.
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    /// The same with twice the registers.
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
 }
 
 impl Isa {
     /// The best that this processor has.
     pub(super) fn detect() -> Self {
-        #[cfg(target_arch = "x86_64")]
-        let avx2 = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
-        #[cfg(not(target_arch = "x86_64"))]
-        let avx2 = false;
-        Self { avx2 }
+        Self::all().pop().unwrap_or(Self::Portable)
     }
 
-    /// Plain arrays.
-    #[cfg(test)]
-    pub(super) fn portable() -> Self {
-        Self { avx2: false }
+    /// All that this processor has, the best last.
+    pub(super) fn all() -> Vec<Self> {
+        let mut found = vec![Self::Portable];
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+            found.push(Self::Avx2);
+            if is_x86_feature_detected!("avx512f")
+                && is_x86_feature_detected!("avx512vl")
+                && is_x86_feature_detected!("avx512bw")
+                && is_x86_feature_detected!("avx512dq")
+            {
+                found.push(Self::Avx512);
+            }
+        }
+        found
     }
 
     /// Runs a kernel.
     pub(super) fn run<K: Kernel>(self, kernel: K) -> K::Output {
-        #[cfg(target_arch = "x86_64")]
-        if self.avx2 {
-            // SAFETY: `avx2` is only set after both features were detected.
-            return unsafe { avx2::run(kernel) };
+        match self {
+            Self::Portable => kernel.run::<Portable>(),
+            // SAFETY: `all` gives this only where both features were detected.
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => unsafe { avx2::run(kernel) },
+            // SAFETY: as above, with the features of AVX-512.
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => unsafe { avx2::run_avx512(kernel) },
         }
-        kernel.run::<Portable>()
     }
 }
 
@@ -232,7 +249,7 @@ mod tests {
         for (at, value) in rows.as_flattened_mut().iter_mut().enumerate() {
             *value = at as f32;
         }
-        for isa in [Isa::detect(), Isa::portable()] {
+        for isa in Isa::all() {
             let (turned, bytes, numbers) = isa.run(Turn(rows));
             for i in 0..8 {
                 for j in 0..8 {
