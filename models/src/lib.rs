@@ -21,6 +21,7 @@ mod weights;
 pub use belief::{Belief, first_largest, log_softmax, majority_vote};
 pub use block::{BatchStatistics, BlockConfig, ConvBlock};
 pub use compute::Compute;
+pub use conv::runs_on as is_processor;
 pub use dense::NormalizedDense;
 pub use dropout::dropout_masks;
 pub use loss::cross_entropy;

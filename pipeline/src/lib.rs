@@ -7,6 +7,8 @@
 //! Only a [`tactnet_data::TrainSplit`] can be fitted to; any view can be predicted. A [`Training`] does one batch at a
 //! time and can be stopped anywhere: every random choice is named by seed, epoch and batch.
 
+mod adam;
+mod augment;
 mod checkpoint;
 mod classifier;
 mod confusion_picture;
@@ -23,6 +25,7 @@ mod result;
 mod run_dir;
 mod training;
 
+pub use augment::Augmentation;
 pub use burn::tensor::Device;
 pub use classifier::{Classifier, ClassifierConfig};
 pub use error::PipelineError;
@@ -34,7 +37,8 @@ pub use overlap::without_sweeps_of;
 pub use predictions::{PredictionSource, Predictions, SweepScore};
 pub use provenance::{Provenance, peak_rss_mib};
 pub use recipe::{
-    Input, LearningRateDrop, Prediction, PredictionMethod, Recipe, TrainingMethod, TrainingSettings,
+    Input, LearningRateDrop, OneCycle, Prediction, PredictionMethod, Recipe, TrainingMethod,
+    TrainingSettings,
 };
 pub use result::{RunResult, describe_split};
 pub use run_dir::{EpochMetrics, RunConfig, RunDir};

@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use tactnet_models::Architecture;
 
-use crate::{PipelineError, Scaling};
+use crate::{Augmentation, PipelineError, Scaling};
 
 /// Recipes that ship with the binary, by name.
 const BUILT_IN: [(&str, &str); 2] = [
@@ -48,16 +48,47 @@ pub struct TrainingSettings {
     pub epochs: usize,
     /// Sweeps in a batch, at most; batches of one epoch differ by one sweep at most.
     pub batch: usize,
-    /// Learning rate of the first epoch.
+    /// Learning rate of the first epoch; the highest one where `one_cycle` is set.
     pub learning_rate: f64,
     /// Where the learning rate falls.
     #[serde(default)]
     pub learning_rate_drops: Vec<LearningRateDrop>,
+    /// Lets the learning rate rise and fall once over the whole training instead.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub one_cycle: Option<OneCycle>,
     /// L2 penalty on every parameter: `l2 * parameter` is added to its gradient, before Adam.
     #[serde(default)]
     pub l2: f64,
+    /// Changes the training sweeps anew in every epoch.
+    #[serde(default, skip_serializing_if = "Augmentation::is_none")]
+    pub augmentation: Augmentation,
     /// The loss.
     pub method: TrainingMethod,
+}
+
+/// One-cycle learning rate, batch by batch: half a cosine from 1/25 of the highest rate up to it during `warm_up` of the training, then
+/// half a cosine down to 1/10000 of where it began (Smith & Topin, 2019; the constants are those of PyTorch's `OneCycleLR`).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OneCycle {
+    /// Share of the training in which the rate rises, in `(0, 1)`.
+    pub warm_up: f64,
+}
+
+impl OneCycle {
+    /// Factor on the highest rate after `progress` of the training, 0 to 1.
+    fn factor(self, progress: f64) -> f64 {
+        let first = 1.0 / 25.0;
+        let half_cosine = |from: f64, to: f64, share: f64| {
+            to + (from - to) * 0.5 * (1.0 + (std::f64::consts::PI * share).cos())
+        };
+        if progress < self.warm_up {
+            half_cosine(first, 1.0, progress / self.warm_up)
+        } else {
+            let share = (progress - self.warm_up) / (1.0 - self.warm_up);
+            half_cosine(1.0, first * 1e-4, share)
+        }
+    }
 }
 
 /// After `after_epoch` epochs the learning rate is multiplied by `factor`.
@@ -174,9 +205,14 @@ impl Recipe {
             .unwrap_or_else(|error| panic!("a recipe is always valid TOML: {error}"))
     }
 
-    /// Learning rate of `epoch`, which counts from 0.
-    pub fn learning_rate(&self, epoch: usize) -> f64 {
+    /// Learning rate of batch `batch` of `batches` in `epoch`, both counted from 0.
+    pub fn learning_rate(&self, epoch: usize, batch: usize, batches: usize) -> f64 {
         let training = &self.training;
+        if let Some(cycle) = training.one_cycle {
+            let done = (epoch * batches + batch) as f64;
+            let last = (training.epochs * batches).saturating_sub(1).max(1) as f64;
+            return training.learning_rate * cycle.factor(done / last);
+        }
         training
             .learning_rate_drops
             .iter()
@@ -228,6 +264,20 @@ impl Recipe {
                 drop.factor.to_string(),
             );
         }
+        if let Some(OneCycle { warm_up }) = training.one_cycle {
+            if !(warm_up > 0.0 && warm_up < 1.0) {
+                let expected = "a share above 0 and below 1";
+                return wrong("training.one_cycle.warm_up", expected, warm_up.to_string());
+            }
+            if !training.learning_rate_drops.is_empty() {
+                let expected = "none beside `one_cycle`";
+                let found = format!("{} drops", training.learning_rate_drops.len());
+                return wrong("training.learning_rate_drops", expected, found);
+            }
+        }
+        if let Some((setting, expected, found)) = training.augmentation.mistake() {
+            return wrong(setting, expected, found);
+        }
         if let TrainingMethod::Adversarial { alpha, epsilon } = training.method {
             if !(0.0..=1.0).contains(&alpha) {
                 return wrong("training.method.alpha", "0 to 1", alpha.to_string());
@@ -261,9 +311,9 @@ mod tests {
         let recipe = Recipe::load("thesis").unwrap();
         assert_eq!(recipe.network, Architecture::default());
         assert_eq!((recipe.training.epochs, recipe.training.batch), (200, 36));
-        assert_eq!(recipe.learning_rate(0), 1e-4);
-        assert_eq!(recipe.learning_rate(169), 1e-4);
-        assert!((recipe.learning_rate(170) - 1e-5).abs() < 1e-18);
+        assert_eq!(recipe.learning_rate(0, 0, 80), 1e-4);
+        assert_eq!(recipe.learning_rate(169, 79, 80), 1e-4);
+        assert!((recipe.learning_rate(170, 0, 80) - 1e-5).abs() < 1e-18);
         let adversarial = TrainingMethod::Adversarial {
             alpha: 0.5,
             epsilon: 0.1,
@@ -273,6 +323,27 @@ mod tests {
             recipe.prediction.method,
             PredictionMethod::McDropout { runs: 100 }
         );
+    }
+
+    #[test]
+    fn one_cycle_rises_and_falls() {
+        let mut recipe = Recipe::load("thesis").unwrap();
+        recipe.training.epochs = 2;
+        recipe.training.learning_rate = 0.1;
+        recipe.training.learning_rate_drops.clear();
+        recipe.training.one_cycle = Some(OneCycle { warm_up: 0.25 });
+        let rates: Vec<f64> = (0..9).map(|b| recipe.learning_rate(0, b, 5)).collect();
+        assert!((rates[0] - 0.004).abs() < 1e-12);
+        assert!(rates[2] > rates[1] && rates[3] < rates[2], "{rates:?}");
+        assert!((recipe.learning_rate(1, 4, 5) - 4e-7).abs() < 1e-12);
+        assert!((OneCycle { warm_up: 0.5 }.factor(0.25) - 0.52).abs() < 1e-12);
+        let mut both = recipe.clone();
+        both.training.learning_rate_drops = vec![LearningRateDrop {
+            after_epoch: 1,
+            factor: 0.1,
+        }];
+        let refused = Recipe::parse("r.toml", &both.to_toml()).unwrap_err();
+        assert!(refused.to_string().contains("one_cycle"), "{refused}");
     }
 
     #[test]

@@ -1,12 +1,13 @@
 //! Training, one batch at a time, so that whoever drives it can show progress, stop and resume.
 
-use burn::optim::decay::WeightDecayConfig;
-use burn::optim::{AdamConfig, ModuleOptimizer};
+use burn::optim::ModuleOptimizer;
 use burn::tensor::{Bytes, Device, Int, Tensor, TensorData};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use tactnet_data::{Seed, TrainSplit, shuffle};
 use tactnet_models::{TactNet, TactNetConfig, Weights, dropout_masks};
 
+use crate::adam::FusedAdam;
 use crate::objective::{Perturbation, adversarial_pass, base_pass};
 use crate::{Normalizer, PipelineError, Recipe, TrainingMethod};
 
@@ -175,7 +176,7 @@ impl<'a> Training<'a> {
         }
         self.last = (epoch, batch);
         let positions = self.batch_positions(epoch, batch);
-        let sweeps = self.load(&positions);
+        let sweeps = self.load(epoch, &positions);
         let labels = self.labels(&positions);
         let mask = |stream| self.mask(stream, positions.len());
 
@@ -192,7 +193,7 @@ impl<'a> Training<'a> {
         if !pass.loss.is_finite() {
             return Err(self.not_finite("loss"));
         }
-        let learning_rate = self.recipe.learning_rate(epoch);
+        let learning_rate = self.recipe.learning_rate(epoch, batch, self.batches());
         self.net = self
             .optimizer
             .step(learning_rate, self.net.clone(), pass.gradients);
@@ -229,12 +230,22 @@ impl<'a> Training<'a> {
         order[batch * sweeps / batches..(batch + 1) * sweeps / batches].to_vec()
     }
 
-    /// `[batch, 1, steps, taxels]`, normalised, on the device without autodiff.
-    fn load(&self, positions: &[usize]) -> Tensor<4> {
+    /// `[batch, 1, steps, taxels]`, augmented and normalised, on the device without autodiff.
+    fn load(&self, epoch: usize, positions: &[usize]) -> Tensor<4> {
         let shape = self.train.shape();
         let mut values = vec![0.0; positions.len() * shape.values()];
-        self.train.copy_batch(positions, &mut values);
-        self.normalizer.apply(&mut values);
+        let augmentation = self.recipe.training.augmentation;
+        values
+            .par_chunks_exact_mut(shape.values())
+            .zip(positions)
+            .for_each(|(sweep, &position)| {
+                self.train.copy_batch(&[position], sweep);
+                if !augmentation.is_none() {
+                    let mut rng = self.seed.rng(("augmentation", epoch, position));
+                    augmentation.apply(sweep, shape.taxels(), &mut rng);
+                }
+                self.normalizer.apply(sweep);
+            });
         let extents = [positions.len(), 1, shape.steps, shape.taxels()];
         Tensor::from_data(
             TensorData::new(values, extents),
@@ -272,11 +283,5 @@ impl<'a> Training<'a> {
 }
 
 fn adam(recipe: &Recipe) -> ModuleOptimizer {
-    let l2 = recipe.training.l2 as f32;
-    AdamConfig::new()
-        .with_beta_1(0.9)
-        .with_beta_2(0.999)
-        .with_epsilon(1e-8)
-        .with_weight_decay((l2 > 0.0).then(|| WeightDecayConfig::new(l2)))
-        .init()
+    FusedAdam::for_module(recipe.training.l2)
 }

@@ -18,8 +18,8 @@ use super::block::{Block, Saved};
 use super::plans;
 use super::shape::BlockShape;
 
-/// Whether tensors on `device` can go through the fused block.
-pub(crate) fn runs_on(device: &Device) -> bool {
+/// Whether `device` is the processor, that is Burn's Flex backend, with or without autodiff: only there the fused operations run.
+pub fn runs_on(device: &Device) -> bool {
     match device.as_dispatch() {
         DispatchDevice::Flex(_) => true,
         DispatchDevice::Autodiff(device) => matches!(**device, DispatchDevice::Flex(_)),

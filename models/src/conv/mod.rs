@@ -30,7 +30,8 @@ mod taxel;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use extension::{TrainedBlock, block_eval, block_train, runs_on};
+pub use extension::runs_on;
+pub(crate) use extension::{TrainedBlock, block_eval, block_train};
 
 pub use block::{Block, Gradients, Saved, Trained};
 pub use shape::BlockShape;
