@@ -26,8 +26,9 @@ impl Compute {
     pub fn open(self) -> Result<Device, ModelError> {
         match self {
             Self::Cpu => Ok(Device::flex()),
+            // Burn's WGSL kernels: its SPIR-V ones (`Device::vulkan`) make mesa's lavapipe crash while it reads them.
             #[cfg(feature = "vulkan")]
-            Self::Vulkan => Ok(Device::vulkan(burn::tensor::DeviceKind::DefaultDevice)),
+            Self::Vulkan => Ok(Device::wgpu(burn::tensor::DeviceKind::DefaultDevice)),
             #[cfg(not(feature = "vulkan"))]
             Self::Vulkan => Err(missing("vulkan")),
             #[cfg(feature = "cuda")]

@@ -13,8 +13,8 @@ use super::spectral::{SavedSpectral, Spectral};
 pub struct Block {
     shape: BlockShape,
     route: Route,
-    values: Buffers<f32>,
-    bytes: Buffers<u8>,
+    values: Buffers<Vec<f32>>,
+    bytes: Buffers<Vec<u8>>,
 }
 
 /// The way a shape is computed.

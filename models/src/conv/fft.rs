@@ -72,27 +72,28 @@ impl TimePlan {
         self.length
     }
 
-    /// Octets of scratch that [`TimePlan::run`] needs.
-    pub(super) fn scratch(&self) -> usize {
-        4 * self.length
+    /// Octets of scratch that [`TimePlan::run`] needs for vectors of up to `octets` octets.
+    pub(super) fn scratch(&self, octets: usize) -> usize {
+        4 * self.length * octets
     }
 
-    /// Transforms one vector of maps from `source` to `target`.
+    /// Transforms one vector of maps from `source` to `target`, of rows of `octets` octets.
     pub(super) fn run(
         &self,
-        isa: Isa,
+        (isa, octets): (Isa, usize),
         (source, from): (&[Octet], Rows<'_>),
         (target, to): (&mut [Octet], Rows<'_>),
         scratch: &mut [Octet],
     ) {
-        isa.run(Transform {
+        let transform = Transform {
             plan: self,
             source,
             from,
             target,
             to,
             scratch,
-        });
+        };
+        isa.run(octets, transform);
     }
 }
 
@@ -118,11 +119,12 @@ impl Kernel for Transform<'_> {
             to,
             scratch,
         } = self;
-        let (mut front, mut back) = scratch[..plan.scratch()].split_at_mut(2 * plan.length);
+        let (mut front, mut back) =
+            scratch[..plan.scratch(L::OCTETS)].split_at_mut(2 * plan.length * L::OCTETS);
         let between = Rows {
             table: &plan.order,
-            stride: 2,
-            parts: [0, 1],
+            stride: 2 * L::OCTETS,
+            parts: [0, L::OCTETS],
         };
         let last = plan.passes.len() - 1;
         for (index, pass) in plan.passes.iter().enumerate() {
@@ -163,7 +165,7 @@ fn factor(length: usize) -> Option<Vec<usize>> {
 
 impl Pass {
     #[inline(always)]
-    fn run<L: Lanes>(&self, source: Reader<'_>, target: Writer<'_>) {
+    fn run<L: Lanes>(&self, source: Reader<'_, L>, target: Writer<'_, L>) {
         match self.radix {
             2 => self.radix::<L, 2>(source, target),
             3 => self.radix::<L, 3>(source, target),
@@ -178,15 +180,18 @@ impl Pass {
     }
 
     #[inline(always)]
-    fn radix<L: Lanes, const RADIX: usize>(&self, source: Reader<'_>, mut target: Writer<'_>) {
+    fn radix<L: Lanes, const RADIX: usize>(
+        &self,
+        source: Reader<'_, L>,
+        mut target: Writer<'_, L>,
+    ) {
         let zero = L::splat(0.0);
         for group in 0..self.groups {
             let twiddles = &self.twiddles[group * RADIX..(group + 1) * RADIX];
             for shared in 0..self.stride {
                 let mut values = [Complex { re: zero, im: zero }; RADIX];
                 for k in 0..RADIX {
-                    let [re, im] =
-                        source.read::<L>(shared + self.stride * (group + self.groups * k));
+                    let [re, im] = source.read(shared + self.stride * (group + self.groups * k));
                     values[k] = Complex { re, im };
                 }
                 butterfly::<L, RADIX>(&mut values);
@@ -218,70 +223,40 @@ mod tests {
             let plan = TimePlan::at_least(length);
             assert_eq!(plan.length(), length);
             let rows = Table::new(0..length as u32);
-            let mut x = vec![Octet::ZERO; 2 * length];
-            floats_mut(&mut x).copy_from_slice(&noise(16 * length, 9));
+            let mut x = vec![Octet::ZERO; 4 * length];
+            floats_mut(&mut x).copy_from_slice(&noise(32 * length, 9));
             for isa in Isa::all() {
-                let mut y = vec![Octet::ZERO; 2 * length];
-                let mut scratch = vec![Octet::ZERO; plan.scratch()];
-                let at = Rows {
-                    table: &rows,
-                    stride: 2,
-                    parts: [0, 1],
-                };
-                plan.run(isa, (&x, at), (&mut y, at), &mut scratch);
+                let mut y = vec![Octet::ZERO; 4 * length];
+                let mut scratch = vec![Octet::ZERO; plan.scratch(2)];
+                for v in (0..2).step_by(isa.group(2)) {
+                    let at = Rows {
+                        table: &rows,
+                        stride: 4,
+                        parts: [v, 2 + v],
+                    };
+                    plan.run((isa, 2), (&x, at), (&mut y, at), &mut scratch);
+                }
                 let (x, y) = (floats(&x), floats(&y));
                 for f in 0..length {
-                    for lane in 0..8 {
+                    for lane in 0..16 {
                         let (mut re, mut im) = (0f64, 0f64);
                         for t in 0..length {
                             let angle =
                                 -std::f64::consts::TAU * (f * t % length) as f64 / length as f64;
-                            let (a, b) =
-                                (f64::from(x[16 * t + lane]), f64::from(x[16 * t + 8 + lane]));
+                            let (a, b) = (
+                                f64::from(x[32 * t + lane]),
+                                f64::from(x[32 * t + 16 + lane]),
+                            );
                             re += a * angle.cos() - b * angle.sin();
                             im += a * angle.sin() + b * angle.cos();
                         }
-                        assert!((f64::from(y[16 * f + lane]) - re).abs() < 2e-5, "{length}");
-                        assert!(
-                            (f64::from(y[16 * f + 8 + lane]) - im).abs() < 2e-5,
-                            "{length}"
-                        );
+                        assert!((f64::from(y[32 * f + lane]) - re).abs() < 2e-5, "{length}");
+                        let found = f64::from(y[32 * f + 16 + lane]);
+                        assert!((found - im).abs() < 2e-5, "{length}");
                     }
                 }
             }
         }
         assert_eq!(TimePlan::at_least(107).length(), 108);
-    }
-
-    #[test]
-    #[ignore = "timing"]
-    fn transform_rate() {
-        for length in [18usize, 108, 120] {
-            let plan = TimePlan::at_least(length);
-            let rows = Table::new(0..length as u32);
-            let x = vec![Octet([1.0; 8]); 2 * length];
-            let mut y = vec![Octet::ZERO; 2 * length];
-            let mut scratch = vec![Octet::ZERO; plan.scratch()];
-            let at = Rows {
-                table: &rows,
-                stride: 2,
-                parts: [0, 1],
-            };
-            for _ in 0..3 {
-                let start = crate::conv::tests::cpu_nanoseconds();
-                for _ in 0..10000 {
-                    plan.run(
-                        Isa::detect(),
-                        (std::hint::black_box(&x), at),
-                        (&mut y, at),
-                        &mut scratch,
-                    );
-                }
-                println!(
-                    "{length}: {:.0} ns",
-                    (crate::conv::tests::cpu_nanoseconds() - start) / 1e4
-                );
-            }
-        }
     }
 }

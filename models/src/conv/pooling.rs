@@ -15,29 +15,30 @@ pub(super) struct Window<'a> {
     pub(super) columns: usize,
 }
 
-/// Chooses the winners of map octet `column` within `tile`, `[steps, taxels, tile columns]`, where it is octet `tile_column`.
+/// Chooses the winners of the map octets from `column` on within `tile`, `[steps, taxels, tile columns]`, where they lie from
+/// `tile_column` on.
 ///
-/// `sign` is 1 where the largest value wins and -1 where the smallest does.
+/// `signs` are 1 where the largest value wins and -1 where the smallest does.
 #[inline(always)]
 pub(super) fn pool_column<L: Lanes>(
     (tile, tile_columns, tile_column): (&[Octet], usize, usize),
     taxels: usize,
-    sign: &Octet,
+    signs: &[Octet],
     to: &mut Window<'_>,
     column: usize,
 ) {
     let columns = to.columns;
-    let sign = L::load(sign);
-    let pivot = L::load(&tile[taxels / 2 * tile_columns + tile_column]);
+    let sign = L::load(signs, column);
+    let pivot = L::load(tile, taxels / 2 * tile_columns + tile_column);
     let (mut sum, mut squares) = (L::splat(0.0), L::splat(0.0));
     for taxel in 0..taxels {
         let first = taxel * tile_columns + tile_column;
         let target = taxel * columns + column;
-        let mut best = L::load(&tile[first]).mul(sign);
+        let mut best = L::load(tile, first).mul(sign);
         let mut position = L::splat(0.0);
         let mut step = L::splat(0.0);
         for row in tile.chunks_exact(taxels * tile_columns) {
-            let y = L::load(&row[first]);
+            let y = L::load(row, first);
             let offset = y.sub(pivot);
             sum = sum.add(offset);
             squares = offset.mul_add(offset, squares);
@@ -46,14 +47,12 @@ pub(super) fn pool_column<L: Lanes>(
             best = best.max(signed);
             step = step.add(L::splat(1.0));
         }
-        let (winners, _) = to.winners.as_chunks_mut::<8>();
-        let (positions, _) = to.positions.as_chunks_mut::<8>();
-        best.mul(sign).store_slice(&mut winners[target]);
-        positions[target] = position.to_bytes();
+        best.mul(sign).store_floats(to.winners, target);
+        position.store_bytes(to.positions, target);
     }
-    pivot.store(&mut to.sums[column]);
-    sum.store(&mut to.sums[columns + column]);
-    squares.store(&mut to.sums[2 * columns + column]);
+    pivot.store(to.sums, column);
+    sum.store(to.sums, columns + column);
+    squares.store(to.sums, 2 * columns + column);
 }
 
 /// Merges the sums of windows, in order; `count` tells how many values per map a window of that index holds.

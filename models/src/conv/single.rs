@@ -11,9 +11,10 @@ use super::fft::TimePlan;
 use super::norm::Pooled;
 use super::pooling::{Window, merge_sums};
 use super::shape::BlockShape;
-use super::simd::{Isa, NOWHERE, Octet, Rows, Table};
-use super::single_stages::{Analyze, KernelRows, Scale, Synthesize};
-use super::spectral_plan::{by_octet, signs};
+use super::simd::{Isa, NOWHERE, Octet, Octets, Rows, Table};
+use super::single_stages::{Analyze, Scale, Synthesize};
+use super::spectral_plan::{by_group, signs};
+use super::spectral_stages::KernelRows;
 use super::taxel::TaxelPlan;
 
 /// Steps that a tile should have at most.
@@ -28,14 +29,15 @@ pub(super) struct Single {
     pub(super) isa: Isa,
     pub(super) time: TimePlan,
     pub(super) taxel: TaxelPlan,
-    /// Octets of output maps.
+    /// Octets of output maps, and how many make a vector.
     pub(super) outs: usize,
+    pub(super) group: usize,
     /// Output steps of a tile.
     pub(super) tile: usize,
     all: Table,
     taps: Table,
     cropped: Table,
-    buffers: Buffers<Octet>,
+    buffers: Buffers<Octets>,
 }
 
 /// What the backward pass needs.
@@ -85,6 +87,7 @@ impl Single {
         };
         Some(Self {
             outs: shape.maps_out / 8,
+            group: isa.group(shape.maps_out / 8),
             tile,
             all: Table::new((0..length).map(|s| row(true, s))),
             taps: Table::new((0..length).map(taps)),
@@ -149,13 +152,14 @@ impl Single {
             let mut rows = self.buffers.take(length * shape.taxels);
             let mut taxel_spectra = self.buffers.take(columns * length * 2);
             let mut tile_spectra = self.buffers.take(columns * length * 2);
-            let mut scratch = self.buffers.take(self.time.scratch());
+            let mut scratch = self.buffers.take(self.time.scratch(2));
             self.gather(tiles, &mut rows);
-            self.isa.run(Analyze {
+            let stage = Analyze {
                 plan: self,
                 rows: &rows,
                 spectra: &mut taxel_spectra,
-            });
+            };
+            self.isa.run(1, stage);
             let pairs = Rows {
                 table: &self.all,
                 stride: 2,
@@ -165,46 +169,59 @@ impl Single {
                 .chunks_exact(2 * length)
                 .zip(tile_spectra.chunks_exact_mut(2 * length))
             {
-                self.time
-                    .run(self.isa, (source, pairs), (target, pairs), &mut scratch);
+                self.time.run(
+                    (self.isa, 1),
+                    (source, pairs),
+                    (target, pairs),
+                    &mut scratch,
+                );
             }
-            let mut product = self.buffers.take(2 * length);
-            let mut cropped = self.buffers.take(columns * self.tile * 2);
-            let mut maps = self.buffers.take(shape.pool * shape.taxels);
-            for (v, sign) in signs.iter().enumerate() {
-                let kernels = &spectra[v * columns * 2 * length..(v + 1) * columns * 2 * length];
+            let group = self.group;
+            let mut product = self.buffers.take(2 * length * group);
+            let mut cropped = self.buffers.take(columns * self.tile * 2 * group);
+            let mut maps = self.buffers.take(shape.pool * shape.taxels * group);
+            let [whole, inside] = [&self.all, &self.cropped].map(|table| {
+                let rows = Rows {
+                    table,
+                    stride: 2 * group,
+                    parts: [0, group],
+                };
+                rows.exchanged()
+            });
+            for (kernels, v) in spectra
+                .chunks_exact(columns * 2 * length * group)
+                .zip((0..).step_by(group))
+            {
                 for (lane, tile) in tiles.iter_mut().enumerate() {
-                    for column in 0..columns {
-                        let span = column * 2 * length..(column + 1) * 2 * length;
-                        let (spectrum, kernel) = (&tile_spectra[span.clone()], &kernels[span]);
-                        self.isa.run(Scale {
+                    let factors = tile_spectra
+                        .chunks_exact(2 * length)
+                        .zip(kernels.chunks_exact(2 * length * group));
+                    for ((spectrum, kernel), target) in
+                        factors.zip(cropped.chunks_exact_mut(self.tile * 2 * group))
+                    {
+                        let stage = Scale {
                             spectrum,
                             lane,
                             kernel,
                             product: &mut product,
-                        });
-                        let cropped_rows = Rows {
-                            table: &self.cropped,
-                            stride: 2,
-                            parts: [0, 1],
                         };
-                        let target =
-                            &mut cropped[column * self.tile * 2..(column + 1) * self.tile * 2];
+                        self.isa.run(self.outs, stage);
                         self.time.run(
-                            self.isa,
-                            (&product, pairs.exchanged()),
-                            (target, cropped_rows.exchanged()),
+                            (self.isa, self.outs),
+                            (&product, whole),
+                            (target, inside),
                             &mut scratch,
                         );
                     }
-                    self.isa.run(Synthesize {
+                    let stage = Synthesize {
                         plan: self,
                         spectra: &cropped,
                         maps: &mut maps,
-                        sign,
+                        signs: &signs,
                         tile,
                         column: v,
-                    });
+                    };
+                    self.isa.run(self.outs, stage);
                 }
             }
             for buffer in [
@@ -239,40 +256,35 @@ impl Single {
         )
     }
 
-    /// `[maps_out octet, column, time frequency, 2]`
-    fn weight_spectra(&self, weight: &[f32]) -> Vec<Octet> {
+    /// `[group of maps_out octets, column, time frequency, 2]`
+    fn weight_spectra(&self, weight: &[f32]) -> Octets {
         let [kernel_steps, kernel_taxels] = self.shape.kernel;
-        let (columns, length) = (self.taxel.frequencies(), self.time.length());
+        let (columns, length, group) = (self.taxel.frequencies(), self.time.length(), self.group);
         let mut taps = self.buffers.take(weight.len() / 8);
-        by_octet(weight, kernel_steps * kernel_taxels, &mut taps);
+        by_group(weight, kernel_steps * kernel_taxels, group, &mut taps);
         let mut spectra = self.buffers.take(self.outs * columns * length * 2);
-        let mut lags = vec![Octet::ZERO; columns * kernel_steps * 2];
-        let mut scratch = self.buffers.take(self.time.scratch());
+        let mut lags = Octets::zeros(kernel_steps * 2 * group);
+        let mut scratch = self.buffers.take(self.time.scratch(2));
+        let [from, to] = [&self.taps, &self.all].map(|table| Rows {
+            table,
+            stride: 2 * group,
+            parts: [0, group],
+        });
         for (taps, spectra) in taps
-            .chunks_exact(kernel_steps * kernel_taxels)
-            .zip(spectra.chunks_exact_mut(columns * length * 2))
+            .chunks_exact(kernel_steps * kernel_taxels * group)
+            .zip(spectra.chunks_exact_mut(columns * length * 2 * group))
         {
-            self.isa.run(KernelRows {
-                plan: self,
-                taps,
-                lags: &mut lags,
-            });
-            for (lags, spectrum) in lags
-                .chunks_exact(2 * kernel_steps)
-                .zip(spectra.chunks_exact_mut(2 * length))
-            {
-                let from = Rows {
-                    table: &self.taps,
-                    stride: 2,
-                    parts: [0, 1],
+            for (column, spectrum) in spectra.chunks_exact_mut(2 * length * group).enumerate() {
+                let rows = KernelRows {
+                    plan: &self.taxel,
+                    column,
+                    taps,
+                    lags: &mut lags,
                 };
-                let to = Rows {
-                    table: &self.all,
-                    stride: 2,
-                    parts: [0, 1],
-                };
+                self.isa.run(self.outs, rows);
+                let lanes = (self.isa, self.outs);
                 self.time
-                    .run(self.isa, (lags, from), (spectrum, to), &mut scratch);
+                    .run(lanes, (&lags, from), (spectrum, to), &mut scratch);
             }
         }
         self.buffers.give(taps);

@@ -11,7 +11,7 @@
 use rayon::prelude::*;
 
 use super::norm::OutputGradient;
-use super::simd::{Kernel, Lanes};
+use super::simd::{Narrow, NarrowKernel};
 use super::single::{MOST_KERNEL, SavedSingle, Single};
 
 /// Values in a padded row: four zeros, up to sixteen taxels, zeros.
@@ -66,12 +66,12 @@ impl Single {
                     sums: vec![0.0; (1 + edges.len()) * 16],
                     input: Vec::new(),
                 };
-                self.isa.run(Gather {
+                self.isa.run_narrow(Gather {
                     padded: &padded,
                     winners: &winners,
                     out: &mut share.sparse,
                 });
-                self.isa.run(Autocorrelation {
+                self.isa.run_narrow(Autocorrelation {
                     plan: self,
                     padded: &padded,
                     edges: &edges,
@@ -255,10 +255,10 @@ struct Gather<'a> {
     out: &'a mut [f32],
 }
 
-impl Kernel for Gather<'_> {
+impl NarrowKernel for Gather<'_> {
     type Output = ();
     #[inline(always)]
-    fn run<L: Lanes>(self) {
+    fn run<L: Narrow>(self) {
         for (winners, out) in self
             .winners
             .iter()
@@ -297,7 +297,7 @@ struct Autocorrelation<'a> {
 impl Autocorrelation<'_> {
     /// Adds the products of padded rows `first..end` with those `distance` later to `out`, `[ACROSS, 16]`.
     #[inline(always)]
-    fn add<L: Lanes>(padded: &[f32], first: usize, end: usize, distance: usize, out: &mut [f32]) {
+    fn add<L: Narrow>(padded: &[f32], first: usize, end: usize, distance: usize, out: &mut [f32]) {
         for half in [0, 8] {
             let mut sums = [L::splat(0.0); ACROSS];
             for a in first..end {
@@ -326,10 +326,10 @@ impl Autocorrelation<'_> {
     }
 }
 
-impl Kernel for Autocorrelation<'_> {
+impl NarrowKernel for Autocorrelation<'_> {
     type Output = ();
     #[inline(always)]
-    fn run<L: Lanes>(self) {
+    fn run<L: Narrow>(self) {
         let (steps, pad) = (self.plan.shape.steps, self.plan.shape.padding()[0]);
         let Share { products, sums, .. } = self.share;
         let lines = 1 + self.edges.len();

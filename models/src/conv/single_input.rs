@@ -6,7 +6,7 @@
 //! step near an end, each with a coefficient per taxel.
 
 use super::norm::GradientAffine;
-use super::simd::{Kernel, Lanes};
+use super::simd::{Narrow, NarrowKernel};
 use super::single::{MOST_KERNEL, Single};
 use super::single_backward::{MARGIN, PATCH, ROW, Winner};
 
@@ -132,12 +132,12 @@ impl Single {
             }
         }
         let mut gradient = vec![0f32; padded.len()];
-        self.isa.run(Scatter {
+        self.isa.run_narrow(Scatter {
             kernels: &kernels,
             winners,
             gradient: &mut gradient,
         });
-        self.isa.run(Convolve {
+        self.isa.run_narrow(Convolve {
             composite,
             wide: &wide,
             gradient: &mut gradient[pad * ROW..(pad + steps) * ROW],
@@ -156,10 +156,10 @@ struct Scatter<'a> {
     gradient: &'a mut [f32],
 }
 
-impl Kernel for Scatter<'_> {
+impl NarrowKernel for Scatter<'_> {
     type Output = ();
     #[inline(always)]
-    fn run<L: Lanes>(self) {
+    fn run<L: Narrow>(self) {
         for (winners, kernel) in self
             .winners
             .iter()
@@ -196,10 +196,10 @@ struct Convolve<'a> {
     gradient: &'a mut [f32],
 }
 
-impl Kernel for Convolve<'_> {
+impl NarrowKernel for Convolve<'_> {
     type Output = ();
     #[inline(always)]
-    fn run<L: Lanes>(self) {
+    fn run<L: Narrow>(self) {
         let of_step = &self.composite.of_step;
         let mut step = 0;
         while step < of_step.len() {
@@ -222,7 +222,7 @@ impl Kernel for Convolve<'_> {
 }
 
 #[inline(always)]
-fn convolve<L: Lanes, const COUNT: usize>(
+fn convolve<L: Narrow, const COUNT: usize>(
     table: &Table,
     wide: &[f32],
     step: usize,

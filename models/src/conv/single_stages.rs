@@ -21,37 +21,12 @@ impl Kernel for Analyze<'_> {
             let out = &mut self.spectra[2 * step..];
             self.plan
                 .taxel
-                .forward::<L>(|taxel| L::load(&row[taxel]), out, 2 * length, 1);
+                .forward::<L>(|taxel| L::load(row, taxel), out, 2 * length, 1);
         }
     }
 }
 
-/// All taxel frequencies of the rows of eight kernels, `[column, kernel steps, 2]`.
-pub(super) struct KernelRows<'a> {
-    pub(super) plan: &'a Single,
-    pub(super) taps: &'a [Octet],
-    pub(super) lags: &'a mut [Octet],
-}
-
-impl Kernel for KernelRows<'_> {
-    type Output = ();
-    #[inline(always)]
-    fn run<L: Lanes>(self) {
-        let [kernel_steps, kernel_taxels] = self.plan.shape.kernel;
-        for (column, lags) in self.lags.chunks_exact_mut(2 * kernel_steps).enumerate() {
-            for (lag, taps) in lags
-                .chunks_exact_mut(2)
-                .zip(self.taps.chunks_exact(kernel_taxels))
-            {
-                let [re, im] = self.plan.taxel.kernel::<L>(column, taps);
-                re.store(&mut lag[0]);
-                im.store(&mut lag[1]);
-            }
-        }
-    }
-}
-
-/// One lane of the tiles' spectra times the spectra of eight kernels.
+/// One lane of the tiles' spectra times the spectra of a vector of kernels.
 pub(super) struct Scale<'a> {
     pub(super) spectrum: &'a [Octet],
     pub(super) lane: usize,
@@ -64,26 +39,28 @@ impl Kernel for Scale<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self) {
         let lane = self.lane & 7;
+        let pair = 2 * L::OCTETS;
         let factors = self
             .spectrum
             .chunks_exact(2)
-            .zip(self.kernel.chunks_exact(2));
-        for ((x, kernel), product) in factors.zip(self.product.chunks_exact_mut(2)) {
+            .zip(self.kernel.chunks_exact(pair));
+        for ((x, kernel), product) in factors.zip(self.product.chunks_exact_mut(pair)) {
             let (a, b) = (L::splat(x[0].0[lane]), L::splat(x[1].0[lane]));
-            let (re, im) = (L::load(&kernel[0]), L::load(&kernel[1]));
-            b.mul_sub_from(im, a.mul(re)).store(&mut product[0]);
-            b.mul_add(re, a.mul(im)).store(&mut product[1]);
+            let (re, im) = (L::load(kernel, 0), L::load(kernel, L::OCTETS));
+            b.mul_sub_from(im, a.mul(re)).store(product, 0);
+            b.mul_add(re, a.mul(im)).store(product, L::OCTETS);
         }
     }
 }
 
-/// Eight maps of one tile, window by window, and their winners.
+/// A vector of maps of one tile, window by window, and their winners.
 pub(super) struct Synthesize<'a, 'b> {
     pub(super) plan: &'a Single,
     pub(super) spectra: &'a [Octet],
     pub(super) maps: &'a mut [Octet],
-    pub(super) sign: &'a Octet,
+    pub(super) signs: &'a [Octet],
     pub(super) tile: &'a mut Tile<'b>,
+    /// First octet of maps.
     pub(super) column: usize,
 }
 
@@ -108,12 +85,14 @@ impl Kernel for Synthesize<'_, '_> {
             windows.zip(to.sums.chunks_exact_mut(3 * outs)).enumerate()
         {
             let steps = (self.tile.steps - window * pool).min(pool);
-            let maps = &mut self.maps[..steps * taxels];
-            for (step, row) in maps.chunks_exact_mut(taxels).enumerate() {
-                let spectrum = &self.spectra[2 * (window * pool + step)..];
+            let row = taxels * L::OCTETS;
+            let maps = &mut self.maps[..steps * row];
+            for (step, row) in maps.chunks_exact_mut(row).enumerate() {
+                let spectrum = &self.spectra[2 * (window * pool + step) * L::OCTETS..];
+                let stride = plan.tile * 2 * L::OCTETS;
                 plan.taxel
-                    .inverse::<L>(spectrum, plan.tile * 2, 1, |taxel, y: L| {
-                        y.store(&mut row[taxel])
+                    .inverse::<L>(spectrum, stride, L::OCTETS, |taxel, y: L| {
+                        y.store(row, taxel * L::OCTETS);
                     });
             }
             let mut to = Window {
@@ -122,7 +101,8 @@ impl Kernel for Synthesize<'_, '_> {
                 sums,
                 columns: outs,
             };
-            pool_column::<L>((maps, 1, 0), taxels, self.sign, &mut to, self.column);
+            let tile = (&*maps, L::OCTETS, 0);
+            pool_column::<L>(tile, taxels, self.signs, &mut to, self.column);
         }
     }
 }

@@ -14,26 +14,26 @@ use super::norm::Pooled;
 use super::pooling::{Window, merge_sums};
 use super::product::Left;
 use super::shape::BlockShape;
-use super::simd::{Isa, NOWHERE, Octet, Rows, floats};
-use super::spectral_plan::{Plan, by_octet, signs};
+use super::simd::{Isa, NOWHERE, Octet, Octets, Rows, floats};
+use super::spectral_plan::{Plan, by_group, signs};
 use super::spectral_stages::{Analyze, KernelRows, Synthesize};
 
 /// Plan and workspace.
 #[derive(Debug)]
 pub(super) struct Spectral {
     pub(super) plan: Plan,
-    pub(super) buffers: Buffers<Octet>,
+    pub(super) buffers: Buffers<Octets>,
 }
 
 /// What the backward pass needs.
 #[derive(Debug)]
 pub(super) struct SavedSpectral {
     /// `[column, time frequency, batch, 2, maps_in]`
-    pub(super) input: Vec<Octet>,
+    pub(super) input: Octets,
     /// `[column, time frequency, maps_in, 2, maps_out]`
-    pub(super) weight: Vec<Octet>,
+    pub(super) weight: Octets,
     /// `[batch, steps, taxels, maps_out]`
-    pub(super) maps: Vec<Octet>,
+    pub(super) maps: Octets,
 }
 
 impl Spectral {
@@ -55,13 +55,18 @@ impl Spectral {
         let plan = &self.plan;
         let (shape, columns, length) = (plan.shape, plan.taxel.frequencies(), plan.time.length());
         let mut taps = self.buffers.take(weight.len() / 8);
-        by_octet(weight, weight.len() / shape.maps_out, &mut taps);
+        by_group(
+            weight,
+            weight.len() / shape.maps_out,
+            plan.out_group,
+            &mut taps,
+        );
         let mut rows = self
             .buffers
             .take(shape.batch * columns * shape.steps * 2 * plan.ins);
         rows.par_chunks_exact_mut(columns * shape.steps * 2 * plan.ins)
             .zip(input.par_chunks_exact(shape.input_len() / shape.batch))
-            .for_each(|(rows, input)| plan.isa.run(Analyze { plan, input, rows }));
+            .for_each(|(rows, input)| plan.isa.run(plan.ins, Analyze { plan, input, rows }));
         let mut saved = SavedSpectral {
             input: self.buffers.take(columns * length * plan.input_stride()),
             weight: self.buffers.take(columns * length * plan.weight_stride()),
@@ -82,7 +87,7 @@ impl Spectral {
             .enumerate()
             .for_each(|(column, ((input, weight), out))| {
                 let mut spectrum = self.buffers.take(length * plan.output_stride());
-                let mut scratch = self.buffers.take(plan.time.scratch());
+                let mut scratch = self.buffers.take(plan.time.scratch(2));
                 let (taps, rows) = (&taps, &rows);
                 Column {
                     plan,
@@ -133,14 +138,15 @@ impl Spectral {
                     sums,
                     columns: plan.outs,
                 };
-                plan.isa.run(Synthesize {
+                let stage = Synthesize {
                     plan,
                     sweep,
                     products,
                     maps,
                     signs: &signs,
                     to,
-                });
+                };
+                plan.isa.run(plan.outs, stage);
             });
         let moments = merge_sums(&sums, plan.outs, |window| {
             let first = window % windows * shape.pool;
@@ -191,7 +197,7 @@ impl Column<'_> {
         for sweep in 0..batch {
             let source =
                 &self.rows[(sweep * columns + column) * steps * 2 * ins..][..steps * 2 * ins];
-            for v in 0..ins {
+            for v in (0..ins).step_by(plan.in_group) {
                 let from = Rows {
                     table: &plan.steps,
                     stride: 2 * ins,
@@ -203,8 +209,9 @@ impl Column<'_> {
                     stride: plan.input_stride(),
                     parts: [at, at + ins],
                 };
+                let lanes = (plan.isa, ins);
                 plan.time
-                    .run(plan.isa, (source, from), (self.input, to), self.scratch);
+                    .run(lanes, (source, from), (self.input, to), self.scratch);
             }
         }
         let lefts = self.input.chunks_exact(plan.input_stride());
@@ -233,7 +240,7 @@ impl Column<'_> {
             outs,
         );
         for (sweep, out) in self.out.chunks_exact_mut(steps * 2 * outs).enumerate() {
-            for v in 0..outs {
+            for v in (0..outs).step_by(plan.out_group) {
                 let at = sweep * 2 * outs + v;
                 let from = Rows {
                     table: &plan.all,
@@ -246,7 +253,7 @@ impl Column<'_> {
                     parts: [v, outs + v],
                 };
                 plan.time.run(
-                    plan.isa,
+                    (plan.isa, outs),
                     (self.spectrum, from.exchanged()),
                     (out, to.exchanged()),
                     self.scratch,
@@ -265,20 +272,24 @@ fn weight_spectrum(
     scratch: &mut [Octet],
 ) {
     let [kernel_steps, kernel_taxels] = plan.shape.kernel;
-    let (maps_in, outs) = (plan.shape.maps_in, plan.outs);
-    let mut lags = vec![Octet::ZERO; 2 * kernel_steps];
-    for (kernel, taps) in taps.chunks_exact(kernel_steps * kernel_taxels).enumerate() {
-        plan.isa.run(KernelRows {
-            plan,
+    let (maps_in, outs, group) = (plan.shape.maps_in, plan.outs, plan.out_group);
+    let mut lags = Octets::zeros(2 * kernel_steps * group);
+    for (kernel, taps) in taps
+        .chunks_exact(kernel_steps * kernel_taxels * group)
+        .enumerate()
+    {
+        let rows = KernelRows {
+            plan: &plan.taxel,
             column,
             taps,
             lags: &mut lags,
-        });
-        let at = kernel % maps_in * 2 * outs + kernel / maps_in;
+        };
+        plan.isa.run(outs, rows);
+        let at = kernel % maps_in * 2 * outs + kernel / maps_in * group;
         let from = Rows {
             table: &plan.taps,
-            stride: 2,
-            parts: [0, 1],
+            stride: 2 * group,
+            parts: [0, group],
         };
         let to = Rows {
             table: plan.wanted(column),
@@ -286,6 +297,6 @@ fn weight_spectrum(
             parts: [at, at + outs],
         };
         plan.time
-            .run(plan.isa, (&lags, from), (spectrum, to), scratch);
+            .run((plan.isa, outs), (&lags, from), (spectrum, to), scratch);
     }
 }

@@ -34,13 +34,14 @@ impl Spectral {
             )
             .enumerate()
             .for_each(|(sweep, (rows, maps))| {
-                plan.isa.run(Spread {
+                let stage = Spread {
                     plan,
                     sweep,
                     output,
                     maps,
                     rows,
-                })
+                };
+                plan.isa.run(plan.outs, stage)
             });
         let inputs = if need_input {
             shape.batch * shape.steps * 2 * plan.ins
@@ -64,7 +65,7 @@ impl Spectral {
                 ]
                 .map(|stride| self.buffers.take(length * stride));
                 let mut turned = self.buffers.take(shape.maps_out * 2 * plan.ins);
-                let mut scratch = self.buffers.take(plan.time.scratch());
+                let mut scratch = self.buffers.take(plan.time.scratch(2));
                 let [d_spectrum, d_input_spectrum, d_weight_spectrum] = &mut buffers;
                 ColumnBackward {
                     plan,
@@ -88,15 +89,16 @@ impl Spectral {
             });
         let mut weight = vec![0f32; shape.weight_len()];
         weight
-            .par_chunks_exact_mut(shape.weight_len() / plan.outs)
+            .par_chunks_exact_mut(shape.weight_len() / plan.outs * plan.out_group)
             .enumerate()
-            .for_each(|(octet, weight)| {
-                plan.isa.run(WeightGradient {
+            .for_each(|(group, weight)| {
+                let stage = WeightGradient {
                     plan,
-                    octet,
+                    group,
                     d_taps: &d_taps,
                     weight,
-                })
+                };
+                plan.isa.run(plan.outs, stage)
             });
         let input = need_input.then(|| {
             let mut input = vec![0f32; shape.input_len()];
@@ -104,12 +106,13 @@ impl Spectral {
                 .par_chunks_exact_mut(shape.input_len() / shape.batch)
                 .enumerate()
                 .for_each(|(sweep, input)| {
-                    plan.isa.run(InputGradient {
+                    let stage = InputGradient {
                         plan,
                         sweep,
                         spectra: &d_input,
                         input,
-                    })
+                    };
+                    plan.isa.run(plan.ins, stage)
                 });
             input
         });
@@ -130,7 +133,7 @@ struct ColumnBackward<'a> {
     weight: &'a [Octet],
     /// `[batch, steps, 2, maps_in]`, empty if not wanted
     d_input: &'a mut [Octet],
-    /// `[maps_out octet, maps_in, kernel steps, 2]`
+    /// `[group of maps_out octets, maps_in, kernel steps, 2]`
     d_taps: &'a mut [Octet],
     d_spectrum: &'a mut [Octet],
     d_input_spectrum: &'a mut [Octet],
@@ -162,7 +165,7 @@ impl ColumnBackward<'_> {
             let source = &self.rows
                 [(sweep * plan.taxel.frequencies() + self.column) * steps * 2 * outs..]
                 [..steps * 2 * outs];
-            for v in 0..outs {
+            for v in (0..outs).step_by(plan.out_group) {
                 let from = Rows {
                     table: &plan.steps,
                     stride: 2 * outs,
@@ -175,7 +178,7 @@ impl ColumnBackward<'_> {
                     parts: [at, at + outs],
                 };
                 plan.time.run(
-                    plan.isa,
+                    (plan.isa, outs),
                     (source, from),
                     (self.d_spectrum, to),
                     self.scratch,
@@ -202,7 +205,7 @@ impl ColumnBackward<'_> {
             );
             if need_input {
                 let weight = &self.weight[s * strides[2]..][..maps_in * 2 * outs];
-                plan.isa.run(TurnConjugated {
+                plan.isa.run_narrow(TurnConjugated {
                     weight,
                     turned: self.turned,
                     ins,
@@ -229,8 +232,13 @@ impl ColumnBackward<'_> {
             mirror
         };
         plan.mirror(real, self.d_weight_spectrum, strides[2], outs);
-        for (at, taps) in self.d_taps.chunks_exact_mut(2 * kernel[0]).enumerate() {
-            let at = at % maps_in * 2 * outs + at / maps_in;
+        let group = plan.out_group;
+        for (at, taps) in self
+            .d_taps
+            .chunks_exact_mut(2 * kernel[0] * group)
+            .enumerate()
+        {
+            let at = at % maps_in * 2 * outs + at / maps_in * group;
             let from = Rows {
                 table: &plan.all,
                 stride: strides[2],
@@ -238,11 +246,11 @@ impl ColumnBackward<'_> {
             };
             let to = Rows {
                 table: &plan.taps,
-                stride: 2,
-                parts: [0, 1],
+                stride: 2 * group,
+                parts: [0, group],
             };
             plan.time.run(
-                plan.isa,
+                (plan.isa, outs),
                 (self.d_weight_spectrum, from.exchanged()),
                 (taps, to.exchanged()),
                 self.scratch,
@@ -251,7 +259,7 @@ impl ColumnBackward<'_> {
         if need_input {
             plan.mirror(mirror, self.d_input_spectrum, strides[1], ins);
             for (sweep, out) in self.d_input.chunks_exact_mut(steps * 2 * ins).enumerate() {
-                for v in 0..ins {
+                for v in (0..ins).step_by(plan.in_group) {
                     let at = sweep * 2 * ins + v;
                     let from = Rows {
                         table: &plan.all,
@@ -264,7 +272,7 @@ impl ColumnBackward<'_> {
                         parts: [v, ins + v],
                     };
                     plan.time.run(
-                        plan.isa,
+                        (plan.isa, ins),
                         (self.d_input_spectrum, from.exchanged()),
                         (out, to.exchanged()),
                         self.scratch,

@@ -17,6 +17,9 @@ pub(super) struct Plan {
     /// Octets of input and output maps.
     pub(super) ins: usize,
     pub(super) outs: usize,
+    /// Octets of input and output maps that make a vector.
+    pub(super) in_group: usize,
+    pub(super) out_group: usize,
     /// A sweep's steps within the transform.
     pub(super) steps: Table,
     /// The kernel's taps within the transform.
@@ -54,6 +57,8 @@ impl Plan {
         Some(Self {
             ins: shape.maps_in / 8,
             outs: shape.maps_out / 8,
+            in_group: isa.group(shape.maps_in / 8),
+            out_group: isa.group(shape.maps_out / 8),
             steps: Table::new((0..length).map(|t| row(t < shape.steps, t))),
             taps: Table::new((0..length).map(taps)),
             all: Table::new((0..length).map(|s| row(true, s))),
@@ -113,14 +118,15 @@ impl Plan {
     }
 }
 
-/// Weights `[out][in][tap]` to `[out octet][in][tap]` octets.
-pub(super) fn by_octet(weight: &[f32], row: usize, out: &mut [Octet]) {
-    out.par_chunks_exact_mut(row)
-        .zip(weight.par_chunks_exact(8 * row))
+/// Weights `[out][in][tap]` to `[group of out octets][in][tap]` vectors of `group` octets.
+pub(super) fn by_group(weight: &[f32], row: usize, group: usize, out: &mut [Octet]) {
+    out.par_chunks_exact_mut(row * group)
+        .zip(weight.par_chunks_exact(8 * row * group))
         .for_each(|(out, weight)| {
             for (at, out) in out.iter_mut().enumerate() {
+                let (at, first) = (at / group, at % group * 8);
                 for (lane, value) in out.0.iter_mut().enumerate() {
-                    *value = weight[lane * row + at];
+                    *value = weight[(first + lane) * row + at];
                 }
             }
         });

@@ -3,9 +3,9 @@
 use super::norm::OutputGradient;
 use super::pooling::{Window, pool_column};
 use super::shape::BlockShape;
-use super::simd::{Kernel, Lanes, Octet};
+use super::simd::{Kernel, Lanes, Narrow, NarrowKernel, Octet, floats};
 use super::spectral_plan::Plan;
-use super::taxel::MOST_TAXELS;
+use super::taxel::{MOST_TAXELS, TaxelPlan};
 
 /// Taxel spectra of one sweep: `[steps, taxels, maps_in]` to `[column, steps, 2, maps_in]`.
 pub(super) struct Analyze<'a> {
@@ -19,11 +19,11 @@ impl Kernel for Analyze<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self) {
         let (plan, ins) = (self.plan, self.plan.ins);
-        let (octets, _) = self.input.as_chunks::<8>();
-        for (step, row) in octets.chunks_exact(plan.shape.taxels * ins).enumerate() {
-            for v in 0..ins {
+        let row = plan.shape.taxels * ins * 8;
+        for (step, row) in self.input.chunks_exact(row).enumerate() {
+            for v in (0..ins).step_by(L::OCTETS) {
                 let out = &mut self.rows[step * 2 * ins + v..];
-                let values = |taxel: usize| L::load_slice(&row[taxel * ins + v]);
+                let values = |taxel: usize| L::load_floats(row, taxel * ins + v);
                 plan.taxel
                     .forward::<L>(values, out, plan.shape.steps * 2 * ins, ins);
             }
@@ -31,9 +31,9 @@ impl Kernel for Analyze<'_> {
     }
 }
 
-/// One taxel frequency of the rows of one kernel.
+/// One taxel frequency of the rows of a vector of kernels: `[kernel steps, kernel taxels]` to `[kernel steps, 2]`.
 pub(super) struct KernelRows<'a> {
-    pub(super) plan: &'a Plan,
+    pub(super) plan: &'a TaxelPlan,
     pub(super) column: usize,
     pub(super) taps: &'a [Octet],
     pub(super) lags: &'a mut [Octet],
@@ -43,14 +43,15 @@ impl Kernel for KernelRows<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
+        let row = self.plan.kernel_taxels() * L::OCTETS;
         for (lag, taps) in self
             .lags
-            .chunks_exact_mut(2)
-            .zip(self.taps.chunks_exact(self.plan.shape.kernel[1]))
+            .chunks_exact_mut(2 * L::OCTETS)
+            .zip(self.taps.chunks_exact(row))
         {
-            let [re, im] = self.plan.taxel.kernel::<L>(self.column, taps);
-            re.store(&mut lag[0]);
-            im.store(&mut lag[1]);
+            let [re, im] = self.plan.kernel::<L>(self.column, taps);
+            re.store(lag, 0);
+            im.store(lag, L::OCTETS);
         }
     }
 }
@@ -87,7 +88,7 @@ impl Kernel for Synthesize<'_> {
                 sums: &mut self.to.sums[window * 3 * outs..(window + 1) * 3 * outs],
                 columns: outs,
             };
-            for v in 0..outs {
+            for v in (0..outs).step_by(L::OCTETS) {
                 for (step, maps) in tile.chunks_exact_mut(row).enumerate() {
                     let spectrum = &self.products
                         [(self.sweep * steps + window * pool + step) * 2 * outs + v..];
@@ -96,11 +97,11 @@ impl Kernel for Synthesize<'_> {
                         batch * steps * 2 * outs,
                         outs,
                         |taxel, y: L| {
-                            y.store(&mut maps[taxel * outs + v]);
+                            y.store(maps, taxel * outs + v);
                         },
                     );
                 }
-                pool_column::<L>((tile, outs, v), taxels, &self.signs[v], &mut to, v);
+                pool_column::<L>((tile, outs, v), taxels, self.signs, &mut to, v);
             }
         }
     }
@@ -127,26 +128,26 @@ impl Kernel for Spread<'_> {
             ..
         } = plan.shape;
         let window_row = taxels * outs;
-        let (gradients, _) = self.output.gradient.as_chunks::<8>();
-        let (positions, _) = self.output.positions.as_chunks::<8>();
-        let ([ka, kb, kc], affine) = ([0, 1, 2], self.output.affine);
-        let terms = [&affine.ka, &affine.kb, &affine.kc].map(|values| values.as_chunks::<8>().0);
+        let affine = self.output.affine;
         for (window, tile) in self.maps.chunks(pool * window_row).enumerate() {
             let first = (self.sweep * plan.shape.pooled_steps() + window) * window_row;
-            for v in 0..outs {
+            for v in (0..outs).step_by(L::OCTETS) {
                 let mut sparse = [[L::splat(0.0); 2]; MOST_TAXELS];
                 for taxel in 0..taxels {
                     let at = first + taxel * outs + v;
-                    let gradient = L::load_slice(&gradients[at]).mul(L::load_slice(&terms[ka][v]));
-                    sparse[taxel] = [gradient, L::from_bytes(&positions[at])];
+                    let gradient = L::load_floats(self.output.gradient, at);
+                    sparse[taxel] = [
+                        gradient.mul(L::load_floats(&affine.ka, v)),
+                        L::load_bytes(self.output.positions, at),
+                    ];
                 }
-                let (kb, kc) = (L::load_slice(&terms[kb][v]), L::load_slice(&terms[kc][v]));
+                let (kb, kc) = (L::load_floats(&affine.kb, v), L::load_floats(&affine.kc, v));
                 for (step, maps) in tile.chunks_exact(window_row).enumerate() {
                     let won = L::splat(step as f32);
                     let out = &mut self.rows[(window * pool + step) * 2 * outs + v..];
                     let values = |taxel: usize| {
                         let [gradient, position] = sparse[taxel];
-                        let dense = L::load(&maps[taxel * outs + v]).mul_add(kc, kb);
+                        let dense = L::load(maps, taxel * outs + v).mul_add(kc, kb);
                         position.if_equal(won, gradient).add(dense)
                     };
                     plan.taxel.forward::<L>(values, out, steps * 2 * outs, outs);
@@ -164,10 +165,10 @@ pub(super) struct TurnConjugated<'a> {
     pub(super) outs: usize,
 }
 
-impl Kernel for TurnConjugated<'_> {
+impl NarrowKernel for TurnConjugated<'_> {
     type Output = ();
     #[inline(always)]
-    fn run<L: Lanes>(self) {
+    fn run<L: Narrow>(self) {
         let TurnConjugated {
             weight,
             turned,
@@ -180,11 +181,11 @@ impl Kernel for TurnConjugated<'_> {
                 for (o, turned) in turned.chunks_exact_mut(16 * ins).enumerate() {
                     for lane in 0..8 {
                         rows[lane] =
-                            L::load(&weight[(2 * lane + part) * outs + o]).mul(L::splat(sign));
+                            L::load(weight, (2 * lane + part) * outs + o).mul(L::splat(sign));
                     }
                     rows = L::transpose(rows);
                     for lane in 0..8 {
-                        rows[lane].store(&mut turned[(2 * lane + part) * ins + i]);
+                        rows[lane].store(turned, (2 * lane + part) * ins + i);
                     }
                 }
             }
@@ -192,10 +193,12 @@ impl Kernel for TurnConjugated<'_> {
     }
 }
 
-/// Eight output maps' weight gradients from all columns: `[8, maps_in, kernel steps, kernel taxels]`.
+/// Weight gradients of a vector of output maps from all columns: `[maps, maps_in, kernel steps, kernel taxels]`.
 pub(super) struct WeightGradient<'a> {
     pub(super) plan: &'a Plan,
-    pub(super) octet: usize,
+    /// Vector of output maps.
+    pub(super) group: usize,
+    /// `[column, group of maps_out octets, maps_in, kernel steps, 2]`
     pub(super) d_taps: &'a [Octet],
     pub(super) weight: &'a mut [f32],
 }
@@ -208,16 +211,19 @@ impl Kernel for WeightGradient<'_> {
         let [kernel_steps, kernel_taxels] = plan.shape.kernel;
         let lags = plan.shape.maps_in * kernel_steps;
         let column_len = lags * plan.outs * 2;
-        let mut taps = vec![Octet::ZERO; kernel_taxels];
+        let mut taps = vec![Octet::ZERO; kernel_taxels * L::OCTETS];
         for lag in 0..lags {
             taps.fill(Octet::ZERO);
             for column in 0..plan.taxel.frequencies() {
-                let at = column * column_len + (self.octet * lags + lag) * 2;
-                let value = [L::load(&self.d_taps[at]), L::load(&self.d_taps[at + 1])];
+                let at = column * column_len + (self.group * lags + lag) * 2 * L::OCTETS;
+                let value = [
+                    L::load(self.d_taps, at),
+                    L::load(self.d_taps, at + L::OCTETS),
+                ];
                 plan.taxel.add_kernel_inverse::<L>(column, value, &mut taps);
             }
-            for (tap, values) in taps.iter().enumerate() {
-                for (lane, &value) in values.0.iter().enumerate() {
+            for (tap, values) in taps.chunks_exact(L::OCTETS).enumerate() {
+                for (lane, &value) in floats(values).iter().enumerate() {
                     self.weight[(lane * lags + lag) * kernel_taxels + tap] = value;
                 }
             }
@@ -244,16 +250,16 @@ impl Kernel for InputGradient<'_> {
             taxels,
             ..
         } = plan.shape;
-        let (octets, _) = self.input.as_chunks_mut::<8>();
-        for (step, row) in octets.chunks_exact_mut(taxels * ins).enumerate() {
-            for v in 0..ins {
+        let row = taxels * ins * 8;
+        for (step, row) in self.input.chunks_exact_mut(row).enumerate() {
+            for v in (0..ins).step_by(L::OCTETS) {
                 let spectrum = &self.spectra[(self.sweep * steps + step) * 2 * ins + v..];
                 plan.taxel.inverse::<L>(
                     spectrum,
                     batch * steps * 2 * ins,
                     ins,
                     |taxel, value: L| {
-                        value.store_slice(&mut row[taxel * ins + v]);
+                        value.store_floats(row, taxel * ins + v);
                     },
                 );
             }

@@ -1,4 +1,4 @@
-//! Real Fourier transforms across the few taxels, as dense products, eight maps to a vector.
+//! Real Fourier transforms across the few taxels, as dense products, a vector of maps at once.
 //!
 //! Positions are counted from the middle of the taxel row, `u = w - (taxels - 1) / 2`, so every pair `+-u` enters as its sum
 //! (times a cosine) and its difference (times a sine): half the multiplications. The middle may lie between two taxels; the
@@ -83,6 +83,10 @@ impl TaxelPlan {
         self.length / 2 + 1
     }
 
+    pub(super) fn kernel_taxels(&self) -> usize {
+        2 * self.pad + 1
+    }
+
     fn pairs(&self) -> usize {
         self.taxels.div_ceil(2)
     }
@@ -139,14 +143,14 @@ impl TaxelPlan {
             differences[pair] = a.sub(b);
         }
         for (f, table) in self.forward.chunks_exact(2 * PAIRS).enumerate() {
-            let mut re = sums[0].mul(L::load(&table[0]));
-            let mut im = differences[0].mul(L::load(&table[1]));
+            let mut re = sums[0].mul(L::load_equal(&table[0]));
+            let mut im = differences[0].mul(L::load_equal(&table[1]));
             for pair in 1..PAIRS {
-                re = sums[pair].mul_add(L::load(&table[2 * pair]), re);
-                im = differences[pair].mul_add(L::load(&table[2 * pair + 1]), im);
+                re = sums[pair].mul_add(L::load_equal(&table[2 * pair]), re);
+                im = differences[pair].mul_add(L::load_equal(&table[2 * pair + 1]), im);
             }
-            re.store(&mut out[f * stride]);
-            im.store(&mut out[f * stride + imaginary]);
+            re.store(out, f * stride);
+            im.store(out, f * stride + imaginary);
         }
     }
 
@@ -164,16 +168,21 @@ impl TaxelPlan {
         let frequencies = self.frequencies();
         let table = &self.inverse[..2 * PAIRS * frequencies];
         for f in 0..frequencies {
-            let re = L::load(&spectrum[f * stride]);
+            let re = L::load(spectrum, f * stride);
             for pair in 0..PAIRS {
-                even[pair] = re.mul_add(L::load(&table[2 * (pair * frequencies + f)]), even[pair]);
+                even[pair] = re.mul_add(
+                    L::load_equal(&table[2 * (pair * frequencies + f)]),
+                    even[pair],
+                );
             }
         }
         for f in 0..frequencies {
-            let im = L::load(&spectrum[f * stride + imaginary]);
+            let im = L::load(spectrum, f * stride + imaginary);
             for pair in 0..PAIRS {
-                odd[pair] =
-                    im.mul_add(L::load(&table[2 * (pair * frequencies + f) + 1]), odd[pair]);
+                odd[pair] = im.mul_add(
+                    L::load_equal(&table[2 * (pair * frequencies + f) + 1]),
+                    odd[pair],
+                );
             }
         }
         for pair in 0..PAIRS {
@@ -186,17 +195,14 @@ impl TaxelPlan {
         }
     }
 
-    /// Frequency `f` of a kernel row, given as taps of a cross-correlation: the convolution's lags are the taps reversed.
+    /// Frequency `f` of a kernel row, given as taps of a cross-correlation, a vector each: the convolution's lags are the taps reversed.
     #[inline(always)]
     pub(super) fn kernel<L: Lanes>(&self, frequency: usize, taps: &[Octet]) -> [L; 2] {
         let table = &self.kernel[frequency * (self.pad + 1)..(frequency + 1) * (self.pad + 1)];
-        let taps = &taps[..2 * self.pad + 1];
-        let (mut re, mut im) = (L::load(&taps[self.pad]), L::splat(0.0));
+        let tap = |tap: usize| L::load(taps, tap * L::OCTETS);
+        let (mut re, mut im) = (tap(self.pad), L::splat(0.0));
         for lag in 1..=self.pad {
-            let (plus, minus) = (
-                L::load(&taps[self.pad - lag]),
-                L::load(&taps[self.pad + lag]),
-            );
+            let (plus, minus) = (tap(self.pad - lag), tap(self.pad + lag));
             re = plus.add(minus).mul_add(L::splat(table[lag][0]), re);
             im = plus.sub(minus).mul_add(L::splat(table[lag][1]), im);
         }
@@ -214,20 +220,18 @@ impl TaxelPlan {
         let table = &self.kernel[frequency * (self.pad + 1)..(frequency + 1) * (self.pad + 1)];
         let weight = L::splat(self.weight(frequency));
         let (re, im) = (re.mul(weight), im.mul(weight));
-        let taps = &mut taps[..2 * self.pad + 1];
-        L::load(&taps[self.pad]).add(re).store(&mut taps[self.pad]);
+        let mut add = |tap: usize, value: L| {
+            let at = tap * L::OCTETS;
+            L::load(taps, at).add(value).store(taps, at);
+        };
+        add(self.pad, re);
         for lag in 1..=self.pad {
             let (even, odd) = (
                 re.mul(L::splat(table[lag][0])),
                 im.mul(L::splat(table[lag][1])),
             );
-            let (plus, minus) = (self.pad - lag, self.pad + lag);
-            L::load(&taps[plus])
-                .add(even.add(odd))
-                .store(&mut taps[plus]);
-            L::load(&taps[minus])
-                .add(even.sub(odd))
-                .store(&mut taps[minus]);
+            add(self.pad - lag, even.add(odd));
+            add(self.pad + lag, even.sub(odd));
         }
     }
 }

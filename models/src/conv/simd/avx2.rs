@@ -2,11 +2,11 @@
 
 use std::arch::x86_64::*;
 
-use super::{Kernel, Lanes, Octet};
+use super::{Kernel, Lanes, Narrow, NarrowKernel, Octet};
 
-/// Exists only inside [`run`], that is on processors with AVX2 and FMA.
+/// Exists only inside the functions with `target_feature`, that is on processors with AVX2 and FMA.
 #[derive(Debug, Clone, Copy)]
-struct Avx2(__m256);
+pub(super) struct Avx2(__m256);
 
 /// # Safety
 /// The processor must have AVX2 and FMA.
@@ -15,37 +15,32 @@ pub(super) unsafe fn run<K: Kernel>(kernel: K) -> K::Output {
     kernel.run::<Avx2>()
 }
 
-/// The same lanes with the 32 registers of AVX-512, which the larger butterflies need.
-///
 /// # Safety
-/// The processor must have AVX2, FMA and AVX-512 F, VL, BW and DQ.
-#[target_feature(enable = "avx2,fma,avx512f,avx512vl,avx512bw,avx512dq")]
-pub(super) unsafe fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
+/// The processor must have AVX2 and FMA.
+#[target_feature(enable = "avx2,fma")]
+pub(super) unsafe fn run_narrow<K: NarrowKernel>(kernel: K) -> K::Output {
     kernel.run::<Avx2>()
 }
 
-// SAFETY of every block below: `Avx2` is only named in `run`, whose caller has detected the features; loads and stores go
-// through references to eight valid f32, and `Octet` is 32-byte aligned.
+// SAFETY of every block below: `Avx2` is only named in functions whose callers have detected the features; loads and stores go
+// through slices of eight values or are granted by the caller, and `Octet` is 32-byte aligned.
 impl Lanes for Avx2 {
+    const OCTETS: usize = 1;
     #[inline(always)]
     fn splat(value: f32) -> Self {
         Self(unsafe { _mm256_set1_ps(value) })
     }
     #[inline(always)]
-    fn load(from: &Octet) -> Self {
+    fn load_equal(from: &Octet) -> Self {
         Self(unsafe { _mm256_load_ps(from.0.as_ptr()) })
     }
     #[inline(always)]
-    fn load_slice(from: &[f32; 8]) -> Self {
-        Self(unsafe { _mm256_loadu_ps(from.as_ptr()) })
+    unsafe fn load_from(from: *const f32) -> Self {
+        Self(unsafe { _mm256_loadu_ps(from) })
     }
     #[inline(always)]
-    fn store(self, to: &mut Octet) {
-        unsafe { _mm256_store_ps(to.0.as_mut_ptr(), self.0) }
-    }
-    #[inline(always)]
-    fn store_slice(self, to: &mut [f32; 8]) {
-        unsafe { _mm256_storeu_ps(to.as_mut_ptr(), self.0) }
+    unsafe fn store_to(self, to: *mut f32) {
+        unsafe { _mm256_storeu_ps(to, self.0) }
     }
     #[inline(always)]
     fn add(self, other: Self) -> Self {
@@ -83,6 +78,30 @@ impl Lanes for Avx2 {
         Self(unsafe { _mm256_and_ps(_mm256_cmp_ps::<_CMP_EQ_OQ>(self.0, other.0), then.0) })
     }
     #[inline(always)]
+    fn store_bytes(self, to: &mut [u8], at: usize) {
+        let bytes = unsafe {
+            let whole = _mm256_cvttps_epi32(self.0);
+            let (low, high) = (
+                _mm256_castsi256_si128(whole),
+                _mm256_extracti128_si256::<1>(whole),
+            );
+            let words = _mm_packus_epi32(low, high);
+            _mm_cvtsi128_si64(_mm_packus_epi16(words, words)).to_le_bytes()
+        };
+        to[8 * at..8 * at + 8].copy_from_slice(&bytes);
+    }
+    #[inline(always)]
+    fn load_bytes(from: &[u8], at: usize) -> Self {
+        let from = &from[8 * at..8 * at + 8];
+        Self(unsafe {
+            let bytes = _mm_loadl_epi64(from.as_ptr().cast());
+            _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(bytes))
+        })
+    }
+}
+
+impl Narrow for Avx2 {
+    #[inline(always)]
     fn transpose(r: [Self; 8]) -> [Self; 8] {
         unsafe {
             let mut pairs = [r[0].0; 8];
@@ -105,24 +124,5 @@ impl Lanes for Avx2 {
             }
             out
         }
-    }
-    #[inline(always)]
-    fn to_bytes(self) -> [u8; 8] {
-        unsafe {
-            let whole = _mm256_cvttps_epi32(self.0);
-            let (low, high) = (
-                _mm256_castsi256_si128(whole),
-                _mm256_extracti128_si256::<1>(whole),
-            );
-            let words = _mm_packus_epi32(low, high);
-            _mm_cvtsi128_si64(_mm_packus_epi16(words, words)).to_le_bytes()
-        }
-    }
-    #[inline(always)]
-    fn from_bytes(bytes: &[u8; 8]) -> Self {
-        Self(unsafe {
-            let whole = _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(i64::from_le_bytes(*bytes)));
-            _mm256_cvtepi32_ps(whole)
-        })
     }
 }

@@ -1,5 +1,7 @@
 //! Rows of a buffer, picked by a table, that transforms read and write; their bounds are checked once.
 
+use std::marker::PhantomData;
+
 use super::{Lanes, Octet};
 
 /// A row that reads as zero, or is not wanted.
@@ -47,15 +49,15 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// Panics unless every row lies within `len` octets; past this, rows are reached unchecked.
+    /// Panics unless every row lies within `len` octets with all the octets of a vector; past this, rows are reached unchecked.
     #[inline(always)]
-    fn check(&self, len: usize) {
+    fn check<L: Lanes>(&self, len: usize) {
         let part = self.parts[0].max(self.parts[1]);
         let furthest = self
             .table
             .furthest
             .checked_mul(self.stride)
-            .and_then(|at| at.checked_add(part));
+            .and_then(|at| at.checked_add(part + L::OCTETS - 1));
         assert!(
             furthest.is_some_and(|at| at < len),
             "every row lies within its buffer"
@@ -65,33 +67,39 @@ impl<'a> Rows<'a> {
 
 /// Rows to read from.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::conv) struct Reader<'a> {
+pub(in crate::conv) struct Reader<'a, L> {
     values: &'a [Octet],
     rows: Rows<'a>,
+    lanes: PhantomData<L>,
 }
 
-impl<'a> Reader<'a> {
+impl<'a, L: Lanes> Reader<'a, L> {
     /// Panics unless every row lies within `values`.
     #[inline(always)]
     pub(in crate::conv) fn new(values: &'a [Octet], rows: Rows<'a>) -> Self {
-        rows.check(values.len());
-        Self { values, rows }
+        rows.check::<L>(values.len());
+        Self {
+            values,
+            rows,
+            lanes: PhantomData,
+        }
     }
 
     /// Real and imaginary part of an element, zero if it lies nowhere.
     #[inline(always)]
-    pub(in crate::conv) fn read<L: Lanes>(&self, element: usize) -> [L; 2] {
+    pub(in crate::conv) fn read(&self, element: usize) -> [L; 2] {
         let row = self.rows.table.rows[element];
         if row == NOWHERE {
             return [L::splat(0.0); 2];
         }
         let at = row as usize * self.rows.stride;
         let [re, im] = self.rows.parts;
-        // SAFETY: `new` has checked the furthest row with both parts.
+        let first = self.values.as_ptr();
+        // SAFETY: `new` has checked the furthest row with both parts, for vectors of this width.
         unsafe {
             [
-                L::load(self.values.get_unchecked(at + re)),
-                L::load(self.values.get_unchecked(at + im)),
+                L::load_from(first.add(at + re).cast()),
+                L::load_from(first.add(at + im).cast()),
             ]
         }
     }
@@ -99,30 +107,36 @@ impl<'a> Reader<'a> {
 
 /// Rows to write to.
 #[derive(Debug)]
-pub(in crate::conv) struct Writer<'a> {
+pub(in crate::conv) struct Writer<'a, L> {
     values: &'a mut [Octet],
     rows: Rows<'a>,
+    lanes: PhantomData<L>,
 }
 
-impl<'a> Writer<'a> {
+impl<'a, L: Lanes> Writer<'a, L> {
     /// Panics unless every row lies within `values`.
     #[inline(always)]
     pub(in crate::conv) fn new(values: &'a mut [Octet], rows: Rows<'a>) -> Self {
-        rows.check(values.len());
-        Self { values, rows }
+        rows.check::<L>(values.len());
+        Self {
+            values,
+            rows,
+            lanes: PhantomData,
+        }
     }
 
     /// Stores real and imaginary part of an element, unless it lies nowhere.
     #[inline(always)]
-    pub(in crate::conv) fn write<L: Lanes>(&mut self, element: usize, [re, im]: [L; 2]) {
+    pub(in crate::conv) fn write(&mut self, element: usize, [re, im]: [L; 2]) {
         let row = self.rows.table.rows[element];
         if row != NOWHERE {
             let at = row as usize * self.rows.stride;
             let parts = self.rows.parts;
-            // SAFETY: `new` has checked the furthest row with both parts.
+            let first = self.values.as_mut_ptr();
+            // SAFETY: `new` has checked the furthest row with both parts, for vectors of this width.
             unsafe {
-                re.store(self.values.get_unchecked_mut(at + parts[0]));
-                im.store(self.values.get_unchecked_mut(at + parts[1]));
+                re.store_to(first.add(at + parts[0]).cast());
+                im.store_to(first.add(at + parts[1]).cast());
             }
         }
     }
