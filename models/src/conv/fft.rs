@@ -195,15 +195,15 @@ impl Pass {
                     values[k] = Complex { re, im };
                 }
                 butterfly::<L, RADIX>(&mut values);
+                if self.groups > 1 {
+                    for k in 1..RADIX {
+                        values[k] = values[k].rotated(twiddles[k]);
+                    }
+                }
                 for k in 0..RADIX {
-                    let value = if group == 0 {
-                        values[k]
-                    } else {
-                        values[k].rotated(twiddles[k])
-                    };
                     target.write(
                         shared + self.stride * (RADIX * group + k),
-                        [value.re, value.im],
+                        [values[k].re, values[k].im],
                     );
                 }
             }

@@ -20,6 +20,8 @@ pub(super) const ROW: usize = 24;
 pub(super) const MARGIN: usize = MOST_KERNEL[1] - 1;
 /// Values from a patch's first to its last.
 pub(super) const PATCH: usize = (MOST_KERNEL[0] - 1) * ROW + 8;
+/// Sums that a thread takes at once.
+const RUN: usize = 1 << 11;
 /// Distances between two taps of a row, from `-MARGIN` on.
 const ACROSS: usize = 2 * MARGIN + 1;
 
@@ -84,7 +86,8 @@ impl Single {
             })
             .collect();
         let weight = self.weight_gradient(&saved.weight, output, &shares, edges.len());
-        let input = need_input.then(|| shares.into_iter().flat_map(|share| share.input).collect());
+        let inputs: Vec<&[f32]> = shares.iter().map(|share| &*share.input).collect();
+        let input = need_input.then(|| inputs.concat());
         (weight, input)
     }
 
@@ -149,12 +152,17 @@ impl Single {
         let taps = kernel_steps * kernel_taxels;
         let total = |part: fn(&Share) -> &[f32]| {
             let mut total = vec![0f64; part(&shares[0]).len()];
-            for share in shares {
-                total
-                    .iter_mut()
-                    .zip(part(share))
-                    .for_each(|(total, &value)| *total += f64::from(value));
-            }
+            total
+                .par_chunks_mut(RUN)
+                .enumerate()
+                .for_each(|(run, total)| {
+                    for share in shares {
+                        let values = &part(share)[run * RUN..][..total.len()];
+                        for (total, &value) in total.iter_mut().zip(values) {
+                            *total += f64::from(value);
+                        }
+                    }
+                });
             total
         };
         let sparse = total(|share| &share.sparse);
@@ -163,11 +171,9 @@ impl Single {
         let (correlation, patch_sums) =
             (self.correlation(&products, edges), self.patch_sums(&sums));
         let mut out = vec![0f32; weight.len()];
-        for (map, (out, weight)) in out
-            .chunks_exact_mut(taps)
-            .zip(weight.chunks_exact(taps))
-            .enumerate()
-        {
+        let maps = out.par_chunks_exact_mut(taps);
+        let maps = maps.zip(weight.par_chunks_exact(taps)).enumerate();
+        maps.for_each(|(map, (out, weight))| {
             let (kb, kc) = (
                 f64::from(output.affine.kb[map]),
                 f64::from(output.affine.kc[map]),
@@ -179,7 +185,7 @@ impl Single {
                 let mixed: f64 = row.iter().zip(weight).map(|(r, &w)| r * f64::from(w)).sum();
                 *out = (gathered + kb * patch_sums[tap] + kc * mixed) as f32;
             }
-        }
+        });
         out
     }
 
@@ -221,27 +227,32 @@ impl Single {
         let taps = kernel_steps * kernel_taxels;
         let rows = self.edges();
         let mut out = vec![0f64; taps * taps];
-        for early in 0..kernel_steps {
-            for late in early..kernel_steps {
-                let lines = &products[(late - early) * (1 + edges) * ACROSS * 16..];
-                for left in 0..kernel_taxels {
+        // The tap further up first; the other half is the same.
+        out.par_chunks_exact_mut(taps)
+            .enumerate()
+            .for_each(|(tap, out)| {
+                let (early, left) = (tap / kernel_taxels, tap % kernel_taxels);
+                let met = self.met_taxels(left);
+                for late in early..kernel_steps {
+                    let lines = &products[(late - early) * (1 + edges) * ACROSS * 16..];
                     for right in 0..kernel_taxels {
                         let across = right + MARGIN - left;
                         let over = |line: usize| {
-                            self.met_taxels(left)
-                                .map(|c| lines[(line * ACROSS + across) * 16 + c])
-                                .sum::<f64>()
+                            let line = &lines[(line * ACROSS + across) * 16..];
+                            met.clone().map(|c| line[c]).sum::<f64>()
                         };
                         let missed = rows
                             .iter()
                             .enumerate()
                             .filter(|&(_, &a)| !self.meets(early, a));
-                        let sum = over(0) - missed.map(|(edge, _)| over(1 + edge)).sum::<f64>();
-                        let (a, b) = (early * kernel_taxels + left, late * kernel_taxels + right);
-                        out[a * taps + b] = sum;
-                        out[b * taps + a] = sum;
+                        out[late * kernel_taxels + right] =
+                            over(0) - missed.map(|(edge, _)| over(1 + edge)).sum::<f64>();
                     }
                 }
+            });
+        for a in 0..taps {
+            for b in 0..a {
+                out[a * taps + b] = out[b * taps + a];
             }
         }
         out

@@ -5,6 +5,8 @@
 //! that depends on the output taxel (and, near the ends, on the step), there is one table for all inner steps and one for each
 //! step near an end, each with a coefficient per taxel.
 
+use rayon::prelude::*;
+
 use super::norm::GradientAffine;
 use super::simd::{Narrow, NarrowKernel};
 use super::single::{MOST_KERNEL, Single};
@@ -65,7 +67,7 @@ impl Single {
             }
         }
         let tables = ranges
-            .into_iter()
+            .into_par_iter()
             .map(|(first, end)| self.table(first..end, &pairs, &ones))
             .collect();
         Composite { tables, of_step }
@@ -142,10 +144,11 @@ impl Single {
             wide: &wide,
             gradient: &mut gradient[pad * ROW..(pad + steps) * ROW],
         });
-        let rows = gradient.chunks_exact(ROW).skip(pad).take(steps);
-        rows.flat_map(|row| &row[MARGIN..MARGIN + taxels])
-            .copied()
-            .collect()
+        let mut inner = Vec::with_capacity(steps * taxels);
+        for row in gradient.chunks_exact(ROW).skip(pad).take(steps) {
+            inner.extend_from_slice(&row[MARGIN..MARGIN + taxels]);
+        }
+        inner
     }
 }
 

@@ -18,15 +18,6 @@ pub(super) fn noise(len: usize, seed: u64) -> Vec<f32> {
         .collect()
 }
 
-/// Time this thread has run: timings on a busy machine. 0 where it is unknown.
-pub(super) fn cpu_nanoseconds() -> f64 {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
-    text.split(' ')
-        .next()
-        .and_then(|run| run.parse().ok())
-        .unwrap_or(0.0)
-}
-
 pub(super) struct Case {
     pub(super) x: Vec<f32>,
     pub(super) weight: Vec<f32>,
