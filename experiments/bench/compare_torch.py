@@ -13,8 +13,8 @@ Work is full-size TactNet-II (1000 steps x 16 taxels, 32/64/128 maps, 512 units,
     single_forward    one sweep
     mc_forward        one sweep, Monte Carlo dropout with M = 100 (convolutions once, head on all masks together)
 
-Each round times every piece of work once with tactnet, with PyTorch's channels-last and with its contiguous memory format. A
-ratio is PyTorch's better median over ours, so above 1 this project is faster. Our times also hold what PyTorch is spared here:
+Each round times every piece of work with tactnet, with PyTorch's channels-last and with its contiguous memory format: three times in
+a row (short work ten times), of which the median counts, so that a side's own caches are warm and not the other's. A ratio is PyTorch's better median over ours, so above 1 this project is faster. Our times also hold what PyTorch is spared here:
 reading u8 digits, normalising them, drawing dropout masks, and log-probabilities in f64.
 """
 
@@ -30,6 +30,7 @@ import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 WORK = ["train_step", "adversarial_step", "forward", "single_forward", "mc_forward"]
+SHORT = ["single_forward", "mc_forward"]
 BATCH, STEPS, TAXELS, MATERIALS, RUNS = 36, 1000, 16, 36, 100
 FORMATS = ["channels_last", "contiguous"]
 
@@ -161,18 +162,17 @@ def main():
         if sys.stderr.isatty():
             print(f"\rround {turn} of {options.rounds}", end="", file=sys.stderr, flush=True)
         for work, found in times.items():
-            # Short work is repeated within a turn, so that the turn is not all cache misses of the other side.
             for side in ["tactnet", *FORMATS]:
-                short = []
-                for _ in range(10 if work in ("single_forward", "mc_forward") else 1):
+                turn_times = []
+                for _ in range(10 if work in SHORT else 3):
                     if side == "tactnet":
-                        short.append(ours.time(work))
+                        turn_times.append(ours.time(work))
                     else:
                         begin = time.perf_counter()
                         getattr(sides[side], work)()
-                        short.append((time.perf_counter() - begin) * 1e3)
+                        turn_times.append((time.perf_counter() - begin) * 1e3)
                 if turn > 0:  # the first round warms up
-                    found[side].append(statistics.median(short))
+                    found[side].append(statistics.median(turn_times))
     if sys.stderr.isatty():
         print("\r\033[K", end="", file=sys.stderr)
     medians = {work: {side: statistics.median(t) for side, t in found.items()} for work, found in times.items()}

@@ -7,6 +7,7 @@ use super::shape::BlockShape;
 use super::simd::Isa;
 use super::single::{SavedSingle, Single};
 use super::spectral::{SavedSpectral, Spectral};
+use super::weight::Weight;
 
 /// A block planned for one shape, with the workspace it reuses from call to call.
 #[derive(Debug)]
@@ -91,16 +92,22 @@ impl Block {
         }
     }
 
-    fn convolve(&self, input: &[f32], weight: &[f32], gamma: &[f32]) -> (Pooled, SavedRoute) {
+    fn convolve(
+        &self,
+        input: &[f32],
+        weight: &Weight<'_>,
+        gamma: &[f32],
+        keep: bool,
+    ) -> (Pooled, SavedRoute) {
         let outputs = self.shape.output_len();
         let to = || (self.values.take(outputs), self.bytes.take(outputs));
         match &self.route {
             Route::Direct => {
-                let (pooled, saved) = direct::forward(&self.shape, input, weight, gamma);
+                let (pooled, saved) = direct::forward(&self.shape, input, weight.values, gamma);
                 (pooled, SavedRoute::Direct(saved))
             }
             Route::Spectral(spectral) => {
-                let (pooled, saved) = spectral.forward(input, weight, gamma, to());
+                let (pooled, saved) = spectral.forward(input, weight, gamma, keep, to());
                 (pooled, SavedRoute::Spectral(saved))
             }
             Route::Single(single) => {
@@ -116,15 +123,16 @@ impl Block {
     }
 
     /// Normalises with the statistics of this batch.
-    pub fn forward_train(
+    pub fn forward_train<'a>(
         &self,
         input: &[f32],
-        weight: &[f32],
+        weight: impl Into<Weight<'a>>,
         gamma: &[f32],
         beta: &[f32],
     ) -> Trained {
-        self.check(input, weight, gamma, beta);
-        let (pooled, route) = self.convolve(input, weight, gamma);
+        let weight = weight.into();
+        self.check(input, &weight, gamma, beta);
+        let (pooled, route) = self.convolve(input, &weight, gamma, true);
         let (mean, variance) = (pooled.moments.mean(), pooled.moments.variance());
         let normalizer = Normalizer::new(&mean, &variance, gamma, beta);
         let mut out = vec![0.0; self.shape.output_len()];
@@ -144,17 +152,18 @@ impl Block {
     }
 
     /// Normalises with the given mean and variance.
-    pub fn forward_eval(
+    pub fn forward_eval<'a>(
         &self,
         input: &[f32],
-        weight: &[f32],
+        weight: impl Into<Weight<'a>>,
         gamma: &[f32],
         beta: &[f32],
         mean: &[f32],
         variance: &[f32],
     ) -> Vec<f32> {
-        self.check(input, weight, gamma, beta);
-        let (pooled, saved) = self.convolve(input, weight, gamma);
+        let weight = weight.into();
+        self.check(input, &weight, gamma, beta);
+        let (pooled, saved) = self.convolve(input, &weight, gamma, false);
         let normalizer = Normalizer::new(mean, variance, gamma, beta);
         let mut out = vec![0.0; self.shape.output_len()];
         normalizer.rectify(&pooled.winners, &mut out);
@@ -218,7 +227,7 @@ impl Block {
         self.bytes.give(saved.positions);
     }
 
-    fn check(&self, input: &[f32], weight: &[f32], gamma: &[f32], beta: &[f32]) {
+    fn check(&self, input: &[f32], weight: &Weight<'_>, gamma: &[f32], beta: &[f32]) {
         let shape = &self.shape;
         assert_eq!(
             input.len(),
@@ -226,7 +235,7 @@ impl Block {
             "the input has the planned size"
         );
         assert_eq!(
-            weight.len(),
+            weight.values.len(),
             shape.weight_len(),
             "the weights have the planned size"
         );

@@ -17,6 +17,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use super::block::{Block, Saved};
 use super::plans;
 use super::shape::BlockShape;
+use super::weight::Weight;
 
 /// Whether `device` is the processor, that is Burn's Flex backend, with or without autodiff: only there the fused operations run.
 pub fn runs_on(device: &Device) -> bool {
@@ -129,6 +130,11 @@ impl Values {
         }
     }
 
+    /// As weights: whoever else holds this tensor's memory copies it before changing it.
+    fn weight(&self) -> Weight<'_> {
+        Weight::known(self.slice(), self.0.data_arc())
+    }
+
     fn slice(&self) -> &[f32] {
         &self.0.storage()[..self.0.shape().num_elements()]
     }
@@ -166,7 +172,7 @@ fn pooled(values: Vec<f32>, shape: &BlockShape) -> Primitive {
 fn train(inputs: [Primitive; 4], pool: usize) -> (BlockOutput<Flex>, State) {
     let block = plan(&inputs[0], &inputs[1], pool);
     let [input, weight, gamma, beta] = inputs.map(Values::of);
-    let trained = block.forward_train(input.slice(), weight.slice(), gamma.slice(), beta.slice());
+    let trained = block.forward_train(input.slice(), weight.weight(), gamma.slice(), beta.slice());
     let maps = [block.shape().maps_out];
     let output = BlockOutput {
         pooled: pooled(trained.pooled, block.shape()),
@@ -208,7 +214,7 @@ impl FrozenBlock for Flex {
             [input, weight, gamma, beta, mean, variance].map(Values::of);
         let out = block.forward_eval(
             input.slice(),
-            weight.slice(),
+            weight.weight(),
             gamma.slice(),
             beta.slice(),
             mean.slice(),

@@ -29,9 +29,11 @@ mod spectral_stages;
 mod taxel;
 #[cfg(test)]
 mod tests;
+mod weight;
 
 pub use extension::runs_on;
 pub(crate) use extension::{TrainedBlock, block_eval, block_train};
 
 pub use block::{Block, Gradients, Saved, Trained};
 pub use shape::BlockShape;
+pub use weight::Weight;

@@ -16,6 +16,7 @@ use super::single_stages::{Analyze, Scale, Synthesize};
 use super::spectral_plan::{by_group, signs};
 use super::spectral_stages::KernelRows;
 use super::taxel::TaxelPlan;
+use super::weight::{Remembered, Weight};
 
 /// Steps that a tile should have at most.
 const TILE: usize = 100;
@@ -37,6 +38,7 @@ pub(super) struct Single {
     all: Table,
     taps: Table,
     cropped: Table,
+    weights: Remembered<Octets>,
     buffers: Buffers<Octets>,
 }
 
@@ -92,6 +94,7 @@ impl Single {
             all: Table::new((0..length).map(|s| row(true, s))),
             taps: Table::new((0..length).map(taps)),
             cropped: Table::new((0..length).map(cropped)),
+            weights: Remembered::default(),
             buffers: Buffers::default(),
             shape,
             isa,
@@ -104,12 +107,15 @@ impl Single {
     pub(super) fn forward(
         &self,
         input: &[f32],
-        weight: &[f32],
+        weight: &Weight<'_>,
         gamma: &[f32],
         to: (Vec<f32>, Vec<u8>),
     ) -> (Pooled, SavedSingle) {
         let shape = &self.shape;
-        let spectra = self.weight_spectra(weight);
+        let spectra = self.weights.get_or_make(weight, |before| {
+            before.into_iter().for_each(|made| self.buffers.give(made));
+            self.weight_spectra(weight.values)
+        });
         let signs = signs(gamma);
         let (windows, tile_windows) = (shape.pooled_steps(), self.tile / shape.pool);
         let window = shape.taxels * shape.maps_out;
@@ -146,7 +152,12 @@ impl Single {
                 });
             }
         }
-        tiles.par_chunks_mut(8).for_each(|tiles| {
+        // Eight tiles are analysed at once; few tiles are shared out more finely, so that no thread idles.
+        let at_once = tiles
+            .len()
+            .div_ceil(2 * rayon::current_num_threads())
+            .min(8);
+        tiles.par_chunks_mut(at_once).for_each(|tiles| {
             let columns = self.taxel.frequencies();
             let length = self.time.length();
             let mut rows = self.buffers.take(length * shape.taxels);
@@ -241,10 +252,9 @@ impl Single {
             (shape.steps - index % windows * shape.pool).min(shape.pool) * shape.taxels
         });
         self.buffers.give(sums);
-        self.buffers.give(spectra);
         let saved = SavedSingle {
             input: input.to_vec(),
-            weight: weight.to_vec(),
+            weight: weight.values.to_vec(),
         };
         (
             Pooled {

@@ -7,6 +7,8 @@
 //! One taxel frequency after the other (a *column*) is taken through its time spectrum, its products and back, so only a column's
 //! spectra need to stay in cache; columns are also what threads share out.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use super::buffers::Buffers;
@@ -16,12 +18,14 @@ use super::product::Left;
 use super::shape::BlockShape;
 use super::simd::{Isa, NOWHERE, Octet, Octets, Rows, floats};
 use super::spectral_plan::{Plan, by_group, signs};
-use super::spectral_stages::{Analyze, KernelRows, Synthesize};
+use super::spectral_stages::{Analyze, KernelRows, Maps, Synthesize};
+use super::weight::{Remembered, Weight};
 
 /// Plan and workspace.
 #[derive(Debug)]
 pub(super) struct Spectral {
     pub(super) plan: Plan,
+    weights: Remembered<Octets>,
     pub(super) buffers: Buffers<Octets>,
 }
 
@@ -31,8 +35,8 @@ pub(super) struct SavedSpectral {
     /// `[column, time frequency, batch, 2, maps_in]`
     pub(super) input: Octets,
     /// `[column, time frequency, maps_in, 2, maps_out]`
-    pub(super) weight: Octets,
-    /// `[batch, steps, taxels, maps_out]`
+    pub(super) weight: Arc<Octets>,
+    /// `[batch, steps, taxels, maps_out]`, empty if no backward pass will come
     pub(super) maps: Octets,
 }
 
@@ -40,60 +44,48 @@ impl Spectral {
     pub(super) fn new(shape: BlockShape, isa: Isa) -> Option<Self> {
         Some(Self {
             plan: Plan::new(shape, isa)?,
+            weights: Remembered::default(),
             buffers: Buffers::default(),
         })
     }
 
-    /// Convolves, pools and keeps what the backward pass needs; winners and positions are written over `to`.
+    /// Convolves, pools and, with `keep`, keeps what the backward pass needs; winners and positions are written over `to`.
     pub(super) fn forward(
         &self,
         input: &[f32],
-        weight: &[f32],
+        weight: &Weight<'_>,
         gamma: &[f32],
+        keep: bool,
         to: (Vec<f32>, Vec<u8>),
     ) -> (Pooled, SavedSpectral) {
         let plan = &self.plan;
         let (shape, columns, length) = (plan.shape, plan.taxel.frequencies(), plan.time.length());
-        let mut taps = self.buffers.take(weight.len() / 8);
-        by_group(
-            weight,
-            weight.len() / shape.maps_out,
-            plan.out_group,
-            &mut taps,
-        );
         let mut rows = self
             .buffers
             .take(shape.batch * columns * shape.steps * 2 * plan.ins);
         rows.par_chunks_exact_mut(columns * shape.steps * 2 * plan.ins)
             .zip(input.par_chunks_exact(shape.input_len() / shape.batch))
             .for_each(|(rows, input)| plan.isa.run(plan.ins, Analyze { plan, input, rows }));
-        let mut saved = SavedSpectral {
-            input: self.buffers.take(columns * length * plan.input_stride()),
-            weight: self.buffers.take(columns * length * plan.weight_stride()),
-            maps: self.buffers.take(shape.count() * plan.outs),
-        };
+        let weight = self.weights.get_or_make(weight, |before| {
+            before.into_iter().for_each(|made| self.buffers.give(made));
+            self.weight_spectra(weight.values)
+        });
+        let mut input = self.buffers.take(columns * length * plan.input_stride());
         let mut products = self
             .buffers
             .take(columns * shape.batch * shape.steps * 2 * plan.outs);
-        saved
-            .input
+        input
             .par_chunks_exact_mut(length * plan.input_stride())
-            .zip(
-                saved
-                    .weight
-                    .par_chunks_exact_mut(length * plan.weight_stride()),
-            )
+            .zip(weight.par_chunks_exact(length * plan.weight_stride()))
             .zip(products.par_chunks_exact_mut(shape.batch * shape.steps * 2 * plan.outs))
             .enumerate()
             .for_each(|(column, ((input, weight), out))| {
                 let mut spectrum = self.buffers.take(length * plan.output_stride());
                 let mut scratch = self.buffers.take(plan.time.scratch(2));
-                let (taps, rows) = (&taps, &rows);
                 Column {
                     plan,
                     column,
-                    taps,
-                    rows,
+                    rows: &rows,
                     input,
                     weight,
                     spectrum: &mut spectrum,
@@ -104,11 +96,39 @@ impl Spectral {
                 self.buffers.give(spectrum);
                 self.buffers.give(scratch);
             });
-        let pooled = self.pool(&products, &mut saved.maps, gamma, to);
-        for buffer in [taps, rows, products] {
+        let mut maps = self
+            .buffers
+            .take(if keep { shape.count() * plan.outs } else { 0 });
+        let pooled = self.pool(&products, &mut maps, gamma, to);
+        for buffer in [rows, products] {
             self.buffers.give(buffer);
         }
+        let saved = SavedSpectral {
+            input,
+            weight,
+            maps,
+        };
         (pooled, saved)
+    }
+
+    /// Spectra of all kernels, column by column.
+    fn weight_spectra(&self, weight: &[f32]) -> Octets {
+        let plan = &self.plan;
+        let (columns, length) = (plan.taxel.frequencies(), plan.time.length());
+        let mut taps = self.buffers.take(weight.len() / 8);
+        let row = weight.len() / plan.shape.maps_out;
+        by_group(weight, row, plan.out_group, &mut taps);
+        let mut spectra = self.buffers.take(columns * length * plan.weight_stride());
+        spectra
+            .par_chunks_exact_mut(length * plan.weight_stride())
+            .enumerate()
+            .for_each(|(column, spectrum)| {
+                let mut scratch = self.buffers.take(plan.time.scratch(2));
+                weight_spectrum(plan, column, &taps, spectrum, &mut scratch);
+                self.buffers.give(scratch);
+            });
+        self.buffers.give(taps);
+        spectra
     }
 
     fn pool(
@@ -125,13 +145,27 @@ impl Spectral {
         let signs = signs(gamma);
         let (mut winners, mut positions) = to;
         let mut sums = self.buffers.take(shape.batch * windows * 3 * plan.outs);
+        let kept: Vec<Option<&mut [Octet]>> = if maps.is_empty() {
+            (0..shape.batch).map(|_| None).collect()
+        } else {
+            let sweeps = maps.chunks_exact_mut(shape.steps * shape.taxels * plan.outs);
+            sweeps.map(Some).collect()
+        };
         winners
             .par_chunks_exact_mut(sweep)
             .zip(positions.par_chunks_exact_mut(sweep))
             .zip(sums.par_chunks_exact_mut(windows * 3 * plan.outs))
-            .zip(maps.par_chunks_exact_mut(shape.steps * shape.taxels * plan.outs))
+            .zip(kept)
             .enumerate()
-            .for_each(|(sweep, (((winners, positions), sums), maps))| {
+            .for_each(|(sweep, (((winners, positions), sums), kept))| {
+                let mut tile = self.buffers.take(match kept {
+                    Some(_) => 0,
+                    None => shape.pool * shape.taxels * plan.outs,
+                });
+                let maps = match kept {
+                    Some(maps) => Maps::Kept(maps),
+                    None => Maps::Passing(&mut tile),
+                };
                 let to = Window {
                     winners,
                     positions,
@@ -147,6 +181,7 @@ impl Spectral {
                     to,
                 };
                 plan.isa.run(plan.outs, stage);
+                self.buffers.give(tile);
             });
         let moments = merge_sums(&sums, plan.outs, |window| {
             let first = window % windows * shape.pool;
@@ -162,20 +197,23 @@ impl Spectral {
 
     /// Puts what a forward pass saved to rest.
     pub(super) fn recycle(&self, saved: SavedSpectral) {
-        for buffer in [saved.input, saved.weight, saved.maps] {
+        for buffer in [saved.input, saved.maps] {
             self.buffers.give(buffer);
+        }
+        // The last to hold the spectra puts them to rest.
+        if let Some(weight) = Arc::into_inner(saved.weight) {
+            self.buffers.give(weight);
         }
     }
 }
 
-/// One column: time spectra of weights and input, products, and back to steps, `[batch, steps, 2, maps_out]`.
+/// One column: time spectra of the input, products, and back to steps, `[batch, steps, 2, maps_out]`.
 struct Column<'a> {
     plan: &'a Plan,
     column: usize,
-    taps: &'a [Octet],
     rows: &'a [Octet],
     input: &'a mut [Octet],
-    weight: &'a mut [Octet],
+    weight: &'a [Octet],
     spectrum: &'a mut [Octet],
     out: &'a mut [Octet],
     scratch: &'a mut [Octet],
@@ -192,7 +230,6 @@ impl Column<'_> {
         } = plan.shape;
         let (ins, outs) = (plan.ins, plan.outs);
         let wanted = plan.wanted(column);
-        weight_spectrum(plan, column, self.taps, self.weight, self.scratch);
         let columns = plan.taxel.frequencies();
         for sweep in 0..batch {
             let source =

@@ -56,12 +56,20 @@ impl Kernel for KernelRows<'_> {
     }
 }
 
+/// Where the maps of one sweep go.
+pub(super) enum Maps<'a> {
+    /// All of them, `[steps, taxels, maps_out]`, for the backward pass.
+    Kept(&'a mut [Octet]),
+    /// One pooling window at a time.
+    Passing(&'a mut [Octet]),
+}
+
 /// Maps of one sweep from the columns, and their pooling windows.
 pub(super) struct Synthesize<'a> {
     pub(super) plan: &'a Plan,
     pub(super) sweep: usize,
     pub(super) products: &'a [Octet],
-    pub(super) maps: &'a mut [Octet],
+    pub(super) maps: Maps<'a>,
     pub(super) signs: &'a [Octet],
     pub(super) to: Window<'a>,
 }
@@ -69,7 +77,7 @@ pub(super) struct Synthesize<'a> {
 impl Kernel for Synthesize<'_> {
     type Output = ();
     #[inline(always)]
-    fn run<L: Lanes>(self) {
+    fn run<L: Lanes>(mut self) {
         let (plan, outs) = (self.plan, self.plan.outs);
         let BlockShape {
             batch,
@@ -80,7 +88,12 @@ impl Kernel for Synthesize<'_> {
             ..
         } = plan.shape;
         let row = taxels * outs;
-        for (window, tile) in self.maps.chunks_mut(pool * row).enumerate() {
+        for window in 0..plan.shape.pooled_steps() {
+            let here = (steps - window * pool).min(pool) * row;
+            let tile = match &mut self.maps {
+                Maps::Kept(maps) => &mut maps[window * pool * row..][..here],
+                Maps::Passing(tile) => &mut tile[..here],
+            };
             let values = window * taxels * maps_out..(window + 1) * taxels * maps_out;
             let mut to = Window {
                 winners: &mut self.to.winners[values.clone()],

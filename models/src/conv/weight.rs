@@ -1,0 +1,106 @@
+//! Weights, and spectra of weights that are kept as long as the weights stay the same.
+
+use std::any::Any;
+use std::fmt;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Stands for the memory that weights lie in. As long as somebody holds it, nobody may change them.
+pub(crate) type Identity = Arc<dyn Any + Send + Sync>;
+
+/// The weights of one call, `[maps_out, maps_in, kernel steps, kernel taxels]`.
+///
+/// With an identity, what is computed from them is kept for the next call: the two passes of an adversarial step share it, and
+/// predictions with frozen weights compute it once.
+#[derive(Clone)]
+pub struct Weight<'a> {
+    pub(super) values: &'a [f32],
+    identity: Option<Identity>,
+}
+
+impl<'a> Weight<'a> {
+    /// Weights that have an identity.
+    pub(crate) fn known(values: &'a [f32], identity: Identity) -> Self {
+        Self {
+            values,
+            identity: Some(identity),
+        }
+    }
+}
+
+impl<'a> From<&'a [f32]> for Weight<'a> {
+    fn from(values: &'a [f32]) -> Self {
+        Self {
+            values,
+            identity: None,
+        }
+    }
+}
+
+impl<'a> From<&'a Vec<f32>> for Weight<'a> {
+    fn from(values: &'a Vec<f32>) -> Self {
+        Self::from(values.as_slice())
+    }
+}
+
+/// What was made from the last weights that had an identity.
+pub(super) struct Remembered<T>(Mutex<Option<(Identity, Arc<T>)>>);
+
+impl<T> Default for Remembered<T> {
+    fn default() -> Self {
+        Self(Mutex::new(None))
+    }
+}
+
+impl<T> fmt::Debug for Remembered<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Remembered")
+    }
+}
+
+impl<T> Remembered<T> {
+    /// What was made from these weights, made now if they are new; `make` gets what was made before, unless it is still in use.
+    pub(super) fn get_or_make(
+        &self,
+        weight: &Weight<'_>,
+        make: impl FnOnce(Option<T>) -> T,
+    ) -> Arc<T> {
+        let Some(identity) = &weight.identity else {
+            return Arc::new(make(None));
+        };
+        let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*last {
+            Some((known, made)) if Arc::ptr_eq(known, identity) => Arc::clone(made),
+            _ => {
+                let before = last.take().and_then(|(_, made)| Arc::into_inner(made));
+                let made = Arc::new(make(before));
+                *last = Some((Arc::clone(identity), Arc::clone(&made)));
+                made
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_same_memory_is_used_once_and_other_memory_anew() {
+        let remembered = Remembered::default();
+        let count = Mutex::new(0);
+        let make = |_: Option<i32>| {
+            *count.lock().unwrap() += 1;
+            *count.lock().unwrap()
+        };
+        let values = [1.0, 2.0];
+        let (first, second): (Identity, Identity) = (Arc::new(1), Arc::new(1));
+        let known = |identity: &Identity| Weight::known(&values, Arc::clone(identity));
+        assert_eq!(*remembered.get_or_make(&known(&first), make), 1);
+        assert_eq!(*remembered.get_or_make(&known(&first), make), 1);
+        assert_eq!(*remembered.get_or_make(&known(&second), make), 2);
+        assert_eq!(*remembered.get_or_make(&known(&first), make), 3);
+        let nameless = Weight::from(&values[..]);
+        assert_eq!(*remembered.get_or_make(&nameless, make), 4);
+        assert_eq!(*remembered.get_or_make(&known(&first), make), 3);
+    }
+}
