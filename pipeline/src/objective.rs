@@ -37,7 +37,8 @@ pub fn base_pass(
     labels: Tensor<1, Int>,
     mask: Tensor<2>,
 ) -> Pass {
-    let (mut gradients, statistics, loss, correct) = pass(net, sweeps.autodiff(), labels, mask);
+    let (mut gradients, statistics, loss, correct) =
+        pass(net, sweeps.autodiff(), labels, mask, 1.0);
     let gradients = GradientsParams::from_module(&mut gradients, net);
     Pass {
         gradients,
@@ -61,22 +62,30 @@ pub fn adversarial_pass(
 ) -> Pass {
     let [clean_mask, adversarial_mask] = masks;
     let tracked = sweeps.clone().autodiff().require_grad();
-    let (mut clean, statistics, clean_loss, correct) =
-        pass(net, tracked.clone(), labels.clone(), clean_mask);
+    // The sign of dE/dx needs a clean loss even where that has no weight.
+    let clean_weight = if alpha > 0.0 { alpha } else { 1.0 };
+    let (mut clean, statistics, clean_loss, correct) = pass(
+        net,
+        tracked.clone(),
+        labels.clone(),
+        clean_mask,
+        clean_weight,
+    );
     let direction = tracked
         .grad_remove(&mut clean)
         .unwrap_or_else(|| panic!("the loss depends on the sweeps"))
         .sign();
     let perturbed = (sweeps + direction.mul_scalar(epsilon)).autodiff();
-    let (mut adversarial, _, adversarial_loss, _) = pass(net, perturbed, labels, adversarial_mask);
-    let gradients = weighted_sum(
-        net,
-        (alpha, GradientsParams::from_module(&mut clean, net)),
-        (
-            1.0 - alpha,
-            GradientsParams::from_module(&mut adversarial, net),
-        ),
-    );
+    let (mut adversarial, _, adversarial_loss, _) =
+        pass(net, perturbed, labels, adversarial_mask, 1.0 - alpha);
+    let mut gradients = GradientsParams::from_module(&mut adversarial, net);
+    if alpha > 0.0 {
+        gradients = sum(
+            net,
+            GradientsParams::from_module(&mut clean, net),
+            gradients,
+        );
+    }
     let loss = alpha * clean_loss + (1.0 - alpha) * adversarial_loss;
     Pass {
         gradients,
@@ -86,11 +95,13 @@ pub fn adversarial_pass(
     }
 }
 
+/// Gradients of `weight` times the loss, batch statistics, the loss itself and the sweeps recognised.
 fn pass(
     net: &TactNet,
     sweeps: Tensor<4>,
     labels: Tensor<1, Int>,
     mask: Tensor<2>,
+    weight: f64,
 ) -> (Gradients, Vec<BatchStatistics>, f64, usize) {
     let forward = net.forward_train(sweeps, mask);
     let recognised = forward
@@ -102,29 +113,22 @@ fn pass(
     let correct = recognised.int().sum().into_scalar::<i64>() as usize;
     let loss = cross_entropy(forward.logits, labels);
     let value = f64::from(loss.clone().into_scalar::<f32>());
-    (loss.backward(), forward.statistics, value, correct)
+    let gradients = loss.mul_scalar(weight).backward();
+    (gradients, forward.statistics, value, correct)
 }
 
-fn weighted_sum(
-    net: &TactNet,
-    first: (f64, GradientsParams),
-    second: (f64, GradientsParams),
-) -> GradientsParams {
+fn sum(net: &TactNet, first: GradientsParams, second: GradientsParams) -> GradientsParams {
     struct Sum {
-        first: (f64, GradientsParams),
-        second: (f64, GradientsParams),
+        first: GradientsParams,
+        second: GradientsParams,
         total: GradientsParams,
     }
     impl ModuleVisitor for Sum {
         fn visit_float<const D: usize>(&mut self, parameter: &Param<Tensor<D>>) {
-            let scaled = |side: &mut (f64, GradientsParams)| {
-                side.1
-                    .remove::<D>(parameter.id)
-                    .map(|gradient| gradient.mul_scalar(side.0))
-            };
-            match (scaled(&mut self.first), scaled(&mut self.second)) {
-                (Some(a), Some(b)) => self.total.register(parameter.id, a + b),
-                (Some(one), None) | (None, Some(one)) => self.total.register(parameter.id, one),
+            let id = parameter.id;
+            match (self.first.remove::<D>(id), self.second.remove::<D>(id)) {
+                (Some(a), Some(b)) => self.total.register(id, a + b),
+                (Some(one), None) | (None, Some(one)) => self.total.register(id, one),
                 (None, None) => {}
             }
         }

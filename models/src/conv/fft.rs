@@ -163,6 +163,20 @@ fn factor(length: usize) -> Option<Vec<usize>> {
     search(length, 12)
 }
 
+/// Repeats a block for k = 0, 1, … as straight code, so that values stay in registers; a loop is not always unrolled, and a
+/// closure not always inlined.
+macro_rules! unrolled {
+    ($k:ident < $n:ident => $body:block) => {
+        unrolled!(@ $k $n $body 0 1 2 3 4 5 6 7 8 9 10 11)
+    };
+    (@ $k:ident $n:ident $body:block $($value:literal)*) => {
+        $(if $value < $n {
+            let $k = $value;
+            $body
+        })*
+    };
+}
+
 impl Pass {
     #[inline(always)]
     fn run<L: Lanes>(&self, source: Reader<'_, L>, target: Writer<'_, L>) {
@@ -186,26 +200,25 @@ impl Pass {
         mut target: Writer<'_, L>,
     ) {
         let zero = L::splat(0.0);
-        for group in 0..self.groups {
-            let twiddles = &self.twiddles[group * RADIX..(group + 1) * RADIX];
+        let apart = self.stride * self.groups;
+        for (group, twiddles) in self.twiddles.chunks_exact(RADIX).enumerate() {
             for shared in 0..self.stride {
                 let mut values = [Complex { re: zero, im: zero }; RADIX];
-                for k in 0..RADIX {
-                    let [re, im] = source.read(shared + self.stride * (group + self.groups * k));
+                let first = shared + self.stride * group;
+                unrolled!(k < RADIX => {
+                    let [re, im] = source.read(first + apart * k);
                     values[k] = Complex { re, im };
-                }
+                });
                 butterfly::<L, RADIX>(&mut values);
-                if self.groups > 1 {
-                    for k in 1..RADIX {
-                        values[k] = values[k].rotated(twiddles[k]);
-                    }
-                }
-                for k in 0..RADIX {
-                    target.write(
-                        shared + self.stride * (RADIX * group + k),
-                        [values[k].re, values[k].im],
-                    );
-                }
+                let first = shared + self.stride * RADIX * group;
+                unrolled!(k < RADIX => {
+                    let value = if k == 0 || self.groups == 1 {
+                        values[k]
+                    } else {
+                        values[k].rotated(twiddles[k])
+                    };
+                    target.write(first + self.stride * k, [value.re, value.im]);
+                });
             }
         }
     }
