@@ -256,34 +256,3 @@ fn full_size_blocks_agree_with_f64() {
         assert!(found.iter().all(|&e| e < 1e-5), "{maps:?}: {found:?}");
     }
 }
-
-#[test]
-#[ignore = "timing"]
-fn block_times() {
-    let sizes = [(1000, [1, 32]), (100, [32, 64]), (10, [64, 128])];
-    for (steps, maps) in sizes {
-        let s = shape(36, steps, 16, maps, [15, 5], 10);
-        let c = case(&s, 1);
-        let block = Block::plan(s);
-        let mut times = [Vec::new(), Vec::new(), Vec::new()];
-        for round in 0..if maps[0] == 1 { 6 } else { 12 } {
-            let start = std::time::Instant::now();
-            let t = block.forward_train(&c.x, &c.weight, &c.gamma, &c.beta);
-            times[0].push(start.elapsed().as_secs_f64() * 1e3);
-            let start = std::time::Instant::now();
-            block.backward(t.saved, &c.grad, round % 2 == 0);
-            times[1 + round % 2].push(start.elapsed().as_secs_f64() * 1e3);
-        }
-        for (name, times) in ["forward", "backward with input", "backward"]
-            .iter()
-            .zip(&mut times)
-        {
-            times.sort_by(f64::total_cmp);
-            println!(
-                "{maps:?} {name}: least {:.1} ms, median {:.1} ms",
-                times[0],
-                times[times.len() / 2]
-            );
-        }
-    }
-}
