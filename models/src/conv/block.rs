@@ -23,8 +23,10 @@ pub struct Block {
 enum Route {
     /// Any shape.
     Direct,
-    /// Multiples of eight maps in and out, at most 16 taxels.
+    /// Multiples of eight maps in and out, at most 32 taxels.
     Spectral(Spectral),
+    /// The same with maps of zeros added to the input.
+    Padded(Spectral),
     /// One map in, multiples of eight out, at most 16 taxels and a kernel of 15 x 5.
     Single(Single),
 }
@@ -79,10 +81,16 @@ impl Block {
 
     pub(super) fn plan_for(shape: BlockShape, isa: Isa) -> Self {
         shape.check();
+        let padded = BlockShape {
+            maps_in: shape.maps_in.next_multiple_of(8),
+            ..shape
+        };
         let route = if let Some(single) = Single::new(shape, isa) {
             Route::Single(single)
+        } else if let Some(spectral) = Spectral::new(shape, isa) {
+            Route::Spectral(spectral)
         } else {
-            Spectral::new(shape, isa).map_or(Route::Direct, Route::Spectral)
+            Spectral::new(padded, isa).map_or(Route::Direct, Route::Padded)
         };
         Self {
             shape,
@@ -108,6 +116,15 @@ impl Block {
             }
             Route::Spectral(spectral) => {
                 let (pooled, saved) = spectral.forward(input, weight, gamma, keep, to());
+                (pooled, SavedRoute::Spectral(saved))
+            }
+            Route::Padded(spectral) => {
+                let maps = self.shape.maps_in;
+                let input = padded(input, maps, 1, spectral.plan.shape.maps_in);
+                let taps = self.shape.kernel[0] * self.shape.kernel[1];
+                let weight = padded(weight.values, maps, taps, spectral.plan.shape.maps_in);
+                let (pooled, saved) =
+                    spectral.forward(&input, &Weight::from(&weight), gamma, keep, to());
                 (pooled, SavedRoute::Spectral(saved))
             }
             Route::Single(single) => {
@@ -197,6 +214,13 @@ impl Block {
             (Route::Spectral(spectral), SavedRoute::Spectral(route)) => {
                 spectral.backward(route, output, need_input)
             }
+            (Route::Padded(spectral), SavedRoute::Spectral(route)) => {
+                let (weight, input) = spectral.backward(route, output, need_input);
+                let (maps, wide) = (self.shape.maps_in, spectral.plan.shape.maps_in);
+                let taps = self.shape.kernel[0] * self.shape.kernel[1];
+                let input = input.map(|input| unpadded(&input, maps, 1, wide));
+                (unpadded(&weight, maps, taps, wide), input)
+            }
             (Route::Single(single), SavedRoute::Single(route)) => {
                 single.backward(route, output, need_input)
             }
@@ -219,7 +243,8 @@ impl Block {
 
     /// Takes back the buffers of a forward pass whose gradient is not wanted.
     pub fn recycle(&self, saved: Saved) {
-        if let (Route::Spectral(spectral), SavedRoute::Spectral(saved)) = (&self.route, saved.route)
+        if let (Route::Spectral(spectral) | Route::Padded(spectral), SavedRoute::Spectral(saved)) =
+            (&self.route, saved.route)
         {
             spectral.recycle(saved);
         }
@@ -245,6 +270,27 @@ impl Block {
             "gamma and beta hold one value per map"
         );
     }
+}
+
+/// `[…, maps, run]` to `[…, wide, run]`, filled up with zeros.
+fn padded(values: &[f32], maps: usize, run: usize, wide: usize) -> Vec<f32> {
+    let mut out = vec![0.0; values.len() / maps * wide];
+    for (out, values) in out
+        .chunks_exact_mut(wide * run)
+        .zip(values.chunks_exact(maps * run))
+    {
+        out[..maps * run].copy_from_slice(values);
+    }
+    out
+}
+
+/// `[…, wide, run]` to the first `[…, maps, run]`.
+fn unpadded(values: &[f32], maps: usize, run: usize, wide: usize) -> Vec<f32> {
+    let mut out = Vec::with_capacity(values.len() / wide * maps);
+    for values in values.chunks_exact(wide * run) {
+        out.extend_from_slice(&values[..maps * run]);
+    }
+    out
 }
 
 impl Saved {

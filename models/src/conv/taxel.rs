@@ -7,9 +7,12 @@
 
 use super::simd::{Lanes, Octet};
 
-/// Most taxels that a plan takes: sums and differences of eight pairs fill the registers. Narrower rows are padded with zero pairs.
-pub(super) const MOST_TAXELS: usize = 16;
-const PAIRS: usize = MOST_TAXELS / 2;
+/// Most taxels that a plan takes.
+pub(super) const MOST_TAXELS: usize = 32;
+/// Pairs of taxels that are handled together, few or many; narrower rows are padded with zero pairs. Sums and differences of eight pairs
+/// fill sixteen registers.
+const FEW: usize = 8;
+const MANY: usize = MOST_TAXELS / 2;
 
 /// How the time spectrum of one taxel frequency repeats itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,8 +51,9 @@ impl TaxelPlan {
         let splat = |value: f64| Octet([value as f32; 8]);
         let angle = |f: usize, u: f64| std::f64::consts::TAU * f as f64 * u / length as f64;
         let (mut forward, mut inverse, mut kernel) = (Vec::new(), Vec::new(), Vec::new());
+        let pairs = if taxels <= 2 * FEW { FEW } else { MANY };
         for f in 0..=length / 2 {
-            for pair in 0..PAIRS {
+            for pair in 0..pairs {
                 let angle = angle(f, pair as f64 + half);
                 forward.extend([splat(angle.cos()), splat(-angle.sin())]);
             }
@@ -69,7 +73,7 @@ impl TaxelPlan {
             pad,
             scale: scale as f32,
         };
-        for pair in 0..PAIRS {
+        for pair in 0..pairs {
             for f in 0..=length / 2 {
                 let (angle, weight) = (angle(f, pair as f64 + half), f64::from(plan.weight(f)));
                 inverse.extend([splat(weight * angle.cos()), splat(-weight * angle.sin())]);
@@ -131,6 +135,21 @@ impl TaxelPlan {
         stride: usize,
         imaginary: usize,
     ) {
+        if self.pairs() <= FEW {
+            self.forward_of::<L, FEW>(values, out, stride, imaginary);
+        } else {
+            self.forward_of::<L, MANY>(values, out, stride, imaginary);
+        }
+    }
+
+    #[inline(always)]
+    fn forward_of<L: Lanes, const PAIRS: usize>(
+        &self,
+        values: impl Fn(usize) -> L,
+        out: &mut [Octet],
+        stride: usize,
+        imaginary: usize,
+    ) {
         let mut sums = [L::splat(0.0); PAIRS];
         let mut differences = [L::splat(0.0); PAIRS];
         for pair in 0..PAIRS {
@@ -157,6 +176,21 @@ impl TaxelPlan {
     /// One row from its spectrum, which lies as [`TaxelPlan::forward`] writes it; taxel `w` goes to `put(w, value)`.
     #[inline(always)]
     pub(super) fn inverse<L: Lanes>(
+        &self,
+        spectrum: &[Octet],
+        stride: usize,
+        imaginary: usize,
+        put: impl FnMut(usize, L),
+    ) {
+        if self.pairs() <= FEW {
+            self.inverse_of::<L, FEW>(spectrum, stride, imaginary, put);
+        } else {
+            self.inverse_of::<L, MANY>(spectrum, stride, imaginary, put);
+        }
+    }
+
+    #[inline(always)]
+    fn inverse_of<L: Lanes, const PAIRS: usize>(
         &self,
         spectrum: &[Octet],
         stride: usize,

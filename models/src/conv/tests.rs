@@ -153,6 +153,15 @@ fn spectral_route_agrees_with_f64() {
     holds(shape(3, 23, 5, [16, 8], [5, 3], 4), 2);
     holds(shape(1, 4, 1, [8, 8], [15, 5], 10), 3);
     holds(shape(5, 10, 16, [32, 24], [15, 5], 10), 3);
+    holds(shape(3, 40, 19, [16, 16], [15, 5], 10), 4);
+    holds(shape(2, 23, 32, [8, 8], [5, 3], 4), 5);
+}
+
+#[test]
+fn padded_route_agrees_with_f64() {
+    holds(shape(2, 40, 19, [1, 16], [15, 5], 10), 1);
+    holds(shape(3, 23, 20, [3, 8], [5, 3], 4), 2);
+    holds(shape(2, 30, 4, [12, 8], [15, 5], 10), 3);
 }
 
 proptest! {
@@ -175,7 +184,7 @@ proptest! {
 
     #[test]
     fn any_small_spectral_shape_agrees_with_f64(
-        batch in 1usize..4, steps in 2usize..30, taxels in 1usize..17,
+        batch in 1usize..4, steps in 2usize..30, taxels in 1usize..33,
         ins in 1usize..3, outs in 1usize..4, kt in 1usize..8, kw in 0usize..3, pool in 1usize..11, seed in 0u64..1000,
     ) {
         holds(shape(batch, steps, taxels, [8 * ins, 8 * outs], [2 * kt + 1, 2 * kw + 1], pool), seed);
@@ -209,8 +218,9 @@ fn step(s: BlockShape, isa: Isa, threads: usize) -> Vec<f32> {
     })
 }
 
-fn routes() -> [BlockShape; 3] {
+fn routes() -> [BlockShape; 4] {
     [
+        shape(3, 50, 19, [1, 16], [15, 5], 10),
         shape(3, 230, 16, [1, 16], [15, 5], 10),
         shape(5, 50, 16, [16, 24], [15, 5], 10),
         shape(3, 30, 6, [3, 5], [5, 3], 4),
