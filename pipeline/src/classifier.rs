@@ -1,5 +1,7 @@
 //! The offline classifier: normaliser, network and label set together.
 
+use std::sync::{Mutex, PoisonError};
+
 use burn::tensor::{Device, Tensor, TensorData};
 use serde::{Deserialize, Serialize};
 use tactnet_data::{LabelSet, Seed, SweepShape, SweepView};
@@ -56,6 +58,8 @@ pub struct Classifier {
     network: TactNetConfig,
     net: TactNet,
     device: Device,
+    /// The masks drawn last: they only depend on their number.
+    masks: Mutex<Option<(usize, Tensor<2>)>>,
 }
 
 impl Classifier {
@@ -76,6 +80,7 @@ impl Classifier {
             network,
             net,
             device,
+            masks: Mutex::new(None),
         })
     }
 
@@ -171,13 +176,21 @@ impl Classifier {
 
     /// `[runs, features]`
     fn masks(&self, runs: usize) -> Tensor<2> {
-        dropout_masks(
-            runs,
-            self.network.features(),
-            self.config.network.keep_probability,
-            &self.device,
-            &mut self.config.seed.rng("monte carlo dropout"),
-        )
+        let mut drawn = self.masks.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*drawn {
+            Some((known, masks)) if *known == runs => masks.clone(),
+            _ => {
+                let masks = dropout_masks(
+                    runs,
+                    self.network.features(),
+                    self.config.network.keep_probability,
+                    &self.device,
+                    &mut self.config.seed.rng("monte carlo dropout"),
+                );
+                *drawn = Some((runs, masks.clone()));
+                masks
+            }
+        }
     }
 
     fn plain(&self, features: Tensor<2>) -> Vec<Vec<f64>> {
