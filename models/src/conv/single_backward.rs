@@ -32,6 +32,22 @@ pub(super) struct Winner {
     pub(super) patch: u32,
 }
 
+/// The winners of one sweep that have a gradient, map by map.
+pub(super) struct Winners {
+    /// `[maps_out, cells]`, of which each map's first `counts` are winners
+    all: Vec<Winner>,
+    counts: Vec<usize>,
+}
+
+impl Winners {
+    /// Each map's winners.
+    pub(super) fn by_map(&self) -> impl Iterator<Item = &[Winner]> {
+        let cells = self.all.len() / self.counts.len();
+        let maps = self.all.chunks_exact(cells).zip(&self.counts);
+        maps.map(|(winners, &count)| &winners[..count])
+    }
+}
+
 /// One sweep's share.
 struct Share {
     /// `[maps_out, MOST_KERNEL[0], 8]`
@@ -105,13 +121,17 @@ impl Single {
         padded
     }
 
-    /// The winners of one sweep that have a gradient, map by map.
-    fn winners(&self, sweep: usize, output: OutputGradient<'_>) -> Vec<Vec<Winner>> {
+    fn winners(&self, sweep: usize, output: OutputGradient<'_>) -> Winners {
         let shape = &self.shape;
         let cells = shape.pooled_steps() * shape.taxels;
-        let mut found: Vec<Vec<Winner>> = (0..shape.maps_out)
-            .map(|_| Vec::with_capacity(cells))
-            .collect();
+        let none = Winner {
+            gradient: 0.0,
+            patch: 0,
+        };
+        let mut found = Winners {
+            all: vec![none; shape.maps_out * cells],
+            counts: vec![0; shape.maps_out],
+        };
         let span = sweep * cells * shape.maps_out..(sweep + 1) * cells * shape.maps_out;
         let rows = output.gradient[span.clone()].chunks_exact(shape.maps_out);
         let corner = MARGIN - shape.padding()[1];
@@ -121,13 +141,13 @@ impl Single {
         {
             let first = cell / shape.taxels * shape.pool * ROW + cell % shape.taxels + corner;
             for (map, (&gradient, &position)) in gradients.iter().zip(positions).enumerate() {
-                if gradient != 0.0 {
-                    let patch = (first + usize::from(position) * ROW) as u32;
-                    found[map].push(Winner {
-                        gradient: gradient * output.affine.ka[map],
-                        patch,
-                    });
-                }
+                // Written in any case and counted if it counts: half of them do, which no branch predictor can guess.
+                let count = found.counts[map];
+                found.all[map * cells + count] = Winner {
+                    gradient: gradient * output.affine.ka[map],
+                    patch: (first + usize::from(position) * ROW) as u32,
+                };
+                found.counts[map] = count + usize::from(gradient != 0.0);
             }
         }
         found
@@ -262,7 +282,7 @@ impl Single {
 /// Sums of `gradient * patch` per map.
 struct Gather<'a> {
     padded: &'a [f32],
-    winners: &'a [Vec<Winner>],
+    winners: &'a Winners,
     out: &'a mut [f32],
 }
 
@@ -272,7 +292,7 @@ impl NarrowKernel for Gather<'_> {
     fn run<L: Narrow>(self) {
         for (winners, out) in self
             .winners
-            .iter()
+            .by_map()
             .zip(self.out.chunks_exact_mut(MOST_KERNEL[0] * 8))
         {
             let mut sums = [L::splat(0.0); MOST_KERNEL[0]];

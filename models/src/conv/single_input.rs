@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::norm::GradientAffine;
 use super::simd::{Narrow, NarrowKernel};
 use super::single::{MOST_KERNEL, Single};
-use super::single_backward::{MARGIN, PATCH, ROW, Winner};
+use super::single_backward::{MARGIN, PATCH, ROW, Winners};
 
 /// Distances between two taps of a row, from `-MARGIN` on.
 const ACROSS: usize = 2 * MARGIN + 1;
@@ -113,7 +113,7 @@ impl Single {
         composite: &Composite,
         weight: &[f32],
         padded: &[f32],
-        winners: &[Vec<Winner>],
+        winners: &Winners,
     ) -> Vec<f32> {
         let [kernel_steps, kernel_taxels] = self.shape.kernel;
         let (steps, taxels, pad) = (self.shape.steps, self.shape.taxels, self.shape.padding()[0]);
@@ -155,7 +155,7 @@ impl Single {
 /// Adds `gradient * kernel` around every winner.
 struct Scatter<'a> {
     kernels: &'a [f32],
-    winners: &'a [Vec<Winner>],
+    winners: &'a Winners,
     gradient: &'a mut [f32],
 }
 
@@ -165,7 +165,7 @@ impl NarrowKernel for Scatter<'_> {
     fn run<L: Narrow>(self) {
         for (winners, kernel) in self
             .winners
-            .iter()
+            .by_map()
             .zip(self.kernels.chunks_exact(MOST_KERNEL[0] * 8))
         {
             let (kernel, _) = kernel.as_chunks::<8>();
