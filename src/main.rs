@@ -25,7 +25,7 @@ const GIT: &str = env!("TACTNET_GIT");
     after_help = "Examples:\n  \
         tactnet train                                train on the synthetic TactMat twin\n  \
         tactnet train --data sweeps.h5               train on recorded sweeps\n  \
-        tactnet eval runs/twin-quick-1               judge a trained classifier again\n  \
+        tactnet eval runs/twin-fast-1               judge a trained classifier again\n  \
         tactnet data info sweeps.h5                  look at a data set\n\n\
         `tactnet COMMAND --help` says more about each command."
 )]

@@ -27,7 +27,7 @@ const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
-    tactnet train                                        the twin, a few epochs\n  \
+    tactnet train                                        the twin, two minutes\n  \
     tactnet train --recipe thesis --out runs/thesis      TactNet-II as published\n  \
     tactnet train --data sweeps.h5 --fold 3 --seed 7     the fourth of five folds\n  \
     tactnet train --resume runs/thesis                   go on after Ctrl-C or a crash\n\n\
@@ -36,8 +36,8 @@ pub struct TrainArgs {
     /// A data set (.h5, .npz), or `twin` [default: twin]
     #[arg(long, value_name = "FILE|twin")]
     data: Option<String>,
-    /// A built-in recipe (quick, thesis) or a TOML file
-    #[arg(long, value_name = "NAME|FILE", default_value = "quick")]
+    /// A built-in recipe (fast, thesis) or a TOML file
+    #[arg(long, value_name = "NAME|FILE", default_value = "fast")]
     recipe: String,
     /// How to split into training and test sweeps [default: the file's test flag, else k-fold]
     #[arg(long, value_enum)]

@@ -49,8 +49,12 @@ fn main() -> anyhow::Result<()> {
         let work = line.context("cannot read standard input")?;
         let begin = Instant::now();
         match work.trim() {
-            "train_step" => drop(base.step()?),
-            "adversarial_step" => drop(adversarial.step()?),
+            "train_step" => {
+                base.step()?;
+            }
+            "adversarial_step" => {
+                adversarial.step()?;
+            }
             "forward" => drop(classifier.predict(&batch, PredictionMethod::Plain)?),
             "single_forward" => drop(classifier.predict(&sweep, PredictionMethod::Plain)?),
             "mc_forward" => drop(classifier.predict(&sweep, monte_carlo)?),

@@ -59,6 +59,6 @@ mod tests {
         let thesis = Recipe::load("thesis").unwrap();
         let row = published_for(&thesis).unwrap();
         assert_eq!((row.one_sweep.0, row.three_sweeps.0), (86.3, 95.0));
-        assert_eq!(published_for(&Recipe::load("quick").unwrap()), None);
+        assert_eq!(published_for(&Recipe::load("fast").unwrap()), None);
     }
 }

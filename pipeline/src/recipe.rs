@@ -9,7 +9,7 @@ use crate::{Augmentation, PipelineError, Scaling};
 
 /// Recipes that ship with the binary, by name.
 const BUILT_IN: [(&str, &str); 2] = [
-    ("quick", include_str!("../recipes/quick.toml")),
+    ("fast", include_str!("../recipes/fast.toml")),
     ("thesis", include_str!("../recipes/thesis.toml")),
 ];
 
@@ -376,7 +376,7 @@ mod tests {
         }
         let unknown = Recipe::load("tesis").unwrap_err().to_string();
         assert!(
-            unknown.contains("tesis") && unknown.contains("quick, thesis"),
+            unknown.contains("tesis") && unknown.contains("fast, thesis"),
             "{unknown}"
         );
     }

@@ -390,7 +390,7 @@ fn mistakes_get_one_line_and_exit_code_two() {
             &["train", "--data", "missing.h5"],
             &["missing.h5", "no such file"],
         ),
-        (&["train", "--recipe", "tesis"], &["tesis", "quick, thesis"]),
+        (&["train", "--recipe", "tesis"], &["tesis", "fast, thesis"]),
         (
             &["train", "--data", &path("twin.h5"), "--fold", "9"],
             &["fold", "9"],
