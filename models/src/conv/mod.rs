@@ -1,5 +1,33 @@
-//! The convolution block of TactNet-II on plain slices: convolution, batch normalisation, ReLU and max-pool in one,
-//! forward and backward.
+//! The convolution block of TactNet-II in one operation: convolution, batch normalisation, ReLU and max-pool, forward and backward.
+//!
+//! ```text
+//!            extension            Burn's Flex backend <-> slices, autodiff
+//!                v
+//!      plans -> block             one planned shape: which way it is computed
+//!        ┌───────┼─────────┐
+//!     single  spectral   direct   one input map | multiples of eight maps | anything
+//!        └───┬───┘
+//!    taxel  fft  product          transforms over taxels and time, products of spectra
+//!        pooling  norm            winners of every window, batch statistics, what they add to gradients
+//!            simd                 vectors of maps
+//! ```
+//!
+//! # Why it is fast
+//! - With 15 x 5 kernels a convolution costs 75 products per output and pair of maps. In the frequency domain it is one complex product
+//!   per frequency: for layer 2, 0.57 instead of 17.7 GFLOP for 36 sweeps. SAME padding lets a transform of `steps + pad` by `taxels + pad`
+//!   points do: what wraps around falls on outputs that are cropped away (`spectral.rs`). The first layer has only one
+//!   input map and is cut into tiles of 100 steps (`single.rs`).
+//! - Lanes of a vector are maps, so transforms need no shuffles (`fft.rs`), and the few taxels are transformed by a dense product
+//!   that uses the row's symmetry (`taxel.rs`).
+//! - One taxel frequency after the other goes through its time spectrum, its products and back while it is in cache.
+//! - Pooling and batch statistics are taken while a window's maps are in cache (`pooling.rs`); the first layer's full-resolution maps
+//!   are never written.
+//! - Backwards, only each window's winner has a gradient; what batch normalisation adds is affine in the maps (`norm.rs`). So the first
+//!   layer's weight gradient is a gather at the winners plus the autocorrelation of the input (`single_backward.rs`), and its input
+//!   gradient a scatter plus one wider convolution (`single_input.rs`).
+//! - Spectra of the weights are kept while the weights stay the same (`weight.rs`), and buffers are handed out again (`buffers.rs`).
+//!
+//! Every sum has a fixed order, so results do not depend on the number of threads.
 
 // Kernels walk several register arrays by one index.
 #![allow(clippy::needless_range_loop)]
@@ -29,6 +57,8 @@ mod spectral_stages;
 mod taxel;
 #[cfg(test)]
 mod tests;
+#[doc(hidden)]
+pub mod timing;
 mod weight;
 
 pub use extension::runs_on;
