@@ -9,6 +9,9 @@ use super::single::{SavedSingle, Single};
 use super::spectral::{SavedSpectral, Spectral};
 use super::weight::Weight;
 
+/// Least output maps for which maps of zeros are added to the input.
+const LEAST_PADDED: usize = 16;
+
 /// A block planned for one shape, with the workspace it reuses from call to call.
 #[derive(Debug)]
 pub struct Block {
@@ -89,8 +92,11 @@ impl Block {
             Route::Single(single)
         } else if let Some(spectral) = Spectral::new(shape, isa) {
             Route::Spectral(spectral)
-        } else {
+        } else if shape.maps_out >= LEAST_PADDED {
             Spectral::new(padded, isa).map_or(Route::Direct, Route::Padded)
+        } else {
+            // Few maps are quick in any way; this one rounds least.
+            Route::Direct
         };
         Self {
             shape,
