@@ -5,7 +5,9 @@
 use divan::Bencher;
 use tactnet_data::twin::{TwinConfig, generate};
 use tactnet_data::{Dataset, Fold, Scheme, Seed};
-use tactnet_pipeline::{ClassifierConfig, Device, Normalizer, Recipe, Training, TrainingMethod};
+use tactnet_pipeline::{
+    ClassifierConfig, Device, ModelConfig, Recipe, TactNetSetup, Training, TrainingMethod,
+};
 
 fn main() {
     divan::main();
@@ -31,24 +33,16 @@ fn train(bencher: Bencher, batch: usize, steps: usize, adversarial: bool) {
     if !adversarial {
         recipe.training.method = TrainingMethod::Base;
     }
-    let normalizer = Normalizer::fit(recipe.input.scaling, &fold.train);
-    let config = ClassifierConfig {
-        network: recipe.network.clone(),
-        prediction: recipe.prediction.clone(),
-        normalizer: normalizer.clone(),
-        labels: twin.labels().clone(),
-        shape: twin.shape(),
-        sample_rate_hz: twin.sample_rate_hz(),
-        seed: Seed(1),
-    };
+    let setup = TactNetSetup::fit(&recipe, &fold.train);
+    let config = ClassifierConfig::new(ModelConfig::TactNet2(setup.clone()), &fold.train, Seed(1));
     let network = config
-        .network_config()
+        .network_config(&setup)
         .unwrap_or_else(|error| panic!("{error}"));
     let device = Device::flex();
     let mut training = Training::start(
         &recipe,
         &fold.train,
-        &normalizer,
+        &setup.normalizer,
         &network,
         Seed(1),
         &device,

@@ -85,9 +85,7 @@ pub fn run(arguments: EvalArgs) -> anyhow::Result<ExitCode> {
     }
     let runs = arguments
         .mc
-        .map_or(config.recipe.prediction.method.runs_or(100), |mc| {
-            mc as usize
-        });
+        .map_or(config.recipe.method().runs_or(100), |mc| mc as usize);
     let sweeps = arguments.sweeps as usize;
     let evaluations = evaluate_all_ways(&classifier, &view, runs, sweeps, config.seed)?
         .into_iter()

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::process::ExitCode;
 
 use tactnet_experiments::published_for;
-use tactnet_pipeline::{Estimate, Evaluation, FusedAccuracy, Recipe, RunDir, RunResult};
+use tactnet_pipeline::{Estimate, Evaluation, FusedAccuracy, ModelRecipe, RunDir, RunResult};
 
 use crate::output;
 
@@ -38,18 +38,33 @@ pub fn print_result(run: &RunDir, result: &RunResult, shown: Shown) -> anyhow::R
     let config = run.config()?;
     let comparable = ["twin", "tactmat"].contains(&result.data.as_str())
         && config.classifier.labels.len() == 36
-        && Recipe::load(&config.recipe.name).is_ok_and(|built_in| built_in == config.recipe);
-    if let Some(row) = published_for(&config.recipe).filter(|_| comparable) {
+        && ModelRecipe::load(config.recipe.name()).is_ok_and(|built_in| built_in == config.recipe);
+    let published = match &config.recipe {
+        ModelRecipe::TactNet2(recipe) => published_for(recipe),
+        ModelRecipe::Baseline(_) => None,
+    };
+    if let Some(row) = published.filter(|_| comparable) {
         output::print(format_args!(
             "published for TactMat, {}: {:.1} % with 1 sweep, {:.1} % with 3 (thesis, table 4.2)",
             row.classifier, row.one_sweep.0, row.three_sweeps.0
         ))?;
     }
+    for (setting, value) in &result.chosen {
+        output::print(format_args!(
+            "chosen on training sweeps: {setting} = {value:.4}"
+        ))?;
+    }
+    let work = match (result.epochs, result.seconds_per_epoch) {
+        (Some(epochs), Some(each)) => {
+            format!(
+                "{epochs} epochs in {:.0} s ({each:.2} s an epoch)",
+                result.train_seconds
+            )
+        }
+        _ => format!("fitted in {:.1} s", result.train_seconds),
+    };
     output::print(format_args!(
-        "{} epochs in {:.0} s ({:.2} s an epoch); run directory {}",
-        result.epochs,
-        result.train_seconds,
-        result.seconds_per_epoch,
+        "{work}; run directory {}",
         run.path().display()
     ))?;
     Ok(ExitCode::SUCCESS)

@@ -13,9 +13,9 @@ use sha2::{Digest, Sha256};
 use tactnet_data::{Dataset, Fold, Scheme, Seed, Severity, TrainSplit, check};
 use tactnet_models::Compute;
 use tactnet_pipeline::{
-    BatchReport, Classifier, ClassifierConfig, EpochMetrics, Normalizer, PredictionSource,
-    Provenance, Recipe, RunConfig, RunDir, RunResult, Training, describe_split, evaluate_all_ways,
-    peak_rss_mib,
+    BaselineRecipe, BatchReport, Classifier, ClassifierConfig, EpochMetrics, Levels, ModelConfig,
+    ModelRecipe, PredictionSource, Provenance, Recipe, RunConfig, RunDir, RunResult, TactNetSetup,
+    Training, describe_split, evaluate_all_ways, fit_baseline, peak_rss_mib,
 };
 
 use crate::report::Shown;
@@ -29,6 +29,7 @@ const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 #[command(after_help = "Examples:\n  \
     tactnet train                                        the twin, two minutes\n  \
     tactnet train --recipe thesis --out runs/thesis      TactNet-II as published\n  \
+    tactnet train --model minirocket                     a baseline on the same fold\n  \
     tactnet train --data sweeps.h5 --fold 3 --seed 7     the fourth of five folds\n  \
     tactnet train --resume runs/thesis                   go on after Ctrl-C or a crash\n\n\
     Without --fold the file's own `test_flag` decides what is tested, where it has one; else fold 0 of 5.")]
@@ -36,9 +37,15 @@ pub struct TrainArgs {
     /// A data set (.h5, .npz), or `twin` [default: twin]
     #[arg(long, value_name = "FILE|twin")]
     data: Option<String>,
-    /// A built-in recipe (fast, thesis) or a TOML file
-    #[arg(long, value_name = "NAME|FILE", default_value = "fast")]
-    recipe: String,
+    /// What to train [default: tactnet2]
+    #[arg(long, value_enum)]
+    model: Option<ModelChoice>,
+    /// How to train it: a built-in recipe (fast, thesis) or a TOML file [default: fast, or the model's only one]
+    #[arg(long, value_name = "NAME|FILE")]
+    recipe: Option<String>,
+    /// Whether a taxel's mean over the sweep may be used [default: the recipe's]
+    #[arg(long, value_enum)]
+    levels: Option<LevelsChoice>,
     /// How to split into training and test sweeps [default: the file's test flag, else k-fold]
     #[arg(long, value_enum)]
     split: Option<SplitChoice>,
@@ -61,11 +68,66 @@ pub struct TrainArgs {
     #[arg(long, value_enum, default_value_t)]
     device: DeviceChoice,
     /// Continue an interrupted run with its own settings; --data says where its data set is now, if it was moved
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["recipe", "split", "fold", "run", "out", "seed", "epochs", "device"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["model", "recipe", "levels", "split", "fold", "run", "out", "seed", "epochs", "device"])]
     resume: Option<PathBuf>,
     /// Print result.json instead of a table
     #[arg(long)]
     json: bool,
+}
+
+/// What to train.
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum ModelChoice {
+    /// TactNet-II, the thesis's convolutional network
+    Tactnet2,
+    /// k nearest neighbours on roughness and two spectral centroids
+    KnnL,
+    /// k nearest neighbours on the short-time spectrum
+    KnnH,
+    /// Support vector machine on roughness and two spectral centroids
+    SvmL,
+    /// Support vector machine on the short-time spectrum
+    SvmH,
+    /// MiniRocket and a ridge classifier
+    Minirocket,
+    /// MultiRocket and Hydra and a ridge classifier
+    MultirocketHydra,
+    /// Nearest neighbour on the taxels' means: a probe of what the data set gives away
+    Means,
+}
+
+impl ModelChoice {
+    /// The recipe that it has by itself.
+    fn recipe(self) -> &'static str {
+        match self {
+            Self::Tactnet2 => "fast",
+            Self::KnnL => "knn-l",
+            Self::KnnH => "knn-h",
+            Self::SvmL => "svm-l",
+            Self::SvmH => "svm-h",
+            Self::Minirocket => "minirocket",
+            Self::MultirocketHydra => "multirocket-hydra",
+            Self::Means => "means",
+        }
+    }
+}
+
+/// What happens to levels.
+#[derive(Clone, Copy, ValueEnum)]
+enum LevelsChoice {
+    /// They may be used
+    Kept,
+    /// Each taxel's mean over the sweep is subtracted
+    Removed,
+}
+
+impl LevelsChoice {
+    fn levels(self) -> Levels {
+        match self {
+            Self::Kept => Levels::Kept,
+            Self::Removed => Levels::Removed,
+        }
+    }
 }
 
 /// How to split.
@@ -126,7 +188,20 @@ pub fn run(arguments: TrainArgs) -> anyhow::Result<ExitCode> {
         eprintln!("stopped; continue with `tactnet train --resume {path}`");
         Ok(ExitCode::from(failure::INTERRUPTED))
     };
-    let Some((seconds, device)) = train_epochs(&run, &config, &fold.train, &stop)? else {
+    let device = config.compute.open()?;
+    let trained = match (&config.recipe, &config.classifier.model) {
+        (ModelRecipe::TactNet2(recipe), ModelConfig::TactNet2(setup)) => {
+            train_epochs(&run, &config, recipe, setup, &fold.train, &stop)?
+        }
+        (ModelRecipe::Baseline(recipe), ModelConfig::Baseline(_)) => {
+            fit(&run, &config, recipe, &fold, &stop)?
+        }
+        _ => bail!(
+            "{}: recipe and model do not belong together",
+            run.path().display()
+        ),
+    };
+    let Some(trained) = trained else {
         return stopped();
     };
     let weights = run.weights()?;
@@ -138,7 +213,7 @@ pub fn run(arguments: TrainArgs) -> anyhow::Result<ExitCode> {
         &fold,
         &dataset,
         sessions,
-        seconds,
+        trained,
     )?;
     if stop.asked() {
         return stopped();
@@ -154,11 +229,7 @@ fn this_session() -> Provenance {
 
 /// Loads data and recipe, checks both, and writes everything known before training.
 fn prepare(arguments: &TrainArgs) -> anyhow::Result<(Dataset, RunDir)> {
-    let mut recipe = Recipe::load(&arguments.recipe)?;
-    if let Some(epochs) = arguments.epochs {
-        recipe.training.epochs = epochs;
-        recipe = Recipe::parse("--epochs", &recipe.to_toml())?;
-    }
+    let (recipe_source, recipe) = chosen_recipe(arguments)?;
     let compute = arguments.device.compute();
     compute.open()?;
     let data = arguments.data.as_deref().unwrap_or(source::TWIN);
@@ -178,20 +249,20 @@ fn prepare(arguments: &TrainArgs) -> anyhow::Result<(Dataset, RunDir)> {
         arguments.run,
         arguments.fold.unwrap_or(0),
     )?;
-    let classifier = ClassifierConfig {
-        network: recipe.network.clone(),
-        prediction: recipe.prediction.clone(),
-        normalizer: Normalizer::fit(recipe.input.scaling, &fold.train),
-        labels: dataset.labels().clone(),
-        shape: dataset.shape(),
-        sample_rate_hz: dataset.sample_rate_hz(),
-        seed,
+    let model = match &recipe {
+        ModelRecipe::TactNet2(recipe) => {
+            ModelConfig::TactNet2(TactNetSetup::fit(recipe, &fold.train))
+        }
+        ModelRecipe::Baseline(recipe) => ModelConfig::Baseline(recipe.clone()),
     };
-    classifier.network_config()?;
+    let classifier = ClassifierConfig::new(model, &fold.train, seed);
+    if let ModelConfig::TactNet2(setup) = &classifier.model {
+        classifier.network_config(setup)?;
+    }
     let config = RunConfig {
         schema_version: RunConfig::SCHEMA_VERSION,
         data: data.into(),
-        recipe_source: arguments.recipe.clone(),
+        recipe_source,
         data_sha256: dataset.sha256().into(),
         seed,
         compute,
@@ -206,6 +277,35 @@ fn prepare(arguments: &TrainArgs) -> anyhow::Result<(Dataset, RunDir)> {
     Ok((dataset, run))
 }
 
+/// What `--model`, `--recipe`, `--levels` and `--epochs` ask for: where the recipe comes from, and the recipe.
+fn chosen_recipe(arguments: &TrainArgs) -> anyhow::Result<(String, ModelRecipe)> {
+    let own = arguments.model.map(ModelChoice::recipe);
+    let source = arguments.recipe.as_deref().or(own).unwrap_or("fast");
+    let mut recipe = ModelRecipe::load(source)?;
+    if let Some(model) = arguments.model {
+        let fits = match &recipe {
+            ModelRecipe::TactNet2(_) => model == ModelChoice::Tactnet2,
+            ModelRecipe::Baseline(recipe) => recipe.name == model.recipe(),
+        };
+        if !fits {
+            bail!(
+                "recipe `{source}` does not train the model asked for; leave out --model or --recipe"
+            );
+        }
+    }
+    if let Some(levels) = arguments.levels {
+        recipe = recipe.with_levels(levels.levels());
+    }
+    if let Some(epochs) = arguments.epochs {
+        let ModelRecipe::TactNet2(network) = &mut recipe else {
+            bail!("`{source}` is fitted at once: --epochs is for networks");
+        };
+        network.training.epochs = epochs;
+        recipe = Recipe::parse("--epochs", &network.to_toml()).map(ModelRecipe::TactNet2)?;
+    }
+    Ok((source.into(), recipe))
+}
+
 /// `runs/DATA-RECIPE-FOLD-SEED`, or the first `…-2`, `…-3` that is free.
 fn free_folder(dataset: &str, config: &RunConfig, fold: &Fold<'_>) -> PathBuf {
     let part = match fold.scheme() {
@@ -214,16 +314,24 @@ fn free_folder(dataset: &str, config: &RunConfig, fold: &Fold<'_>) -> PathBuf {
         Scheme::StratifiedKFold { .. } if fold.run() == 0 => format!("fold{}", fold.fold()),
         Scheme::StratifiedKFold { .. } => format!("run{}_fold{}", fold.run(), fold.fold()),
     };
-    let name: String = format!("{dataset}-{}-{part}-{}", config.recipe.name, config.seed.0)
-        .chars()
-        .map(|c| {
-            if c.is_alphanumeric() || "-_.".contains(c) {
-                c
-            } else {
-                '_'
-            }
-        })
-        .collect();
+    let levels = match config.recipe.levels() {
+        Levels::Kept => "",
+        Levels::Removed => "-no_levels",
+    };
+    let name: String = format!(
+        "{dataset}-{}{levels}-{part}-{}",
+        config.recipe.name(),
+        config.seed.0
+    )
+    .chars()
+    .map(|c| {
+        if c.is_alphanumeric() || "-_.".contains(c) {
+            c
+        } else {
+            '_'
+        }
+    })
+    .collect();
     let numbered = |number: usize| match number {
         1 => Path::new("runs").join(&name),
         _ => Path::new("runs").join(format!("{name}-{number}")),
@@ -268,20 +376,56 @@ fn reopen(path: &Path, data: Option<&str>) -> anyhow::Result<(Dataset, RunDir)> 
     Ok((dataset, run))
 }
 
+/// What training leaves besides weights.
+#[derive(Default)]
+struct Trained {
+    seconds: f64,
+    epochs: Option<usize>,
+    chosen: BTreeMap<String, f64>,
+}
+
+/// Fits a baseline. `None` when somebody asked to stop; it then starts over.
+fn fit(
+    run: &RunDir,
+    config: &RunConfig,
+    recipe: &BaselineRecipe,
+    fold: &Fold<'_>,
+    stop: &Stop,
+) -> anyhow::Result<Option<Trained>> {
+    let begun = Instant::now();
+    let say = |line: String| eprintln!("{:>4.0} s: {line}", begun.elapsed().as_secs_f64());
+    let fitted = fit_baseline(recipe, fold, config.seed, say)?;
+    if stop.asked() {
+        return Ok(None);
+    }
+    let seconds = begun.elapsed().as_secs_f64();
+    let metadata = [("format".to_string(), "tactnet baseline 1".to_string())].into();
+    run.write(
+        "weights.safetensors",
+        &fitted.weights.to_safetensors(metadata)?,
+    )?;
+    Ok(Some(Trained {
+        seconds,
+        epochs: None,
+        chosen: fitted.chosen,
+    }))
+}
+
 /// The training loop. `None` when somebody asked to stop; the run can then be resumed.
 fn train_epochs(
     run: &RunDir,
     config: &RunConfig,
+    recipe: &Recipe,
+    setup: &TactNetSetup,
     train: &TrainSplit<'_>,
     stop: &Stop,
-) -> anyhow::Result<Option<(f64, tactnet_pipeline::Device)>> {
+) -> anyhow::Result<Option<Trained>> {
     let device = config.compute.open()?;
-    let network = config.classifier.network_config()?;
-    let normalizer = &config.classifier.normalizer;
+    let network = config.classifier.network_config(setup)?;
     let mut training = Training::start(
-        &config.recipe,
+        recipe,
         train,
-        normalizer,
+        &setup.normalizer,
         &network,
         config.seed,
         &device,
@@ -294,7 +438,7 @@ fn train_epochs(
     let mut metrics = run.metrics_before(training.position().epoch + 1)?;
     let mut epoch_seconds = 0.0;
     let mut saved = Instant::now();
-    let progress = Progress::new(&training, config.recipe.training.epochs);
+    let progress = Progress::new(&training, recipe.training.epochs);
 
     loop {
         let begun = Instant::now();
@@ -302,7 +446,7 @@ fn train_epochs(
         let spent = begun.elapsed().as_secs_f64();
         seconds += spent;
         epoch_seconds += spent;
-        progress.show(&batch, config.recipe.training.epochs);
+        progress.show(&batch, recipe.training.epochs);
         if batch.ends_epoch() {
             metrics.push(EpochMetrics {
                 epoch: batch.epoch + 1,
@@ -335,7 +479,11 @@ fn train_epochs(
         "weights.safetensors",
         &state.weights.to_safetensors(metadata)?,
     )?;
-    Ok(Some((seconds, device)))
+    Ok(Some(Trained {
+        seconds,
+        epochs: Some(recipe.training.epochs),
+        ..Trained::default()
+    }))
 }
 
 /// Predicts the test sweeps every way there is, writes scores and picture, and puts the result together.
@@ -346,10 +494,10 @@ fn judge(
     fold: &Fold<'_>,
     dataset: &Dataset,
     sessions: Vec<Provenance>,
-    train_seconds: f64,
+    trained: Trained,
 ) -> anyhow::Result<RunResult> {
     let recipe = &config.recipe;
-    let own = recipe.prediction.method;
+    let own = recipe.method();
     let command = command_line(config, fold);
     eprintln!("predicting {} test sweeps …", fold.test.len());
     let begun = Instant::now();
@@ -359,10 +507,10 @@ fn judge(
     for (name, predictions, evaluation) in ways {
         let tsml = predictions.to_tsml(&PredictionSource {
             dataset: dataset.name(),
-            classifier: &format!("{} ({name})", recipe.name),
+            classifier: &format!("{} ({name})", recipe.name()),
             resample: fold.run() * 1000 + fold.fold(),
             parameters: &command,
-            train_millis: (train_seconds * 1e3) as u64,
+            train_millis: (trained.seconds * 1e3) as u64,
             test_millis,
         });
         let file = if name == own.name() {
@@ -371,7 +519,7 @@ fn judge(
                 dataset.name(),
                 100.0 * predictions.accuracy(),
                 fold.test.len(),
-                recipe.name
+                recipe.name()
             );
             run.write(
                 "confusion.svg",
@@ -397,7 +545,7 @@ fn judge(
         git: commits.into_iter().collect::<Vec<_>>().join(" "),
         command,
         seed: config.seed,
-        recipe: recipe.name.clone(),
+        recipe: recipe.name().into(),
         recipe_sha256: hex(&Sha256::digest(recipe.to_toml())),
         split_sha256: manifest.sha256.clone(),
         split: describe_split(&manifest),
@@ -405,12 +553,13 @@ fn judge(
         fold: fold.fold(),
         n_train: fold.train.len(),
         n_test: fold.test.len(),
-        epochs: recipe.training.epochs,
+        epochs: trained.epochs,
+        chosen: trained.chosen,
         accuracy_one_sweep: chosen.one_sweep,
         accuracy_three_sweeps: chosen.fused.map(|fused| fused.bayes),
         evaluations,
-        train_seconds,
-        seconds_per_epoch: train_seconds / recipe.training.epochs as f64,
+        train_seconds: trained.seconds,
+        seconds_per_epoch: trained.epochs.map(|epochs| trained.seconds / epochs as f64),
         peak_rss_mib: peak_rss_mib(),
         provenance: sessions,
     })
@@ -434,11 +583,18 @@ fn command_line(config: &RunConfig, fold: &Fold<'_>) -> String {
         Compute::Vulkan => "vulkan",
         Compute::Cuda => "cuda",
     };
+    let levels = match config.recipe.levels() {
+        Levels::Kept => "kept",
+        Levels::Removed => "removed",
+    };
+    let epochs = match &config.recipe {
+        ModelRecipe::TactNet2(recipe) => format!(" --epochs {}", recipe.training.epochs),
+        ModelRecipe::Baseline(_) => String::new(),
+    };
     format!(
-        "tactnet train --data {} --recipe {} --epochs {} --split {split} --run {} --fold {} --seed {} --device {device}",
+        "tactnet train --data {} --recipe {}{epochs} --levels {levels} --split {split} --run {} --fold {} --seed {} --device {device}",
         file_name(&config.data),
         file_name(&config.recipe_source),
-        config.recipe.training.epochs,
         fold.run(),
         fold.fold(),
         config.seed.0

@@ -11,8 +11,8 @@ use anyhow::{Context, bail};
 use tactnet_data::twin::{TwinConfig, generate};
 use tactnet_data::{Fold, Scheme, Seed, SweepView};
 use tactnet_pipeline::{
-    Classifier, ClassifierConfig, Device, Normalizer, PredictionMethod, Recipe, Training,
-    TrainingMethod,
+    Classifier, ClassifierConfig, Device, ModelConfig, PredictionMethod, Recipe, TactNetSetup,
+    Training, TrainingMethod,
 };
 
 fn main() -> anyhow::Result<()> {
@@ -26,18 +26,19 @@ fn main() -> anyhow::Result<()> {
     recipe.training.epochs = usize::MAX;
     let mut plain = recipe.clone();
     plain.training.method = TrainingMethod::Base;
-    let normalizer = Normalizer::fit(recipe.input.scaling, &split);
-    let config = ClassifierConfig {
-        network: recipe.network.clone(),
-        prediction: recipe.prediction.clone(),
-        normalizer: normalizer.clone(),
-        labels: twin.labels().clone(),
-        shape: twin.shape(),
-        sample_rate_hz: twin.sample_rate_hz(),
-        seed: Seed(1),
+    let setup = TactNetSetup::fit(&recipe, &split);
+    let config = ClassifierConfig::new(ModelConfig::TactNet2(setup.clone()), &split, Seed(1));
+    let network = config.network_config(&setup)?;
+    let start = |recipe| {
+        Training::start(
+            recipe,
+            &split,
+            &setup.normalizer,
+            &network,
+            Seed(1),
+            &device,
+        )
     };
-    let network = config.network_config()?;
-    let start = |recipe| Training::start(recipe, &split, &normalizer, &network, Seed(1), &device);
     let (mut base, mut adversarial) = (start(&plain)?, start(&recipe)?);
     let classifier = Classifier::new(config, &base.state()?.weights, &device)?;
     let batch = SweepView::new(&twin, (0..36).collect());

@@ -13,9 +13,14 @@ mod compute;
 pub mod conv;
 mod dense;
 mod dropout;
+mod features;
 mod initial;
+mod knn;
 mod loss;
+mod ridge;
+mod svm;
 mod tactnet;
+mod temperature;
 mod weights;
 
 pub use belief::{Belief, first_largest, log_softmax, majority_vote};
@@ -24,10 +29,15 @@ pub use compute::Compute;
 pub use conv::runs_on as is_processor;
 pub use dense::NormalizedDense;
 pub use dropout::dropout_masks;
+pub use features::Features;
+pub use knn::Knn;
 pub use loss::cross_entropy;
+pub use ridge::{Gram, Ridge, default_penalties};
+pub use svm::{Pair, PlattSigmoids, Svm, SvmSettings, fit_platt};
 pub use tactnet::{
     Architecture, InputShape, TactNet, TactNetConfig, TrainingForward, default_pools,
 };
+pub use temperature::fit_inverse_temperature;
 pub use weights::{NamedTensor, Weights};
 
 /// What can be wrong with a network's description or its weights.
@@ -62,6 +72,14 @@ pub enum ModelError {
         /// Its name on the command line.
         device: &'static str,
         /// Why it cannot be used, and what would help.
+        reason: String,
+    },
+    /// A classical classifier that cannot be fitted.
+    #[error("{what}: {reason}")]
+    Fit {
+        /// Which one.
+        what: &'static str,
+        /// What its solver said.
         reason: String,
     },
 }

@@ -5,7 +5,8 @@ use tactnet_data::{Seed, SweepView};
 
 use crate::{Classifier, Estimate, FusedAccuracy, PipelineError, PredictionMethod, Predictions};
 
-/// Predicts `view` plainly and with `runs` passes of MC dropout: name of the way, predictions, what they are worth.
+/// Predicts `view` plainly and, where the model has dropout, with `runs` passes of MC dropout: name of the way, predictions, what
+/// they are worth.
 ///
 /// # Errors
 /// Sweeps that do not fit the classifier.
@@ -15,16 +16,19 @@ pub fn evaluate_all_ways(
     runs: usize,
     sweeps: usize,
     seed: Seed,
-) -> Result<[(&'static str, Predictions, Evaluation); 2], PipelineError> {
-    let evaluate = |method: PredictionMethod| {
-        let predictions = classifier.predict(view, method)?;
-        let evaluation = Evaluation::of(&predictions, sweeps, seed);
-        Ok::<_, PipelineError>((method.name(), predictions, evaluation))
-    };
-    Ok([
-        evaluate(PredictionMethod::Plain)?,
-        evaluate(PredictionMethod::McDropout { runs })?,
-    ])
+) -> Result<Vec<(&'static str, Predictions, Evaluation)>, PipelineError> {
+    let mut methods = vec![PredictionMethod::Plain];
+    if classifier.has_dropout() {
+        methods.push(PredictionMethod::McDropout { runs });
+    }
+    methods
+        .into_iter()
+        .map(|method| {
+            let predictions = classifier.predict(view, method)?;
+            let evaluation = Evaluation::of(&predictions, sweeps, seed);
+            Ok((method.name(), predictions, evaluation))
+        })
+        .collect()
 }
 
 /// Everything measured on the predictions of one method.

@@ -8,13 +8,23 @@
 //! time and can be stopped anywhere: every random choice is named by seed, epoch and batch.
 
 mod adam;
+mod arrays;
 mod augment;
+mod baseline;
+mod baseline_fit;
 mod checkpoint;
 mod classifier;
 mod confusion_picture;
 mod error;
 mod evaluation;
+mod extractor;
+#[cfg(test)]
+mod golden;
+mod hydra;
+mod levels;
 mod metrics;
+mod model_recipe;
+mod network_scorer;
 mod normalize;
 mod objective;
 mod overlap;
@@ -22,15 +32,24 @@ mod predictions;
 mod provenance;
 mod recipe;
 mod result;
+mod rocket;
 mod run_dir;
+mod scaler;
+mod series;
+mod spectrum;
 mod training;
 
 pub use augment::Augmentation;
+pub use baseline::{BaselineRecipe, ClassicalClassifier, FeatureScaling};
+pub use baseline_fit::{BaselineFit, fit_baseline};
 pub use burn::tensor::Device;
-pub use classifier::{Classifier, ClassifierConfig};
+pub use classifier::{Classifier, ClassifierConfig, ModelConfig, TactNetSetup};
 pub use error::PipelineError;
 pub use evaluation::{Evaluation, evaluate_all_ways};
+pub use extractor::FeatureSet;
+pub use levels::Levels;
 pub use metrics::{Estimate, FusedAccuracy};
+pub use model_recipe::ModelRecipe;
 pub use normalize::{Normalizer, Scaling};
 pub use objective::{Pass, Perturbation, adversarial_pass, base_pass};
 pub use overlap::without_sweeps_of;

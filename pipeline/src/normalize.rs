@@ -1,7 +1,9 @@
 //! From digits to what the network sees, fitted on training sweeps only.
 
 use serde::{Deserialize, Serialize};
-use tactnet_data::{SweepView, TrainSplit};
+use tactnet_data::{SweepShape, SweepView, TrainSplit};
+
+use crate::Levels;
 
 /// What to fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -14,7 +16,7 @@ pub enum Scaling {
     PerTaxel,
 }
 
-/// A fitted normaliser: `(digit - offset) * gain` per taxel.
+/// A fitted normaliser: levels kept or removed, then `(digit - offset) * gain` per taxel.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Normalizer {
@@ -22,18 +24,21 @@ pub struct Normalizer {
     offset: Vec<f32>,
     /// `[taxels]`, per digit
     gain: Vec<f32>,
+    #[serde(default, skip_serializing_if = "Levels::are_kept")]
+    levels: Levels,
 }
 
 impl Normalizer {
     /// Fits `scaling` to the training sweeps; a taxel that never changes keeps a gain of one.
-    pub fn fit(scaling: Scaling, train: &TrainSplit<'_>) -> Self {
+    pub fn fit(scaling: Scaling, levels: Levels, train: &TrainSplit<'_>) -> Self {
         let taxels = train.shape().taxels();
         match scaling {
             Scaling::Digits => Self {
                 offset: vec![0.0; taxels],
                 gain: vec![1.0; taxels],
+                levels,
             },
-            Scaling::PerTaxel => per_taxel(train),
+            Scaling::PerTaxel => per_taxel(train, levels),
         }
     }
 
@@ -42,17 +47,13 @@ impl Normalizer {
         self.offset.len()
     }
 
-    /// Scales sweeps in place: `[…][taxels]` digits.
+    /// Scales whole sweeps in place: `[sweeps][steps][taxels]` digits.
     ///
     /// # Panics
-    /// If the length is no multiple of the number of taxels.
-    pub fn apply(&self, values: &mut [f32]) {
-        assert_eq!(
-            values.len() % self.taxels(),
-            0,
-            "whole frames of {} taxels",
-            self.taxels()
-        );
+    /// If the values are not whole sweeps of `shape`, or `shape` has another number of taxels.
+    pub fn apply(&self, values: &mut [f32], shape: SweepShape) {
+        assert_eq!(shape.taxels(), self.taxels(), "taxels of a frame");
+        self.levels.apply(values, shape);
         for frame in values.chunks_exact_mut(self.taxels()) {
             for ((value, offset), gain) in frame.iter_mut().zip(&self.offset).zip(&self.gain) {
                 *value = (*value - offset) * gain;
@@ -62,18 +63,18 @@ impl Normalizer {
 }
 
 /// Two passes in `f64`: means first, then squared deviations, so that large offsets do not cost digits.
-fn per_taxel(train: &SweepView<'_>) -> Normalizer {
+fn per_taxel(train: &SweepView<'_>, levels: Levels) -> Normalizer {
     let taxels = train.shape().taxels();
     let frames = (train.len() * train.shape().steps) as f64;
     let mut mean = vec![0.0_f64; taxels];
-    for_each_frame(train, |frame| {
+    for_each_frame(train, levels, |frame| {
         mean.iter_mut()
             .zip(frame)
             .for_each(|(m, v)| *m += f64::from(*v));
     });
     mean.iter_mut().for_each(|m| *m /= frames);
     let mut variance = vec![0.0_f64; taxels];
-    for_each_frame(train, |frame| {
+    for_each_frame(train, levels, |frame| {
         for ((sum, v), m) in variance.iter_mut().zip(frame).zip(&mean) {
             *sum += (f64::from(*v) - m).powi(2);
         }
@@ -92,14 +93,16 @@ fn per_taxel(train: &SweepView<'_>) -> Normalizer {
     Normalizer {
         offset: mean.iter().map(|m| *m as f32).collect(),
         gain,
+        levels,
     }
 }
 
-fn for_each_frame(view: &SweepView<'_>, mut visit: impl FnMut(&[f32])) {
+fn for_each_frame(view: &SweepView<'_>, levels: Levels, mut visit: impl FnMut(&[f32])) {
     let shape = view.shape();
     let mut sweep = vec![0.0; shape.values()];
     for position in 0..view.len() {
         view.copy_batch(&[position], &mut sweep);
+        levels.apply(&mut sweep, shape);
         sweep.chunks_exact(shape.taxels()).for_each(&mut visit);
     }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use tactnet_models::Architecture;
 
-use crate::{Augmentation, PipelineError, Scaling};
+use crate::{Augmentation, Levels, PipelineError, Scaling};
 
 /// Recipes that ship with the binary, by name.
 const BUILT_IN: [(&str, &str); 2] = [
@@ -38,6 +38,9 @@ pub struct Recipe {
 pub struct Input {
     /// See [`Scaling`].
     pub scaling: Scaling,
+    /// Whether the mean of each taxel over a sweep may be used.
+    #[serde(skip_serializing_if = "Levels::are_kept")]
+    pub levels: Levels,
 }
 
 /// Settings of the optimisation (Adam with beta 0.9 and 0.999, epsilon 1e-8).

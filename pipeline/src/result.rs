@@ -40,18 +40,23 @@ pub struct RunResult {
     pub n_train: usize,
     /// Sweeps tested on.
     pub n_test: usize,
-    /// Epochs trained.
-    pub epochs: usize,
+    /// Epochs trained; absent where the model has none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub epochs: Option<usize>,
+    /// Settings that were chosen on inner splits of the training sweeps, by name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub chosen: BTreeMap<String, f64>,
     /// One sweep, predicted the recipe's own way.
     pub accuracy_one_sweep: Estimate,
     /// Three sweeps fused (Bayes), predicted the recipe's own way; absent with fewer than three test sweeps a material.
     pub accuracy_three_sweeps: Option<Estimate>,
-    /// All ways of predicting: `plain`, `mc_dropout`.
+    /// All ways of predicting: `plain`, and `mc_dropout` where the model has dropout.
     pub evaluations: BTreeMap<String, Evaluation>,
-    /// Time spent in training steps, seconds, interruptions left out.
+    /// Time spent in training steps or in fitting, seconds, interruptions left out.
     pub train_seconds: f64,
     /// The same per epoch.
-    pub seconds_per_epoch: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seconds_per_epoch: Option<f64>,
     /// Largest resident memory of the process that ended the run, MiB.
     pub peak_rss_mib: Option<f64>,
 }

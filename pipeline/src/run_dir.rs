@@ -22,7 +22,7 @@ use tactnet_data::{Seed, SplitManifest};
 use tactnet_models::{Compute, Weights};
 
 use crate::checkpoint::{decode_checkpoint, encode_checkpoint};
-use crate::{ClassifierConfig, PipelineError, Provenance, Recipe, RunResult, TrainingState};
+use crate::{ClassifierConfig, ModelRecipe, PipelineError, Provenance, RunResult, TrainingState};
 
 /// Name of the lock file.
 const LOCK: &str = ".lock";
@@ -44,14 +44,14 @@ pub struct RunConfig {
     /// Where tensors live.
     pub compute: Compute,
     /// How the classifier comes about.
-    pub recipe: Recipe,
+    pub recipe: ModelRecipe,
     /// Everything about the classifier but its weights.
     pub classifier: ClassifierConfig,
 }
 
 impl RunConfig {
     /// Version written by this program.
-    pub const SCHEMA_VERSION: u32 = 1;
+    pub const SCHEMA_VERSION: u32 = 2;
 }
 
 /// One line of `metrics.jsonl`.

@@ -244,7 +244,7 @@ impl<'a> Training<'a> {
                     let mut rng = self.seed.rng(("augmentation", epoch, position));
                     augmentation.apply(sweep, shape.taxels(), &mut rng);
                 }
-                self.normalizer.apply(sweep);
+                self.normalizer.apply(sweep, shape);
             });
         let extents = [positions.len(), 1, shape.steps, shape.taxels()];
         Tensor::from_data(

@@ -1,0 +1,77 @@
+//! Named arrays of fitted baselines, kept as `f32` tensors beside those of networks.
+
+use tactnet_models::{ModelError, NamedTensor, Weights};
+
+use crate::PipelineError;
+
+/// Stores a vector.
+pub(crate) fn put(weights: &mut Weights, name: &str, values: Vec<f32>) {
+    let shape = vec![values.len()];
+    weights.0.insert(name.into(), NamedTensor { shape, values });
+}
+
+/// Stores small whole numbers.
+///
+/// # Panics
+/// If one is not exact as `f32`.
+pub(crate) fn put_indices(weights: &mut Weights, name: &str, indices: &[usize]) {
+    let exact = |index: &usize| {
+        assert!(*index < 1 << 24, "{name}: {index} is exact as f32");
+        *index as f32
+    };
+    put(weights, name, indices.iter().map(exact).collect());
+}
+
+/// Stores numbers in double precision, each as a sum of two `f32`.
+pub(crate) fn put_doubles(weights: &mut Weights, name: &str, values: &[f64]) {
+    let high: Vec<f32> = values.iter().map(|v| *v as f32).collect();
+    let low = values
+        .iter()
+        .zip(&high)
+        .map(|(v, h)| (v - f64::from(*h)) as f32);
+    let all = high.iter().copied().chain(low).collect();
+    let shape = vec![2, values.len()];
+    weights
+        .0
+        .insert(name.into(), NamedTensor { shape, values: all });
+}
+
+/// A stored array.
+///
+/// # Errors
+/// None of that name.
+pub(crate) fn get<'a>(weights: &'a Weights, name: &str) -> Result<&'a NamedTensor, PipelineError> {
+    weights.0.get(name).ok_or_else(|| {
+        PipelineError::Model(ModelError::Weights {
+            tensor: name.into(),
+            expected: "an array of this model".into(),
+            found: "none".into(),
+        })
+    })
+}
+
+/// Stored whole numbers.
+///
+/// # Errors
+/// None of that name.
+pub(crate) fn get_indices(weights: &Weights, name: &str) -> Result<Vec<usize>, PipelineError> {
+    Ok(get(weights, name)?
+        .values
+        .iter()
+        .map(|v| *v as usize)
+        .collect())
+}
+
+/// Stored numbers in double precision (to about 48 bits).
+///
+/// # Errors
+/// None of that name.
+pub(crate) fn get_doubles(weights: &Weights, name: &str) -> Result<Vec<f64>, PipelineError> {
+    let values = &get(weights, name)?.values;
+    let (high, low) = values.split_at(values.len() / 2);
+    Ok(high
+        .iter()
+        .zip(low)
+        .map(|(h, l)| f64::from(*h) + f64::from(*l))
+        .collect())
+}

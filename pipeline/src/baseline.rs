@@ -1,0 +1,256 @@
+//! Classical and random-convolution classifiers: features, scaling, classifier, one after the other.
+
+use serde::{Deserialize, Serialize};
+use tactnet_data::SweepView;
+use tactnet_models::{
+    Knn, PlattSigmoids, Ridge, Svm, SvmSettings, Weights, default_penalties, log_softmax,
+};
+
+use crate::arrays::{get, get_doubles, get_indices, put, put_doubles, put_indices};
+use crate::extractor::Extractor;
+use crate::scaler::Scaler;
+use crate::{ClassifierConfig, FeatureSet, Levels, PipelineError};
+
+/// How a baseline comes about.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BaselineRecipe {
+    /// What people call it.
+    pub name: String,
+    /// What is computed from a sweep.
+    pub features: FeatureSet,
+    /// Whether the mean of each taxel over a sweep may be used.
+    #[serde(default, skip_serializing_if = "Levels::are_kept")]
+    pub levels: Levels,
+    /// What happens to the features.
+    #[serde(default)]
+    pub scaling: FeatureScaling,
+    /// What reads them.
+    pub classifier: ClassicalClassifier,
+}
+
+/// What happens to features before a classifier reads them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FeatureScaling {
+    /// Nothing.
+    #[default]
+    Raw,
+    /// Mean 0 and standard deviation 1 over the training sweeps (Hydra's features: their own sparse scaling).
+    Standard,
+}
+
+/// What reads the features. Where a list holds several values, the inner 64/16 split chooses.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum ClassicalClassifier {
+    /// k nearest neighbours.
+    Knn {
+        /// Values of k.
+        neighbours: Vec<usize>,
+    },
+    /// Support vector machine, one against one, radial basis kernel.
+    Svm {
+        /// Values of C.
+        c: Vec<f64>,
+        /// Values of gamma, in units of one over the number of features.
+        gamma: Vec<f64>,
+    },
+    /// Ridge regression on +1 and -1.
+    Ridge {
+        /// Penalties to choose from by leave-one-out.
+        #[serde(default = "default_penalties")]
+        penalties: Vec<f64>,
+    },
+}
+
+impl BaselineRecipe {
+    /// What is wrong with it, if anything: setting, expected, found.
+    pub(crate) fn mistake(&self) -> Option<(&'static str, &'static str, String)> {
+        let positive =
+            |values: &[f64]| !values.is_empty() && values.iter().all(|v| v.is_finite() && *v > 0.0);
+        if self.name.trim().is_empty() {
+            return Some(("name", "a name", "an empty one".into()));
+        }
+        match &self.classifier {
+            ClassicalClassifier::Knn { neighbours } => {
+                (neighbours.is_empty() || neighbours.contains(&0)).then(|| {
+                    (
+                        "classifier.neighbours",
+                        "whole numbers from 1",
+                        format!("{neighbours:?}"),
+                    )
+                })
+            }
+            ClassicalClassifier::Svm { c, gamma } => {
+                if !positive(c) {
+                    return Some(("classifier.c", "positive numbers", format!("{c:?}")));
+                }
+                (!positive(gamma))
+                    .then(|| ("classifier.gamma", "positive numbers", format!("{gamma:?}")))
+            }
+            ClassicalClassifier::Ridge { penalties } => (!positive(penalties)).then(|| {
+                (
+                    "classifier.penalties",
+                    "positive numbers",
+                    format!("{penalties:?}"),
+                )
+            }),
+        }
+    }
+}
+
+/// A fitted classifier on features.
+pub(crate) enum Reader {
+    Knn(Knn),
+    Svm(Svm, PlattSigmoids),
+    /// With the inverse temperature of its scores.
+    Ridge(Ridge, f64),
+}
+
+/// A fitted baseline.
+pub(crate) struct Baseline {
+    pub extractor: Extractor,
+    pub scaler: Option<Scaler>,
+    pub reader: Reader,
+}
+
+impl Baseline {
+    /// Log-probabilities `[sweeps][materials]`.
+    pub fn log_probabilities(&self, view: &SweepView<'_>) -> Vec<Vec<f64>> {
+        let mut features = self.extractor.features(view);
+        if let Some(scaler) = &self.scaler {
+            scaler.apply(&mut features);
+        }
+        match &self.reader {
+            Reader::Knn(knn) => knn.log_probabilities(&features),
+            Reader::Svm(svm, sigmoids) => {
+                svm.log_probabilities(&svm.decisions(&features), sigmoids)
+            }
+            Reader::Ridge(ridge, inverse_temperature) => ridge
+                .scores(&features)
+                .iter()
+                .map(|row| {
+                    let scores: Vec<f32> = row
+                        .iter()
+                        .map(|s| (s * inverse_temperature) as f32)
+                        .collect();
+                    log_softmax(&scores)
+                })
+                .collect(),
+        }
+    }
+
+    /// All fitted numbers, by name.
+    pub fn to_weights(&self) -> Weights {
+        let mut weights = Weights::default();
+        let w = &mut weights;
+        self.extractor.save(w);
+        if let Some(scaler) = &self.scaler {
+            scaler.save(w);
+        }
+        match &self.reader {
+            Reader::Knn(knn) => {
+                put(w, "knn.features", knn.features.values().to_vec());
+                put_indices(w, "knn.labels", &knn.labels);
+                put_indices(w, "knn.neighbours", &[knn.neighbours]);
+            }
+            Reader::Svm(svm, sigmoids) => {
+                put(w, "svm.features", svm.features.values().to_vec());
+                put_doubles(w, "svm.gamma", &[svm.gamma]);
+                let counts: Vec<usize> = svm.pairs.iter().map(|pair| pair.rows.len()).collect();
+                let pairs = || svm.pairs.iter();
+                put_indices(w, "svm.support_counts", &counts);
+                let rows: Vec<usize> = pairs().flat_map(|p| p.rows.iter().copied()).collect();
+                put_indices(w, "svm.support_rows", &rows);
+                let duals: Vec<f64> = pairs().flat_map(|p| p.weights.iter().copied()).collect();
+                put_doubles(w, "svm.support_weights", &duals);
+                let rho: Vec<f64> = pairs().map(|pair| pair.rho).collect();
+                put_doubles(w, "svm.rho", &rho);
+                put_doubles(w, "svm.platt", sigmoids.0.as_flattened());
+            }
+            Reader::Ridge(ridge, inverse_temperature) => {
+                put(w, "ridge.coefficients", ridge.coefficients.clone());
+                put_doubles(w, "ridge.intercepts", &ridge.intercepts);
+                put_doubles(w, "ridge.penalty", &[ridge.penalty]);
+                put_doubles(w, "ridge.inverse_temperature", &[*inverse_temperature]);
+            }
+        }
+        weights
+    }
+
+    /// Rebuilds what [`Baseline::to_weights`] gave.
+    ///
+    /// # Errors
+    /// Arrays that are missing.
+    pub fn from_weights(
+        recipe: &BaselineRecipe,
+        config: &ClassifierConfig,
+        weights: &Weights,
+    ) -> Result<Self, PipelineError> {
+        let extractor = Extractor::load(
+            recipe.features,
+            recipe.levels,
+            config.shape,
+            config.sample_rate_hz,
+            weights,
+        )?;
+        let features = |name: &str| {
+            let values = get(weights, name)?.values.clone();
+            Ok::<_, PipelineError>(tactnet_models::Features::new(extractor.width(), values))
+        };
+        let one = |name: &str| Ok::<_, PipelineError>(get_doubles(weights, name)?[0]);
+        let materials = config.labels.len();
+        let reader = match recipe.classifier {
+            ClassicalClassifier::Knn { .. } => Reader::Knn(Knn {
+                features: features("knn.features")?,
+                labels: get_indices(weights, "knn.labels")?,
+                materials,
+                neighbours: get_indices(weights, "knn.neighbours")?[0],
+            }),
+            ClassicalClassifier::Svm { .. } => {
+                let platt = get_doubles(weights, "svm.platt")?;
+                let svm = Svm::from_parts(
+                    features("svm.features")?,
+                    one("svm.gamma")?,
+                    materials,
+                    &get_indices(weights, "svm.support_counts")?,
+                    &get_indices(weights, "svm.support_rows")?,
+                    &get_doubles(weights, "svm.support_weights")?,
+                    &get_doubles(weights, "svm.rho")?,
+                );
+                let sigmoids = platt.chunks_exact(2).map(|s| [s[0], s[1]]).collect();
+                Reader::Svm(svm, PlattSigmoids(sigmoids))
+            }
+            ClassicalClassifier::Ridge { .. } => {
+                let ridge = Ridge {
+                    coefficients: get(weights, "ridge.coefficients")?.values.clone(),
+                    intercepts: get_doubles(weights, "ridge.intercepts")?,
+                    penalty: one("ridge.penalty")?,
+                };
+                Reader::Ridge(ridge, one("ridge.inverse_temperature")?)
+            }
+        };
+        let scaler = match recipe.scaling {
+            FeatureScaling::Raw => None,
+            FeatureScaling::Standard => Some(Scaler::load(weights, extractor.hydra_width())?),
+        };
+        Ok(Self {
+            extractor,
+            scaler,
+            reader,
+        })
+    }
+}
+
+/// A choice for each binary problem of a support vector machine.
+pub(crate) fn svm_grid(c: &[f64], gamma: &[f64], width: usize) -> Vec<SvmSettings> {
+    c.iter()
+        .flat_map(|&c| {
+            gamma.iter().map(move |gamma| SvmSettings {
+                c,
+                gamma: gamma / width as f64,
+            })
+        })
+        .collect()
+}

@@ -1,0 +1,72 @@
+//! Whether a sweep's levels may be used.
+
+use serde::{Deserialize, Serialize};
+use tactnet_data::SweepShape;
+
+/// What happens to the mean of every taxel over a sweep, which in some recordings gives the material away by itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Levels {
+    /// It stays.
+    #[default]
+    Kept,
+    /// It is subtracted, sweep by sweep and taxel by taxel.
+    Removed,
+}
+
+impl Levels {
+    /// Whether they stay.
+    pub fn are_kept(&self) -> bool {
+        *self == Self::Kept
+    }
+
+    /// Changes whole sweeps in place.
+    ///
+    /// - `sweeps`: `[sweeps][steps][taxels]`
+    ///
+    /// # Panics
+    /// If the values are not whole sweeps of `shape`.
+    pub fn apply(self, sweeps: &mut [f32], shape: SweepShape) {
+        assert_eq!(sweeps.len() % shape.values(), 0, "whole sweeps of {shape}");
+        if self == Self::Kept {
+            return;
+        }
+        let taxels = shape.taxels();
+        for sweep in sweeps.chunks_exact_mut(shape.values()) {
+            let mut means = vec![0.0_f64; taxels];
+            for frame in sweep.chunks_exact(taxels) {
+                means
+                    .iter_mut()
+                    .zip(frame)
+                    .for_each(|(mean, v)| *mean += f64::from(*v));
+            }
+            means
+                .iter_mut()
+                .for_each(|mean| *mean /= shape.steps as f64);
+            for frame in sweep.chunks_exact_mut(taxels) {
+                for (value, mean) in frame.iter_mut().zip(&means) {
+                    *value = (f64::from(*value) - mean) as f32;
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn removing_levels_leaves_changes_alone() {
+        let shape = SweepShape {
+            steps: 2,
+            rows: 1,
+            cols: 2,
+        };
+        let mut sweeps = [1.0, 10.0, 3.0, 20.0, 5.0, 5.0, 5.0, 7.0];
+        Levels::Kept.apply(&mut sweeps, shape);
+        assert_eq!(sweeps[0], 1.0);
+        Levels::Removed.apply(&mut sweeps, shape);
+        assert_eq!(sweeps, [-1.0, -5.0, 1.0, 5.0, 0.0, -1.0, 0.0, 1.0]);
+    }
+}

@@ -1,0 +1,170 @@
+//! Recipes of every kind of model, by name or from a file.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::{BaselineRecipe, Levels, PipelineError, PredictionMethod, Recipe};
+
+/// Recipes of baselines that ship with the binary, by name.
+const BASELINES: [(&str, &str); 7] = [
+    ("means", include_str!("../recipes/means.toml")),
+    ("knn-l", include_str!("../recipes/knn-l.toml")),
+    ("knn-h", include_str!("../recipes/knn-h.toml")),
+    ("svm-l", include_str!("../recipes/svm-l.toml")),
+    ("svm-h", include_str!("../recipes/svm-h.toml")),
+    ("minirocket", include_str!("../recipes/minirocket.toml")),
+    (
+        "multirocket-hydra",
+        include_str!("../recipes/multirocket-hydra.toml"),
+    ),
+];
+
+/// How a classifier of any kind comes about.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum ModelRecipe {
+    /// TactNet-II.
+    #[serde(rename = "tactnet2")]
+    TactNet2(Recipe),
+    /// Features and a classical classifier.
+    #[serde(rename = "baseline")]
+    Baseline(BaselineRecipe),
+}
+
+impl ModelRecipe {
+    /// Names of all recipes that ship with the binary.
+    pub fn built_in_names() -> impl Iterator<Item = &'static str> {
+        Recipe::built_in_names().chain(BASELINES.iter().map(|(name, _)| *name))
+    }
+
+    /// Loads a built-in recipe by name, or a file.
+    ///
+    /// # Errors
+    /// Neither a known name nor a readable file; TOML that does not parse; a setting out of range.
+    pub fn load(name_or_path: &str) -> Result<Self, PipelineError> {
+        if let Some((name, text)) = BASELINES.iter().find(|(name, _)| *name == name_or_path) {
+            return Self::parse(name, text);
+        }
+        if Recipe::built_in_names().any(|name| name == name_or_path) {
+            return Recipe::load(name_or_path).map(Self::TactNet2);
+        }
+        let path = Path::new(name_or_path);
+        if !path.exists() {
+            let known: Vec<&str> = Self::built_in_names().collect();
+            return Err(PipelineError::UnknownRecipe {
+                name: name_or_path.into(),
+                known: known.join(", "),
+            });
+        }
+        let text = std::fs::read_to_string(path)
+            .map_err(|error| PipelineError::io(path, "read the recipe", error))?;
+        Self::parse(name_or_path, &text)
+    }
+
+    /// Parses and checks TOML: with a key `features` a baseline, else a network. `origin` stands in the messages.
+    ///
+    /// # Errors
+    /// TOML that does not parse, unknown fields, a setting out of range.
+    pub fn parse(origin: &str, text: &str) -> Result<Self, PipelineError> {
+        let refused = |reason: String| PipelineError::Recipe {
+            origin: origin.into(),
+            reason,
+        };
+        let is_baseline = text
+            .parse::<toml::Table>()
+            .is_ok_and(|table| table.contains_key("features"));
+        if !is_baseline {
+            return Recipe::parse(origin, text).map(Self::TactNet2);
+        }
+        let recipe: BaselineRecipe = toml::from_str(text)
+            .map_err(|error| refused(error.to_string().trim_end().replace('\n', " / ")))?;
+        match recipe.mistake() {
+            None => Ok(Self::Baseline(recipe)),
+            Some((setting, expected, found)) => Err(refused(format!(
+                "`{setting}`: expected {expected}, found {found}"
+            ))),
+        }
+    }
+
+    /// What people call it.
+    pub fn name(&self) -> &str {
+        match self {
+            Self::TactNet2(recipe) => &recipe.name,
+            Self::Baseline(recipe) => &recipe.name,
+        }
+    }
+
+    /// How a classifier of this recipe predicts unless told otherwise.
+    pub fn method(&self) -> PredictionMethod {
+        match self {
+            Self::TactNet2(recipe) => recipe.prediction.method,
+            Self::Baseline(_) => PredictionMethod::Plain,
+        }
+    }
+
+    /// Whether the mean of each taxel over a sweep may be used.
+    pub fn levels(&self) -> Levels {
+        match self {
+            Self::TactNet2(recipe) => recipe.input.levels,
+            Self::Baseline(recipe) => recipe.levels,
+        }
+    }
+
+    /// The same recipe with other levels.
+    pub fn with_levels(mut self, levels: Levels) -> Self {
+        match &mut self {
+            Self::TactNet2(recipe) => recipe.input.levels = levels,
+            Self::Baseline(recipe) => recipe.levels = levels,
+        }
+        self
+    }
+
+    /// The recipe as TOML.
+    ///
+    /// # Panics
+    /// Never: every recipe can be written as TOML.
+    pub fn to_toml(&self) -> String {
+        match self {
+            Self::TactNet2(recipe) => recipe.to_toml(),
+            Self::Baseline(recipe) => toml::to_string(recipe)
+                .unwrap_or_else(|error| panic!("a recipe is always valid TOML: {error}")),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn built_in_recipes_parse_and_carry_their_name() {
+        for name in ModelRecipe::built_in_names() {
+            let recipe = ModelRecipe::load(name).unwrap();
+            assert_eq!(recipe.name(), name);
+            assert_eq!(
+                ModelRecipe::parse("again", &recipe.to_toml()).unwrap(),
+                recipe
+            );
+        }
+    }
+
+    #[test]
+    fn mistakes_are_named_in_one_line() {
+        let svm = BASELINES[4].1;
+        for (from, to, named) in [
+            ("kind = \"svm\"", "kind = \"sum\"", "sum"),
+            ("features = \"h\"", "features = \"x\"", "x"),
+            ("gamma = [", "gamma = [-1.0, ", "classifier.gamma"),
+            ("gamma = [", "gama = [", "gama"),
+        ] {
+            assert!(svm.contains(from), "{from}");
+            let refused = ModelRecipe::parse("r.toml", &svm.replace(from, to)).unwrap_err();
+            let message = refused.to_string();
+            assert!(
+                message.contains(named) && message.contains("r.toml"),
+                "{message}"
+            );
+            assert!(!message.contains('\n'), "{message}");
+        }
+    }
+}

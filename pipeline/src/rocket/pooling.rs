@@ -1,0 +1,161 @@
+//! From a kernel's result to features.
+
+/// How the result of a kernel becomes features.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Pooling {
+    /// The share of steps above the bias: MiniRocket.
+    Share,
+    /// Share, longest stretch, mean value and mean position: MultiRocket.
+    FourWays,
+}
+
+/// Features that [`Pooling::FourWays`] makes of one bias.
+pub(crate) const WAYS: usize = 4;
+
+impl Pooling {
+    /// Features for each bias.
+    pub fn ways(self) -> usize {
+        match self {
+            Self::Share => 1,
+            Self::FourWays => WAYS,
+        }
+    }
+}
+
+/// Share of `result` above `bias` (PPV).
+#[inline(always)]
+pub(super) fn share(result: &[f32], bias: f32) -> f32 {
+    let count: u32 = result.iter().map(|value| u32::from(*value > bias)).sum();
+    count as f32 / result.len() as f32
+}
+
+/// Share above `bias`; longest stretch between steps below it; mean of value plus bias, and mean position, over the steps
+/// above it (0 and -1 where there is none).
+///
+/// - `below`: scratch
+#[inline(always)]
+pub(super) fn four_ways(result: &[f32], bias: f32, below: &mut Vec<u8>) -> [f32; WAYS] {
+    let (mut count, mut positions) = (0_u32, 0_u32);
+    for (position, value) in result.iter().enumerate() {
+        let above = *value > bias;
+        count += u32::from(above);
+        positions += if above { position as u32 } else { 0 };
+    }
+    let sum = sum_above(result, bias);
+    let stretch = longest_stretch(result, bias, below);
+    let above = count as f32;
+    let (mean, position) = if count == 0 {
+        (0.0, -1.0)
+    } else {
+        (
+            ((sum + f64::from(count) * f64::from(bias)) / f64::from(count)) as f32,
+            (f64::from(positions) / f64::from(count)) as f32,
+        )
+    };
+    [above / result.len() as f32, stretch as f32, mean, position]
+}
+
+/// Sum of the values above `bias`, in lanes of a block, blocks in double precision.
+#[inline(always)]
+fn sum_above(result: &[f32], bias: f32) -> f64 {
+    const LANES: usize = 16;
+    const BLOCK: usize = 16 * LANES;
+    let mut total = 0.0;
+    for block in result.chunks(BLOCK) {
+        let mut lanes = [0.0_f32; LANES];
+        let mut chunks = block.chunks_exact(LANES);
+        for chunk in &mut chunks {
+            for (lane, value) in lanes.iter_mut().zip(chunk) {
+                *lane += if *value > bias { *value } else { 0.0 };
+            }
+        }
+        let rest = chunks.remainder().iter().filter(|value| **value > bias);
+        total += f64::from(lanes.iter().sum::<f32>() + rest.sum::<f32>());
+    }
+    total
+}
+
+/// The largest distance between two neighbouring steps below `bias`; the first step counts as one where the first stretch
+/// begins, the last step ends the last.
+#[inline(always)]
+fn longest_stretch(result: &[f32], bias: f32, below: &mut Vec<u8>) -> usize {
+    below.clear();
+    below.extend(result.iter().map(|value| u8::from(*value < bias)));
+    below.resize(result.len().next_multiple_of(8), 0);
+    let mut last = 0;
+    let mut longest = 0;
+    for (word, bytes) in below.chunks_exact(8).enumerate() {
+        let mut bits = pack(bytes);
+        while bits != 0 {
+            let first = bits.trailing_zeros();
+            let run = (bits >> first).trailing_ones();
+            let start = word * 8 + first as usize;
+            longest = longest.max(start - last);
+            last = start + run as usize - 1;
+            if run > 1 {
+                longest = longest.max(1);
+            }
+            bits &= !(((1_u32 << run) - 1) << first);
+        }
+    }
+    longest.max(result.len() - 1 - last)
+}
+
+/// Eight bytes of 0 or 1 to eight bits, the first byte lowest.
+#[inline(always)]
+fn pack(bytes: &[u8]) -> u32 {
+    let mut word = [0; 8];
+    word.copy_from_slice(bytes);
+    (u64::from_le_bytes(word).wrapping_mul(0x0102_0408_1020_4080) >> 56) as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// The definition, step by step (aeon 1.6, `_multirocket.py`).
+    fn by_definition(result: &[f32], bias: f32) -> [f64; WAYS] {
+        let (mut count, mut last, mut longest, mut positions, mut sum) = (0, 0, 0, 0, 0.0);
+        for (step, value) in result.iter().enumerate() {
+            if *value > bias {
+                count += 1;
+                positions += step;
+                sum += f64::from(*value) + f64::from(bias);
+            } else if *value < bias {
+                longest = longest.max(step - last);
+                last = step;
+            }
+        }
+        longest = longest.max(result.len() - 1 - last);
+        let mean = |sum: f64, none: f64| {
+            if count > 0 {
+                sum / f64::from(count)
+            } else {
+                none
+            }
+        };
+        [
+            f64::from(count) / result.len() as f64,
+            longest as f64,
+            mean(sum, 0.0),
+            mean(positions as f64, -1.0),
+        ]
+    }
+
+    proptest! {
+        #[test]
+        fn pooling_follows_its_definition(
+            result in prop::collection::vec(-4_i8..5, 1..700), bias in -5_i8..6,
+        ) {
+            let result: Vec<f32> = result.into_iter().map(f32::from).collect();
+            let bias = f32::from(bias);
+            let expected = by_definition(&result, bias);
+            let found = four_ways(&result, bias, &mut Vec::new());
+            for (found, expected) in found.into_iter().zip(expected) {
+                prop_assert!((f64::from(found) - expected).abs() <= 1e-6 * expected.abs().max(1.0));
+            }
+            prop_assert_eq!(share(&result, bias), found[0]);
+        }
+    }
+}

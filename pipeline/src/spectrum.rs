@@ -1,0 +1,248 @@
+//! Spectral features designed by hand: L (three numbers) and H (short-time spectrum).
+//!
+//! Both are those of Baishya & Bäuml (IROS 2016, section III), which the thesis compares TactNet-II with (section 4.4.1). Spectra
+//! are unitary (factor `1/sqrt(N)`). Taxels are combined with weights `w_m`: the sum of a taxel over the sweep, divided by
+//! the sum of all taxels. Where levels have been removed the sums are zero and every taxel weighs the same.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+use realfft::{RealFftPlanner, RealToComplex, num_complex::Complex};
+use tactnet_data::SweepShape;
+
+use crate::{Levels, PipelineError};
+
+/// Width of an H-feature's frequency bin, Hz; also where the L-features divide low from high.
+const BAND_HZ: f64 = 20.0;
+/// Below this frequency nothing enters the L-features, Hz.
+const LOWEST_HZ: f64 = 2.0;
+/// Window of the short-time spectrum, seconds.
+const WINDOW_SECONDS: f64 = 0.1;
+/// From one window to the next, seconds.
+const HOP_SECONDS: f64 = 0.05;
+
+/// Computes L-features of sweeps of one shape and rate.
+pub struct LowFeatures {
+    shape: SweepShape,
+    rate: f64,
+    levels: Levels,
+    transform: Arc<dyn RealToComplex<f64>>,
+}
+
+impl LowFeatures {
+    /// Number of features: roughness, centroid above and below 20 Hz.
+    pub const WIDTH: usize = 3;
+
+    /// For sweeps of `shape` at `rate` frames per second.
+    ///
+    /// # Errors
+    /// A rate or a length that leaves one of the two bands without a frequency.
+    pub fn new(shape: SweepShape, rate: f64, levels: Levels) -> Result<Self, PipelineError> {
+        let this = Self {
+            shape,
+            rate,
+            levels,
+            transform: RealFftPlanner::new().plan_fft_forward(shape.steps),
+        };
+        let nyquist = rate / 2.0;
+        for (low, high) in [(LOWEST_HZ, BAND_HZ), (BAND_HZ, nyquist)] {
+            if this.bins(low, high).is_empty() {
+                return Err(too_short(
+                    "L-features",
+                    format!("a frequency between {low} and {high:.0} Hz"),
+                    shape,
+                    rate,
+                ));
+            }
+        }
+        Ok(this)
+    }
+
+    /// Bins from `low` to below `high`, the last one to the Nyquist frequency.
+    fn bins(&self, low: f64, high: f64) -> std::ops::Range<usize> {
+        let per_bin = self.rate / self.shape.steps as f64;
+        let bins = self.shape.steps / 2 + 1;
+        // A bin that falls on the limit up to rounding belongs above it.
+        let first = |hz: f64| (hz / per_bin - 1e-9).ceil().max(0.0) as usize;
+        let end = if high >= self.rate / 2.0 {
+            bins
+        } else {
+            first(high)
+        };
+        first(low).min(end)..end
+    }
+
+    /// Features of one sweep, `[steps][taxels]`:
+    ///
+    /// - `ln(sum over taxels of the mean |S|^2)`, 20 Hz to half the rate;
+    /// - centroid `sum |S_q| f_q / sum |S_q|` of that band and of 2 to 20 Hz, Hz, weighted over taxels.
+    pub fn of(&self, sweep: &[f32]) -> [f32; Self::WIDTH] {
+        let taxels = self.shape.taxels();
+        let weights = taxel_weights(sweep, taxels, self.levels);
+        let low = self.bins(LOWEST_HZ, BAND_HZ);
+        let high = self.bins(BAND_HZ, self.rate / 2.0);
+        let per_bin = self.rate / self.shape.steps as f64;
+        let mut input = self.transform.make_input_vec();
+        let mut spectrum = self.transform.make_output_vec();
+        let (mut power, mut centroids) = (0.0, [0.0; 2]);
+        for taxel in 0..taxels {
+            for (value, frame) in input.iter_mut().zip(sweep.chunks_exact(taxels)) {
+                *value = f64::from(frame[taxel]);
+            }
+            transform(&self.transform, &mut input, &mut spectrum);
+            let band = &spectrum[high.clone()];
+            let mean = band.iter().map(Complex::norm_sqr).sum::<f64>() / band.len() as f64;
+            power += mean / self.shape.steps as f64;
+            for (centroid, bins) in centroids.iter_mut().zip([&high, &low]) {
+                let (mut sum, mut moment) = (0.0, 0.0);
+                for bin in bins.clone() {
+                    let amplitude = spectrum[bin].norm();
+                    sum += amplitude;
+                    moment += amplitude * bin as f64 * per_bin;
+                }
+                if sum > 0.0 {
+                    *centroid += weights[taxel] * moment / sum;
+                }
+            }
+        }
+        // A sweep that never changes has no roughness; its logarithm is that of rounding noise.
+        [
+            power.max(1e-12).ln() as f32,
+            centroids[0] as f32,
+            centroids[1] as f32,
+        ]
+    }
+}
+
+/// Computes H-features of sweeps of one shape and rate.
+pub struct HighFeatures {
+    shape: SweepShape,
+    rate: f64,
+    levels: Levels,
+    transform: Arc<dyn RealToComplex<f64>>,
+    /// First step of every window.
+    starts: Vec<usize>,
+    bands: usize,
+}
+
+impl HighFeatures {
+    /// For sweeps of `shape` at `rate` frames per second.
+    ///
+    /// # Errors
+    /// A sweep shorter than one window of 0.1 s, or a rate below 20 Hz.
+    pub fn new(shape: SweepShape, rate: f64, levels: Levels) -> Result<Self, PipelineError> {
+        let window = (WINDOW_SECONDS * rate).round() as usize;
+        if shape.steps < window || window < 2 {
+            return Err(too_short(
+                "H-features",
+                format!("a window of {WINDOW_SECONDS} s"),
+                shape,
+                rate,
+            ));
+        }
+        // As many hops as fit, 1500 steps at 750 Hz: 40. A window that reaches beyond the end is filled with zeros.
+        let hop = HOP_SECONDS * rate;
+        let windows = (shape.steps as f64 / hop + 1e-9).floor() as usize;
+        Ok(Self {
+            shape,
+            rate,
+            levels,
+            transform: RealFftPlanner::new().plan_fft_forward(window),
+            starts: (0..windows)
+                .map(|window| (window as f64 * hop).round() as usize)
+                .collect(),
+            bands: (rate / 2.0 / BAND_HZ + 1e-9).floor() as usize + 1,
+        })
+    }
+
+    /// Number of features: windows times bands (760 for 1500 steps at 750 Hz).
+    pub fn width(&self) -> usize {
+        self.starts.len() * self.bands
+    }
+
+    /// Features of one sweep (`[steps][taxels]`) into `out`, `[windows][bands]`: power in bands of 20 Hz, weighted over taxels,
+    /// divided by its sum over the bands of the window.
+    ///
+    /// # Panics
+    /// If `out` has another length.
+    pub fn write(&self, sweep: &[f32], out: &mut [f32]) {
+        assert_eq!(out.len(), self.width(), "features of a sweep");
+        let taxels = self.shape.taxels();
+        let weights = taxel_weights(sweep, taxels, self.levels);
+        let per_bin = self.rate / self.transform.len() as f64;
+        let mut input = self.transform.make_input_vec();
+        let mut spectrum = self.transform.make_output_vec();
+        let mut power = vec![0.0_f64; self.bands];
+        for (&start, out) in self.starts.iter().zip(out.chunks_exact_mut(self.bands)) {
+            power.fill(0.0);
+            for taxel in 0..taxels {
+                let frames = sweep[start * taxels..].chunks_exact(taxels);
+                input.fill(0.0);
+                for (value, frame) in input.iter_mut().zip(frames) {
+                    *value = f64::from(frame[taxel]);
+                }
+                transform(&self.transform, &mut input, &mut spectrum);
+                for (bin, value) in spectrum.iter().enumerate() {
+                    let band = (bin as f64 * per_bin / BAND_HZ + 1e-9).floor() as usize;
+                    power[band.min(self.bands - 1)] += weights[taxel] * value.norm_sqr();
+                }
+            }
+            let sum: f64 = power.iter().sum();
+            for (out, power) in out.iter_mut().zip(&power) {
+                *out = if sum > 0.0 { (power / sum) as f32 } else { 0.0 };
+            }
+        }
+    }
+}
+
+/// `[taxels]`, summing to one.
+fn taxel_weights(sweep: &[f32], taxels: usize, levels: Levels) -> Vec<f64> {
+    let equal = || vec![1.0 / taxels as f64; taxels];
+    if levels == Levels::Removed {
+        return equal();
+    }
+    let mut sums = vec![0.0_f64; taxels];
+    for frame in sweep.chunks_exact(taxels) {
+        sums.iter_mut()
+            .zip(frame)
+            .for_each(|(sum, v)| *sum += f64::from(*v));
+    }
+    let total: f64 = sums.iter().sum();
+    if total == 0.0 {
+        return equal();
+    }
+    sums.iter().map(|sum| sum / total).collect()
+}
+
+/// Transforms `input`, which is overwritten.
+fn transform(
+    transform: &Arc<dyn RealToComplex<f64>>,
+    input: &mut [f64],
+    spectrum: &mut [Complex<f64>],
+) {
+    transform
+        .process(input, spectrum)
+        .unwrap_or_else(|error| panic!("buffers were made by the plan: {error}"));
+}
+
+fn too_short(what: &str, needed: String, shape: SweepShape, rate: f64) -> PipelineError {
+    PipelineError::Misfit {
+        item: "sweeps",
+        expected: format!("sweeps with {needed} for {what}"),
+        found: format!("{} steps at {rate} Hz", shape.steps),
+    }
+}
+
+/// Runs `write` on every sweep in parallel: `[sweeps][width]`.
+pub(crate) fn for_each_sweep(
+    sweeps: &[f32],
+    values: usize,
+    width: usize,
+    write: impl Fn(&[f32], &mut [f32]) + Sync,
+) -> Vec<f32> {
+    let mut out = vec![0.0; sweeps.len() / values * width];
+    out.par_chunks_mut(width)
+        .zip(sweeps.par_chunks(values))
+        .for_each(|(out, sweep)| write(sweep, out));
+    out
+}
