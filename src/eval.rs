@@ -70,7 +70,8 @@ pub fn run(arguments: EvalArgs) -> anyhow::Result<ExitCode> {
         eprintln!("this run has not ended: judging the weights of its last checkpoint");
     }
     let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
-    let dataset = source::load(arguments.data.as_deref().unwrap_or(&config.data))?;
+    let data = arguments.data.as_deref().unwrap_or(&config.data);
+    let dataset = source::load_part(data, config.steps, config.label_order, config.seed)?;
     let (view, tested) = if dataset.sha256() == config.data_sha256 {
         let test = manifest.fold(&dataset)?.test;
         (SweepView::clone(&test), "test split of the run".to_string())
@@ -123,7 +124,7 @@ fn unseen_sweeps<'a>(
     manifest: &SplitManifest,
 ) -> anyhow::Result<(SweepView<'a>, String)> {
     let all = SweepView::all(dataset);
-    let own = source::load(&config.data)
+    let own = source::load_part(&config.data, config.steps, config.label_order, config.seed)
         .ok()
         .filter(|own| own.sha256() == config.data_sha256);
     let Some(own) = own else {

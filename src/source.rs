@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use tactnet_data::twin::{self, TwinConfig};
-use tactnet_data::{DataError, Dataset, format};
+use tactnet_data::{DataError, Dataset, Seed, format};
+use tactnet_pipeline::LabelOrder;
 
 /// The name that stands for the built-in synthetic data set.
 pub const TWIN: &str = "twin";
@@ -24,4 +25,21 @@ pub fn load(data: &str) -> Result<Dataset, DataError> {
         ));
     }
     format::read(path)
+}
+
+/// The same, with the first `steps` steps of every sweep, and with labels in `order`.
+pub fn load_part(
+    data: &str,
+    steps: Option<usize>,
+    order: LabelOrder,
+    seed: Seed,
+) -> Result<Dataset, DataError> {
+    let mut dataset = load(data)?;
+    if let Some(steps) = steps {
+        dataset = dataset.first_steps(steps)?;
+    }
+    match order {
+        LabelOrder::True => Ok(dataset),
+        LabelOrder::Permuted => dataset.permute_labels(seed),
+    }
 }

@@ -13,9 +13,9 @@ use sha2::{Digest, Sha256};
 use tactnet_data::{Dataset, Fold, Scheme, Seed, Severity, TrainSplit, check};
 use tactnet_models::Compute;
 use tactnet_pipeline::{
-    BaselineRecipe, BatchReport, Classifier, ClassifierConfig, EpochMetrics, Levels, ModelConfig,
-    ModelRecipe, PredictionSource, Provenance, Recipe, RunConfig, RunDir, RunResult, TactNetSetup,
-    Training, describe_split, evaluate_all_ways, fit_baseline, peak_rss_mib,
+    BaselineRecipe, BatchReport, Classifier, ClassifierConfig, EpochMetrics, LabelOrder, Levels,
+    ModelConfig, ModelRecipe, PredictionSource, Provenance, Recipe, RunConfig, RunDir, RunResult,
+    TactNetSetup, Training, describe_split, evaluate_all_ways, fit_baseline, peak_rss_mib,
 };
 
 use crate::report::Shown;
@@ -46,6 +46,12 @@ pub struct TrainArgs {
     /// Whether a taxel's mean over the sweep may be used [default: the recipe's]
     #[arg(long, value_enum)]
     levels: Option<LevelsChoice>,
+    /// Only the first N time steps of every sweep
+    #[arg(long, value_name = "N")]
+    steps: Option<usize>,
+    /// Deal the labels anew at random first: a sound experiment then scores chance
+    #[arg(long)]
+    permute_labels: bool,
     /// How to split into training and test sweeps [default: the file's test flag, else k-fold]
     #[arg(long, value_enum)]
     split: Option<SplitChoice>,
@@ -55,6 +61,9 @@ pub struct TrainArgs {
     /// Run of the cross-validation, counted from 0; every run deals its folds anew
     #[arg(long, value_name = "R", default_value_t = 0)]
     run: usize,
+    /// Judge by part I of the fold's training sweeps instead of its test sweeps, and train on the other parts: for choosing settings
+    #[arg(long, value_name = "I")]
+    inner: Option<usize>,
     /// Folder for the run [default: runs/DATA-RECIPE-FOLD-SEED, numbered on if taken]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -68,7 +77,7 @@ pub struct TrainArgs {
     #[arg(long, value_enum, default_value_t)]
     device: DeviceChoice,
     /// Continue an interrupted run with its own settings; --data says where its data set is now, if it was moved
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["model", "recipe", "levels", "split", "fold", "run", "out", "seed", "epochs", "device"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["model", "recipe", "levels", "steps", "permute_labels", "inner", "split", "fold", "run", "out", "seed", "epochs", "device"])]
     resume: Option<PathBuf>,
     /// Print result.json instead of a table
     #[arg(long)]
@@ -233,9 +242,14 @@ fn prepare(arguments: &TrainArgs) -> anyhow::Result<(Dataset, RunDir)> {
     let compute = arguments.device.compute();
     compute.open()?;
     let data = arguments.data.as_deref().unwrap_or(source::TWIN);
-    let dataset = source::load(data)?;
-    refuse_errors(&dataset, data)?;
     let seed = Seed(arguments.seed);
+    let label_order = if arguments.permute_labels {
+        LabelOrder::Permuted
+    } else {
+        LabelOrder::True
+    };
+    let dataset = source::load_part(data, arguments.steps, label_order, seed)?;
+    refuse_errors(&dataset, data)?;
     let scheme = match (arguments.split, arguments.fold) {
         (Some(SplitChoice::KFold), _) | (None, Some(_)) => Scheme::default(),
         (Some(SplitChoice::TestFlag), _) => Scheme::TestFlag,
@@ -249,6 +263,10 @@ fn prepare(arguments: &TrainArgs) -> anyhow::Result<(Dataset, RunDir)> {
         arguments.run,
         arguments.fold.unwrap_or(0),
     )?;
+    let fold = match arguments.inner {
+        None => fold,
+        Some(part) => fold.nested(part)?,
+    };
     let model = match &recipe {
         ModelRecipe::TactNet2(recipe) => {
             ModelConfig::TactNet2(TactNetSetup::fit(recipe, &fold.train))
@@ -262,6 +280,9 @@ fn prepare(arguments: &TrainArgs) -> anyhow::Result<(Dataset, RunDir)> {
     let config = RunConfig {
         schema_version: RunConfig::SCHEMA_VERSION,
         data: data.into(),
+        steps: arguments.steps,
+        label_order,
+        inner: arguments.inner,
         recipe_source,
         data_sha256: dataset.sha256().into(),
         seed,
@@ -364,7 +385,7 @@ fn reopen(path: &Path, data: Option<&str>) -> anyhow::Result<(Dataset, RunDir)> 
     let run = RunDir::open(path)?.locked()?;
     let config = run.config()?;
     let data = data.unwrap_or(&config.data);
-    let dataset = source::load(data)?;
+    let dataset = source::load_part(data, config.steps, config.label_order, config.seed)?;
     if dataset.sha256() != config.data_sha256 {
         bail!(
             "{data}: the data set has changed since the run began: expected SHA-256 {}, found {}; \
@@ -548,7 +569,7 @@ fn judge(
         recipe: recipe.name().into(),
         recipe_sha256: hex(&Sha256::digest(recipe.to_toml())),
         split_sha256: manifest.sha256.clone(),
-        split: describe_split(&manifest),
+        split: describe_split(&manifest, config.inner),
         run: fold.run(),
         fold: fold.fold(),
         n_train: fold.train.len(),
@@ -591,8 +612,18 @@ fn command_line(config: &RunConfig, fold: &Fold<'_>) -> String {
         ModelRecipe::TactNet2(recipe) => format!(" --epochs {}", recipe.training.epochs),
         ModelRecipe::Baseline(_) => String::new(),
     };
+    let steps = config
+        .steps
+        .map_or(String::new(), |steps| format!(" --steps {steps}"));
+    let permuted = match config.label_order {
+        LabelOrder::True => "",
+        LabelOrder::Permuted => " --permute-labels",
+    };
+    let inner = config
+        .inner
+        .map_or(String::new(), |part| format!(" --inner {part}"));
     format!(
-        "tactnet train --data {} --recipe {}{epochs} --levels {levels} --split {split} --run {} --fold {} --seed {} --device {device}",
+        "tactnet train --data {}{steps}{permuted} --recipe {}{epochs} --levels {levels} --split {split} --run {} --fold {}{inner} --seed {} --device {device}",
         file_name(&config.data),
         file_name(&config.recipe_source),
         fold.run(),

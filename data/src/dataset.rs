@@ -1,6 +1,6 @@
 //! A data set: ordered sweeps with their material, block and checksum.
 
-use crate::{DataError, LabelSet, Samples};
+use crate::{DataError, LabelSet, Samples, Seed, shuffle};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -150,6 +150,72 @@ impl Dataset {
         }
         self.synthetic = true;
         self
+    }
+
+    /// Keeps the first `steps` time steps of every sweep: what a classifier sees that must decide early.
+    ///
+    /// # Errors
+    /// More steps than there are, or none.
+    pub fn first_steps(self, steps: usize) -> Result<Self, DataError> {
+        if steps == 0 || steps > self.shape.steps {
+            return Err(DataError::inconsistent(
+                "steps",
+                format!("1 to {}", self.shape.steps),
+                steps.to_string(),
+            ));
+        }
+        if steps == self.shape.steps {
+            return Ok(self);
+        }
+        let shape = SweepShape {
+            steps,
+            ..self.shape
+        };
+        let samples = self.samples.heads(self.shape.values(), shape.values());
+        let name = format!("{}, first {steps} steps", self.name);
+        self.rebuilt(name, shape, |this| (this.records.clone(), samples))
+    }
+
+    /// Deals the labels anew at random among all sweeps. Whatever is learnt from such a data set must score chance; what does
+    /// better has seen its test sweeps (permutation test, Ojala & Garriga, 2010).
+    ///
+    /// # Errors
+    /// None that the data set did not have before.
+    pub fn permute_labels(self, seed: Seed) -> Result<Self, DataError> {
+        let mut labels: Vec<usize> = self.records.iter().map(|record| record.label).collect();
+        shuffle(&mut labels, &mut seed.rng("permuted labels"));
+        let mut sweeps = vec![0; self.labels.len()];
+        let records = self
+            .records
+            .iter()
+            .zip(labels)
+            .map(|(record, label)| {
+                sweeps[label] += 1;
+                SweepRecord {
+                    label,
+                    sweep: sweeps[label] - 1,
+                    ..record.clone()
+                }
+            })
+            .collect();
+        let name = format!("{}, labels permuted", self.name);
+        let shape = self.shape;
+        self.rebuilt(name, shape, |this| (records, this.samples))
+    }
+
+    fn rebuilt(
+        self,
+        name: String,
+        shape: SweepShape,
+        parts: impl FnOnce(Self) -> (Vec<SweepRecord>, Samples),
+    ) -> Result<Self, DataError> {
+        let (rate, labels, synthetic) = (self.sample_rate_hz, self.labels.clone(), self.synthetic);
+        let (records, samples) = parts(self);
+        let rebuilt = Self::new(name, rate, shape, labels, records, samples)?;
+        Ok(Self {
+            synthetic,
+            ..rebuilt
+        })
     }
 
     /// Whether the sweeps were generated, not recorded.

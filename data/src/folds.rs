@@ -162,6 +162,20 @@ impl<'a> Fold<'a> {
             ValidationSplit::new(self.dataset, side(true)),
         ))
     }
+
+    /// The same as a fold of its own: trains on what part `part` leaves of the training sweeps and is judged by that part. The
+    /// test sweeps of this fold are on neither side.
+    ///
+    /// # Errors
+    /// As [`Fold::inner`].
+    pub fn nested(&self, part: usize) -> Result<Self, DataError> {
+        let (train, validation) = self.inner(part)?;
+        Ok(Self {
+            train,
+            test: TestSplit::new(self.dataset, validation.indices().to_vec()),
+            ..self.clone()
+        })
+    }
 }
 
 /// Deals sweeps like cards, each label's in random order, one label after the other without
@@ -524,5 +538,40 @@ mod tests {
                 .to_string()
                 .contains("inner fold: expected a number below 5")
         );
+    }
+
+    #[test]
+    fn a_nested_fold_never_sees_the_test_sweeps() {
+        let dataset = recorded(&[20, 25], 5);
+        let outer = Fold::new(&dataset, Scheme::default(), Seed(3), 1, 2).unwrap();
+        let nested = outer.nested(4).unwrap();
+        let (mut inside, validation) = sides(&nested);
+        assert!(!validation.is_empty());
+        inside.extend(validation);
+        inside.sort_unstable();
+        assert_eq!(inside, outer.train.indices());
+        assert_eq!(
+            nested.manifest().fold(&dataset).unwrap().manifest(),
+            nested.manifest()
+        );
+        assert_ne!(nested.manifest().sha256, outer.manifest().sha256);
+    }
+
+    #[test]
+    fn permuted_labels_keep_their_counts_and_nothing_else() {
+        let dataset = recorded(&[20, 25, 30], 5);
+        let (counts, sha256) = (dataset.sweeps_per_label(), dataset.sha256().to_string());
+        let labels: Vec<usize> = dataset.records().iter().map(|r| r.label).collect();
+        let permuted = dataset.permute_labels(Seed(1)).unwrap();
+        assert_eq!(permuted.sweeps_per_label(), counts);
+        assert_ne!(permuted.sha256(), sha256);
+        let kept = permuted
+            .records()
+            .iter()
+            .zip(labels)
+            .filter(|(r, l)| r.label == *l)
+            .count();
+        assert!(kept < 75 / 2, "{kept} of 75 kept their label");
+        assert!(permuted.name().contains("permuted"));
     }
 }

@@ -72,6 +72,22 @@ impl Samples {
         }
     }
 
+    /// The first `head` values of every `whole`.
+    pub(crate) fn heads(&self, whole: usize, head: usize) -> Self {
+        fn cut<T: Copy>(values: &[T], whole: usize, head: usize) -> Vec<T> {
+            values
+                .chunks_exact(whole)
+                .flat_map(|chunk| &chunk[..head])
+                .copied()
+                .collect()
+        }
+        match self {
+            Self::U8(v) => Self::U8(cut(v, whole, head)),
+            Self::U16(v) => Self::U16(cut(v, whole, head)),
+            Self::F32(v) => Self::F32(cut(v, whole, head)),
+        }
+    }
+
     /// The values' little-endian bytes, piece by piece, for hashing.
     pub(crate) fn for_each_le_chunk(&self, mut visit: impl FnMut(&[u8])) {
         const CHUNK: usize = 1 << 14;

@@ -60,5 +60,5 @@ pub use recipe::{
     TrainingSettings,
 };
 pub use result::{RunResult, describe_split};
-pub use run_dir::{EpochMetrics, RunConfig, RunDir};
+pub use run_dir::{EpochMetrics, LabelOrder, RunConfig, RunDir};
 pub use training::{BatchReport, Position, Training, TrainingState};

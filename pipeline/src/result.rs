@@ -67,9 +67,12 @@ impl RunResult {
 }
 
 /// How a split is named for people: scheme and part.
-pub fn describe_split(manifest: &SplitManifest) -> String {
+///
+/// - `inner`: the part of the training sweeps that judges instead of the test sweeps
+pub fn describe_split(manifest: &SplitManifest, inner: Option<usize>) -> String {
+    let inner = inner.map_or(String::new(), |part| format!(", inner part {part}"));
     format!(
-        "{}, run {}, fold {}",
+        "{}, run {}, fold {}{inner}",
         manifest.scheme, manifest.run, manifest.fold
     )
 }

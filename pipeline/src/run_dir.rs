@@ -35,6 +35,15 @@ pub struct RunConfig {
     pub schema_version: u32,
     /// `twin`, or the data set's file.
     pub data: String,
+    /// Time steps kept of every sweep, from its beginning; absent: all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub steps: Option<usize>,
+    /// Whose labels the sweeps have.
+    #[serde(default, skip_serializing_if = "LabelOrder::is_true")]
+    pub label_order: LabelOrder,
+    /// Part of the training sweeps that judges instead of the test sweeps; absent: the test sweeps do.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inner: Option<usize>,
     /// Built-in name or file of the recipe, as it was asked for.
     pub recipe_source: String,
     /// SHA-256 of the data set's content.
@@ -52,6 +61,23 @@ pub struct RunConfig {
 impl RunConfig {
     /// Version written by this program.
     pub const SCHEMA_VERSION: u32 = 2;
+}
+
+/// Whose labels the sweeps have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LabelOrder {
+    /// Their own.
+    #[default]
+    True,
+    /// Dealt anew at random, to see that nothing can be learnt from them.
+    Permuted,
+}
+
+impl LabelOrder {
+    fn is_true(&self) -> bool {
+        *self == Self::True
+    }
 }
 
 /// One line of `metrics.jsonl`.
