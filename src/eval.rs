@@ -17,8 +17,8 @@ use crate::{GIT, output, report, source};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
-    tactnet eval runs/twin-fast-1                       its own test sweeps\n  \
-    tactnet eval runs/twin-fast-1 --sweeps 5 --mc 500   five sweeps fused, 500 Monte Carlo runs\n  \
+    tactnet eval runs/twin-fast-fold0-1                       its own test sweeps\n  \
+    tactnet eval runs/twin-fast-fold0-1 --sweeps 5 --mc 500   five sweeps fused, 500 Monte Carlo runs\n  \
     tactnet eval runs/a --data other.h5                  every sweep of another data set")]
 pub struct EvalArgs {
     /// A run directory

@@ -4,6 +4,7 @@ use std::process::ExitCode;
 
 use clap::error::ErrorKind;
 use tactnet_data::{DataError, FetchError};
+use tactnet_experiments::ExperimentError;
 use tactnet_pipeline::PipelineError;
 
 /// Exit code of a failed check or a run that broke.
@@ -91,7 +92,18 @@ fn broke(cause: &(dyn std::error::Error + 'static)) -> bool {
                 | PipelineError::Data(DataError::Io { .. })
         )
     });
+    let experiment = cause
+        .downcast_ref::<ExperimentError>()
+        .is_some_and(|error| {
+            matches!(
+                error,
+                ExperimentError::Tasks { .. }
+                    | ExperimentError::Io { .. }
+                    | ExperimentError::Slurm { .. }
+            )
+        });
     pipeline
+        || experiment
         || cause.is::<FetchError>()
         || matches!(cause.downcast_ref(), Some(DataError::Io { .. }))
 }

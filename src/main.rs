@@ -2,6 +2,7 @@
 
 mod data;
 mod eval;
+mod experiment;
 mod failure;
 mod output;
 mod report;
@@ -25,7 +26,8 @@ const GIT: &str = env!("TACTNET_GIT");
     after_help = "Examples:\n  \
         tactnet train                                train on the synthetic TactMat twin\n  \
         tactnet train --data sweeps.h5               train on recorded sweeps\n  \
-        tactnet eval runs/twin-fast-1               judge a trained classifier again\n  \
+        tactnet eval runs/twin-fast-fold0-1          judge a trained classifier again\n  \
+        tactnet experiment run crossval_baselines    compare models over folds\n  \
         tactnet data info sweeps.h5                  look at a data set\n\n\
         `tactnet COMMAND --help` says more about each command."
 )]
@@ -40,6 +42,9 @@ enum Command {
     Train(train::TrainArgs),
     /// Judge a trained classifier
     Eval(eval::EvalArgs),
+    /// Run cross-validations and their like, and report
+    #[command(subcommand)]
+    Experiment(experiment::ExperimentCommand),
     /// Look at, check, make, convert and fetch data sets
     #[command(subcommand)]
     Data(data::DataCommand),
@@ -57,6 +62,7 @@ fn main() -> ExitCode {
     let outcome = match cli.command {
         Command::Train(arguments) => train::run(arguments),
         Command::Eval(arguments) => eval::run(arguments),
+        Command::Experiment(command) => experiment::run(command),
         Command::Data(command) => data::run(command),
     };
     outcome.unwrap_or_else(|error| failure::report(&error))

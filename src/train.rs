@@ -521,9 +521,7 @@ fn judge(
     let own = recipe.method();
     let command = command_line(config, fold);
     eprintln!("predicting {} test sweeps …", fold.test.len());
-    let begun = Instant::now();
     let ways = evaluate_all_ways(classifier, &fold.test, own.runs_or(100), 3, config.seed)?;
-    let test_millis = begun.elapsed().as_millis() as u64;
     let mut evaluations = BTreeMap::new();
     for (name, predictions, evaluation) in ways {
         let tsml = predictions.to_tsml(&PredictionSource {
@@ -531,8 +529,6 @@ fn judge(
             classifier: &format!("{} ({name})", recipe.name()),
             resample: fold.run() * 1000 + fold.fold(),
             parameters: &command,
-            train_millis: (trained.seconds * 1e3) as u64,
-            test_millis,
         });
         let file = if name == own.name() {
             let title = format!(

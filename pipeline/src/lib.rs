@@ -18,6 +18,7 @@ mod confusion_picture;
 mod error;
 mod evaluation;
 mod extractor;
+mod feature_timing;
 #[cfg(test)]
 mod golden;
 mod hydra;
@@ -47,6 +48,8 @@ pub use classifier::{Classifier, ClassifierConfig, ModelConfig, TactNetSetup};
 pub use error::PipelineError;
 pub use evaluation::{Evaluation, evaluate_all_ways};
 pub use extractor::FeatureSet;
+#[doc(hidden)]
+pub use feature_timing::FeatureTimer;
 pub use levels::Levels;
 pub use metrics::{Estimate, FusedAccuracy};
 pub use model_recipe::ModelRecipe;
@@ -60,5 +63,5 @@ pub use recipe::{
     TrainingSettings,
 };
 pub use result::{RunResult, describe_split};
-pub use run_dir::{EpochMetrics, LabelOrder, RunConfig, RunDir};
+pub use run_dir::{EpochMetrics, LabelOrder, RunConfig, RunDir, write_whole};
 pub use training::{BatchReport, Position, Training, TrainingState};

@@ -47,10 +47,6 @@ pub struct PredictionSource<'a> {
     pub resample: usize,
     /// One line on how to reproduce them; commas and line ends become spaces.
     pub parameters: &'a str,
-    /// Training time, milliseconds.
-    pub train_millis: u64,
-    /// Prediction time, milliseconds.
-    pub test_millis: u64,
 }
 
 impl Predictions {
@@ -74,7 +70,8 @@ impl Predictions {
         counts
     }
 
-    /// The tsml layout: three header lines, then `true,predicted,,p0,p1,…` for each sweep.
+    /// The tsml layout: three header lines, then `true,predicted,,p0,p1,…` for each sweep. Times are left out (-1), so that equal
+    /// predictions are equal files.
     ///
     /// Layout: aeon, `aeon.benchmarking.results_loaders`; tsml-eval, "Predictions and results file format".
     pub fn to_tsml(&self, source: &PredictionSource<'_>) -> String {
@@ -88,10 +85,8 @@ impl Predictions {
         );
         let _ = writeln!(
             text,
-            "{},{},{},-1,-1,{},,-1,-1",
+            "{},-1,-1,-1,-1,{},,-1,-1",
             self.accuracy(),
-            source.train_millis,
-            source.test_millis,
             self.labels.len()
         );
         for sweep in &self.sweeps {
@@ -102,5 +97,68 @@ impl Predictions {
             text.push('\n');
         }
         text
+    }
+
+    /// Reads what [`Predictions::to_tsml`] has written.
+    ///
+    /// - `indices`: of the sweeps in their data set, in the order of the rows (the split's `test` list)
+    ///
+    /// # Errors
+    /// What is wrong, in one line: other rows than `indices`, labels out of range, text that is no number.
+    pub fn from_tsml(
+        text: &str,
+        labels: LabelSet,
+        method: PredictionMethod,
+        indices: &[usize],
+    ) -> Result<Self, String> {
+        let rows: Vec<&str> = text
+            .lines()
+            .skip(3)
+            .filter(|line| !line.is_empty())
+            .collect();
+        if rows.len() != indices.len() {
+            return Err(format!(
+                "expected {} predictions, found {}",
+                indices.len(),
+                rows.len()
+            ));
+        }
+        let sweeps = rows
+            .iter()
+            .zip(indices)
+            .enumerate()
+            .map(|(number, (row, &index))| {
+                let wrong = || {
+                    format!(
+                        "line {}: not a prediction of {} materials",
+                        number + 4,
+                        labels.len()
+                    )
+                };
+                let mut fields = row.split(',');
+                let label = fields.next().and_then(|field| field.parse::<usize>().ok());
+                let label = label
+                    .filter(|label| *label < labels.len())
+                    .ok_or_else(wrong)?;
+                let log_probability: Vec<f64> = fields
+                    .skip(2)
+                    .map(|field| field.parse::<f64>().map(f64::ln))
+                    .collect::<Result<_, _>>()
+                    .map_err(|_| wrong())?;
+                if log_probability.len() != labels.len() {
+                    return Err(wrong());
+                }
+                Ok(SweepScore {
+                    index,
+                    label,
+                    log_probability,
+                })
+            })
+            .collect::<Result<Vec<_>, String>>()?;
+        Ok(Self {
+            labels,
+            method,
+            sweeps,
+        })
     }
 }

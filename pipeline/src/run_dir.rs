@@ -22,7 +22,10 @@ use tactnet_data::{Seed, SplitManifest};
 use tactnet_models::{Compute, Weights};
 
 use crate::checkpoint::{decode_checkpoint, encode_checkpoint};
-use crate::{ClassifierConfig, ModelRecipe, PipelineError, Provenance, RunResult, TrainingState};
+use crate::{
+    ClassifierConfig, ModelRecipe, PipelineError, PredictionMethod, Predictions, Provenance,
+    RunResult, TrainingState,
+};
 
 /// Name of the lock file.
 const LOCK: &str = ".lock";
@@ -158,6 +161,42 @@ impl RunDir {
         }
     }
 
+    /// Whether a process trains in the folder `path`; false where there is no such folder.
+    pub fn is_busy(path: &Path) -> bool {
+        let Ok(file) = fs::File::open(path.join(LOCK)) else {
+            return false;
+        };
+        matches!(file.try_lock_shared(), Err(fs::TryLockError::WouldBlock))
+    }
+
+    /// Predictions of the way the recipe asks (`mc_dropout` or `plain`), or of the other.
+    ///
+    /// # Errors
+    /// No such file, or a damaged one.
+    pub fn predictions(&self, way: &str) -> Result<(String, Predictions), PipelineError> {
+        let config = self.config()?;
+        let own = config.recipe.method();
+        let file = if way == own.name() {
+            "predictions_test.csv".to_string()
+        } else {
+            format!("predictions_test_{way}.csv")
+        };
+        let path = self.file(&file);
+        let text =
+            fs::read_to_string(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
+        let method = if way == PredictionMethod::Plain.name() {
+            PredictionMethod::Plain
+        } else {
+            PredictionMethod::McDropout {
+                runs: own.runs_or(100),
+            }
+        };
+        let test = self.split()?.test;
+        let predictions = Predictions::from_tsml(&text, config.classifier.labels, method, &test)
+            .map_err(|reason| PipelineError::Run { path, reason })?;
+        Ok((file, predictions))
+    }
+
     /// Locks the folder for training in it.
     ///
     /// # Errors
@@ -166,7 +205,16 @@ impl RunDir {
         let path = self.file(LOCK);
         let file = fs::File::create(&path)
             .map_err(|error| PipelineError::io(&path, "make the lock file", error))?;
-        match file.try_lock() {
+        let mut outcome = file.try_lock();
+        for _ in 0..20 {
+            // Whoever asks whether the folder is busy holds the lock for a moment.
+            if !matches!(outcome, Err(fs::TryLockError::WouldBlock)) {
+                break;
+            }
+            std::thread::sleep(std::time::Duration::from_millis(10));
+            outcome = file.try_lock();
+        }
+        match outcome {
             Ok(()) => {
                 self.lock = Some(file);
                 Ok(self)
@@ -378,7 +426,10 @@ fn to_json(name: &str, value: &impl Serialize, pretty: bool) -> Result<String, P
 }
 
 /// Writes beside `path`, syncs, renames into place: after a crash or on a full disk the former file is still whole.
-fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), PipelineError> {
+///
+/// # Errors
+/// It cannot be written.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), PipelineError> {
     let failed = |error: std::io::Error| PipelineError::io(path, "write", error);
     let folder = path.parent().unwrap_or_else(|| Path::new("."));
     let mut file = tempfile::Builder::new()

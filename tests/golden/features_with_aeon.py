@@ -5,20 +5,14 @@
     python tests/golden/features_with_aeon.py
 
 Writes features.safetensors next to itself; versions stand in its metadata. Read by pipeline/src/golden.rs.
+`experiments/bench/compare_sklearn.py` imports the spectral features from here, which needs numpy and scipy only.
 """
 
 import pathlib
 
-import aeon
 import numpy as np
 import scipy
 import scipy.signal
-import sklearn
-import torch
-from aeon.classification.convolution_based._hydra import _SparseScaler
-from aeon.transformations.collection.convolution_based import HydraTransformer, MiniRocket, MultiRocket
-from safetensors.numpy import save_file
-from sklearn.linear_model import RidgeClassifierCV
 
 arrays = {}
 rng = np.random.default_rng(20261121)
@@ -54,58 +48,6 @@ def put_kernels(name, parameters, taxels):
         ("biases", biases),
     ]:
         put(f"{name}.{part}", values)
-
-
-# Random convolution kernels.
-for case, (kind, taxels, steps) in {
-    "digits": ("digits", 5, 120),
-    "noise": ("noise", 3, 101),
-    "one_taxel": ("noise", 1, 150),
-}.items():
-    x = sweeps(kind, 4, steps, taxels)
-    put(f"{case}.sweeps", x)
-    aeon_x = x.transpose(0, 2, 1)
-    mini = MiniRocket(n_kernels=840, random_state=1)
-    put(f"{case}.minirocket.features", mini.fit_transform(aeon_x))
-    put_kernels(f"{case}.minirocket", mini.parameters, taxels)
-    multi = MultiRocket(n_kernels=420, random_state=2)
-    put(f"{case}.multirocket.features", multi.fit_transform(aeon_x))
-    put_kernels(f"{case}.multirocket", multi.parameter, taxels)
-    difference = multi.parameter1
-    if taxels > 1:
-        # aeon 1.6 fits biases of the difference with taxels of its own, then transforms with those of the base series.
-        difference = (*multi.parameter[:2], *multi.parameter1[2:])
-    put_kernels(f"{case}.multirocket_difference", difference, taxels)
-    hydra = HydraTransformer(random_state=3, output_type="numpy")
-    features = hydra.fit_transform(aeon_x)
-    put(f"{case}.hydra.features", features)
-    put(f"{case}.hydra.weights", hydra._hydra.W.numpy().ravel())
-    idx = [i.numpy() for i in hydra._hydra.idx]
-    if taxels == 1:
-        idx = [np.zeros_like(i[..., :1]) for i in idx]
-    put(f"{case}.hydra.taxels", np.concatenate([i.ravel() for i in idx]))
-    put(f"{case}.hydra.taxel_counts", [idx[0].shape[-1]] * (idx[0].shape[0] * idx[0].shape[1] * len(idx)))
-
-# Hydra's scaling of features.
-counts = np.maximum(rng.normal(size=(12, 40)) * 3 + 1, 0).astype(np.float32)
-counts[:, 7] = 0
-put("sparse.train", counts)
-put("sparse.scaled", _SparseScaler().fit_transform(torch.tensor(counts)).numpy())
-
-# Ridge classifier: more features than sweeps, one feature repeated, one sweep twice.
-x = rng.normal(size=(40, 90)).astype(np.float32)
-labels = np.arange(40) % 4
-x[np.arange(40), labels] += 1.5
-x[:, 50] = x[:, 51]
-x[8] = x[4]
-queries = rng.normal(size=(7, 90)).astype(np.float32)
-penalties = np.logspace(-3, 3, 10)
-ridge = RidgeClassifierCV(alphas=penalties).fit(x.astype(np.float64), labels)
-put("ridge.train", x)
-put("ridge.labels", labels)
-put("ridge.queries", queries)
-put("ridge.penalty", [ridge.alpha_])
-put("ridge.scores", ridge.decision_function(queries.astype(np.float64)))
 
 
 # Spectral features (Baishya & Baeuml, IROS 2016, section III).
@@ -156,20 +98,84 @@ def scipy_agrees(sweep, rate):
     np.testing.assert_allclose(ours, rows, rtol=1e-9)
 
 
-for case, (steps, taxels, rate) in {
-    "thesis": (1500, 16, 750),
-    "tactmat": (1000, 16, 750),
-    "biotac": (400, 19, 100),
-    "odd": (333, 2, 220),
-}.items():
-    x = sweeps("digits", 2, steps, taxels).astype(np.float64)
-    put(f"spectrum.{case}.sweeps", x)
-    put(f"spectrum.{case}.rate", [rate])
-    put(f"spectrum.{case}.l", [l_features(s, rate) for s in x])
-    put(f"spectrum.{case}.h", [h_features(s, rate) for s in x])
-    if 0.05 * rate == round(0.05 * rate):
-        scipy_agrees(x[0], rate)
+def main():
+    import aeon
+    import sklearn
+    import torch
+    from aeon.classification.convolution_based._hydra import _SparseScaler
+    from aeon.transformations.collection.convolution_based import HydraTransformer, MiniRocket, MultiRocket
+    from safetensors.numpy import save_file
+    from sklearn.linear_model import RidgeClassifierCV
 
-versions = {m.__name__: m.__version__ for m in (aeon, np, scipy, sklearn, torch)}
-save_file(arrays, pathlib.Path(__file__).with_name("features.safetensors"), metadata=versions)
-print(versions, {k: v.shape for k, v in arrays.items() if k.endswith("features") or ".h" in k[-3:]})
+    # Random convolution kernels.
+    for case, (kind, taxels, steps) in {
+        "digits": ("digits", 5, 120),
+        "noise": ("noise", 3, 101),
+        "one_taxel": ("noise", 1, 150),
+    }.items():
+        x = sweeps(kind, 4, steps, taxels)
+        put(f"{case}.sweeps", x)
+        aeon_x = x.transpose(0, 2, 1)
+        mini = MiniRocket(n_kernels=840, random_state=1)
+        put(f"{case}.minirocket.features", mini.fit_transform(aeon_x))
+        put_kernels(f"{case}.minirocket", mini.parameters, taxels)
+        multi = MultiRocket(n_kernels=420, random_state=2)
+        put(f"{case}.multirocket.features", multi.fit_transform(aeon_x))
+        put_kernels(f"{case}.multirocket", multi.parameter, taxels)
+        difference = multi.parameter1
+        if taxels > 1:
+            # aeon 1.6 fits biases of the difference with taxels of its own, then transforms with those of the base series.
+            difference = (*multi.parameter[:2], *multi.parameter1[2:])
+        put_kernels(f"{case}.multirocket_difference", difference, taxels)
+        hydra = HydraTransformer(random_state=3, output_type="numpy")
+        features = hydra.fit_transform(aeon_x)
+        put(f"{case}.hydra.features", features)
+        put(f"{case}.hydra.weights", hydra._hydra.W.numpy().ravel())
+        idx = [i.numpy() for i in hydra._hydra.idx]
+        if taxels == 1:
+            idx = [np.zeros_like(i[..., :1]) for i in idx]
+        put(f"{case}.hydra.taxels", np.concatenate([i.ravel() for i in idx]))
+        put(f"{case}.hydra.taxel_counts", [idx[0].shape[-1]] * (idx[0].shape[0] * idx[0].shape[1] * len(idx)))
+
+    # Hydra's scaling of features.
+    counts = np.maximum(rng.normal(size=(12, 40)) * 3 + 1, 0).astype(np.float32)
+    counts[:, 7] = 0
+    put("sparse.train", counts)
+    put("sparse.scaled", _SparseScaler().fit_transform(torch.tensor(counts)).numpy())
+
+    # Ridge classifier: more features than sweeps, one feature repeated, one sweep twice.
+    x = rng.normal(size=(40, 90)).astype(np.float32)
+    labels = np.arange(40) % 4
+    x[np.arange(40), labels] += 1.5
+    x[:, 50] = x[:, 51]
+    x[8] = x[4]
+    queries = rng.normal(size=(7, 90)).astype(np.float32)
+    penalties = np.logspace(-3, 3, 10)
+    ridge = RidgeClassifierCV(alphas=penalties).fit(x.astype(np.float64), labels)
+    put("ridge.train", x)
+    put("ridge.labels", labels)
+    put("ridge.queries", queries)
+    put("ridge.penalty", [ridge.alpha_])
+    put("ridge.scores", ridge.decision_function(queries.astype(np.float64)))
+
+    for case, (steps, taxels, rate) in {
+        "thesis": (1500, 16, 750),
+        "tactmat": (1000, 16, 750),
+        "biotac": (400, 19, 100),
+        "odd": (333, 2, 220),
+    }.items():
+        x = sweeps("digits", 2, steps, taxels).astype(np.float64)
+        put(f"spectrum.{case}.sweeps", x)
+        put(f"spectrum.{case}.rate", [rate])
+        put(f"spectrum.{case}.l", [l_features(s, rate) for s in x])
+        put(f"spectrum.{case}.h", [h_features(s, rate) for s in x])
+        if 0.05 * rate == round(0.05 * rate):
+            scipy_agrees(x[0], rate)
+
+    versions = {m.__name__: m.__version__ for m in (aeon, np, scipy, sklearn, torch)}
+    save_file(arrays, pathlib.Path(__file__).with_name("features.safetensors"), metadata=versions)
+    print(versions, {k: v.shape for k, v in arrays.items() if k.endswith("features") or ".h" in k[-3:]})
+
+
+if __name__ == "__main__":
+    main()

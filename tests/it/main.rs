@@ -5,8 +5,10 @@
     reason = "a test that cannot go on should say where"
 )]
 
+mod baselines;
 mod command;
 mod data_command;
+mod experiment;
 mod golden;
 mod training;
 #[cfg(feature = "vulkan")]

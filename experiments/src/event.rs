@@ -1,0 +1,36 @@
+//! What happens while an experiment runs.
+
+use crate::Task;
+
+/// What a runner tells.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Event<'a> {
+    /// The runner has begun.
+    Begun {
+        /// Tasks that had ended before.
+        done: usize,
+        /// Tasks there are.
+        all: usize,
+    },
+    /// A task runs.
+    Started {
+        /// Which.
+        task: &'a Task,
+    },
+    /// A task has ended well.
+    Done {
+        /// Which.
+        task: &'a Task,
+        /// Time since it was started here; 0 where another runner did it.
+        seconds: f64,
+    },
+    /// A task has ended without a result; it is begun again a bounded number of times.
+    Failed {
+        /// Which.
+        task: &'a Task,
+        /// How often it has failed now.
+        attempt: usize,
+        /// Last line of its log.
+        reason: String,
+    },
+}

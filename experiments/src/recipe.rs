@@ -1,0 +1,386 @@
+//! An experiment as one TOML file.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde::{Deserialize, Deserializer, Serialize};
+use tactnet_pipeline::Levels;
+use toml::{Table, Value};
+
+use crate::ExperimentError;
+
+/// Experiments that ship with the binary, by name.
+const BUILT_IN: [(&str, &str); 5] = [
+    (
+        "crossval_tactnet2",
+        include_str!("../recipes/crossval_tactnet2.toml"),
+    ),
+    (
+        "crossval_baselines",
+        include_str!("../recipes/crossval_baselines.toml"),
+    ),
+    (
+        "leave_block_out",
+        include_str!("../recipes/leave_block_out.toml"),
+    ),
+    (
+        "sequence_length",
+        include_str!("../recipes/sequence_length.toml"),
+    ),
+    (
+        "hyperparameters",
+        include_str!("../recipes/hyperparameters.toml"),
+    ),
+];
+
+/// What is trained on what, and what is expected to come out.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ExperimentRecipe {
+    /// What people call it.
+    pub name: String,
+    /// One line for people.
+    pub title: String,
+    /// What its author expects to see.
+    pub expects: String,
+    /// How long it takes.
+    pub takes: String,
+    /// Data sets: `twin`, or files.
+    #[serde(deserialize_with = "one_or_many")]
+    pub data: Vec<String>,
+    /// Recipes of models: built-in names, files, or names of `variants`.
+    #[serde(deserialize_with = "one_or_many")]
+    pub models: Vec<String>,
+    /// Whether levels are kept, removed, or both one after the other.
+    #[serde(default = "kept", deserialize_with = "one_or_many")]
+    pub levels: Vec<Levels>,
+    /// How data sets are split.
+    #[serde(default = "k_fold", deserialize_with = "one_or_many")]
+    pub split: Vec<Split>,
+    /// Folds of each run that are trained.
+    #[serde(default = "five")]
+    pub folds: usize,
+    /// Runs of the cross-validation.
+    #[serde(default = "one")]
+    pub runs: usize,
+    /// Time steps kept of every sweep, one experiment each; empty: all.
+    #[serde(default, deserialize_with = "one_or_many")]
+    pub steps: Vec<usize>,
+    /// Probes that run beside the models.
+    #[serde(default, deserialize_with = "one_or_many")]
+    pub probes: Vec<Probe>,
+    /// Groups that materials are sorted into by who is confused with whom; 0: none.
+    #[serde(default)]
+    pub groups: usize,
+    /// Names every random choice.
+    #[serde(default = "one_seed")]
+    pub seed: u64,
+    /// Train networks this many epochs instead of their recipe's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub epochs: Option<usize>,
+    /// Recipes made from others.
+    #[serde(default)]
+    pub variants: Vec<Variant>,
+    /// Recipes drawn at random, judged on the inner split.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub search: Option<Search>,
+}
+
+/// How data sets are split.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Split {
+    /// Stratified folds.
+    #[default]
+    KFold,
+    /// The author's own test sweeps.
+    TestFlag,
+    /// Fold k tests on the k-th recording block.
+    LeaveBlockOut,
+}
+
+impl Split {
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::KFold => "k-fold",
+            Self::TestFlag => "test-flag",
+            Self::LeaveBlockOut => "leave-block-out",
+        }
+    }
+}
+
+/// What shows how much a data set gives away.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Probe {
+    /// Nearest neighbour on taxel means.
+    Means,
+    /// MiniRocket on sweeps whose labels are dealt anew: must score chance.
+    Permuted,
+}
+
+/// A recipe made from another.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Variant {
+    /// What people call it.
+    pub name: String,
+    /// Built-in name or file of the recipe it is made from.
+    pub base: String,
+    /// Settings by their path, such as `training.learning_rate`.
+    pub set: Table,
+}
+
+/// Recipes drawn at random.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Search {
+    /// Built-in name or file of the recipe they are made from.
+    pub base: String,
+    /// How many.
+    pub trials: usize,
+    /// What is drawn, by its path.
+    pub space: BTreeMap<String, Range>,
+}
+
+/// What one setting is drawn from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Range {
+    /// Any number between two, each equally likely.
+    Uniform {
+        /// Smallest.
+        low: f64,
+        /// Largest.
+        high: f64,
+    },
+    /// Any number between two, each order of magnitude equally likely.
+    Logarithmic {
+        /// Smallest, above 0.
+        low: f64,
+        /// Largest.
+        high: f64,
+    },
+    /// One of a list.
+    Choice {
+        /// The list.
+        values: Vec<Value>,
+    },
+}
+
+fn kept() -> Vec<Levels> {
+    vec![Levels::Kept]
+}
+
+fn k_fold() -> Vec<Split> {
+    vec![Split::KFold]
+}
+
+fn five() -> usize {
+    5
+}
+
+fn one() -> usize {
+    1
+}
+
+fn one_seed() -> u64 {
+    1
+}
+
+/// A list, or a single value that stands for a list of one.
+fn one_or_many<'de, D, T>(deserializer: D) -> Result<Vec<T>, D::Error>
+where
+    D: Deserializer<'de>,
+    T: Deserialize<'de>,
+{
+    let value = Value::deserialize(deserializer)?;
+    let values = match value {
+        Value::Array(values) => values,
+        single => vec![single],
+    };
+    values
+        .into_iter()
+        .map(|value| value.try_into().map_err(serde::de::Error::custom))
+        .collect()
+}
+
+impl ExperimentRecipe {
+    /// Experiments that ship with the binary.
+    pub fn built_in() -> impl Iterator<Item = Self> {
+        BUILT_IN.iter().map(|(name, text)| {
+            Self::parse(name, text, &[])
+                .unwrap_or_else(|error| panic!("built-in experiments are valid: {error}"))
+        })
+    }
+
+    /// Loads a built-in experiment by name, or a file, with some fields set anew.
+    ///
+    /// - `settings`: `field=value`, the value in TOML or a bare word
+    ///
+    /// # Errors
+    /// Neither a known name nor a readable file; TOML that does not parse; an unknown field; a setting out of range.
+    pub fn load(name_or_path: &str, settings: &[String]) -> Result<Self, ExperimentError> {
+        if let Some((name, text)) = BUILT_IN.iter().find(|(name, _)| *name == name_or_path) {
+            return Self::parse(name, text, settings);
+        }
+        let path = Path::new(name_or_path);
+        if !path.exists() {
+            return Err(ExperimentError::Unknown {
+                name: name_or_path.into(),
+                known: BUILT_IN.map(|(name, _)| name).join(", "),
+            });
+        }
+        let text = std::fs::read_to_string(path)
+            .map_err(|error| ExperimentError::io(path, "read the experiment", error))?;
+        Self::parse(name_or_path, &text, settings)
+    }
+
+    /// Parses TOML; `origin` stands in the messages.
+    ///
+    /// # Errors
+    /// As [`ExperimentRecipe::load`].
+    pub fn parse(origin: &str, text: &str, settings: &[String]) -> Result<Self, ExperimentError> {
+        let refused = |reason: String| ExperimentError::Recipe {
+            origin: origin.into(),
+            reason: reason.trim_end().replace('\n', " / "),
+        };
+        let mut table: Table = text
+            .parse()
+            .map_err(|e: toml::de::Error| refused(e.to_string()))?;
+        for setting in settings {
+            let (path, value) = setting
+                .split_once('=')
+                .ok_or_else(|| refused(format!("`--set {setting}`: expected FIELD=VALUE")))?;
+            set(&mut table, path.trim(), parse_value(value.trim())).map_err(refused)?;
+        }
+        let recipe: Self = Value::Table(table)
+            .try_into()
+            .map_err(|e: toml::de::Error| refused(e.to_string()))?;
+        match recipe.mistake() {
+            None => Ok(recipe),
+            Some(reason) => Err(refused(reason)),
+        }
+    }
+
+    fn mistake(&self) -> Option<String> {
+        let plain = |name: &str| {
+            !name.is_empty()
+                && name
+                    .chars()
+                    .all(|c| c.is_ascii_alphanumeric() || "-_.".contains(c))
+        };
+        if !plain(&self.name) {
+            return Some(format!(
+                "`name`: expected letters, digits, `-`, `_`, found `{}`",
+                self.name
+            ));
+        }
+        if let Some(variant) = self.variants.iter().find(|variant| !plain(&variant.name)) {
+            return Some(format!(
+                "`variants.name`: expected letters, digits, `-`, `_`, found `{}`",
+                variant.name
+            ));
+        }
+        for (field, empty) in [
+            ("data", self.data.is_empty()),
+            ("models", self.models.is_empty() && self.search.is_none()),
+            ("levels", self.levels.is_empty()),
+            ("split", self.split.is_empty()),
+        ] {
+            if empty {
+                return Some(format!("`{field}`: expected at least one, found none"));
+            }
+        }
+        for (field, value) in [("folds", self.folds), ("runs", self.runs)] {
+            if value == 0 {
+                return Some(format!("`{field}`: expected at least 1, found 0"));
+            }
+        }
+        None
+    }
+}
+
+/// TOML, or a bare word as a string.
+fn parse_value(text: &str) -> Value {
+    format!("value = {text}")
+        .parse::<Table>()
+        .ok()
+        .and_then(|mut table| table.remove("value"))
+        .unwrap_or_else(|| Value::String(text.into()))
+}
+
+/// Sets a field by its path (`training.learning_rate`), making tables on the way.
+pub(crate) fn set(table: &mut Table, path: &str, value: Value) -> Result<(), String> {
+    match path.split_once('.') {
+        None if path.is_empty() => Err("a setting needs a name before `=`".into()),
+        None => {
+            table.insert(path.into(), value);
+            Ok(())
+        }
+        Some((first, rest)) => match table
+            .entry(first)
+            .or_insert_with(|| Value::Table(Table::new()))
+        {
+            Value::Table(inner) => set(inner, rest, value),
+            other => Err(format!("`{first}` is {}, not a table", other.type_str())),
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn built_in_experiments_parse_and_say_what_to_expect() {
+        for (recipe, (name, _)) in ExperimentRecipe::built_in().zip(BUILT_IN) {
+            assert_eq!(recipe.name, name);
+            assert!(
+                recipe.expects.len() > 20 && !recipe.takes.is_empty(),
+                "{name}"
+            );
+        }
+    }
+
+    #[test]
+    fn any_field_can_be_set() {
+        let settings = [
+            "data=a b.h5",
+            "runs=2",
+            "models=[\"minirocket\"]",
+            "levels=removed",
+            "epochs = 1",
+        ]
+        .map(String::from);
+        let recipe = ExperimentRecipe::load("crossval_baselines", &settings).unwrap();
+        assert_eq!(recipe.data, ["a b.h5"]);
+        assert_eq!((recipe.runs, recipe.epochs), (2, Some(1)));
+        assert_eq!(recipe.models, ["minirocket"]);
+        assert_eq!(recipe.levels, [Levels::Removed]);
+    }
+
+    #[test]
+    fn mistakes_are_named_in_one_line() {
+        for (setting, named) in [
+            ("fold=3", "fold"),
+            ("folds=0", "folds"),
+            ("folds=many", "folds"),
+            ("data=[]", "data"),
+            ("name.x=1", "name"),
+            ("probes=luck", "luck"),
+            ("seed", "FIELD=VALUE"),
+        ] {
+            let refused =
+                ExperimentRecipe::load("crossval_tactnet2", &[setting.into()]).unwrap_err();
+            let message = refused.to_string();
+            assert!(message.contains(named), "{setting}: {message}");
+            assert!(!message.contains('\n'), "{message}");
+        }
+        let unknown = ExperimentRecipe::load("crossvall", &[])
+            .unwrap_err()
+            .to_string();
+        assert!(unknown.contains("crossval_tactnet2"), "{unknown}");
+    }
+}

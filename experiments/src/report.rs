@@ -1,0 +1,209 @@
+//! A summary as one self-contained HTML page: no network, readable on a phone, in the dark and without a mouse.
+
+mod audit;
+mod beside_published;
+mod calibration;
+mod class_bars;
+mod confusion;
+mod contender;
+mod data_set;
+#[cfg(test)]
+mod fake;
+mod glossary;
+mod header;
+mod intervals;
+mod material_groups;
+mod paired;
+mod ranks;
+mod results;
+mod svg;
+mod text;
+
+use crate::Summary;
+use data_set::data_sets;
+use text::escape;
+
+const STYLE: &str = include_str!("report/report.css");
+const SCRIPT: &str = include_str!("report/report.js");
+
+/// Identifier and heading of every section, in the order of the page.
+const SECTIONS: [(&str, &str); 9] = [
+    ("results", "Results"),
+    ("accuracy", "Accuracy at a glance"),
+    ("comparisons", "Paired comparisons"),
+    ("audit", "What the data give away"),
+    ("contenders", "Best contenders"),
+    ("published", "Beside the published confusions"),
+    ("groups", "Groups of materials"),
+    ("ranks", "Mean ranks over data sets"),
+    ("glossary", "How to read this"),
+];
+
+/// One HTML page with everything that `summary` holds; it loads nothing and works, as plain tables, without JavaScript.
+pub fn to_html(summary: &Summary) -> String {
+    let sets = data_sets(summary);
+    let bodies = [
+        results::section(summary, &sets),
+        intervals::section(&sets),
+        paired::section(summary, &sets),
+        audit::section(summary),
+        contender::section(summary, &sets),
+        beside_published::section(&sets),
+        material_groups::section(summary, &sets),
+        ranks::section(summary),
+        glossary::section(),
+    ];
+    let contents: String = SECTIONS
+        .iter()
+        .map(|(id, heading)| format!("<li><a href=\"#{id}\">{heading}</a></li>"))
+        .collect();
+    let sections: String = SECTIONS
+        .iter()
+        .zip(bodies)
+        .map(|((id, heading), body)| {
+            format!(
+                "<section aria-labelledby=\"{id}\">\n<h2 id=\"{id}\">{heading}</h2>\n{body}</section>\n"
+            )
+        })
+        .collect();
+    format!(
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <meta name=\"color-scheme\" content=\"light dark\">\n\
+         <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; \
+         style-src 'unsafe-inline'; script-src 'unsafe-inline'\">\n\
+         <link rel=\"icon\" href=\"data:,\">\n<title>{title}</title>\n<style>\n{STYLE}</style>\n\
+         <noscript><style>th button {{ pointer-events: none; }} th button::after {{ content: none; }}</style></noscript>\n\
+         </head>\n<body>\n<a class=\"skip\" href=\"#main\">Skip to the results</a>\n\
+         <header>\n{header}</header>\n\
+         <nav aria-label=\"Contents\"><ul class=\"contents\">{contents}</ul></nav>\n\
+         <main id=\"main\" tabindex=\"-1\">\n{sections}</main>\n<script>\n{SCRIPT}</script>\n</body>\n</html>\n",
+        title = escape(&summary.title),
+        header = header::header(summary),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_section_is_there_in_order_with_a_heading() {
+        for summary in [fake::summary(), fake::empty()] {
+            let page = to_html(&summary);
+            let mut rest = page.as_str();
+            for (id, heading) in SECTIONS {
+                let mark = format!("<h2 id=\"{id}\">{heading}</h2>");
+                let at = rest.find(&mark).unwrap_or_else(|| panic!("no {mark}"));
+                rest = &rest[at..];
+            }
+        }
+    }
+
+    #[test]
+    fn the_page_loads_nothing() {
+        let page = to_html(&fake::summary());
+        for reference in ["http://", "https://", " src=", "@import", "url("] {
+            assert!(!page.contains(reference), "{reference}");
+        }
+        let links: Vec<&str> = page
+            .split("href=\"")
+            .skip(1)
+            .map(|rest| rest.split('"').next().unwrap())
+            .collect();
+        assert!(
+            links.iter().any(|link| link.starts_with("./")),
+            "predictions are linked"
+        );
+        for link in links {
+            let local = ["#", "./", "data:,"]
+                .iter()
+                .any(|start| link.starts_with(start));
+            assert!(local, "{link}");
+        }
+    }
+
+    #[test]
+    fn text_is_escaped() {
+        let page = to_html(&fake::summary());
+        assert!(!page.contains(fake::HOSTILE));
+        assert!(page.contains("&lt;b&gt;&amp;&quot;"));
+        assert!(!page.contains("<b>"));
+        assert_eq!(page.matches("<script>").count(), 1);
+        assert_eq!(page.matches("</script>").count(), 1);
+    }
+
+    #[test]
+    fn elements_are_closed() {
+        for summary in [fake::summary(), fake::tactmat(), fake::empty()] {
+            let page = to_html(&summary);
+            for name in [
+                "figure",
+                "figcaption",
+                "svg",
+                "g",
+                "table",
+                "thead",
+                "tbody",
+                "tr",
+                "th",
+                "td",
+                "details",
+                "section",
+                "div",
+                "p",
+                "ul",
+                "dl",
+                "span",
+                "button",
+                "title",
+                "text",
+            ] {
+                let open = page.matches(&format!("<{name}>")).count()
+                    + page.matches(&format!("<{name} ")).count();
+                let closed = page.matches(&format!("</{name}>")).count();
+                assert_eq!(open, closed, "<{name}>");
+            }
+            assert_eq!(
+                page.matches("<figure").count(),
+                page.matches("<figcaption").count()
+            );
+            assert_eq!(
+                page.matches("role=\"img\"").count(),
+                page.matches("<svg class=\"figure").count()
+            );
+        }
+    }
+
+    #[test]
+    fn identifiers_are_unique() {
+        let page = to_html(&fake::tactmat());
+        let mut seen = std::collections::BTreeSet::new();
+        for rest in page.split(" id=\"").skip(1) {
+            let id = rest.split('"').next().unwrap();
+            assert!(seen.insert(id), "{id} twice");
+        }
+    }
+
+    #[test]
+    fn unfinished_experiments_say_so() {
+        let mut summary = fake::summary();
+        assert!(!to_html(&summary).contains("class=\"warning\""));
+        summary.tasks_done -= 1;
+        assert!(to_html(&summary).contains("class=\"warning\""));
+    }
+
+    #[test]
+    fn numbers_on_the_twin_are_marked() {
+        let mut summary = fake::summary();
+        assert!(!to_html(&summary).contains("synthetic"));
+        summary.data_sha256.insert("twin".into(), "00".into());
+        assert!(to_html(&summary).contains("are synthetic"));
+    }
+
+    #[test]
+    fn the_published_confusions_appear_beside_the_same_materials_only() {
+        assert!(to_html(&fake::tactmat()).contains("Published: humans"));
+        assert!(!to_html(&fake::summary()).contains("Published: humans"));
+    }
+}

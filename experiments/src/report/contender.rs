@@ -1,0 +1,76 @@
+//! The most accurate model of each data set, looked at closely.
+
+use super::calibration::{reliability, risk_coverage};
+use super::confusion::{Cells, Confusion, shades};
+use super::data_set::{DataSet, split_name};
+use super::text::{escape, percent, percent_and_sd, scroll};
+use crate::{Row, Summary};
+
+pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> String {
+    let parts: String = sets
+        .iter()
+        .filter_map(|set| set.best().map(|best| contender(summary, set, best)))
+        .collect();
+    if parts.is_empty() {
+        return "<p>No contender has ended yet.</p>\n".to_string();
+    }
+    format!(
+        "<p>For each data set, the model with the highest accuracy of single sweeps. It was chosen by that number, so the number \
+         flatters it a little.</p>\n{parts}"
+    )
+}
+
+fn contender(summary: &Summary, set: &DataSet, best: &Row) -> String {
+    let name = set.name(best);
+    let three = best
+        .three_sweeps
+        .as_ref()
+        .map(|three| format!(", three fused: {}\u{a0}%", percent(three.mean)))
+        .unwrap_or_default();
+    let mut html = format!(
+        "<h3>{}: {}</h3>\n<p>One sweep: {}\u{a0}%{three}. Split {}, {} folds together.</p>\n",
+        escape(&set.heading()),
+        escape(&name),
+        percent_and_sd(&best.one_sweep),
+        escape(&split_name(&best.split)),
+        best.folds.len()
+    );
+    let size = best.materials.len();
+    if size > 0
+        && best.confusion.len() == size
+        && best.confusion.iter().all(|row| row.len() == size)
+    {
+        html.push_str(&matrix(summary, set, best));
+    }
+    html.push_str(&format!(
+        "<div class=\"columns\">\n{}{}</div>\n",
+        reliability(set),
+        risk_coverage(set)
+    ));
+    html
+}
+
+fn matrix(summary: &Summary, set: &DataSet, best: &Row) -> String {
+    let title = format!(
+        "Confusion matrix of {} on {}",
+        set.name(best),
+        set.heading()
+    );
+    let names = best.materials.iter().map(String::as_str).collect();
+    let mut confusion = Confusion::new(title.clone(), names, Cells::Counts(best.confusion.clone()));
+    let mut order = "Materials in label order.";
+    if let Some(grouping) = summary.groups.get(&best.key) {
+        confusion = confusion.grouped(grouping);
+        order = "Materials ordered by group; frames mark the groups.";
+    }
+    format!(
+        "<figure>\n{}{}<figcaption>Rows: true material; columns: predicted. Colour: share of the true material's sweeps (shades as in the key). {order} Point at a cell, or focus the matrix and use the arrow keys. Right: accuracy of each \
+         material.</figcaption>\n</figure>\n{}",
+        confusion.detailed(),
+        shades(),
+        scroll(
+            &format!("Most frequent confusions: {title}"),
+            &confusion.most_frequent(8)
+        )
+    )
+}

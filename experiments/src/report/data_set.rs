@@ -1,0 +1,118 @@
+//! The rows of a summary by data set: what may be compared with what.
+
+use crate::{Row, Summary};
+
+/// The rows on one data set with the same treatment of levels.
+pub(super) struct DataSet<'a> {
+    /// Name of the data set.
+    pub data: &'a str,
+    /// `kept` or `removed`.
+    pub levels: &'a str,
+    /// In the order of the summary.
+    pub rows: Vec<&'a Row>,
+}
+
+impl<'a> DataSet<'a> {
+    /// Name with what happens to levels; not yet escaped.
+    pub fn heading(&self) -> String {
+        format!("{}, levels {}", self.data, self.levels)
+    }
+
+    /// Rows that are not probes, most accurate first.
+    pub fn contenders(&self) -> Vec<&'a Row> {
+        let mut rows: Vec<&Row> = self.rows.iter().copied().filter(|row| !row.probe).collect();
+        rows.sort_by(|a, b| b.one_sweep.mean.total_cmp(&a.one_sweep.mean));
+        rows
+    }
+
+    /// The most accurate contender.
+    pub fn best(&self) -> Option<&'a Row> {
+        self.contenders().first().copied()
+    }
+
+    /// What tells `row` from the others here; not yet escaped.
+    pub fn name(&self, row: &Row) -> String {
+        let mut name = contender_name(row);
+        if self.rows.iter().any(|other| other.split != row.split) {
+            name.push_str(", ");
+            name.push_str(&split_name(&row.split));
+        }
+        if self.rows.iter().any(|other| other.steps != row.steps) {
+            name.push_str(&format!(", {} steps", row.steps));
+        }
+        name
+    }
+}
+
+/// Model and way of predicting; not yet escaped.
+pub(super) fn contender_name(row: &Row) -> String {
+    match row.prediction.as_str() {
+        "plain" => row.model.clone(),
+        other => format!("{}, {}", row.model, prediction_name(other)),
+    }
+}
+
+/// A way of predicting, for people; not yet escaped.
+pub(super) fn prediction_name(prediction: &str) -> String {
+    match prediction {
+        "mc_dropout" => "MC dropout".to_string(),
+        other => other.replace('_', " "),
+    }
+}
+
+/// How a data set was split, for people; not yet escaped.
+pub(super) fn split_name(split: &str) -> String {
+    split.replace('_', "-")
+}
+
+/// The data sets in the order of their first row.
+pub(super) fn data_sets(summary: &Summary) -> Vec<DataSet<'_>> {
+    let mut sets: Vec<DataSet> = Vec::new();
+    for row in &summary.rows {
+        let known = sets
+            .iter_mut()
+            .find(|set| set.data == row.data && set.levels == row.levels);
+        match known {
+            Some(set) => set.rows.push(row),
+            None => sets.push(DataSet {
+                data: &row.data,
+                levels: &row.levels,
+                rows: vec![row],
+            }),
+        }
+    }
+    sets
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::fake;
+    use super::*;
+
+    #[test]
+    fn a_name_says_what_tells_rows_apart_and_no_more() {
+        let mut summary = fake::tactmat();
+        assert_eq!(
+            data_sets(&summary)[0].name(&summary.rows[0]),
+            "net, MC dropout"
+        );
+        summary.rows[1].steps = 100;
+        summary.rows[1].split = "leave_one_block_out".into();
+        let sets = data_sets(&summary);
+        assert_eq!(
+            sets[0].name(&summary.rows[0]),
+            "net, MC dropout, k-fold, 1000 steps"
+        );
+        assert_eq!(
+            sets[0].name(&summary.rows[1]),
+            "knn, MC dropout, leave-one-block-out, 100 steps"
+        );
+    }
+
+    #[test]
+    fn the_best_contender_is_no_probe() {
+        let mut summary = fake::tactmat();
+        summary.rows[0].probe = true;
+        assert_eq!(data_sets(&summary)[0].best().unwrap().model, "knn");
+    }
+}

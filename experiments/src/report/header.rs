@@ -1,0 +1,76 @@
+//! What was run, where and from which data.
+
+use super::text::{duration, escape, hash};
+use crate::Summary;
+
+pub(super) fn header(summary: &Summary) -> String {
+    let mut html = format!(
+        "<p class=\"overline\">{}</p>\n<h1>{}</h1>\n",
+        escape(&summary.name),
+        escape(&summary.title)
+    );
+    if summary.tasks_done < summary.tasks {
+        html.push_str(&format!(
+            "<p class=\"warning\"><strong>Unfinished:</strong> {} of {} tasks are done. Every number below comes from \
+             those alone and will change.</p>\n",
+            summary.tasks_done, summary.tasks
+        ));
+    }
+    for name in twins(summary) {
+        html.push_str(&format!(
+            "<p class=\"note\">The sweeps of <code>{}</code> are synthetic: a generator made them, and the numbers on \
+             them are not TactMat's.</p>\n",
+            escape(name)
+        ));
+    }
+    let commits: Vec<String> = summary.git.iter().map(|commit| hash(commit)).collect();
+    let data: String = summary
+        .data_sha256
+        .iter()
+        .map(|(name, sha)| format!("<li>{} {}</li>", escape(name), hash(sha)))
+        .collect();
+    let facts = [
+        ("Expected", escape(&summary.expects)),
+        (
+            "Command",
+            format!("<code>{}</code>", escape(&summary.command)),
+        ),
+        ("Commit", commits.join(", ")),
+        ("Seed", summary.seed.to_string()),
+        ("Processor", escape(&summary.processors.join("; "))),
+        (
+            "Tasks",
+            format!("{} of {} done", summary.tasks_done, summary.tasks),
+        ),
+        (
+            "Training time",
+            format!("{}, all tasks together", duration(summary.train_seconds)),
+        ),
+        (
+            "Data, SHA-256",
+            if data.is_empty() {
+                data
+            } else {
+                format!("<ul>{data}</ul>")
+            },
+        ),
+    ];
+    html.push_str("<dl class=\"facts\">\n");
+    for (term, fact) in facts.iter().filter(|(_, fact)| !fact.is_empty()) {
+        html.push_str(&format!("<div><dt>{term}</dt><dd>{fact}</dd></div>\n"));
+    }
+    html.push_str("</dl>\n");
+    html
+}
+
+/// Names of the synthetic data sets.
+fn twins(summary: &Summary) -> std::collections::BTreeSet<&str> {
+    let rows = summary.rows.iter().map(|row| row.data.as_str());
+    let data = summary.data_sha256.keys().map(String::as_str);
+    rows.chain(data).filter(|name| is_twin(name)).collect()
+}
+
+/// Whether a data set is the generator's.
+pub(super) fn is_twin(data: &str) -> bool {
+    data.contains("twin")
+}

@@ -1,0 +1,52 @@
+//! Pairs of rows on the same folds.
+
+use super::data_set::DataSet;
+use super::results::Heading::{Number, Text};
+use super::results::{number, sortable};
+use super::text::{decimal, escape, p_value, scroll};
+use crate::Summary;
+
+pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> String {
+    if summary.comparisons.is_empty() {
+        return "<p>No two rows share folds, so nothing is compared.</p>\n".to_string();
+    }
+    let name = |key: &str| -> String {
+        sets.iter()
+            .find_map(|set| {
+                let row = set.rows.iter().find(|row| row.key == key)?;
+                Some(format!("{}: {}", set.heading(), set.name(row)))
+            })
+            .unwrap_or_else(|| key.to_string())
+    };
+    let lines: String = summary
+        .comparisons
+        .iter()
+        .map(|comparison| {
+            let points = 100.0 * comparison.difference;
+            format!(
+                "<tr><td>{}</td><td>{}</td>{}{}{}</tr>\n",
+                escape(&name(&comparison.first)),
+                escape(&name(&comparison.second)),
+                number(Some(points), &decimal(points, 1)),
+                number(comparison.p, &comparison.p.map(p_value).unwrap_or_default()),
+                number(Some(comparison.folds as f64), &comparison.folds.to_string())
+            )
+        })
+        .collect();
+    let table = format!(
+        "<table class=\"sortable\">\n<caption class=\"hidden\">Differences of accuracy on the same folds</caption>\n\
+         <thead><tr>{}</tr></thead>\n<tbody>\n{lines}</tbody>\n</table>\n",
+        sortable(&[
+            Text("First"),
+            Text("Second"),
+            Number("First \u{2212} second<br><small>points</small>"),
+            Number("p"),
+            Number("Folds"),
+        ])
+    );
+    format!(
+        "<p>Difference of single-sweep accuracy, in percentage points, on the folds that both have. p is from the corrected \
+         resampled t-test (Nadeau and Bengio, 2003), two-sided, and is not adjusted for the number of comparisons.</p>\n{}",
+        scroll("Paired comparisons", &table)
+    )
+}

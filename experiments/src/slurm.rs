@@ -1,0 +1,238 @@
+//! Runs tasks on a cluster: one Slurm array job, polled until it has left the queue; what failed is submitted again.
+
+use std::path::Path;
+use std::process::Command;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use crate::local::failures;
+use crate::tasks::{ExperimentDir, Task, TaskState};
+use crate::{Event, ExperimentError};
+
+/// How often a task is submitted before it counts as failed.
+const ATTEMPTS: usize = 3;
+
+/// How array jobs are submitted.
+#[derive(Debug, Clone)]
+pub struct SlurmArray {
+    /// Cores of each task.
+    pub cores: usize,
+    /// Tasks that run at once, at most.
+    pub jobs: usize,
+    /// Further arguments of `sbatch`, such as a partition.
+    pub arguments: Vec<String>,
+    /// Time between two looks at the queue.
+    pub poll: Duration,
+}
+
+/// Submits every task that has not ended, waits, and submits what failed again.
+///
+/// The experiment's folder and the program must be visible under the same path on every node.
+///
+/// - `stop`: asked often; once true, the array job is cancelled (its tasks stop where they can be resumed)
+///
+/// # Errors
+/// Slurm's programs are missing or refuse; tasks that failed three times.
+pub fn run_on_slurm(
+    dir: &ExperimentDir,
+    program: &Path,
+    array: &SlurmArray,
+    stop: impl Fn() -> bool,
+    mut tell: impl FnMut(Event<'_>),
+) -> Result<(), ExperimentError> {
+    let tasks = &dir.plan.tasks;
+    let logs = dir.path().join("slurm");
+    std::fs::create_dir_all(&logs).map_err(|error| ExperimentError::io(&logs, "make", error))?;
+    let mut known: Vec<bool> = tasks
+        .iter()
+        .map(|t| dir.state(t) == TaskState::Done)
+        .collect();
+    tell(Event::Begun {
+        done: known.iter().filter(|known| **known).count(),
+        all: tasks.len(),
+    });
+    let begun = Instant::now();
+    for attempt in 1..=ATTEMPTS {
+        let open: Vec<usize> = (0..tasks.len()).filter(|&i| !known[i]).collect();
+        if open.is_empty() {
+            break;
+        }
+        let job = submit(dir, program, array, &logs, &open)?;
+        let mut refused = 0;
+        loop {
+            thread::sleep(array.poll);
+            let waiting = in_queue(&job);
+            for &index in &open {
+                if !known[index] && dir.state(&tasks[index]) == TaskState::Done {
+                    known[index] = true;
+                    tell(Event::Done {
+                        task: &tasks[index],
+                        seconds: begun.elapsed().as_secs_f64(),
+                    });
+                }
+            }
+            if stop() {
+                call("scancel", &["--signal=TERM", "--full", &job]).ok();
+                call("scancel", &[&job])?;
+                return Ok(());
+            }
+            match waiting {
+                Ok(false) => break,
+                Ok(true) => refused = 0,
+                // A busy controller may not answer for a while.
+                Err(error) => {
+                    refused += 1;
+                    if refused > 30 {
+                        return Err(error);
+                    }
+                }
+            }
+        }
+        for &index in &open {
+            if dir.state(&tasks[index]) == TaskState::Done {
+                if !known[index] {
+                    known[index] = true;
+                    tell(Event::Done {
+                        task: &tasks[index],
+                        seconds: begun.elapsed().as_secs_f64(),
+                    });
+                }
+            } else {
+                let reason = why(dir, &tasks[index], &logs, &job, index);
+                tell(Event::Failed {
+                    task: &tasks[index],
+                    attempt,
+                    reason,
+                });
+            }
+        }
+    }
+    failures(dir)
+}
+
+/// Submits one array job; its array indices are numbers of tasks. Gives the job's id.
+fn submit(
+    dir: &ExperimentDir,
+    program: &Path,
+    array: &SlurmArray,
+    logs: &Path,
+    open: &[usize],
+) -> Result<String, ExperimentError> {
+    let script = format!(
+        "#!/bin/sh\nexec {} experiment task {} \"$SLURM_ARRAY_TASK_ID\" --threads {}\n",
+        quoted(program),
+        quoted(dir.path()),
+        array.cores
+    );
+    let path = logs.join("task.sh");
+    std::fs::write(&path, script).map_err(|error| ExperimentError::io(&path, "write", error))?;
+    let mut arguments = vec![
+        "--parsable".to_string(),
+        format!("--array={}%{}", ranges(open), array.jobs.max(1)),
+        format!("--job-name=tactnet-{}", dir.plan.recipe.name),
+        format!("--output={}/%A_%a.log", logs.display()),
+        format!("--cpus-per-task={}", array.cores),
+        format!("--chdir={}", dir.path().display()),
+    ];
+    arguments.extend(array.arguments.iter().cloned());
+    arguments.push(path.display().to_string());
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let answer = call("sbatch", &arguments)?;
+    // "ID" or "ID;CLUSTER"
+    let id = answer
+        .trim()
+        .split(';')
+        .next()
+        .unwrap_or_default()
+        .to_string();
+    if id.is_empty() || !id.chars().all(|c| c.is_ascii_digit()) {
+        return Err(ExperimentError::Slurm {
+            program: "sbatch",
+            reason: format!("expected a job id, found `{}`", answer.trim()),
+        });
+    }
+    Ok(id)
+}
+
+/// Whether any task of the job waits or runs.
+fn in_queue(job: &str) -> Result<bool, ExperimentError> {
+    match call("squeue", &["--noheader", "--jobs", job, "--format=%i"]) {
+        Ok(answer) => Ok(!answer.trim().is_empty()),
+        // The controller forgets a job some minutes after its end.
+        Err(ExperimentError::Slurm { reason, .. }) if reason.contains("Invalid job id") => {
+            Ok(false)
+        }
+        Err(error) => Err(error),
+    }
+}
+
+/// Why a task has no result: its state, where accounting knows it, and the last line it or its job wrote.
+fn why(dir: &ExperimentDir, task: &Task, logs: &Path, job: &str, index: usize) -> String {
+    let id = format!("{job}_{index}");
+    let state = call(
+        "sacct",
+        &["--noheader", "--parsable2", "--format=State", "--jobs", &id],
+    )
+    .ok()
+    .and_then(|answer| answer.lines().next().map(|state| format!("{state}: ")))
+    .unwrap_or_default();
+    let log = logs.join(format!("{id}.log"));
+    let of_job = std::fs::read_to_string(&log).unwrap_or_default();
+    let last = of_job.lines().rev().find(|line| !line.trim().is_empty());
+    let words = last.map_or_else(|| dir.last_words(task), str::to_string);
+    format!("{state}{words} (log: {})", log.display())
+}
+
+fn call(program: &'static str, arguments: &[&str]) -> Result<String, ExperimentError> {
+    let refused = |reason: String| ExperimentError::Slurm { program, reason };
+    let output = Command::new(program)
+        .args(arguments)
+        .output()
+        .map_err(|error| match error.kind() {
+            std::io::ErrorKind::NotFound => refused(
+                "not found; Slurm's client programs must be installed to use `--engine slurm`"
+                    .into(),
+            ),
+            _ => refused(error.to_string()),
+        })?;
+    if output.status.success() {
+        return Ok(String::from_utf8_lossy(&output.stdout).into_owned());
+    }
+    let said = String::from_utf8_lossy(&output.stderr);
+    Err(refused(said.trim().replace('\n', " / ")))
+}
+
+/// `0-3,7`
+fn ranges(numbers: &[usize]) -> String {
+    let mut parts: Vec<(usize, usize)> = Vec::new();
+    for &number in numbers {
+        match parts.last_mut() {
+            Some((_, last)) if *last + 1 == number => *last = number,
+            _ => parts.push((number, number)),
+        }
+    }
+    let shown = parts.iter().map(|(first, last)| {
+        if first == last {
+            first.to_string()
+        } else {
+            format!("{first}-{last}")
+        }
+    });
+    shown.collect::<Vec<_>>().join(",")
+}
+
+/// For a POSIX shell.
+fn quoted(path: &Path) -> String {
+    format!("'{}'", path.display().to_string().replace('\'', r"'\''"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn array_indices_are_short_and_paths_survive_the_shell() {
+        assert_eq!(ranges(&[0, 1, 2, 3, 7, 9, 10]), "0-3,7,9-10");
+        assert_eq!(quoted(Path::new("/a b/it's")), r"'/a b/it'\''s'");
+    }
+}

@@ -1,0 +1,106 @@
+//! Means over folds, with intervals that know that folds share training sweeps.
+
+use serde::{Deserialize, Serialize};
+use statrs::distribution::{ContinuousCDF, StudentsT};
+
+/// A quantity measured once per fold.
+///
+/// The interval and every test use the corrected resampled variance of Nadeau & Bengio (2003): `sd^2 (1/J + n_test/n_train)`,
+/// since training sets of different folds overlap.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Statistic {
+    /// Mean over folds.
+    pub mean: f64,
+    /// Standard deviation over folds; absent with one fold.
+    pub sd: Option<f64>,
+    /// 95 % interval of the mean; absent with one fold.
+    pub ci95: Option<[f64; 2]>,
+    /// One value per fold, in the order of the folds.
+    pub folds: Vec<f64>,
+}
+
+impl Statistic {
+    /// Of one value per fold.
+    ///
+    /// - `test_share`: test sweeps over training sweeps
+    ///
+    /// # Panics
+    /// If there is no fold.
+    pub fn of(folds: Vec<f64>, test_share: f64) -> Self {
+        assert!(!folds.is_empty(), "a mean needs at least one fold");
+        let count = folds.len() as f64;
+        let mean = folds.iter().sum::<f64>() / count;
+        if folds.len() < 2 {
+            return Self {
+                mean,
+                sd: None,
+                ci95: None,
+                folds,
+            };
+        }
+        let variance = folds.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (count - 1.0);
+        let error = (variance * (1.0 / count + test_share)).sqrt();
+        let reach = error * student(count - 1.0).inverse_cdf(0.975);
+        Self {
+            mean,
+            sd: Some(variance.sqrt()),
+            ci95: Some([mean - reach, mean + reach]),
+            folds,
+        }
+    }
+
+    /// The same for shares, whose interval ends at 0 and 1.
+    pub fn of_shares(folds: Vec<f64>, test_share: f64) -> Self {
+        let mut statistic = Self::of(folds, test_share);
+        if let Some(ends) = &mut statistic.ci95 {
+            ends.iter_mut().for_each(|end| *end = end.clamp(0.0, 1.0));
+        }
+        statistic
+    }
+}
+
+/// Two-sided p-value that the mean difference is zero (corrected resampled t-test); `None` with one fold or without any
+/// spread.
+///
+/// - `differences`: one per fold that both have
+pub fn resampled_t_test(differences: &[f64], test_share: f64) -> Option<f64> {
+    let statistic = Statistic::of(differences.to_vec(), test_share);
+    let count = differences.len() as f64;
+    let error = statistic.sd? * (1.0 / count + test_share).sqrt();
+    if error == 0.0 {
+        return None;
+    }
+    let t = (statistic.mean / error).abs();
+    Some((2.0 * (1.0 - student(count - 1.0).cdf(t))).clamp(0.0, 1.0))
+}
+
+fn student(freedom: f64) -> StudentsT {
+    StudentsT::new(0.0, 1.0, freedom)
+        .unwrap_or_else(|error| panic!("{freedom} degrees of freedom: {error}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Values by hand from scipy.stats.t: ppf(0.975, 4) = 2.776445, 2 * sf(2.0, 4) = 0.116117.
+    #[test]
+    fn intervals_and_tests_use_the_corrected_variance() {
+        let statistic = Statistic::of(vec![0.80, 0.82, 0.84, 0.86, 0.88], 0.25);
+        let sd = 0.001_f64.sqrt();
+        assert!((statistic.mean - 0.84).abs() < 1e-12);
+        assert!((statistic.sd.unwrap() - sd).abs() < 1e-12);
+        let reach = 2.776_445 * sd * 0.45_f64.sqrt();
+        assert!((statistic.ci95.unwrap()[1] - 0.84 - reach).abs() < 1e-6);
+        // Differences chosen so that t is 2: mean = 2 sd sqrt(0.45).
+        let shift = 2.0 * sd * 0.45_f64.sqrt();
+        let differences: Vec<f64> = [-0.04, -0.02, 0.0, 0.02, 0.04]
+            .iter()
+            .map(|d| d + shift)
+            .collect();
+        let p = resampled_t_test(&differences, 0.25).unwrap();
+        assert!((p - 0.116_117).abs() < 1e-5, "{p}");
+        assert_eq!(resampled_t_test(&[0.1], 0.25), None);
+        assert_eq!(Statistic::of(vec![0.5], 0.25).ci95, None);
+    }
+}

@@ -1,0 +1,360 @@
+//! From what the tasks left to the numbers of the report.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use tactnet_data::SplitManifest;
+use tactnet_pipeline::{
+    Evaluation, Levels, ModelRecipe, PredictionMethod, Predictions, RunConfig, RunDir, RunResult,
+    SweepScore,
+};
+
+use crate::tasks::{ExperimentDir, Task, TaskState};
+use crate::{
+    Comparison, ExperimentError, FoldRecord, Probe, Published, ReliabilityBin, RiskCoverage, Row,
+    Statistic, Summary, audits, grouping_of_counts, published_for, resampled_t_test,
+};
+
+/// Bins of the reliability diagram.
+const BINS: usize = 15;
+/// Points of the risk-coverage curve.
+const COVERAGES: usize = 50;
+
+/// One ended task with everything the summary takes from it.
+struct Ended<'a> {
+    task: &'a Task,
+    config: RunConfig,
+    split: SplitManifest,
+    result: RunResult,
+    run: RunDir,
+}
+
+/// One way of predicting of one ended task.
+struct Fold<'a> {
+    ended: &'a Ended<'a>,
+    evaluation: &'a Evaluation,
+    predictions: Predictions,
+    file: String,
+}
+
+/// Reads every task that has ended.
+///
+/// # Errors
+/// A run directory that is damaged.
+pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
+    let recipe = &dir.plan.recipe;
+    let mut ended = Vec::new();
+    for task in &dir.plan.tasks {
+        if dir.state(task) == TaskState::Done {
+            let run = RunDir::open(&dir.task_dir(task))?;
+            if let Some(result) = run.result()? {
+                ended.push(Ended {
+                    task,
+                    config: run.config()?,
+                    split: run.split()?,
+                    result,
+                    run,
+                });
+            }
+        }
+    }
+    let mut by_row: BTreeMap<(usize, String), Vec<Fold<'_>>> = BTreeMap::new();
+    let mut order: Vec<String> = Vec::new();
+    for ended in &ended {
+        for (way, evaluation) in &ended.result.evaluations {
+            let key = row_key(ended, way);
+            let place = order
+                .iter()
+                .position(|known| *known == key)
+                .unwrap_or_else(|| {
+                    order.push(key.clone());
+                    order.len() - 1
+                });
+            let (file, predictions) = ended.run.predictions(way)?;
+            by_row.entry((place, key)).or_default().push(Fold {
+                ended,
+                evaluation,
+                predictions,
+                file,
+            });
+        }
+    }
+    let rows: Vec<Row> = by_row
+        .into_iter()
+        .map(|((_, key), mut folds)| {
+            folds.sort_by_key(|fold| (fold.ended.result.run, fold.ended.result.fold));
+            row(key, &folds)
+        })
+        .collect();
+    let mut groups = BTreeMap::new();
+    if recipe.groups > 0 {
+        for row in rows
+            .iter()
+            .filter(|row| !row.probe && row.materials.len() > recipe.groups)
+        {
+            groups.insert(
+                row.key.clone(),
+                grouping_of_counts(&row.confusion, recipe.groups, recipe.seed),
+            );
+        }
+    }
+    let set = |of: fn(&Ended<'_>) -> Vec<String>| -> Vec<String> {
+        ended
+            .iter()
+            .flat_map(of)
+            .collect::<BTreeSet<_>>()
+            .into_iter()
+            .collect()
+    };
+    Ok(Summary {
+        schema_version: Summary::SCHEMA_VERSION,
+        name: recipe.name.clone(),
+        title: recipe.title.clone(),
+        expects: recipe.expects.clone(),
+        command: dir.plan.command.clone(),
+        git: set(|e| e.result.git.split(' ').map(String::from).collect()),
+        seed: recipe.seed,
+        tasks_done: ended.len(),
+        tasks: dir.plan.tasks.len(),
+        train_seconds: ended.iter().map(|e| e.result.train_seconds).sum(),
+        processors: set(|e| {
+            e.result
+                .provenance
+                .iter()
+                .map(|p| p.processor.clone())
+                .collect()
+        }),
+        data_sha256: ended
+            .iter()
+            .map(|e| (e.result.data.clone(), e.result.data_sha256.clone()))
+            .collect(),
+        comparisons: comparisons(&rows),
+        audits: audits(&rows),
+        groups,
+        rows,
+    })
+}
+
+fn model_name(ended: &Ended<'_>) -> String {
+    match ended.task.probe {
+        None => ended.result.recipe.clone(),
+        Some(Probe::Means) => "probe: nearest taxel means".into(),
+        Some(Probe::Permuted) => "probe: permuted labels (minirocket)".into(),
+    }
+}
+
+/// The data set's name without what was done to it.
+fn data_name(ended: &Ended<'_>) -> String {
+    let name = &ended.result.data;
+    name.split(", ").next().unwrap_or(name).into()
+}
+
+fn split_name(ended: &Ended<'_>) -> String {
+    let inner = ended.config.inner.map_or(String::new(), |part| {
+        format!(", judged by inner part {part}")
+    });
+    format!("{}{inner}", ended.split.scheme)
+}
+
+fn row_key(ended: &Ended<'_>, way: &str) -> String {
+    let levels = match ended.config.recipe.levels() {
+        Levels::Kept => "",
+        Levels::Removed => ", levels removed",
+    };
+    let steps = ended
+        .config
+        .steps
+        .map_or(String::new(), |steps| format!(", {steps} steps"));
+    let way = if way == "plain" { "" } else { ", MC dropout" };
+    format!(
+        "{}{levels}{steps}, {}: {}{way}",
+        data_name(ended),
+        split_name(ended),
+        model_name(ended)
+    )
+}
+
+fn row(key: String, folds: &[Fold<'_>]) -> Row {
+    let first = folds[0].ended;
+    let (n_train, n_test) = (first.result.n_train, first.result.n_test);
+    let share = n_test as f64 / n_train as f64;
+    let of =
+        |value: &dyn Fn(&Fold<'_>) -> f64| Statistic::of(folds.iter().map(value).collect(), share);
+    let shares = |values: Vec<f64>| Statistic::of_shares(values, share);
+    let one_sweep = shares(folds.iter().map(|f| f.evaluation.one_sweep.mean).collect());
+    let fused: Option<Vec<f64>> = folds
+        .iter()
+        .map(|f| f.evaluation.fused.as_ref().map(|fused| fused.bayes.mean))
+        .collect();
+    let way = folds[0].evaluation.method;
+    let materials: Vec<String> = first
+        .config
+        .classifier
+        .labels
+        .names()
+        .map(String::from)
+        .collect();
+    let mut confusion = vec![vec![0; materials.len()]; materials.len()];
+    for fold in folds {
+        for (sum, counts) in confusion.iter_mut().zip(fold.predictions.confusion()) {
+            sum.iter_mut()
+                .zip(counts)
+                .for_each(|(sum, count)| *sum += count);
+        }
+    }
+    let sweeps: Vec<&SweepScore> = folds.iter().flat_map(|f| &f.predictions.sweeps).collect();
+    Row {
+        key,
+        data: data_name(first),
+        model: model_name(first),
+        levels: match first.config.recipe.levels() {
+            Levels::Kept => "kept".into(),
+            Levels::Removed => "removed".into(),
+        },
+        split: split_name(first),
+        prediction: way.name().into(),
+        steps: first.config.classifier.shape.steps,
+        probe: first.task.probe.is_some(),
+        sigma_test: (one_sweep.mean * (1.0 - one_sweep.mean) / n_test as f64).sqrt(),
+        three_sweeps: fused.map(shares),
+        negative_log_likelihood: of(&|f| f.evaluation.negative_log_likelihood),
+        expected_calibration_error: of(&|f| f.evaluation.expected_calibration_error),
+        brier: of(&|f| f.evaluation.brier),
+        train_seconds: of(&|f| f.ended.result.train_seconds),
+        one_sweep,
+        n_train,
+        n_test,
+        confusion,
+        reliability: reliability(&sweeps),
+        risk_coverage: risk_coverage(&sweeps),
+        published: published(first, way),
+        folds: folds.iter().map(record).collect(),
+        materials,
+    }
+}
+
+fn record(fold: &Fold<'_>) -> FoldRecord {
+    let RunResult {
+        run,
+        fold: number,
+        command,
+        git,
+        split_sha256,
+        recipe_sha256,
+        ..
+    } = &fold.ended.result;
+    FoldRecord {
+        run: *run,
+        fold: *number,
+        command: command.clone(),
+        git: git.clone(),
+        split_sha256: split_sha256.clone(),
+        recipe_sha256: recipe_sha256.clone(),
+        predictions: format!("tasks/{}/{}", fold.ended.task.id, fold.file),
+        one_sweep: fold.evaluation.one_sweep.mean,
+    }
+}
+
+/// What was published for this recipe, asked this way; only for the whole sweeps of TactMat and its twin.
+fn published(ended: &Ended<'_>, way: PredictionMethod) -> Option<Published> {
+    let comparable = ["twin", "tactmat"].contains(&ended.result.data.as_str())
+        && ended.config.classifier.labels.len() == 36
+        && ended.config.inner.is_none();
+    let ModelRecipe::TactNet2(recipe) = &ended.config.recipe else {
+        return None;
+    };
+    let mut recipe = recipe.clone();
+    recipe.prediction.method = way;
+    let row = published_for(&recipe).filter(|_| comparable)?;
+    Some(Published {
+        classifier: row.classifier.into(),
+        one_sweep: row.one_sweep.0,
+        three_sweeps: row.three_sweeps.0,
+    })
+}
+
+fn confidence(sweep: &SweepScore) -> f64 {
+    sweep.log_probability[sweep.predicted()].exp()
+}
+
+fn reliability(sweeps: &[&SweepScore]) -> Vec<ReliabilityBin> {
+    let mut bins = vec![(0.0, 0, 0); BINS];
+    for sweep in sweeps {
+        let confidence = confidence(sweep);
+        let bin = &mut bins[((confidence * BINS as f64) as usize).min(BINS - 1)];
+        bin.0 += confidence;
+        bin.1 += usize::from(sweep.predicted() == sweep.label);
+        bin.2 += 1;
+    }
+    bins.into_iter()
+        .filter(|(_, _, count)| *count > 0)
+        .map(|(sum, right, count)| ReliabilityBin {
+            confidence: sum / count as f64,
+            accuracy: right as f64 / count as f64,
+            count,
+        })
+        .collect()
+}
+
+fn risk_coverage(sweeps: &[&SweepScore]) -> Vec<RiskCoverage> {
+    let mut sorted: Vec<(f64, bool)> = sweeps
+        .iter()
+        .map(|sweep| (confidence(sweep), sweep.predicted() != sweep.label))
+        .collect();
+    sorted.sort_by(|a, b| b.0.total_cmp(&a.0));
+    (1..=COVERAGES)
+        .map(|point| {
+            let answered = (sorted.len() * point).div_ceil(COVERAGES);
+            let wrong = sorted[..answered]
+                .iter()
+                .filter(|(_, wrong)| *wrong)
+                .count();
+            RiskCoverage {
+                coverage: answered as f64 / sorted.len() as f64,
+                risk: wrong as f64 / answered as f64,
+            }
+        })
+        .collect()
+}
+
+/// All pairs of contenders that share data set, levels, steps and split.
+fn comparisons(rows: &[Row]) -> Vec<Comparison> {
+    let alike = |a: &Row, b: &Row| {
+        (&a.data, &a.levels, &a.split, a.steps) == (&b.data, &b.levels, &b.split, b.steps)
+    };
+    let contenders: Vec<&Row> = rows.iter().filter(|row| !row.probe).collect();
+    let mut found = Vec::new();
+    for (i, first) in contenders.iter().enumerate() {
+        for second in contenders[i + 1..]
+            .iter()
+            .filter(|second| alike(first, second))
+        {
+            let differences: Vec<f64> = first
+                .folds
+                .iter()
+                .filter_map(|a| {
+                    let b = second
+                        .folds
+                        .iter()
+                        .find(|b| b.split_sha256 == a.split_sha256)?;
+                    Some(a.one_sweep - b.one_sweep)
+                })
+                .collect();
+            if differences.is_empty() {
+                continue;
+            }
+            let share = first.n_test as f64 / first.n_train as f64;
+            found.push(Comparison {
+                first: first.key.clone(),
+                second: second.key.clone(),
+                difference: differences.iter().sum::<f64>() / differences.len() as f64,
+                folds: differences.len(),
+                p: if differences.len() > 1 {
+                    resampled_t_test(&differences, share)
+                } else {
+                    None
+                },
+            });
+        }
+    }
+    found
+}

@@ -1,0 +1,149 @@
+//! `tactnet train --model` with classical and random-convolution classifiers, on real files with the real binary.
+
+use crate::command::{Lab, expect, stderr, stdout, tactnet};
+
+const MODELS: [&str; 7] = [
+    "means",
+    "knn-l",
+    "knn-h",
+    "svm-l",
+    "svm-h",
+    "minirocket",
+    "multirocket-hydra",
+];
+
+fn train(lab: &Lab, model: &str, out: &str, more: &[&str]) -> std::process::Command {
+    let mut command = tactnet(["train", "--model", model, "--data"]);
+    command
+        .arg(lab.path("twin.h5"))
+        .args(more)
+        .arg("--out")
+        .arg(lab.path(out));
+    command
+}
+
+fn rows(lab: &Lab, out: &str) -> Vec<String> {
+    let text = String::from_utf8(lab.read(&format!("{out}/predictions_test.csv"))).unwrap();
+    text.lines().skip(3).map(String::from).collect()
+}
+
+#[test]
+fn every_baseline_leaves_a_run_that_eval_reads_again() {
+    let lab = Lab::new();
+    for model in MODELS {
+        expect(0, train(&lab, model, model, &[]));
+        let result = lab.json(&format!("{model}/result.json"));
+        assert_eq!(result["recipe"], model);
+        assert!(
+            result["evaluations"].get("mc_dropout").is_none(),
+            "{model} has no dropout"
+        );
+        assert!(result.get("epochs").is_none(), "{model} has no epochs");
+        assert_eq!(rows(&lab, model).len(), 8, "{model}");
+        for row in rows(&lab, model) {
+            let p: f64 = row
+                .split(',')
+                .skip(3)
+                .map(|p| p.parse::<f64>().unwrap())
+                .sum();
+            assert!(
+                (p - 1.0).abs() < 1e-6,
+                "{model}: probabilities of {row} sum to {p}"
+            );
+        }
+        let mut eval = tactnet(["eval", "--json"]);
+        eval.arg(lab.path(model));
+        let again: serde_json::Value = serde_json::from_str(&stdout(&expect(0, eval))).unwrap();
+        assert_eq!(
+            again["evaluations"]["plain"]["negative_log_likelihood"],
+            result["evaluations"]["plain"]["negative_log_likelihood"],
+            "{model}: eval finds what train found"
+        );
+    }
+    let accuracy = |model: &str| {
+        lab.json(&format!("{model}/result.json"))["accuracy_one_sweep"]["mean"]
+            .as_f64()
+            .unwrap()
+    };
+    // Eight test sweeps of four materials: chance is 0.25.
+    assert!(accuracy("minirocket") >= 0.5, "{}", accuracy("minirocket"));
+}
+
+#[test]
+fn baselines_do_not_depend_on_the_number_of_threads() {
+    let lab = Lab::new();
+    for model in ["svm-h", "multirocket-hydra"] {
+        for threads in ["1", "2", "4"] {
+            let mut command = train(&lab, model, &format!("{model}{threads}"), &[]);
+            command.env("RAYON_NUM_THREADS", threads);
+            expect(0, command);
+        }
+        let of = |threads: &str| lab.read(&format!("{model}{threads}/weights.safetensors"));
+        assert!(of("1") == of("2") && of("2") == of("4"), "{model}");
+        assert_eq!(
+            rows(&lab, &format!("{model}1")),
+            rows(&lab, &format!("{model}4"))
+        );
+    }
+}
+
+#[test]
+fn without_levels_the_means_know_nothing() {
+    let lab = Lab::new();
+    expect(0, train(&lab, "means", "means", &["--levels", "removed"]));
+    let labels: std::collections::BTreeSet<String> = rows(&lab, "means")
+        .iter()
+        .map(|row| row.split(',').nth(1).unwrap().to_string())
+        .collect();
+    assert_eq!(
+        labels.len(),
+        1,
+        "all means are zero, so all predictions are the same"
+    );
+    let config = lab.json("means/config.json");
+    assert_eq!(config["recipe"]["baseline"]["levels"], "removed");
+}
+
+#[test]
+fn permuted_labels_are_another_data_set() {
+    let lab = Lab::new();
+    expect(0, train(&lab, "knn-l", "permuted", &["--permute-labels"]));
+    expect(0, train(&lab, "knn-l", "true", &[]));
+    let (permuted, own) = (
+        lab.json("permuted/result.json"),
+        lab.json("true/result.json"),
+    );
+    assert!(
+        permuted["data"]
+            .as_str()
+            .unwrap()
+            .contains("labels permuted")
+    );
+    assert_ne!(permuted["data_sha256"], own["data_sha256"]);
+    let mut eval = tactnet(["eval", "--json"]);
+    eval.arg(lab.path("permuted"));
+    let again: serde_json::Value = serde_json::from_str(&stdout(&expect(0, eval))).unwrap();
+    assert_eq!(again["data_sha256"], permuted["data_sha256"]);
+}
+
+#[test]
+fn what_a_baseline_cannot_do_is_said_in_one_line() {
+    let lab = Lab::new();
+    for (model, more, said) in [
+        ("minirocket", ["--epochs", "3"], "--epochs is for networks"),
+        (
+            "knn-h",
+            ["--recipe", "fast"],
+            "does not train the model asked for",
+        ),
+        ("knn-h", ["--steps", "50"], "a window of 0.1 s"),
+        ("minirocket", ["--steps", "9"], "at least 10 steps"),
+        ("means", ["--steps", "121"], "1 to 120"),
+        ("svm-l", ["--inner", "5"], "a number below 5"),
+    ] {
+        let output = expect(2, train(&lab, model, "refused", &more));
+        let message = stderr(&output);
+        let last = message.trim_end().lines().last().unwrap();
+        assert!(last.contains(said), "{model} {more:?}: {message}");
+    }
+}

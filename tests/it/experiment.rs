@@ -1,0 +1,354 @@
+//! `tactnet experiment` with real processes: resumed, killed, shared, and on a real Slurm where there is one.
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use crate::command::{Lab, RecipeChange, expect, stderr, stdout, tactnet};
+
+/// An experiment of two folds with a small network and a baseline on the small twin.
+fn experiment(lab: &Lab, out: &str) -> Command {
+    let recipe = lab.path("small.toml");
+    if !recipe.exists() {
+        lab.recipe(RecipeChange {
+            epochs: Some(12),
+            ..RecipeChange::default()
+        });
+    }
+    let mut command = tactnet([
+        "experiment",
+        "run",
+        "crossval_baselines",
+        "--set",
+        "folds=2",
+    ]);
+    command
+        .arg("--set")
+        .arg(format!("data={}", lab.path("twin.h5").display()))
+        .arg("--set")
+        .arg(format!("models=[\"{}\", \"knn-l\"]", recipe.display()))
+        .args(["--set", "groups=2"])
+        .arg("--out")
+        .arg(lab.path(out));
+    command
+}
+
+const TASKS: [&str; 8] = [
+    "twin-probe_means-run0-fold0",
+    "twin-probe_permuted-run0-fold0",
+    "twin-small-run0-fold0",
+    "twin-knn-l-run0-fold0",
+    "twin-probe_means-run0-fold1",
+    "twin-probe_permuted-run0-fold1",
+    "twin-small-run0-fold1",
+    "twin-knn-l-run0-fold1",
+];
+
+fn predictions(lab: &Lab, out: &str) -> Vec<Vec<u8>> {
+    let file = |task: &&str| lab.read(&format!("{out}/tasks/{task}/predictions_test.csv"));
+    TASKS.iter().map(|task| file(task)).collect()
+}
+
+#[test]
+fn an_experiment_reports_every_task_and_runs_none_twice() {
+    let lab = Lab::new();
+    let mut command = experiment(&lab, "out");
+    command.arg("--json");
+    let output = expect(0, command);
+    let summary: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!(summary, lab.json("out/summary.json"));
+    assert_eq!(
+        (&summary["tasks"], &summary["tasks_done"]),
+        (&8.into(), &8.into())
+    );
+    // Two probes, the network asked two ways, one baseline.
+    let rows = summary["rows"].as_array().unwrap();
+    assert_eq!(rows.len(), 5);
+    for row in rows {
+        assert_eq!(row["folds"].as_array().unwrap().len(), 2);
+        for fold in row["folds"].as_array().unwrap() {
+            let file = fold["predictions"].as_str().unwrap();
+            assert!(lab.path("out").join(file).is_file(), "{file}");
+        }
+        let tested: u64 = row["confusion"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .flat_map(|counts| counts.as_array().unwrap())
+            .map(|count| count.as_u64().unwrap())
+            .sum();
+        assert_eq!(tested, 16);
+    }
+    let result = lab.json("out/tasks/twin-knn-l-run0-fold1/result.json");
+    let row = rows.iter().find(|row| row["model"] == "knn-l").unwrap();
+    assert_eq!(
+        row["one_sweep"]["folds"][1],
+        result["accuracy_one_sweep"]["mean"]
+    );
+    let page = String::from_utf8(lab.read("out/report.html")).unwrap();
+    assert!(page.starts_with("<!doctype html>") || page.starts_with("<!DOCTYPE html>"));
+    assert!(page.contains(result["split_sha256"].as_str().unwrap()));
+
+    let written = |task: &str| {
+        let path = lab.path("out/tasks").join(task).join("result.json");
+        std::fs::metadata(path).unwrap().modified().unwrap()
+    };
+    let before: Vec<_> = TASKS.iter().map(|task| written(task)).collect();
+    let again = expect(0, experiment(&lab, "out"));
+    assert!(
+        stderr(&again).contains("8 tasks, 8 done"),
+        "{}",
+        stderr(&again)
+    );
+    assert_eq!(
+        before,
+        TASKS.iter().map(|task| written(task)).collect::<Vec<_>>()
+    );
+
+    let mut other = experiment(&lab, "out");
+    other.args(["--set", "folds=1"]);
+    let refused = stderr(&expect(2, other));
+    assert!(refused.contains("holds another experiment"), "{refused}");
+}
+
+/// Children of a process, by its id.
+fn children(pid: u32) -> Vec<u32> {
+    let path = format!("/proc/{pid}/task/{pid}/children");
+    let text = std::fs::read_to_string(path).unwrap_or_default();
+    text.split_whitespace()
+        .map(|id| id.parse().unwrap())
+        .collect()
+}
+
+fn kill_9(pid: u32) {
+    Command::new("kill")
+        .args(["-9", &pid.to_string()])
+        .status()
+        .unwrap();
+}
+
+fn wait_for(what: &str, ready: impl Fn() -> bool) {
+    let begun = Instant::now();
+    while !ready() {
+        assert!(
+            begun.elapsed() < Duration::from_secs(120),
+            "waited for {what} in vain"
+        );
+        sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn killed_runners_and_tasks_lose_nothing_that_had_ended() {
+    let lab = Lab::new();
+    expect(0, experiment(&lab, "undisturbed"));
+
+    // A task is killed: the runner begins it again.
+    let mut runner = experiment(&lab, "killed")
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let network = lab.path("killed/tasks/twin-small-run0-fold0");
+    wait_for("the first epoch", || network.join("metrics.jsonl").exists());
+    children(runner.id()).into_iter().for_each(kill_9);
+    // Then the runner itself, and what it had started.
+    let second = lab.path("killed/tasks/twin-small-run0-fold1");
+    wait_for("the second network", || {
+        second.join("metrics.jsonl").exists()
+    });
+    let orphans = children(runner.id());
+    kill_9(runner.id());
+    orphans.into_iter().for_each(kill_9);
+    runner.wait().unwrap();
+    assert!(
+        network.join("result.json").exists(),
+        "what had ended is there"
+    );
+    assert!(!second.join("result.json").exists(), "what ran is not");
+
+    let ended = network
+        .join("result.json")
+        .metadata()
+        .unwrap()
+        .modified()
+        .unwrap();
+    expect(0, experiment(&lab, "killed"));
+    assert_eq!(
+        network
+            .join("result.json")
+            .metadata()
+            .unwrap()
+            .modified()
+            .unwrap(),
+        ended
+    );
+    assert!(
+        predictions(&lab, "killed") == predictions(&lab, "undisturbed"),
+        "predictions are the same bytes"
+    );
+}
+
+#[test]
+fn two_runners_share_a_folder() {
+    let lab = Lab::new();
+    let runners: Vec<_> = (0..2)
+        .map(|_| {
+            let mut command = experiment(&lab, "shared");
+            command
+                .stdout(Stdio::null())
+                .stderr(Stdio::piped())
+                .spawn()
+                .unwrap()
+        })
+        .collect();
+    for runner in runners {
+        let output = runner.wait_with_output().unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+        assert!(!stderr(&output).contains("failed"), "{}", stderr(&output));
+    }
+    for task in TASKS {
+        // Every session adds itself to the environment file only if it trained: one did.
+        let log = String::from_utf8(lab.read(&format!("shared/tasks/{task}.log"))).unwrap();
+        assert_eq!(
+            log.matches("predicting 8 test sweeps").count(),
+            1,
+            "{task}: {log}"
+        );
+    }
+}
+
+#[test]
+fn a_task_that_cannot_succeed_is_tried_three_times_and_named() {
+    let lab = Lab::new();
+    let mut command = tactnet([
+        "experiment",
+        "run",
+        "crossval_baselines",
+        "--set",
+        "folds=1",
+    ]);
+    command
+        .args([
+            "--set",
+            "data=twin",
+            "--set",
+            "probes=[]",
+            "--set",
+            "models=knn-h",
+            "--set",
+            "steps=40",
+        ])
+        .arg("--out")
+        .arg(lab.path("out"));
+    let said = stderr(&expect(1, command));
+    assert_eq!(said.matches("failed (attempt").count(), 3, "{said}");
+    assert!(
+        said.contains("1 of 1 tasks failed") && said.contains("a window of 0.1 s"),
+        "{said}"
+    );
+}
+
+/// Needs root and Debian's Slurm packages, which `tests/local-slurm start` installs: run by `.ci/run` with `--ignored`.
+#[test]
+#[ignore = "needs a Slurm; .ci/run starts one"]
+fn slurm_gives_the_same_bytes_as_this_machine() {
+    let lab = Lab::new();
+    expect(0, experiment(&lab, "local"));
+    let mut command = experiment(&lab, "slurm");
+    command.args(["--engine", "slurm"]);
+    let said = stderr(&expect(0, command));
+    assert!(said.contains("8/8"), "{said}");
+    assert!(
+        predictions(&lab, "local") == predictions(&lab, "slurm"),
+        "predictions are the same bytes"
+    );
+    let jobs = std::fs::read_dir(lab.path("slurm/slurm")).unwrap();
+    assert!(jobs.count() > 8, "each task left a log");
+
+    // A task that fails is submitted again, and its log is shown.
+    let mut broken = tactnet([
+        "experiment",
+        "run",
+        "crossval_baselines",
+        "--engine",
+        "slurm",
+    ]);
+    broken
+        .args([
+            "--set",
+            "folds=1",
+            "--set",
+            "probes=[]",
+            "--set",
+            "models=knn-h",
+            "--set",
+            "steps=40",
+        ])
+        .arg("--out")
+        .arg(lab.path("broken"));
+    let said = stderr(&expect(1, broken));
+    assert_eq!(said.matches("failed (attempt").count(), 3, "{said}");
+    assert!(said.contains("a window of 0.1 s"), "{said}");
+}
+
+#[test]
+fn slurm_that_is_not_there_is_said_in_one_line() {
+    let lab = Lab::new();
+    let mut command = experiment(&lab, "out");
+    command
+        .args(["--engine", "slurm"])
+        .env("PATH", Path::new("/nowhere"));
+    let said = stderr(&expect(1, command));
+    assert!(
+        said.contains("sbatch: not found; Slurm's client programs must be installed"),
+        "{said}"
+    );
+}
+
+/// Needs MLflow: run by `.ci/run` with `--ignored` and `TACTNET_PYTHON`, a Python that has it.
+#[test]
+#[ignore = "needs Python with mlflow-skinny; .ci/run has one"]
+fn mlflow_opens_the_export() {
+    let lab = Lab::new();
+    expect(0, experiment(&lab, "out"));
+    let export = |out: &str| {
+        let mut command = tactnet(["experiment", "export"]);
+        command
+            .arg(lab.path("out"))
+            .arg("--mlflow")
+            .arg(lab.path(out));
+        command
+    };
+    expect(0, export("ml runs"));
+    assert!(stderr(&expect(2, export("ml runs"))).contains("empty or new folder"));
+    let python = std::env::var("TACTNET_PYTHON").unwrap_or("python3".into());
+    let mut open = Command::new(python);
+    open.arg("tests/open_with_mlflow.py")
+        .arg(lab.path("ml runs"));
+    let found: serde_json::Value = serde_json::from_str(&stdout(&expect(0, open))).unwrap();
+    let runs = found["crossval_baselines"].as_object().unwrap();
+    assert_eq!(runs.len(), TASKS.len());
+    for task in TASKS {
+        let result = lab.json(&format!("out/tasks/{task}/result.json"));
+        let run = &runs[task];
+        assert_eq!(run["status"], "FINISHED");
+        assert_eq!(
+            run["metrics"]["plain.accuracy"],
+            result["evaluations"]["plain"]["one_sweep"]["mean"]
+        );
+        assert_eq!(run["params"]["split_sha256"], result["split_sha256"]);
+        assert!(
+            run["artifacts"]
+                .as_array()
+                .unwrap()
+                .contains(&"predictions_test.csv".into())
+        );
+        assert_eq!(
+            run["epochs"],
+            if task.contains("small") { 12 } else { 0 },
+            "{task}"
+        );
+    }
+}
