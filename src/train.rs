@@ -274,8 +274,13 @@ fn prepare(arguments: &TrainArgs) -> anyhow::Result<(Dataset, RunDir)> {
         ModelRecipe::Baseline(recipe) => ModelConfig::Baseline(recipe.clone()),
     };
     let classifier = ClassifierConfig::new(model, &fold.train, seed);
-    if let ModelConfig::TactNet2(setup) = &classifier.model {
-        classifier.network_config(setup)?;
+    match &classifier.model {
+        ModelConfig::TactNet2(setup) => drop(classifier.network_config(setup)?),
+        ModelConfig::Baseline(recipe) => {
+            recipe
+                .features
+                .check(classifier.shape, classifier.sample_rate_hz)?;
+        }
     }
     let config = RunConfig {
         schema_version: RunConfig::SCHEMA_VERSION,

@@ -1,51 +1,17 @@
 //! Confusions published for TactMat, as data, and how much ours resemble them.
 
 /// The materials of TactMat in the order of their id, in which the published confusion groups are consecutive.
-pub const TACTMAT_MATERIALS: [&str; 36] = [
-    "synthetic leather rough",
-    "synthetic leather smooth reverse",
-    "synthetic leather smooth",
-    "metallic jersey",
-    "cotton fabric reverse",
-    "cotton fabric",
-    "linen fabric smooth reverse",
-    "velours paper reverse",
-    "linen fabric smooth",
-    "wood",
-    "white metal",
-    "reflecting fabric reverse",
-    "reflecting fabric",
-    "metal",
-    "plastic smooth",
-    "latex",
-    "silicon",
-    "jersey",
-    "velours paper",
-    "wallpaper",
-    "plastic rough",
-    "spun fleece",
-    "synthetic leather rough reverse",
-    "cork",
-    "linen fabric rough",
-    "gunny",
-    "carton",
-    "denim",
-    "carpet rough",
-    "carpet smooth",
-    "metallic grid",
-    "rubber rough vertical",
-    "rubber smooth",
-    "rubber rough horizontal",
-    "foam",
-    "neoprene",
-];
+pub use tactnet_data::twin::NAMES as TACTMAT_MATERIALS;
 
 /// `[36][36]` confusion of TactNet-II, one sweep: row = true material, column = predicted, shares of the row.
 ///
 /// Source: Tulbure and Bäuml, Humanoids 2018, and chapter 4 of Bäuml's thesis (figure 4.7), read off the figure's pixels
 /// (8-bit grey, +-0.004, so rows add up to 0.97-1.00).
 pub fn robot() -> Vec<Vec<f64>> {
-    parse(include_str!("published/robot_confusion.csv"))
+    tactnet_data::twin::published_confusions()
+        .iter()
+        .map(|row| row.to_vec())
+        .collect()
 }
 
 /// `[36][36]` confusion of 15 human subjects, one sweep: row = true material, column = predicted, shares of the row.

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use tactnet_data::SplitManifest;
+use tactnet_data::{Scheme, SplitManifest};
 use tactnet_pipeline::{
     Evaluation, Levels, ModelRecipe, PredictionMethod, Predictions, RunConfig, RunDir, RunResult,
     SweepScore,
@@ -149,10 +149,15 @@ fn data_name(ended: &Ended<'_>) -> String {
 }
 
 fn split_name(ended: &Ended<'_>) -> String {
-    let inner = ended.config.inner.map_or(String::new(), |part| {
-        format!(", judged by inner part {part}")
-    });
-    format!("{}{inner}", ended.split.scheme)
+    let scheme = match ended.split.scheme {
+        Scheme::StratifiedKFold { folds, .. } => format!("{folds} random folds"),
+        Scheme::TestFlag => "author's test sweeps".into(),
+        Scheme::LeaveBlockOut => "block left out".into(),
+    };
+    match ended.config.inner {
+        None => scheme,
+        Some(part) => format!("{scheme}, judged by inner part {part}"),
+    }
 }
 
 fn row_key(ended: &Ended<'_>, way: &str) -> String {

@@ -34,6 +34,21 @@ pub enum FeatureSet {
     MultiRocketHydra,
 }
 
+impl FeatureSet {
+    /// Whether sweeps of this shape and rate have such features.
+    ///
+    /// # Errors
+    /// Sweeps that are too short, or a rate that is too low.
+    pub fn check(self, shape: SweepShape, rate: f64) -> Result<(), PipelineError> {
+        match self {
+            Self::Means => Ok(()),
+            Self::L => LowFeatures::new(shape, rate, Levels::Kept).map(|_| ()),
+            Self::H => HighFeatures::new(shape, rate, Levels::Kept).map(|_| ()),
+            Self::MiniRocket | Self::MultiRocketHydra => enough_steps(shape),
+        }
+    }
+}
+
 /// A feature set, fitted where it has something to fit.
 pub(crate) struct Extractor {
     shape: SweepShape,
@@ -65,6 +80,7 @@ impl Extractor {
         seed: Seed,
     ) -> Result<Self, PipelineError> {
         let shape = train.shape();
+        set.check(shape, train.dataset().sample_rate_hz())?;
         let extents = [shape.taxels(), shape.steps];
         let series = |position: usize| {
             let mut values = vec![0.0; shape.values()];
@@ -86,21 +102,17 @@ impl Extractor {
         };
         let kind = match set {
             FeatureSet::MiniRocket => {
-                enough_steps(shape)?;
                 Kind::MiniRocket(kernels(Order::Base, MINIROCKET_FEATURES, "minirocket"))
             }
-            FeatureSet::MultiRocketHydra => {
-                enough_steps(shape)?;
-                Kind::MultiRocketHydra {
-                    base: kernels(Order::Base, MULTIROCKET_BIASES, "multirocket"),
-                    difference: kernels(
-                        Order::Difference,
-                        MULTIROCKET_BIASES,
-                        "multirocket difference",
-                    ),
-                    hydra: Hydra::draw(extents, &mut seed.rng("hydra")),
-                }
-            }
+            FeatureSet::MultiRocketHydra => Kind::MultiRocketHydra {
+                base: kernels(Order::Base, MULTIROCKET_BIASES, "multirocket"),
+                difference: kernels(
+                    Order::Difference,
+                    MULTIROCKET_BIASES,
+                    "multirocket difference",
+                ),
+                hydra: Hydra::draw(extents, &mut seed.rng("hydra")),
+            },
             FeatureSet::Means | FeatureSet::L | FeatureSet::H => {
                 return Self::unfitted(set, levels, shape, train.dataset().sample_rate_hz());
             }
