@@ -1,0 +1,141 @@
+#!/usr/bin/env python3
+"""Opens a report in a real headless Chromium and checks it. Usage: check_report.py REPORT.html SCREENSHOTS_FOLDER
+
+    apt-get install chromium; pip install websocket-client
+
+Fails on any console message, network request, missing section, empty figure, sideways scrolling, or a control that the keyboard
+does not reach. Leaves screenshots: wide and narrow, light and dark.
+"""
+
+import base64
+import itertools
+import json
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.request
+
+import websocket
+
+page = pathlib.Path(sys.argv[1]).resolve()
+folder = pathlib.Path(sys.argv[2])
+folder.mkdir(parents=True, exist_ok=True)
+SECTIONS = ["results", "accuracy", "comparisons", "audit", "contenders", "published", "groups", "ranks", "glossary"]
+
+
+class Browser:
+    def __init__(self):
+        program = next(filter(None, map(shutil.which, ["chromium", "chromium-browser", "google-chrome"])), None)
+        if program is None:
+            sys.exit("no Chromium found; install it with `apt-get install chromium`")
+        self.profile = tempfile.TemporaryDirectory()
+        self.process = subprocess.Popen(
+            [program, "--headless", "--no-sandbox", "--disable-gpu", "--remote-debugging-port=0",
+             "--remote-allow-origins=*", f"--user-data-dir={self.profile.name}", "about:blank"],
+            stderr=subprocess.DEVNULL,
+        )
+        port_file = pathlib.Path(self.profile.name) / "DevToolsActivePort"
+        for _ in range(300):
+            if port_file.exists() and port_file.read_text().count("\n"):
+                break
+            time.sleep(0.1)
+        port = port_file.read_text().splitlines()[0]
+        targets = json.load(urllib.request.urlopen(f"http://127.0.0.1:{port}/json"))
+        address = next(t["webSocketDebuggerUrl"] for t in targets if t["type"] == "page")
+        self.socket = websocket.create_connection(address, timeout=60)
+        self.numbers = itertools.count(1)
+        self.events = []
+
+    def call(self, method, **parameters):
+        number = next(self.numbers)
+        self.socket.send(json.dumps({"id": number, "method": method, "params": parameters}))
+        while True:
+            message = json.loads(self.socket.recv())
+            if message.get("id") == number:
+                if "error" in message:
+                    sys.exit(f"{method}: {message['error']}")
+                return message["result"]
+            self.events.append(message)
+
+    def run(self, script):
+        result = self.call("Runtime.evaluate", expression=script, returnByValue=True)
+        if "exceptionDetails" in result:
+            sys.exit(f"{script}: {result['exceptionDetails']}")
+        return result["result"].get("value")
+
+    def press(self, key, code=0, text=None):
+        extra = {"text": text} if text else {}
+        for kind in ("keyDown", "keyUp"):
+            self.call("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code,
+                      **(extra if kind == "keyDown" else {}))
+
+    def close(self):
+        self.process.terminate()
+        self.process.wait()
+        self.profile.cleanup()
+
+
+browser = Browser()
+wrong = []
+try:
+    for domain in ("Page", "Runtime", "Log", "Network"):
+        browser.call(f"{domain}.enable")
+    for width, scheme in itertools.product((1280, 390), ("light", "dark")):
+        browser.call("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=width < 600)
+        browser.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+        browser.call("Page.navigate", url=page.as_uri())
+        for _ in range(200):
+            if browser.run("document.readyState") == "complete":
+                break
+            time.sleep(0.05)
+        if browser.run("document.documentElement.scrollWidth > window.innerWidth + 1"):
+            wrong.append(f"{width} px: the page scrolls sideways")
+        shot = browser.call("Page.captureScreenshot", captureBeyondViewport=True,
+                            clip={"x": 0, "y": 0, "width": width, "height": 6000, "scale": 1})
+        (folder / f"report_{width}_{scheme}.png").write_bytes(base64.b64decode(shot["data"]))
+    missing = [name for name in SECTIONS if not browser.run(f"!!document.getElementById('{name}')")]
+    if missing:
+        wrong.append(f"sections missing: {missing}")
+    figures = browser.run("document.querySelectorAll('figure').length")
+    empty = browser.run(
+        "[...document.querySelectorAll('figure')].filter(f => !f.querySelector('figcaption') || ![...f.querySelectorAll('svg')]"
+        ".some(s => s.querySelectorAll('rect, path, circle, line, polyline, text').length > 2)).map(f => f.textContent.slice(0, 60))"
+    )
+    if figures < 4 or empty:
+        wrong.append(f"{figures} figures, of which without picture or caption: {empty}")
+    # Sorting by keyboard: focus a header's button, press Enter.
+    browser.run("document.querySelector('section[aria-labelledby=results] th button').focus()")
+    browser.press("Enter", 13, "\r")
+    order = browser.run("document.querySelector('section[aria-labelledby=results] :is(th[aria-sort=ascending], th[aria-sort=descending])') !== null")
+    if not order:
+        wrong.append("Enter on a column's button does not sort")
+    # Everything that can be clicked can be focused.
+    unreachable = browser.run(
+        "[...document.querySelectorAll('a[href], button, summary, [tabindex]:not(main)')].filter(e => e.tabIndex < 0).length"
+    )
+    if unreachable:
+        wrong.append(f"{unreachable} controls are out of the keyboard's reach")
+    # The confusion matrix speaks when it is walked through with the arrow keys.
+    browser.run("document.querySelector('.matrix').focus()")
+    browser.press("ArrowRight", 39)
+    browser.press("ArrowDown", 40)
+    said = browser.run("document.querySelector('.tip')?.textContent ?? ''")
+    if "predicted" not in said:
+        wrong.append(f"the confusion matrix says `{said}` under the arrow keys")
+    for event in browser.events:
+        method, detail = event.get("method"), event.get("params", {})
+        if method in ("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded"):
+            wrong.append(f"console: {json.dumps(detail)[:300]}")
+        if method == "Network.requestWillBeSent":
+            url = detail["request"]["url"]
+            if url != page.as_uri() and not url.startswith("data:"):
+                wrong.append(f"the page asks for {url}")
+finally:
+    browser.close()
+for line in wrong:
+    print(line, file=sys.stderr)
+print(f"{figures} figures, {len(SECTIONS)} sections, screenshots in {folder}: {'wrong' if wrong else 'fine'}")
+sys.exit(bool(wrong))
