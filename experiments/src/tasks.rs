@@ -469,3 +469,84 @@ fn stem(name: &str) -> String {
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn planned(name: &str, settings: &[&str]) -> (tempfile::TempDir, ExperimentDir) {
+        let folder = tempfile::tempdir().unwrap();
+        let settings: Vec<String> = settings.iter().map(|s| s.to_string()).collect();
+        let recipe = ExperimentRecipe::load(name, &settings).unwrap();
+        let dir = ExperimentDir::create(&folder.path().join("out"), &recipe, "call").unwrap();
+        (folder, dir)
+    }
+
+    #[test]
+    fn every_built_in_experiment_can_be_planned() {
+        for (name, tasks) in [
+            ("crossval_tactnet2", 30),
+            ("crossval_baselines", 45),
+            ("leave_block_out", 30),
+            ("sequence_length", 60),
+            ("hyperparameters", 22),
+        ] {
+            let (_folder, dir) = planned(name, &[]);
+            assert_eq!(dir.plan.tasks.len(), tasks, "{name}");
+            assert!(
+                dir.plan
+                    .tasks
+                    .iter()
+                    .all(|task| dir.state(task) == TaskState::Open)
+            );
+        }
+    }
+
+    #[test]
+    fn a_search_draws_the_same_recipes_again_and_judges_them_inside() {
+        let settings = ["search.trials=3", "seed=5"];
+        let (_first, first) = planned("hyperparameters", &settings);
+        let (_second, second) = planned("hyperparameters", &settings);
+        let text = |dir: &ExperimentDir, trial: usize| {
+            fs::read_to_string(dir.path().join(format!("recipes/trial{trial:02}.toml"))).unwrap()
+        };
+        assert_eq!(text(&first, 2), text(&second, 2));
+        assert_ne!(text(&first, 1), text(&first, 2));
+        let trials = first
+            .plan
+            .tasks
+            .iter()
+            .filter(|task| task.id.contains("trial"));
+        for task in trials {
+            assert!(
+                task.arguments.join(" ").ends_with("--inner 0"),
+                "{:?}",
+                task.arguments
+            );
+        }
+    }
+
+    #[test]
+    fn what_was_interrupted_early_starts_over_and_later_is_resumed() {
+        let (_folder, dir) = planned("crossval_baselines", &["folds=1"]);
+        let task = &dir.plan.tasks[2];
+        fs::create_dir(dir.task_dir(task)).unwrap();
+        assert_eq!(dir.state(task), TaskState::Interrupted);
+        assert_eq!(dir.arguments(task).unwrap()[0..2], ["train", "--data"]);
+        assert_eq!(dir.state(task), TaskState::Open, "the remains are gone");
+        fs::create_dir(dir.task_dir(task)).unwrap();
+        fs::write(dir.task_dir(task).join("config.json"), "{}").unwrap();
+        assert_eq!(dir.arguments(task).unwrap()[0..2], ["train", "--resume"]);
+    }
+
+    #[test]
+    fn names_that_collide_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let settings = ["models=[\"fast\", \"fast\"]".to_string()];
+        let recipe = ExperimentRecipe::load("crossval_baselines", &settings).unwrap();
+        let refused = ExperimentDir::create(folder.path(), &recipe, "call")
+            .unwrap_err()
+            .to_string();
+        assert!(refused.contains("two tasks would be called"), "{refused}");
+    }
+}

@@ -63,9 +63,12 @@ def l_features(sweep, rate):
     weights = taxel_weights(sweep)
     high, low = frequency >= 20, (frequency >= 2) & (frequency < 20)
     roughness = np.log((spectrum[high] ** 2).mean(axis=0).sum())
-    centroids = [
-        (weights * (spectrum[b] * frequency[b, None]).sum(axis=0) / spectrum[b].sum(axis=0)).sum() for b in (high, low)
-    ]
+    centroids = []
+    for band in (high, low):
+        amplitude = spectrum[band].sum(axis=0)
+        moment = (spectrum[band] * frequency[band, None]).sum(axis=0)
+        # A taxel that is silent in a band adds nothing.
+        centroids.append((weights * moment / np.where(amplitude > 0, amplitude, 1)).sum())
     return [roughness, *centroids]
 
 
@@ -80,7 +83,7 @@ def h_features(sweep, rate):
         start = int(np.floor(i * hop + 0.5))
         power = np.abs(np.fft.rfft(padded[start : start + window], axis=0, norm="ortho")) ** 2 @ weights
         row = np.bincount(band, weights=power)
-        rows.append(row / row.sum())
+        rows.append(row / (row.sum() or 1))
     return np.concatenate(rows)
 
 

@@ -1,0 +1,167 @@
+//! L-BFGS for smooth convex functions (Nocedal & Wright, Numerical Optimization, algorithm 7.5), run until the gradient vanishes.
+
+/// Pairs of steps and gradient changes that are remembered.
+const MEMORY: usize = 12;
+/// Sufficient decrease (Armijo).
+const DECREASE: f64 = 1e-4;
+/// Curvature (Wolfe).
+const CURVATURE: f64 = 0.9;
+
+/// Where a minimisation ended.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Minimum {
+    /// The point.
+    pub point: Vec<f64>,
+    /// Euclidean norm of the gradient there: the proof that it is the minimum of a convex function.
+    pub gradient_norm: f64,
+    /// Iterations taken.
+    pub iterations: usize,
+}
+
+/// Minimises a convex function from `start`.
+///
+/// - `function(x, gradient)`: gives the value and writes the gradient
+/// - `tolerance`: on the gradient's norm, relative to the larger of 1 and the norm of the point
+///
+/// Ends early where rounding leaves no step that decreases the value; `gradient_norm` says how far that was.
+pub fn minimise(
+    start: Vec<f64>,
+    mut function: impl FnMut(&[f64], &mut [f64]) -> f64,
+    tolerance: f64,
+    most_iterations: usize,
+) -> Minimum {
+    let size = start.len();
+    let mut x = start;
+    let mut gradient = vec![0.0; size];
+    let mut value = function(&x, &mut gradient);
+    let mut steps: Vec<(Vec<f64>, Vec<f64>, f64)> = Vec::new();
+    let mut trial = vec![0.0; size];
+    let mut trial_gradient = vec![0.0; size];
+    for iteration in 0..most_iterations {
+        let norm = dot(&gradient, &gradient).sqrt();
+        if norm <= tolerance * dot(&x, &x).sqrt().max(1.0) {
+            return Minimum {
+                point: x,
+                gradient_norm: norm,
+                iterations: iteration,
+            };
+        }
+        let mut direction = direction(&gradient, &steps);
+        let mut slope = dot(&direction, &gradient);
+        if slope >= 0.0 {
+            steps.clear();
+            direction = gradient.iter().map(|g| -g).collect();
+            slope = -norm * norm;
+        }
+        // Bisection between a step that is too long and one that is too short (weak Wolfe conditions).
+        let mut length = if steps.is_empty() {
+            (1.0 / norm).min(1.0)
+        } else {
+            1.0
+        };
+        let (mut low, mut high) = (0.0, f64::INFINITY);
+        let mut found = false;
+        for _ in 0..60 {
+            for i in 0..size {
+                trial[i] = x[i] + length * direction[i];
+            }
+            let trial_value = function(&trial, &mut trial_gradient);
+            if !trial_value.is_finite() || trial_value > value + DECREASE * length * slope {
+                high = length;
+            } else if dot(&direction, &trial_gradient) < CURVATURE * slope {
+                low = length;
+            } else {
+                value = trial_value;
+                found = true;
+                break;
+            }
+            length = if high.is_finite() {
+                f64::midpoint(low, high)
+            } else {
+                2.0 * low
+            };
+        }
+        if !found {
+            break;
+        }
+        let step: Vec<f64> = trial.iter().zip(&x).map(|(a, b)| a - b).collect();
+        let change: Vec<f64> = trial_gradient
+            .iter()
+            .zip(&gradient)
+            .map(|(a, b)| a - b)
+            .collect();
+        let curvature = dot(&step, &change);
+        if curvature > 0.0 {
+            if steps.len() == MEMORY {
+                steps.remove(0);
+            }
+            steps.push((step, change, 1.0 / curvature));
+        }
+        x.copy_from_slice(&trial);
+        gradient.copy_from_slice(&trial_gradient);
+    }
+    Minimum {
+        gradient_norm: dot(&gradient, &gradient).sqrt(),
+        point: x,
+        iterations: most_iterations,
+    }
+}
+
+/// Minus the inverse Hessian, as far as it is known, times the gradient.
+fn direction(gradient: &[f64], steps: &[(Vec<f64>, Vec<f64>, f64)]) -> Vec<f64> {
+    let mut q: Vec<f64> = gradient.iter().map(|g| -g).collect();
+    let mut factors = vec![0.0; steps.len()];
+    for (factor, (step, change, inverse)) in factors.iter_mut().zip(steps).rev() {
+        *factor = inverse * dot(step, &q);
+        add(&mut q, -*factor, change);
+    }
+    if let Some((_, change, inverse)) = steps.last() {
+        let scale = 1.0 / (inverse * dot(change, change));
+        q.iter_mut().for_each(|q| *q *= scale);
+    }
+    for (factor, (step, change, inverse)) in factors.iter().zip(steps) {
+        let back = inverse * dot(change, &q);
+        add(&mut q, factor - back, step);
+    }
+    q
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn add(sum: &mut [f64], factor: f64, values: &[f64]) {
+    sum.iter_mut()
+        .zip(values)
+        .for_each(|(s, v)| *s += factor * v);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stretched_bowl_is_minimised_to_rounding() {
+        let scales: Vec<f64> = (0..30).map(|i| 10.0_f64.powf(f64::from(i) / 8.0)).collect();
+        let minimum = minimise(
+            vec![1.0; 30],
+            |x, gradient| {
+                let mut value = 0.0;
+                for ((g, x), (i, scale)) in
+                    gradient.iter_mut().zip(x).zip(scales.iter().enumerate())
+                {
+                    let away = x - i as f64;
+                    *g = scale * away;
+                    value += 0.5 * scale * away * away;
+                }
+                value
+            },
+            1e-10,
+            500,
+        );
+        assert!(minimum.gradient_norm < 1e-7, "{minimum:?}");
+        for (i, x) in minimum.point.iter().enumerate() {
+            assert!((x - i as f64).abs() < 1e-7, "{x} {i}");
+        }
+    }
+}

@@ -1,0 +1,59 @@
+#!/usr/bin/env python3
+"""Golden values of few-sweep output layers: scipy and scikit-learn against this project.
+
+    pip install numpy scipy scikit-learn safetensors
+    python tests/golden/heads_with_scipy.py
+
+Writes heads.safetensors next to itself; versions stand in its metadata. Read by models/src/heads.rs.
+"""
+
+import pathlib
+
+import numpy as np
+import scipy
+import scipy.optimize
+import sklearn
+from safetensors.numpy import save_file
+from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
+
+rng = np.random.default_rng(7)
+CLASSES, WIDTH, SHOTS = 4, 12, 3
+centres = rng.normal(size=(CLASSES, WIDTH))
+labels = np.repeat(np.arange(CLASSES), SHOTS)
+x = (centres[labels] + 0.7 * rng.normal(size=(len(labels), WIDTH))).astype(np.float32)
+queries = (centres[rng.integers(0, CLASSES, 9)] + 0.7 * rng.normal(size=(9, WIDTH))).astype(np.float32)
+knowledge = rng.normal(size=(7, WIDTH + 1)) * 0.6 + rng.normal(size=WIDTH + 1) * 0.3  # weights and bias of each class
+mean = knowledge.mean(axis=0)
+strength = 1 / (2 * ((knowledge - mean) ** 2).sum() / knowledge.size)
+u = np.concatenate([x.astype(np.float64), np.ones((len(x), 1))], axis=1)
+
+
+def objective(flat, mean, strength):
+    w = flat.reshape(CLASSES, WIDTH + 1)
+    scores = u @ w.T
+    log_p = scores - scipy.special.logsumexp(scores, axis=1, keepdims=True)
+    value = -log_p[np.arange(len(u)), labels].sum() + strength * ((w - mean) ** 2).sum()
+    error = np.exp(log_p)
+    error[np.arange(len(u)), labels] -= 1
+    return value, (error.T @ u + 2 * strength * (w - mean)).ravel()
+
+
+arrays = {"features": x, "labels": labels, "queries": queries, "knowledge": knowledge, "strength": [strength]}
+decay = 1e-3 * len(x) / 2
+for name, m, s in [("ol_mean", mean, strength), ("ol", np.zeros(WIDTH + 1), decay)]:
+    found = scipy.optimize.minimize(
+        objective, np.tile(m, CLASSES), args=(m, s), jac=True, method="BFGS", options={"gtol": 1e-10, "maxiter": 10000}
+    )
+    assert np.linalg.norm(found.jac) < 1e-7, found.message
+    arrays[f"{name}.weights"] = found.x.reshape(CLASSES, WIDTH + 1)
+
+# LDA with the pooled within-class covariance of the training sweeps (equal priors): class scores of scikit-learn.
+big_labels = np.repeat(np.arange(CLASSES), 40)
+big = (centres[big_labels] + rng.normal(size=(160, WIDTH)) @ rng.normal(size=(WIDTH, WIDTH))).astype(np.float32)
+lda = LinearDiscriminantAnalysis(solver="svd", priors=np.full(CLASSES, 1 / CLASSES)).fit(big.astype(np.float64), big_labels)
+arrays |= {"lda.features": big, "lda.labels": big_labels, "lda.log_p": lda.predict_log_proba(queries.astype(np.float64))}
+
+arrays = {k: np.ascontiguousarray(v, dtype=np.float32) for k, v in arrays.items()}
+path = pathlib.Path(__file__).with_name("heads.safetensors")
+save_file(arrays, path, metadata={m.__name__: m.__version__ for m in (np, scipy, sklearn)})
+path.chmod(0o644)
