@@ -435,7 +435,7 @@ mod tests {
     }
 
     #[test]
-    fn whitened_nearest_means_are_scikit_learns_lda() {
+    fn whitened_nearest_means_are_gaussians_with_one_covariance() {
         let golden = Golden::read();
         let (features, labels) = (golden.features("lda.features"), golden.labels("lda.labels"));
         let whitening = Whitening::fit(&features, &labels, 4, 0.0).unwrap();

@@ -12,6 +12,8 @@ import pathlib
 import numpy as np
 import scipy
 import scipy.optimize
+import scipy.special
+import scipy.stats
 import sklearn
 from safetensors.numpy import save_file
 from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
@@ -47,11 +49,21 @@ for name, m, s in [("ol_mean", mean, strength), ("ol", np.zeros(WIDTH + 1), deca
     assert np.linalg.norm(found.jac) < 1e-7, found.message
     arrays[f"{name}.weights"] = found.x.reshape(CLASSES, WIDTH + 1)
 
-# LDA with the pooled within-class covariance of the training sweeps (equal priors): class scores of scikit-learn.
+# LDA with the pooled within-class covariance of the training sweeps (equal priors).
 big_labels = np.repeat(np.arange(CLASSES), 40)
 big = (centres[big_labels] + rng.normal(size=(160, WIDTH)) @ rng.normal(size=(WIDTH, WIDTH))).astype(np.float32)
-lda = LinearDiscriminantAnalysis(solver="svd", priors=np.full(CLASSES, 1 / CLASSES)).fit(big.astype(np.float64), big_labels)
-arrays |= {"lda.features": big, "lda.labels": big_labels, "lda.log_p": lda.predict_log_proba(queries.astype(np.float64))}
+means = np.stack([big[big_labels == c].mean(axis=0, dtype=np.float64) for c in range(CLASSES)])
+residuals = big - means[big_labels]
+pooled = residuals.T @ residuals / (len(big) - CLASSES)
+log_p = np.stack([scipy.stats.multivariate_normal(m, pooled).logpdf(queries) for m in means], axis=1)
+arrays |= {
+    "lda.features": big,
+    "lda.labels": big_labels,
+    "lda.log_p": log_p - scipy.special.logsumexp(log_p, axis=1, keepdims=True),
+}
+# scikit-learn divides the covariance by the number of sweeps instead; its decisions are the same.
+lda = LinearDiscriminantAnalysis(solver="lsqr", priors=np.full(CLASSES, 1 / CLASSES)).fit(big.astype(np.float64), big_labels)
+assert (lda.predict(queries) == log_p.argmax(axis=1)).all()
 
 arrays = {k: np.ascontiguousarray(v, dtype=np.float32) for k, v in arrays.items()}
 path = pathlib.Path(__file__).with_name("heads.safetensors")
