@@ -1,26 +1,29 @@
 //! `tactnet train`: from sweeps to a trained, judged classifier in a run directory.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::io::IsTerminal;
+mod choices;
+mod progress;
+
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
-use clap::{Args, ValueEnum};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use sha2::{Digest, Sha256};
+use clap::Args;
 use tactnet_data::{Dataset, Fold, Scheme, Seed, Severity, TrainSplit, check};
 use tactnet_models::Compute;
 use tactnet_pipeline::{
-    BaselineRecipe, BatchReport, Classifier, ClassifierConfig, EpochMetrics, LabelOrder, Levels,
-    ModelConfig, ModelRecipe, PredictionSource, Provenance, Recipe, RunConfig, RunDir, RunResult,
-    TactNetSetup, Training, describe_split, evaluate_all_ways, fit_baseline, peak_rss_mib,
+    BaselineRecipe, Classifier, ClassifierConfig, EpochMetrics, LabelOrder, Levels, ModelConfig,
+    ModelRecipe, Provenance, Recipe, RunConfig, RunDir, TactNetSetup, Trained, Training,
+    fit_baseline, judge,
 };
 
 use crate::report::Shown;
 use crate::stop::Stop;
 use crate::{GIT, failure, report, source};
+use choices::{LevelsChoice, ModelChoice, SplitChoice};
+use progress::Progress;
+
+pub use choices::DeviceChoice;
 
 /// Every epoch is saved at its end, and a long one also this often.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
@@ -84,95 +87,6 @@ pub struct TrainArgs {
     json: bool,
 }
 
-/// What to train.
-#[derive(Clone, Copy, PartialEq, ValueEnum)]
-enum ModelChoice {
-    /// TactNet-II, the thesis's convolutional network
-    Tactnet2,
-    /// k nearest neighbours on roughness and two spectral centroids
-    KnnL,
-    /// k nearest neighbours on the short-time spectrum
-    KnnH,
-    /// Support vector machine on roughness and two spectral centroids
-    SvmL,
-    /// Support vector machine on the short-time spectrum
-    SvmH,
-    /// MiniRocket and a ridge classifier
-    Minirocket,
-    /// MultiRocket and Hydra and a ridge classifier
-    MultirocketHydra,
-    /// Nearest neighbour on the taxels' means: a probe of what the data set gives away
-    Means,
-}
-
-impl ModelChoice {
-    /// The recipe that it has by itself.
-    fn recipe(self) -> &'static str {
-        match self {
-            Self::Tactnet2 => "fast",
-            Self::KnnL => "knn-l",
-            Self::KnnH => "knn-h",
-            Self::SvmL => "svm-l",
-            Self::SvmH => "svm-h",
-            Self::Minirocket => "minirocket",
-            Self::MultirocketHydra => "multirocket-hydra",
-            Self::Means => "means",
-        }
-    }
-}
-
-/// What happens to levels.
-#[derive(Clone, Copy, ValueEnum)]
-enum LevelsChoice {
-    /// They may be used
-    Kept,
-    /// Each taxel's mean over the sweep is subtracted
-    Removed,
-}
-
-impl LevelsChoice {
-    fn levels(self) -> Levels {
-        match self {
-            Self::Kept => Levels::Kept,
-            Self::Removed => Levels::Removed,
-        }
-    }
-}
-
-/// How to split.
-#[derive(Clone, Copy, ValueEnum)]
-enum SplitChoice {
-    /// Stratified 5-fold cross-validation, 2 runs
-    KFold,
-    /// The file's own test sweeps
-    TestFlag,
-    /// Fold k tests on the k-th recording block of every material
-    LeaveBlockOut,
-}
-
-/// Where to compute.
-#[derive(Clone, Copy, Default, ValueEnum)]
-pub enum DeviceChoice {
-    /// The processor
-    #[default]
-    Cpu,
-    /// A GPU with a Vulkan driver (needs a build with `--features vulkan`)
-    Vulkan,
-    /// An NVIDIA GPU (needs a build with `--features cuda`)
-    Cuda,
-}
-
-impl DeviceChoice {
-    /// The device of the models crate.
-    pub fn compute(self) -> Compute {
-        match self {
-            Self::Cpu => Compute::Cpu,
-            Self::Vulkan => Compute::Vulkan,
-            Self::Cuda => Compute::Cuda,
-        }
-    }
-}
-
 /// Runs the command.
 pub fn run(arguments: TrainArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen()?;
@@ -215,14 +129,16 @@ pub fn run(arguments: TrainArgs) -> anyhow::Result<ExitCode> {
     };
     let weights = run.weights()?;
     let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
+    eprintln!("predicting {} test sweeps …", fold.test.len());
+    let command = command_line(&config, &fold);
     let result = judge(
         &run,
         &config,
         &classifier,
         &fold,
-        &dataset,
         sessions,
         trained,
+        command,
     )?;
     if stop.asked() {
         return stopped();
@@ -402,14 +318,6 @@ fn reopen(path: &Path, data: Option<&str>) -> anyhow::Result<(Dataset, RunDir)> 
     Ok((dataset, run))
 }
 
-/// What training leaves besides weights.
-#[derive(Default)]
-struct Trained {
-    seconds: f64,
-    epochs: Option<usize>,
-    chosen: BTreeMap<String, f64>,
-}
-
 /// Fits a baseline. `None` when somebody asked to stop; it then starts over.
 fn fit(
     run: &RunDir,
@@ -512,81 +420,6 @@ fn train_epochs(
     }))
 }
 
-/// Predicts the test sweeps every way there is, writes scores and picture, and puts the result together.
-fn judge(
-    run: &RunDir,
-    config: &RunConfig,
-    classifier: &Classifier,
-    fold: &Fold<'_>,
-    dataset: &Dataset,
-    sessions: Vec<Provenance>,
-    trained: Trained,
-) -> anyhow::Result<RunResult> {
-    let recipe = &config.recipe;
-    let own = recipe.method();
-    let command = command_line(config, fold);
-    eprintln!("predicting {} test sweeps …", fold.test.len());
-    let ways = evaluate_all_ways(classifier, &fold.test, own.runs_or(100), 3, config.seed)?;
-    let mut evaluations = BTreeMap::new();
-    for (name, predictions, evaluation) in ways {
-        let tsml = predictions.to_tsml(&PredictionSource {
-            dataset: dataset.name(),
-            classifier: &format!("{} ({name})", recipe.name()),
-            resample: fold.run() * 1000 + fold.fold(),
-            parameters: &command,
-        });
-        let file = if name == own.name() {
-            let title = format!(
-                "{}: {:.1} % of {} test sweeps right (recipe {}, {name})",
-                dataset.name(),
-                100.0 * predictions.accuracy(),
-                fold.test.len(),
-                recipe.name()
-            );
-            run.write(
-                "confusion.svg",
-                predictions.confusion_svg(&title).as_bytes(),
-            )?;
-            "predictions_test.csv".to_string()
-        } else {
-            format!("predictions_test_{name}.csv")
-        };
-        run.write(&file, tsml.as_bytes())?;
-        evaluations.insert(name.to_string(), evaluation);
-    }
-    let chosen = &evaluations[own.name()];
-    let manifest = fold.manifest();
-    let commits: BTreeSet<&str> = sessions
-        .iter()
-        .map(|session| session.git.as_str())
-        .collect();
-    Ok(RunResult {
-        schema_version: RunResult::SCHEMA_VERSION,
-        data: dataset.name().into(),
-        data_sha256: dataset.sha256().into(),
-        git: commits.into_iter().collect::<Vec<_>>().join(" "),
-        command,
-        seed: config.seed,
-        recipe: recipe.name().into(),
-        recipe_sha256: hex(&Sha256::digest(recipe.to_toml())),
-        split_sha256: manifest.sha256.clone(),
-        split: describe_split(&manifest, config.inner),
-        run: fold.run(),
-        fold: fold.fold(),
-        n_train: fold.train.len(),
-        n_test: fold.test.len(),
-        epochs: trained.epochs,
-        chosen: trained.chosen,
-        accuracy_one_sweep: chosen.one_sweep,
-        accuracy_three_sweeps: chosen.fused.map(|fused| fused.bayes),
-        evaluations,
-        train_seconds: trained.seconds,
-        seconds_per_epoch: trained.epochs.map(|epochs| trained.seconds / epochs as f64),
-        peak_rss_mib: peak_rss_mib(),
-        provenance: sessions,
-    })
-}
-
 /// The call that leads to the same result, with file names only.
 fn command_line(config: &RunConfig, fold: &Fold<'_>) -> String {
     let file_name = |path: &str| {
@@ -631,67 +464,4 @@ fn command_line(config: &RunConfig, fold: &Fold<'_>) -> String {
         fold.fold(),
         config.seed.0
     )
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
-/// A bar on a terminal, a line per epoch elsewhere.
-struct Progress {
-    bar: Option<ProgressBar>,
-    begun: Instant,
-    batches_before: usize,
-}
-
-impl Progress {
-    fn new(training: &Training<'_>, epochs: usize) -> Self {
-        let batches = training.batches();
-        let batches_before = training.position().epoch * batches + training.position().batch;
-        let bar = std::io::stderr().is_terminal().then(|| {
-            let total = (epochs * batches) as u64;
-            let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr());
-            if let Ok(style) = ProgressStyle::with_template(
-                "{msg} [{bar:30}] {percent:>3} %, {elapsed} gone, {eta} to go",
-            ) {
-                bar.set_style(style.progress_chars("=> "));
-            }
-            bar.set_position(batches_before as u64);
-            bar.reset_eta();
-            bar
-        });
-        Self {
-            bar,
-            begun: Instant::now(),
-            batches_before,
-        }
-    }
-
-    fn show(&self, batch: &BatchReport, epochs: usize) {
-        let text = format!(
-            "epoch {}/{epochs}: loss {:.3}, accuracy {:.1} %",
-            batch.epoch + 1,
-            batch.mean_loss,
-            100.0 * batch.accuracy
-        );
-        match &self.bar {
-            Some(bar) => {
-                bar.set_message(text);
-                bar.inc(1);
-            }
-            None if batch.ends_epoch() => {
-                let done = (batch.epoch + 1) * batch.batches - self.batches_before;
-                let left = (epochs - batch.epoch - 1) * batch.batches;
-                let eta = self.begun.elapsed().mul_f64(left as f64 / done as f64);
-                eprintln!("{text}, {} to go", indicatif::HumanDuration(eta));
-            }
-            None => {}
-        }
-    }
-
-    fn end(&self) {
-        if let Some(bar) = &self.bar {
-            bar.finish();
-        }
-    }
 }

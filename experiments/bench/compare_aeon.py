@@ -8,11 +8,12 @@
 Work, on full-size sweeps of the synthetic twin (1000 steps x 16 taxels):
 
     minirocket         MiniRocket, 9996 features, of all 3600 sweeps
-    multirocket-hydra  MultiRocket and Hydra, 55104 features, of 200 sweeps
+    multirocket-hydra  MultiRocket and Hydra, 56896 features, of 200 sweeps
     h                  the short-time spectrum, 494 features, of all 3600 sweeps; aeon has none
 
 For each work both sides are started anew, fit their kernels and transform a few sweeps untimed, so that numba has compiled;
-then they take turns, and the median counts. A ratio is aeon's time over ours, so above 1 this project is faster. Memory is the
+then they take turns, and the median counts. A ratio is aeon's time over ours, so above 1 this project is faster; that of
+processor seconds suffers less from whatever else the machine is doing. Memory is the
 peak of each process, with its interpreter and libraries, its copy of the sweeps (ours keeps bytes, aeon reads `f32`) and the
 features. Our times also hold what aeon is spared: widening bytes to `f32` and turning `[steps][taxels]` into `[taxels][steps]`.
 """
@@ -86,12 +87,19 @@ class Side:
         )
 
     def time(self, work, sweeps):
+        """Seconds on the clock, and of all processors together."""
+        before = self.processor_seconds()
         self.process.stdin.write(f"{work} {sweeps}\n")
         self.process.stdin.flush()
         answer = self.process.stdout.readline()
         if not answer:
             sys.exit(f"{self.process.args[0]} ended with status {self.process.wait()}")
-        return float(answer)
+        return float(answer) / 1e3, self.processor_seconds() - before
+
+    def processor_seconds(self):
+        fields = pathlib.Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
+        user, system = int(fields[11]), int(fields[12])
+        return (user + system) / os.sysconf("SC_CLK_TCK")
 
     def end(self):
         """Ends the process; its peak resident memory in MiB."""
@@ -124,23 +132,35 @@ def versions():
         sys.exit(f"compare_aeon.py needs {missing.name}: pip install {' '.join(PACKAGES)}")
 
 
+def ratio(sides, measure):
+    return sides["aeon"][measure] / sides["tactnet"][measure]
+
+
 def compare(work, sweeps, commands, options):
-    """Both sides in turns: `{side: {"seconds", "rounds", "peak_rss_mib"}}`."""
+    """Both sides in turns: medians of seconds and processor seconds, all rounds' seconds, peak memory."""
     sides = {name: Side(command, options.threads) for name, command in commands.items()}
     times = {name: [] for name in sides}
     for side in sides.values():
         side.time(work, min(WARM_UP, sweeps))
+        # Once untimed, so that what is prepared for this number of sweeps counts for neither clock.
+        side.time(work, sweeps)
     for turn in range(options.rounds):
         if sys.stderr.isatty():
             print(f"\r\033[K{work}: round {turn + 1} of {options.rounds}", end="", file=sys.stderr, flush=True)
         for name, side in sides.items():
-            times[name].append(side.time(work, sweeps) / 1e3)
+            times[name].append(side.time(work, sweeps))
     if sys.stderr.isatty():
         print("\r\033[K", end="", file=sys.stderr)
-    return {
-        name: {"seconds": statistics.median(times[name]), "rounds": times[name], "peak_rss_mib": side.end()}
-        for name, side in sides.items()
-    }
+    found = {}
+    for name, side in sides.items():
+        seconds, processor_seconds = zip(*times[name])
+        found[name] = {
+            "seconds": statistics.median(seconds),
+            "processor_seconds": statistics.median(processor_seconds),
+            "rounds": seconds,
+            "peak_rss_mib": side.end(),
+        }
+    return found
 
 
 def main():
@@ -162,6 +182,7 @@ def main():
     if options.aeon_side:
         aeon_side(options.aeon_side, options.threads)
         return
+    options.program, options.example = options.program.resolve(), options.example.resolve()
     found_versions = versions()
     for program in [options.program, options.example]:
         if not program.exists():
@@ -169,7 +190,7 @@ def main():
 
     with tempfile.TemporaryDirectory() as folder:
         data = pathlib.Path(folder) / "twin.h5"
-        subprocess.run([options.program, "data", "twin", "--out", data], check=True, stdout=subprocess.DEVNULL)
+        subprocess.run([options.program, "data", "twin", "--out", data], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         ours = [options.example, data]
         aeon = [sys.executable, __file__, "--threads", options.threads, "--aeon-side", data]
         results = {}
@@ -189,7 +210,8 @@ def main():
         for work, sides in results.items():
             name = {"h": "h_features"}.get(work, work.replace("-", "_"))
             if "aeon" in sides:
-                flat[f"{name}_ratio"] = sides["aeon"]["seconds"] / sides["tactnet"]["seconds"]
+                flat[f"{name}_ratio"] = ratio(sides, "seconds")
+                flat[f"{name}_processor_ratio"] = ratio(sides, "processor_seconds")
             for side, measured in sides.items():
                 prefix = "" if side == "tactnet" else "aeon_"
                 flat[f"{prefix}{name}_seconds"] = measured["seconds"]
@@ -199,18 +221,16 @@ def main():
         return
     named = ", ".join(f"{name} {found_versions[name]}" for name in ["aeon", "numba", "torch"])
     print(f"{about['processor']}, {options.threads} threads, {options.rounds} rounds, tactnet {about['commit']}, {named}")
-    print(f"{'':<18}{'':>7}{'median s':>19}{'':>8}{'peak MiB':>16}")
-    print(f"{'':<18}{'sweeps':>7}{'tactnet':>10}{'aeon':>9}{'ratio':>8}{'tactnet':>9}{'aeon':>7}")
+    print(f"{'':<25}{'median s':>19}{'':>8}{'processor s':>19}{'':>8}{'peak MiB':>16}")
+    pair = f"{'tactnet':>10}{'aeon':>9}"
+    print(f"{'':<18}{'sweeps':>7}{pair}{'ratio':>8}{pair}{'ratio':>8}{'tactnet':>9}{'aeon':>7}")
     for work, sides in results.items():
-        mine, theirs = sides["tactnet"], sides.get("aeon")
-        seconds, ratio, memory = "-", "-", "-"
-        if theirs:
-            seconds = f"{theirs['seconds']:.2f}"
-            ratio = f"{theirs['seconds'] / mine['seconds']:.1f}"
-            memory = f"{theirs['peak_rss_mib']:.0f}"
-        sweeps = min(SWEEPS[work], options.sweeps)
-        times = f"{mine['seconds']:>10.2f}{seconds:>9}{ratio:>8}"
-        print(f"{work:<18}{sweeps:>7}{times}{mine['peak_rss_mib']:>9.0f}{memory:>7}")
+        cells = f"{work:<18}{min(SWEEPS[work], options.sweeps):>7}"
+        for measure in ["seconds", "processor_seconds"]:
+            cells += f"{sides['tactnet'][measure]:>10.2f}"
+            cells += f"{sides['aeon'][measure]:>9.2f}{ratio(sides, measure):>8.1f}" if "aeon" in sides else f"{'-':>9}{'-':>8}"
+        memory = f"{sides['aeon']['peak_rss_mib']:.0f}" if "aeon" in sides else "-"
+        print(f"{cells}{sides['tactnet']['peak_rss_mib']:>9.0f}{memory:>7}")
 
 
 main()

@@ -10,8 +10,10 @@ scikit-learn: features by numpy as in tests/golden/features_with_aeon.py, standa
 `KNeighborsClassifier` or `SVC` (LIBSVM). Ours predicts the most probable material. SVC does so in two ways: the same
 (`proba`: Platt's sigmoids on five inner folds, coupled; with random inner folds of its own) and by the most won pairs (`vote`).
 
-`same` is the share of test sweeps with the same prediction, ours beside scikit-learn's own most probable one. A difference is
-ours minus scikit-learn's, in points of accuracy; the claim is that its mean over the folds stays within one point.
+`same` is the share of test sweeps with the same prediction, ours beside scikit-learn's `proba` (k nearest neighbours: `vote`). A
+difference is ours minus scikit-learn's, in points of accuracy; the claim is that its mean over the folds stays within one
+point. Predicted alike it decides the exit status; beside SVC's votes it is printed as well, which also holds what coupled
+probabilities and votes of one and the same machine differ by.
 """
 
 import argparse
@@ -156,6 +158,7 @@ def main():
     parser.add_argument("--program", type=pathlib.Path, default=ROOT / "target/release/tactnet", help="our side")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     options = parser.parse_args()
+    options.program = options.program.resolve()
     if not options.program.exists():
         sys.exit(f"{options.program} is missing: cargo build --release")
 
@@ -180,8 +183,14 @@ def main():
     if sys.stderr.isatty():
         print("\r\033[K", end="", file=sys.stderr)
 
-    largest = max(abs(d) for group in groups for d in group["mean"]["difference"].values())
-    holds = largest <= CLAIM
+    largest = {}
+    for group in groups:
+        difference = group["mean"]["difference"]
+        # Votes are how a nearest-neighbour classifier predicts here as there; for SVC they are the other way.
+        for way, value in difference.items():
+            kind = "like_for_like" if way == next(iter(difference)) else "beside_votes"
+            largest[kind] = max(largest.get(kind, 0.0), abs(value))
+    holds = {kind: value <= CLAIM for kind, value in largest.items()}
     if options.json:
         versions = {name: importlib.metadata.version(name) for name in ["scikit-learn", "numpy", "scipy", "h5py"]}
         document = {
@@ -204,9 +213,11 @@ def main():
             for row in group["folds"]:
                 print(line(f"{name} fold {row['fold']}", row))
             print(line(f"{name} mean", group["mean"]))
-        verdict = "holds" if holds else "does not hold"
-        print(f"largest mean difference {largest:.2f} points; within {CLAIM:g} point: {verdict}")
-    sys.exit(0 if holds else 1)
+        names = {"like_for_like": "predicted alike", "beside_votes": "ours beside SVC's votes"}
+        for kind, value in largest.items():
+            verdict = "holds" if holds[kind] else "does not hold"
+            print(f"largest mean difference, {names[kind]}: {value:.2f} points; within {CLAIM:g}: {verdict}")
+    sys.exit(0 if holds["like_for_like"] else 1)
 
 
 main()

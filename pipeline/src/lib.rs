@@ -22,6 +22,7 @@ mod feature_timing;
 #[cfg(test)]
 mod golden;
 mod hydra;
+mod judge;
 mod levels;
 mod metrics;
 mod model_recipe;
@@ -50,6 +51,7 @@ pub use evaluation::{Evaluation, evaluate_all_ways};
 pub use extractor::FeatureSet;
 #[doc(hidden)]
 pub use feature_timing::FeatureTimer;
+pub use judge::{Trained, judge};
 pub use levels::Levels;
 pub use metrics::{Estimate, FusedAccuracy};
 pub use model_recipe::ModelRecipe;

@@ -169,6 +169,15 @@ impl RunDir {
         matches!(file.try_lock_shared(), Err(fs::TryLockError::WouldBlock))
     }
 
+    /// Name of the file with the predictions of one way (`plain`, `mc_dropout`) of a run whose recipe asks `own`.
+    pub(crate) fn predictions_file(way: &str, own: PredictionMethod) -> String {
+        if way == own.name() {
+            "predictions_test.csv".into()
+        } else {
+            format!("predictions_test_{way}.csv")
+        }
+    }
+
     /// Predictions of the way the recipe asks (`mc_dropout` or `plain`), or of the other.
     ///
     /// # Errors
@@ -176,11 +185,7 @@ impl RunDir {
     pub fn predictions(&self, way: &str) -> Result<(String, Predictions), PipelineError> {
         let config = self.config()?;
         let own = config.recipe.method();
-        let file = if way == own.name() {
-            "predictions_test.csv".to_string()
-        } else {
-            format!("predictions_test_{way}.csv")
-        };
+        let file = Self::predictions_file(way, own);
         let path = self.file(&file);
         let text =
             fs::read_to_string(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
