@@ -1,18 +1,17 @@
 //! From sweeps to the feature vectors that classical classifiers read.
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use tactnet_data::{Seed, SweepShape, SweepView, TrainSplit};
 use tactnet_models::{Features, Weights};
 
 use crate::arrays::{get, put, put_indices};
 use crate::hydra::Hydra;
-use crate::rocket::{Kernels, Order, Pooling, WAYS};
+use crate::rocket::{Kernels, Order, Pooling, WAYS, Workspace};
 use crate::series::Series;
-use crate::spectrum::{HighFeatures, LowFeatures, for_each_sweep};
+use crate::spectrum::{HighFeatures, LowFeatures};
 use crate::{Levels, PipelineError};
 
-/// Sweeps that are widened to `f32` at once.
-const BATCH: usize = 64;
 /// MiniRocket's features, rounded down to a multiple of 84 (Dempster et al., 2021).
 const MINIROCKET_FEATURES: usize = 10_000;
 /// MultiRocket's biases for each of two series, before four ways of pooling (Tan et al., 2022).
@@ -218,26 +217,21 @@ impl Extractor {
 
     /// Features of every sweep of `view`: `[sweeps][width]`.
     pub fn features(&self, view: &SweepView<'_>) -> Features {
-        let values = self.shape.values();
-        let mut all = Vec::with_capacity(view.len() * self.width());
-        let positions: Vec<usize> = (0..view.len()).collect();
-        for batch in positions.chunks(BATCH) {
-            let mut sweeps = vec![0.0; batch.len() * values];
-            view.copy_batch(batch, &mut sweeps);
-            self.levels.apply(&mut sweeps, self.shape);
-            all.extend(for_each_sweep(
-                &sweeps,
-                values,
-                self.width(),
-                |sweep, out| {
-                    self.write(sweep, out);
+        let mut all = vec![0.0; view.len() * self.width()];
+        all.par_chunks_exact_mut(self.width())
+            .enumerate()
+            .for_each_init(
+                || (vec![0.0; self.shape.values()], Workspace::default()),
+                |(sweep, workspace), (position, out)| {
+                    view.copy_batch(&[position], sweep);
+                    self.levels.apply(sweep, self.shape);
+                    self.write(sweep, workspace, out);
                 },
-            ));
-        }
+            );
         Features::new(self.width(), all)
     }
 
-    fn write(&self, sweep: &[f32], out: &mut [f32]) {
+    fn write(&self, sweep: &[f32], workspace: &mut Workspace, out: &mut [f32]) {
         let taxels = self.shape.taxels();
         match &self.kind {
             Kind::Means => write_means(sweep, self.levels, out),
@@ -245,7 +239,7 @@ impl Extractor {
             Kind::High(features) => features.write(sweep, out),
             Kind::MiniRocket(kernels) => {
                 let series = Series::from_frames(sweep, taxels);
-                kernels.transform(&series, Order::Base, Pooling::Share, out);
+                kernels.transform(&series, Order::Base, Pooling::Share, workspace, out);
             }
             Kind::MultiRocketHydra {
                 base,
@@ -256,8 +250,14 @@ impl Extractor {
                 let difference = series.difference();
                 let (first, rest) = out.split_at_mut(WAYS * base.len());
                 let (second, third) = rest.split_at_mut(WAYS * of_difference.len());
-                base.transform(&series, Order::Base, Pooling::FourWays, first);
-                of_difference.transform(&difference, Order::Difference, Pooling::FourWays, second);
+                base.transform(&series, Order::Base, Pooling::FourWays, workspace, first);
+                of_difference.transform(
+                    &difference,
+                    Order::Difference,
+                    Pooling::FourWays,
+                    workspace,
+                    second,
+                );
                 hydra.transform(&series, &difference, third);
             }
         }

@@ -7,7 +7,7 @@ use crate::Levels;
 use crate::arrays::get;
 use crate::extractor::{load_kernels, load_lists};
 use crate::hydra::Hydra;
-use crate::rocket::{Kernels, Order, Pooling, WAYS};
+use crate::rocket::{Kernels, Order, Pooling, WAYS, Workspace};
 use crate::scaler::Scaler;
 use crate::series::Series;
 use crate::spectrum::{HighFeatures, LowFeatures};
@@ -53,7 +53,13 @@ fn minirocket_features_are_aeons() {
         let expected = tensor(&golden, &format!("{case}.minirocket.features"));
         each_series(&golden, case, |index, series| {
             let mut found = vec![0.0; kernels.len()];
-            kernels.transform(series, Order::Base, Pooling::Share, &mut found);
+            kernels.transform(
+                series,
+                Order::Base,
+                Pooling::Share,
+                &mut Workspace::default(),
+                &mut found,
+            );
             let expected = &expected.values[index * found.len()..][..found.len()];
             // Shares are counts over steps; 1e-5 forbids a single step that is counted otherwise.
             assert_close(case, &found, expected, 1e-5, 1.0);
@@ -72,9 +78,21 @@ fn multirocket_features_are_aeons() {
         each_series(&golden, case, |index, series| {
             let mut found = vec![0.0; WAYS * (base.len() + difference.len())];
             let (first, second) = found.split_at_mut(WAYS * base.len());
-            base.transform(series, Order::Base, Pooling::FourWays, first);
+            base.transform(
+                series,
+                Order::Base,
+                Pooling::FourWays,
+                &mut Workspace::default(),
+                first,
+            );
             let change = series.difference();
-            difference.transform(&change, Order::Difference, Pooling::FourWays, second);
+            difference.transform(
+                &change,
+                Order::Difference,
+                Pooling::FourWays,
+                &mut Workspace::default(),
+                second,
+            );
             let expected = &expected.values[index * found.len()..][..found.len()];
             // Mean values above a bias are sums that may cancel: relative to 1.
             assert_close(case, &found, expected, 1e-5, 1.0);

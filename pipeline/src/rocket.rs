@@ -12,11 +12,14 @@
 
 mod pooling;
 
+use std::ops::Range;
+
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use tactnet_data::shuffle;
 
 use crate::series::Series;
+use pooling::KernelResult;
 pub(crate) use pooling::{Pooling, WAYS};
 
 /// Weights of a kernel.
@@ -95,8 +98,12 @@ impl Kernels {
             let sweep = series(rng.random_range(0..sweeps));
             let dilation = combination / KERNELS;
             workspace.prepare(&sweep, kernels.dilations[dilation], order);
-            let result = workspace.convolve(&kernels.taxels[combination], combination % KERNELS);
-            let mut sorted = result.to_vec();
+            workspace.convolve(
+                &kernels.taxels[combination],
+                combination % KERNELS,
+                0..sweep.steps(),
+            );
+            let mut sorted = workspace.result.steps().to_vec();
             sorted.sort_unstable_by(f32::total_cmp);
             for _ in 0..kernels.biases_per_kernel[dilation] {
                 biases.push(quantile(&sorted, low_discrepancy(biases.len() + 1)));
@@ -112,21 +119,40 @@ impl Kernels {
     }
 
     /// Features of one series into `out`: `[len]` for [`Pooling::Share`], `[4][len]` for [`Pooling::FourWays`].
-    pub fn transform(&self, series: &Series, order: Order, pooling: Pooling, out: &mut [f32]) {
+    pub fn transform(
+        &self,
+        series: &Series,
+        order: Order,
+        pooling: Pooling,
+        workspace: &mut Workspace,
+        out: &mut [f32],
+    ) {
         assert_eq!(
             out.len(),
             self.len() * pooling.ways(),
             "features of a series"
         );
         // One compilation for each vector width the processor may have.
-        pulp::Arch::new().dispatch(|| self.transform_inner(series, order, pooling, out));
+        pulp::Arch::new().dispatch(Transform {
+            kernels: self,
+            series,
+            order,
+            pooling,
+            workspace,
+            out,
+        });
     }
 
     #[inline(always)]
-    fn transform_inner(&self, series: &Series, order: Order, pooling: Pooling, out: &mut [f32]) {
+    fn transform_inner(
+        &self,
+        series: &Series,
+        order: Order,
+        pooling: Pooling,
+        workspace: &mut Workspace,
+        out: &mut [f32],
+    ) {
         let all = self.len();
-        let mut workspace = Workspace::default();
-        let mut below = Vec::new();
         let mut feature = 0;
         for (index, (&dilation, &biases)) in self
             .dilations
@@ -138,22 +164,26 @@ impl Kernels {
             let padding = (TAPS / 2) * dilation;
             for kernel in 0..KERNELS {
                 let taxels = &self.taxels[index * KERNELS + kernel];
-                let result = workspace.convolve(taxels, kernel);
                 // Every other kernel leaves out the steps at which it reaches beyond the series.
-                let result = if (index + kernel) % 2 == 0 {
-                    result
+                let steps = if (index + kernel) % 2 == 0 {
+                    0..series.steps()
                 } else {
-                    &result[padding..result.len() - padding]
+                    padding..series.steps() - padding
                 };
-                for bias in 0..biases {
-                    let position = feature + bias;
-                    match pooling {
-                        Pooling::Share => {
-                            out[position] = pooling::share(result, self.biases[position])
-                        }
-                        Pooling::FourWays => {
-                            let ways =
-                                pooling::four_ways(result, self.biases[position], &mut below);
+                workspace.convolve(taxels, kernel, steps);
+                let of_kernel = feature..feature + biases;
+                match pooling {
+                    Pooling::Share => workspace
+                        .result
+                        .shares(&self.biases[of_kernel.clone()], &mut out[of_kernel]),
+                    Pooling::FourWays => {
+                        for position in of_kernel {
+                            let bias = self.biases[position];
+                            let ways = pooling::four_ways(
+                                workspace.result.steps(),
+                                bias,
+                                &mut workspace.below,
+                            );
                             for (way, value) in ways.into_iter().enumerate() {
                                 out[way * all + position] = value;
                             }
@@ -163,6 +193,32 @@ impl Kernels {
                 feature += biases;
             }
         }
+    }
+}
+
+/// A call of [`Kernels::transform`]. A closure would not do: it is too large to be inlined into the dispatch by itself, and
+/// then runs without the vectors that were dispatched for.
+struct Transform<'a> {
+    kernels: &'a Kernels,
+    series: &'a Series,
+    order: Order,
+    pooling: Pooling,
+    workspace: &'a mut Workspace,
+    out: &'a mut [f32],
+}
+
+impl pulp::NullaryFnOnce for Transform<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        self.kernels.transform_inner(
+            self.series,
+            self.order,
+            self.pooling,
+            self.workspace,
+            self.out,
+        );
     }
 }
 
@@ -240,9 +296,9 @@ fn quantile(sorted: &[f32], share: f64) -> f32 {
     (a + (b - a) * place.fract()) as f32
 }
 
-/// Intermediate results of one series at one dilation.
+/// Intermediate results of one series at one dilation. Kept from one series to the next, so that nothing is allocated.
 #[derive(Default)]
-struct Workspace {
+pub(crate) struct Workspace {
     steps: usize,
     /// Zeros on either side of a padded series.
     padding: usize,
@@ -252,10 +308,10 @@ struct Workspace {
     light: Vec<f32>,
     /// Where each tap reads relative to its step, plus `padding`.
     offsets: [usize; TAPS],
-    /// Sums over the taxels of one kernel.
+    /// `[padding + steps + padding]`, sum of `tripled` over the taxels of one kernel.
     tripled_sum: Vec<f32>,
-    light_sum: Vec<f32>,
-    result: Vec<f32>,
+    result: KernelResult,
+    below: Vec<u8>,
 }
 
 impl Workspace {
@@ -273,6 +329,8 @@ impl Workspace {
         self.tripled.resize(series.taxels() * padded, 0.0);
         self.light.clear();
         self.light.resize(series.taxels() * steps, 0.0);
+        self.tripled_sum.clear();
+        self.tripled_sum.resize(padded, 0.0);
         for taxel in 0..series.taxels() {
             let values = series.taxel(taxel);
             let tripled = &mut self.tripled[taxel * padded..][..padded];
@@ -294,43 +352,75 @@ impl Workspace {
         }
     }
 
-    /// The kernel's result at every step, `[steps]`.
+    /// Computes the kernel's result at `steps`.
     #[inline(always)]
-    fn convolve(&mut self, taxels: &[usize], kernel: usize) -> &[f32] {
-        let (steps, padded) = (self.steps, self.steps + 2 * self.padding);
-        let tripled_of = |taxel: usize| taxel * padded..(taxel + 1) * padded;
-        let light_of = |taxel: usize| taxel * steps..(taxel + 1) * steps;
-        let (tripled, light): (&[f32], &[f32]) = if let [taxel] = *taxels {
-            (
-                &self.tripled[tripled_of(taxel)],
-                &self.light[light_of(taxel)],
-            )
-        } else {
-            self.tripled_sum.clear();
-            self.tripled_sum
-                .extend_from_slice(&self.tripled[tripled_of(taxels[0])]);
-            self.light_sum.clear();
-            self.light_sum
-                .extend_from_slice(&self.light[light_of(taxels[0])]);
-            for &taxel in &taxels[1..] {
-                add(&mut self.tripled_sum, &self.tripled[tripled_of(taxel)]);
-                add(&mut self.light_sum, &self.light[light_of(taxel)]);
+    fn convolve(&mut self, taxels: &[usize], kernel: usize, steps: Range<usize>) {
+        let padded = self.steps + 2 * self.padding;
+        let inside = self.padding..self.padding + self.steps;
+        let tripled_of = |taxel: usize| &self.tripled[taxel * padded..][..padded];
+        let tripled = match *taxels {
+            [taxel] => tripled_of(taxel),
+            _ => {
+                // The padding stays zero.
+                sum_rows(&mut self.tripled_sum[inside.clone()], taxels, |taxel| {
+                    &tripled_of(taxel)[inside.clone()]
+                });
+                &self.tripled_sum
             }
-            (&self.tripled_sum, &self.light_sum)
         };
-        let [a, b, c] = HEAVY_TAPS[kernel].map(|tap| &tripled[self.offsets[tap]..][..steps]);
-        self.result.resize(steps, 0.0);
-        for ((((out, light), a), b), c) in self.result.iter_mut().zip(light).zip(a).zip(b).zip(c) {
-            *out = light + a + b + c;
+        let out = self.result.resize(steps.len());
+        sum_rows(out, taxels, |taxel| {
+            &self.light[taxel * self.steps..][..self.steps][steps.clone()]
+        });
+        let [a, b, c] = HEAVY_TAPS[kernel]
+            .map(|tap| &tripled[self.offsets[tap] + steps.start..][..steps.len()]);
+        for (((out, a), b), c) in out.iter_mut().zip(a).zip(b).zip(c) {
+            *out = *out + a + b + c;
         }
-        &self.result
     }
 }
 
+/// Sums rows, up to four at a time.
 #[inline(always)]
-fn add(sum: &mut [f32], values: &[f32]) {
-    for (sum, value) in sum.iter_mut().zip(values) {
-        *sum += value;
+fn sum_rows<'a>(out: &mut [f32], rows: &[usize], row: impl Fn(usize) -> &'a [f32]) {
+    let (first, mut rest) = rows.split_at(rows.len().min(4));
+    match *first {
+        [a, b, c, d] => {
+            for ((((out, a), b), c), d) in out
+                .iter_mut()
+                .zip(row(a))
+                .zip(row(b))
+                .zip(row(c))
+                .zip(row(d))
+            {
+                *out = a + b + c + d;
+            }
+        }
+        [a, b, c] => {
+            for (((out, a), b), c) in out.iter_mut().zip(row(a)).zip(row(b)).zip(row(c)) {
+                *out = a + b + c;
+            }
+        }
+        [a, b] => {
+            for ((out, a), b) in out.iter_mut().zip(row(a)).zip(row(b)) {
+                *out = a + b;
+            }
+        }
+        [a] => out.copy_from_slice(row(a)),
+        _ => out.fill(0.0),
+    }
+    while let [a, more @ ..] = rest {
+        if let [b, more @ ..] = more {
+            for ((out, a), b) in out.iter_mut().zip(row(*a)).zip(row(*b)) {
+                *out = *out + a + b;
+            }
+            rest = more;
+        } else {
+            for (out, a) in out.iter_mut().zip(row(*a)) {
+                *out += a;
+            }
+            rest = more;
+        }
     }
 }
 
@@ -357,7 +447,8 @@ mod tests {
             workspace.prepare(&series, dilation, order);
             for kernel in [0, 41, 83] {
                 let taxels = [2, 0];
-                let result = workspace.convolve(&taxels, kernel).to_vec();
+                workspace.convolve(&taxels, kernel, 0..40);
+                let result = workspace.result.steps().to_vec();
                 for (step, found) in result.iter().enumerate() {
                     let mut expected = 0.0;
                     for tap in 0..TAPS {
@@ -390,7 +481,8 @@ mod tests {
         let mut rng = Seed(1).rng("kernels");
         let kernels = Kernels::fit([2, 200], Order::Base, 840, 20, noise, &mut rng);
         let mut out = vec![0.0; kernels.len()];
-        kernels.transform(&noise(99), Order::Base, Pooling::Share, &mut out);
+        let workspace = &mut Workspace::default();
+        kernels.transform(&noise(99), Order::Base, Pooling::Share, workspace, &mut out);
         assert_eq!(out.len(), 840);
         let mean = out.iter().sum::<f32>() / 840.0;
         assert!((0.4..0.6).contains(&mean), "{mean}");

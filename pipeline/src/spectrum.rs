@@ -6,7 +6,6 @@
 
 use std::sync::Arc;
 
-use rayon::prelude::*;
 use realfft::{RealFftPlanner, RealToComplex, num_complex::Complex};
 use tactnet_data::SweepShape;
 
@@ -231,18 +230,4 @@ fn too_short(what: &str, needed: String, shape: SweepShape, rate: f64) -> Pipeli
         expected: format!("sweeps with {needed} for {what}"),
         found: format!("{} steps at {rate} Hz", shape.steps),
     }
-}
-
-/// Runs `write` on every sweep in parallel: `[sweeps][width]`.
-pub(crate) fn for_each_sweep(
-    sweeps: &[f32],
-    values: usize,
-    width: usize,
-    write: impl Fn(&[f32], &mut [f32]) + Sync,
-) -> Vec<f32> {
-    let mut out = vec![0.0; sweeps.len() / values * width];
-    out.par_chunks_mut(width)
-        .zip(sweeps.par_chunks(values))
-        .for_each(|(out, sweep)| write(sweep, out));
-    out
 }

@@ -22,11 +22,44 @@ impl Pooling {
     }
 }
 
-/// Share of `result` above `bias` (PPV).
-#[inline(always)]
-pub(super) fn share(result: &[f32], bias: f32) -> f32 {
-    let count: u32 = result.iter().map(|value| u32::from(*value > bias)).sum();
-    count as f32 / result.len() as f32
+/// Compared at once: four vectors of eight, so that nothing is left over for a loop of single values.
+const BLOCK: usize = 32;
+
+/// The result of one kernel: `[steps]`, then minus infinity, which is above no bias, up to a whole block.
+#[derive(Default)]
+pub(super) struct KernelResult {
+    values: Vec<f32>,
+    steps: usize,
+}
+
+impl KernelResult {
+    /// All results; their values are the caller's to write.
+    #[inline(always)]
+    pub fn resize(&mut self, steps: usize) -> &mut [f32] {
+        self.steps = steps;
+        self.values
+            .resize(steps.next_multiple_of(BLOCK), f32::NEG_INFINITY);
+        self.values[steps..].fill(f32::NEG_INFINITY);
+        &mut self.values[..steps]
+    }
+
+    /// All results.
+    pub fn steps(&self) -> &[f32] {
+        &self.values[..self.steps]
+    }
+
+    /// Share of steps above each bias (PPV).
+    #[inline(always)]
+    pub fn shares(&self, biases: &[f32], out: &mut [f32]) {
+        for (bias, out) in biases.iter().zip(out) {
+            let count: u32 = self
+                .values
+                .iter()
+                .map(|value| u32::from(value > bias))
+                .sum();
+            *out = count as f32 / self.steps as f32;
+        }
+    }
 }
 
 /// Share above `bias`; longest stretch between steps below it; mean of value plus bias, and mean position, over the steps
@@ -59,9 +92,8 @@ pub(super) fn four_ways(result: &[f32], bias: f32, below: &mut Vec<u8>) -> [f32;
 #[inline(always)]
 fn sum_above(result: &[f32], bias: f32) -> f64 {
     const LANES: usize = 16;
-    const BLOCK: usize = 16 * LANES;
     let mut total = 0.0;
-    for block in result.chunks(BLOCK) {
+    for block in result.chunks(16 * LANES) {
         let mut lanes = [0.0_f32; LANES];
         let mut chunks = block.chunks_exact(LANES);
         for chunk in &mut chunks {
@@ -155,7 +187,10 @@ mod tests {
             for (found, expected) in found.into_iter().zip(expected) {
                 prop_assert!((f64::from(found) - expected).abs() <= 1e-6 * expected.abs().max(1.0));
             }
-            prop_assert_eq!(share(&result, bias), found[0]);
+            let (mut kernel, mut share) = (KernelResult::default(), [0.0]);
+            kernel.resize(result.len()).copy_from_slice(&result);
+            kernel.shares(&[bias], &mut share);
+            prop_assert_eq!(share[0], found[0]);
         }
     }
 }
