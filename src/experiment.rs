@@ -131,7 +131,15 @@ pub fn run(command: ExperimentCommand) -> anyhow::Result<ExitCode> {
         ExperimentCommand::List => list(),
         ExperimentCommand::Task(arguments) => {
             let dir = ExperimentDir::open(&arguments.dir)?;
-            run_task(&dir, &this_program()?, arguments.index, arguments.threads)?;
+            let stop = Stop::listen()?;
+            let stopped = || stop.asked();
+            run_task(
+                &dir,
+                &this_program()?,
+                arguments.index,
+                arguments.threads,
+                stopped,
+            )?;
             Ok(ExitCode::SUCCESS)
         }
     }

@@ -66,7 +66,17 @@ pub fn report(error: &anyhow::Error) -> ExitCode {
     if causes.any(is_closed_pipe) {
         return ExitCode::SUCCESS;
     }
-    eprintln!("error: {}", format!("{error:#}").replace('\n', " "));
+    // A cause that its error already quotes is not said twice.
+    let mut message = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if !message.contains(&cause) {
+            if !message.is_empty() {
+                message.push_str(": ");
+            }
+            message.push_str(&cause);
+        }
+    }
+    eprintln!("error: {}", message.replace('\n', " "));
     ExitCode::from(if error.chain().any(broke) {
         FAILED
     } else {

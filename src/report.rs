@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::process::ExitCode;
 
 use tactnet_experiments::published_for;
-use tactnet_pipeline::{Estimate, Evaluation, FusedAccuracy, ModelRecipe, RunDir, RunResult};
+use tactnet_pipeline::{Estimate, Evaluation, FusedAccuracy, RunDir, RunResult};
 
 use crate::output;
 
@@ -36,14 +36,7 @@ pub fn print_result(run: &RunDir, result: &RunResult, shown: Shown) -> anyhow::R
     ))?;
     print_evaluations(&result.evaluations)?;
     let config = run.config()?;
-    let comparable = ["twin", "tactmat"].contains(&result.data.as_str())
-        && config.classifier.labels.len() == 36
-        && ModelRecipe::load(config.recipe.name()).is_ok_and(|built_in| built_in == config.recipe);
-    let published = match &config.recipe {
-        ModelRecipe::TactNet2(recipe) => published_for(recipe),
-        ModelRecipe::Baseline(_) => None,
-    };
-    if let Some(row) = published.filter(|_| comparable) {
+    if let Some(row) = published_for(&config, &run.split()?, config.recipe.method()) {
         output::print(format_args!(
             "published for TactMat, {}: {:.1} % with 1 sweep, {:.1} % with 3 (thesis, table 4.2)",
             row.classifier, row.one_sweep.0, row.three_sweeps.0
@@ -51,7 +44,7 @@ pub fn print_result(run: &RunDir, result: &RunResult, shown: Shown) -> anyhow::R
     }
     for (setting, value) in &result.chosen {
         output::print(format_args!(
-            "chosen on training sweeps: {setting} = {value:.4}"
+            "chosen on training sweeps: {setting} = {value}"
         ))?;
     }
     let work = match (result.epochs, result.seconds_per_epoch) {

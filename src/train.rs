@@ -438,10 +438,7 @@ fn command_line(config: &RunConfig, fold: &Fold<'_>) -> String {
         Compute::Vulkan => "vulkan",
         Compute::Cuda => "cuda",
     };
-    let levels = match config.recipe.levels() {
-        Levels::Kept => "kept",
-        Levels::Removed => "removed",
-    };
+    let levels = config.recipe.levels().name();
     let epochs = match &config.recipe {
         ModelRecipe::TactNet2(recipe) => format!(" --epochs {}", recipe.training.epochs),
         ModelRecipe::Baseline(_) => String::new(),

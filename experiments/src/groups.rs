@@ -41,10 +41,16 @@ pub struct Grouping {
 ///
 /// - `counts`: `[materials][materials]`, rows are the true materials
 /// - `groups`: at least 1
+/// - `repeats`: how often every sweep was counted (runs of a cross-validation), at least 1; so many times fewer are drawn
 ///
 /// # Panics
-/// If `counts` is not square or `groups` is 0.
-pub fn grouping_of_counts(counts: &[Vec<usize>], groups: usize, seed: u64) -> Grouping {
+/// If `counts` is not square or `groups` or `repeats` is 0.
+pub fn grouping_of_counts(
+    counts: &[Vec<usize>],
+    groups: usize,
+    repeats: usize,
+    seed: u64,
+) -> Grouping {
     let confusion = confusion_of(counts);
     let group_of = spectral_groups(&confusion, groups, seed);
     let counted = counts.iter().flatten().any(|&count| count > 0);
@@ -53,8 +59,10 @@ pub fn grouping_of_counts(counts: &[Vec<usize>], groups: usize, seed: u64) -> Gr
         // The first stream is the clustering's own.
         rng.set_stream(1);
         let indices = (0..RESAMPLES).map(|_| {
-            let resampled: Vec<Vec<usize>> =
-                counts.iter().map(|row| resample(row, &mut rng)).collect();
+            let resampled: Vec<Vec<usize>> = counts
+                .iter()
+                .map(|row| resample(row, repeats, &mut rng))
+                .collect();
             let again = spectral_groups(&confusion_of(&resampled), groups, seed);
             adjusted_rand_index(&group_of, &again)
         });
@@ -90,8 +98,8 @@ pub fn group_accuracy(confusion: &[Vec<f64>], group_of: &[usize]) -> f64 {
     if all > 0.0 { inside / all } else { 0.0 }
 }
 
-/// As many draws as `row` has counts, from `row`.
-fn resample(row: &[usize], rng: &mut ChaCha8Rng) -> Vec<usize> {
+/// One draw for every `repeats` counts of `row`, from `row`.
+fn resample(row: &[usize], repeats: usize, rng: &mut ChaCha8Rng) -> Vec<usize> {
     let ends: Vec<usize> = row
         .iter()
         .scan(0, |sum, count| {
@@ -101,7 +109,7 @@ fn resample(row: &[usize], rng: &mut ChaCha8Rng) -> Vec<usize> {
         .collect();
     let total = ends.last().copied().unwrap_or(0);
     let mut drawn = vec![0; row.len()];
-    for _ in 0..total {
+    for _ in 0..total / repeats {
         let sweep = rng.random_range(0..total);
         drawn[ends.partition_point(|&end| end <= sweep)] += 1;
     }
@@ -192,7 +200,7 @@ mod tests {
     #[test]
     fn planted_blocks_are_stable_and_accurate() {
         let planted = [0, 0, 0, 1, 1, 1, 2, 2, 2];
-        let grouping = grouping_of_counts(&blocks(&planted, 15, 1), 3, 4);
+        let grouping = grouping_of_counts(&blocks(&planted, 15, 1), 3, 1, 4);
         assert_eq!(grouping.group_of, planted);
         assert!((grouping.accuracy - 0.94).abs() < 1e-12);
         assert!(grouping.consecutive);
@@ -201,7 +209,7 @@ mod tests {
 
     #[test]
     fn groups_of_noise_are_not_stable() {
-        let grouping = grouping_of_counts(&blocks(&[0; 12], 4, 4), 4, 4);
+        let grouping = grouping_of_counts(&blocks(&[0; 12], 4, 4), 4, 1, 4);
         let stability = grouping.stability.unwrap();
         assert!(stability < 0.5, "{stability}");
     }
@@ -212,24 +220,24 @@ mod tests {
             .iter()
             .map(|row| row.iter().map(|v| (v * 200.0).round() as usize).collect())
             .collect();
-        let grouping = grouping_of_counts(&counts, 6, 11);
-        assert_eq!(grouping, grouping_of_counts(&counts, 6, 11));
+        let grouping = grouping_of_counts(&counts, 6, 1, 11);
+        assert_eq!(grouping, grouping_of_counts(&counts, 6, 1, 11));
         assert!(grouping.stability.unwrap().is_finite());
     }
 
     #[test]
     fn a_matrix_without_counts_has_no_stability() {
-        let grouping = grouping_of_counts(&[vec![0, 0], vec![0, 0]], 2, 1);
+        let grouping = grouping_of_counts(&[vec![0, 0], vec![0, 0]], 2, 1, 1);
         assert_eq!(grouping.stability, None);
         assert_eq!(grouping.accuracy, 0.0);
-        let nothing = grouping_of_counts(&[], 2, 1);
+        let nothing = grouping_of_counts(&[], 2, 1, 1);
         assert_eq!(nothing.group_of, Vec::<usize>::new());
     }
 
     #[test]
     fn resampling_keeps_the_number_of_sweeps_and_where_none_fell() {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
-        let drawn = resample(&[0, 70, 0, 30, 0], &mut rng);
+        let drawn = resample(&[0, 70, 0, 30, 0], 1, &mut rng);
         assert_eq!(drawn.iter().sum::<usize>(), 100);
         assert_eq!((drawn[0], drawn[2], drawn[4]), (0, 0, 0));
         assert!(drawn[1].abs_diff(70) < 20, "{drawn:?}");

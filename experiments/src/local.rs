@@ -1,18 +1,22 @@
 //! Runs tasks on this machine: a bounded pool of processes that share its cores.
 
 use std::fs::File;
+#[cfg(unix)]
+use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use crate::tasks::{ExperimentDir, Task, TaskState};
-use crate::{Event, ExperimentError};
+use crate::tasks::{ExperimentDir, TaskState};
+use crate::{Event, ExperimentError, Task};
 
 /// How often processes are looked at.
 const POLL: Duration = Duration::from_millis(50);
 /// How often a task is begun before it counts as failed.
 const ATTEMPTS: usize = 3;
+/// Exit code of a task that would fail again the same way: its call must be corrected.
+const HOPELESS: i32 = 2;
 
 /// A bounded pool of processes.
 #[derive(Debug, Clone, Copy)]
@@ -72,14 +76,17 @@ pub fn run_locally(
         .map(|t| dir.state(t) == TaskState::Done)
         .collect();
     let mut running: Vec<Running<'_>> = Vec::new();
+    let mut told_to_stop = false;
     tell(Event::Begun {
         done: ended.iter().filter(|ended| **ended).count(),
         all: tasks.len(),
     });
     loop {
         let stopping = stop();
-        if stopping {
+        if stopping && !told_to_stop {
+            // Once: a second signal would end a task at once, without a checkpoint.
             running.iter().for_each(|r| interrupt(&r.child));
+            told_to_stop = true;
         }
         let mut position = 0;
         while position < running.len() {
@@ -87,10 +94,10 @@ pub fn run_locally(
                 .child
                 .try_wait()
                 .map_err(|error| ExperimentError::io(program, "wait for", error))?;
-            if status.is_none() {
+            let Some(status) = status else {
                 position += 1;
                 continue;
-            }
+            };
             let Running {
                 task, index, begun, ..
             } = running.swap_remove(position);
@@ -102,6 +109,9 @@ pub fn run_locally(
                 });
             } else if !stopping {
                 attempts[index] += 1;
+                if status.code() == Some(HOPELESS) {
+                    attempts[index] = ATTEMPTS;
+                }
                 tell(Event::Failed {
                     task,
                     attempt: attempts[index],
@@ -167,7 +177,9 @@ pub(crate) fn failures(dir: &ExperimentDir) -> Result<(), ExperimentError> {
     }
 }
 
-/// Runs one task in this thread until it ends: what a Slurm job does.
+/// Runs one task until it ends: what a Slurm job does.
+///
+/// - `stop`: asked often; once true, the task is told to stop where it can be resumed
 ///
 /// # Errors
 /// The task cannot be started or does not end well; another process works on it.
@@ -176,6 +188,7 @@ pub fn run_task(
     program: &Path,
     index: usize,
     threads: usize,
+    stop: impl Fn() -> bool,
 ) -> Result<(), ExperimentError> {
     let Some(task) = dir.plan.tasks.get(index) else {
         return Err(ExperimentError::Folder {
@@ -199,9 +212,20 @@ pub fn run_task(
         return Err(failed("another process works on it".into()));
     };
     let mut child = start(dir, program, task, threads)?;
-    child
-        .wait()
-        .map_err(|error| ExperimentError::io(program, "wait for", error))?;
+    let mut told_to_stop = false;
+    loop {
+        let ended = child
+            .try_wait()
+            .map_err(|error| ExperimentError::io(program, "wait for", error))?;
+        if ended.is_some() {
+            break;
+        }
+        if stop() && !told_to_stop {
+            interrupt(&child);
+            told_to_stop = true;
+        }
+        thread::sleep(POLL);
+    }
     match dir.state(task) {
         TaskState::Done => Ok(()),
         _ => Err(failed(dir.last_words(task))),
@@ -233,12 +257,17 @@ fn start(
         .append(true)
         .open(&path)
         .map_err(|error| ExperimentError::io(&path, "write", error))?;
-    Command::new(program)
+    let mut command = Command::new(program);
+    command
         .args(arguments)
         .env("RAYON_NUM_THREADS", threads.to_string())
         .stdin(Stdio::null())
         .stdout(Stdio::null())
-        .stderr(log)
+        .stderr(log);
+    // Ctrl-C on a terminal reaches the runner alone, which passes it on once.
+    #[cfg(unix)]
+    command.process_group(0);
+    command
         .spawn()
         .map_err(|error| ExperimentError::io(program, "start", error))
 }

@@ -8,11 +8,11 @@ use std::path::Path;
 use std::time::UNIX_EPOCH;
 
 use sha2::{Digest, Sha256};
-use tactnet_pipeline::{Evaluation, Levels, RunDir};
+use tactnet_pipeline::{Evaluation, RunDir};
 use toml::Value;
 
-use crate::tasks::{ExperimentDir, Task, TaskState};
-use crate::{ExperimentError, Probe};
+use crate::tasks::{ExperimentDir, TaskState};
+use crate::{ExperimentError, Probe, Task};
 
 /// Files that become artefacts.
 const ARTEFACTS: [&str; 5] = [
@@ -104,15 +104,11 @@ fn export_task(
         let path = target.join(folder);
         fs::create_dir_all(&path).map_err(|error| ExperimentError::io(&path, "make", error))?;
     }
-    let levels = match config.recipe.levels() {
-        Levels::Kept => "kept",
-        Levels::Removed => "removed",
-    };
     let mut parameters = vec![
         ("data".to_string(), result.data.clone()),
         ("data_sha256".into(), result.data_sha256.clone()),
         ("model".into(), result.recipe.clone()),
-        ("levels".into(), levels.into()),
+        ("levels".into(), config.recipe.levels().name().into()),
         ("split".into(), result.split.clone()),
         ("split_sha256".into(), result.split_sha256.clone()),
         ("run".into(), result.run.to_string()),

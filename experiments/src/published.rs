@@ -1,6 +1,11 @@
 //! Accuracies published for TactMat, as data.
 
-use tactnet_pipeline::{PredictionMethod, Recipe, TrainingMethod};
+use std::path::Path;
+
+use tactnet_data::{Scheme, SplitManifest};
+use tactnet_pipeline::{
+    LabelOrder, ModelRecipe, PredictionMethod, Recipe, RunConfig, TrainingMethod,
+};
 
 /// One row: accuracy in percent, mean and standard deviation over 2 x 5 folds.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,10 +43,35 @@ pub const PUBLISHED: [PublishedAccuracy; 4] = [
     },
 ];
 
-/// The published row whose training and prediction match `recipe`'s; a base network predicted with MC dropout was not
+/// The published row that a run may be set beside: whole, unpermuted sweeps of TactMat or its twin with their levels, random folds, the
+/// published network trained at least as long as the recipe `fast` does. A base network predicted with MC dropout was not
 /// published.
-pub fn published_for(recipe: &Recipe) -> Option<&'static PublishedAccuracy> {
-    let row = match (recipe.training.method, recipe.prediction.method) {
+///
+/// - `way`: how the network was asked
+pub fn published_for(
+    config: &RunConfig,
+    split: &SplitManifest,
+    way: PredictionMethod,
+) -> Option<&'static PublishedAccuracy> {
+    let ModelRecipe::TactNet2(recipe) = &config.recipe else {
+        return None;
+    };
+    let data = Path::new(&config.data).file_stem()?.to_str()?;
+    let shortest = Recipe::load("fast").ok()?.training.epochs;
+    let comparable = ["twin", "tactmat"].contains(&data)
+        && config.classifier.labels.len() == 36
+        && config.steps.is_none()
+        && config.inner.is_none()
+        && config.label_order == LabelOrder::True
+        && config.recipe.levels().are_kept()
+        && matches!(split.scheme, Scheme::StratifiedKFold { .. })
+        && recipe.network == Recipe::load("thesis").ok()?.network
+        && recipe.training.epochs >= shortest;
+    comparable.then(|| row_for(recipe.training.method, way))?
+}
+
+fn row_for(method: TrainingMethod, way: PredictionMethod) -> Option<&'static PublishedAccuracy> {
+    let row = match (method, way) {
         (TrainingMethod::Base, PredictionMethod::Plain) => 0,
         (TrainingMethod::Adversarial { .. }, PredictionMethod::Plain) => 1,
         (TrainingMethod::Adversarial { .. }, PredictionMethod::McDropout { .. }) => 2,
@@ -57,8 +87,9 @@ mod tests {
     #[test]
     fn the_thesis_recipe_is_set_beside_tactnet_ii() {
         let thesis = Recipe::load("thesis").unwrap();
-        let row = published_for(&thesis).unwrap();
+        let row = row_for(thesis.training.method, thesis.prediction.method).unwrap();
         assert_eq!((row.one_sweep.0, row.three_sweeps.0), (86.3, 95.0));
-        assert_eq!(published_for(&Recipe::load("fast").unwrap()), None);
+        let fast = Recipe::load("fast").unwrap();
+        assert_eq!(row_for(fast.training.method, fast.prediction.method), None);
     }
 }

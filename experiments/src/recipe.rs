@@ -137,11 +137,38 @@ pub struct Variant {
 #[serde(deny_unknown_fields)]
 pub struct Search {
     /// Built-in name or file of the recipe they are made from.
+    #[serde(default)]
     pub base: String,
     /// How many.
     pub trials: usize,
     /// What is drawn, by its path.
+    #[serde(default)]
     pub space: BTreeMap<String, Range>,
+}
+
+impl Search {
+    fn mistake(&self) -> Option<String> {
+        if self.base.is_empty() {
+            return Some(
+                "`search`: this experiment has none; one needs `base`, `trials` and `space`".into(),
+            );
+        }
+        if self.trials == 0 || self.space.is_empty() {
+            return Some("`search`: expected at least one trial and one setting to draw".into());
+        }
+        self.space.iter().find_map(|(path, range)| {
+            let fine = match range {
+                Range::Uniform { low, high } => low < high && (high - low).is_finite(),
+                Range::Logarithmic { low, high } => *low > 0.0 && low < high && high.is_finite(),
+                Range::Choice { values } => !values.is_empty(),
+            };
+            (!fine).then(|| {
+                format!(
+                    "`search.space.\"{path}\"`: expected something to draw from, found {range:?}"
+                )
+            })
+        })
+    }
 }
 
 /// What one setting is drawn from.
@@ -244,7 +271,7 @@ impl ExperimentRecipe {
     pub fn parse(origin: &str, text: &str, settings: &[String]) -> Result<Self, ExperimentError> {
         let refused = |reason: String| ExperimentError::Recipe {
             origin: origin.into(),
-            reason: reason.trim_end().replace('\n', " / "),
+            reason: one_line(&reason),
         };
         let mut table: Table = text
             .parse()
@@ -253,7 +280,9 @@ impl ExperimentRecipe {
             let (path, value) = setting
                 .split_once('=')
                 .ok_or_else(|| refused(format!("`--set {setting}`: expected FIELD=VALUE")))?;
-            set(&mut table, path.trim(), parse_value(value.trim())).map_err(refused)?;
+            let value = parse_value(value.trim())
+                .map_err(|e| refused(format!("`--set {setting}`: {e}")))?;
+            set(&mut table, path.trim(), value).map_err(refused)?;
         }
         let recipe: Self = Value::Table(table)
             .try_into()
@@ -293,22 +322,43 @@ impl ExperimentRecipe {
                 return Some(format!("`{field}`: expected at least one, found none"));
             }
         }
-        for (field, value) in [("folds", self.folds), ("runs", self.runs)] {
-            if value == 0 {
-                return Some(format!("`{field}`: expected at least 1, found 0"));
+        // Data sets are always dealt into five random folds in two runs; these say how many of them are trained.
+        let random = self.split == [Split::KFold];
+        for (field, value, most) in [
+            ("folds", self.folds, if random { 5 } else { usize::MAX }),
+            ("runs", self.runs, 2),
+        ] {
+            if value == 0 || value > most {
+                let most = if most == usize::MAX {
+                    String::new()
+                } else {
+                    format!(" to {most}")
+                };
+                return Some(format!("`{field}`: expected 1{most}, found {value}"));
             }
         }
-        None
+        if self.epochs == Some(0) {
+            return Some("`epochs`: expected at least 1, found 0".into());
+        }
+        self.search.as_ref().and_then(Search::mistake)
     }
 }
 
-/// TOML, or a bare word as a string.
-fn parse_value(text: &str) -> Value {
-    format!("value = {text}")
-        .parse::<Table>()
-        .ok()
-        .and_then(|mut table| table.remove("value"))
-        .unwrap_or_else(|| Value::String(text.into()))
+/// A message of several lines as one.
+fn one_line(text: &str) -> String {
+    let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
+    lines.collect::<Vec<_>>().join(", ")
+}
+
+/// TOML, or a bare word as a string; what begins like a list, a table or a quoted string must be one.
+fn parse_value(text: &str) -> Result<Value, String> {
+    match format!("value = {text}").parse::<Table>() {
+        Ok(mut table) => Ok(table
+            .remove("value")
+            .unwrap_or_else(|| Value::String(text.into()))),
+        Err(error) if text.starts_with(['[', '{', '"', '\'']) => Err(error.message().into()),
+        Err(_) => Ok(Value::String(text.into())),
+    }
 }
 
 /// Sets a field by its path (`training.learning_rate`), making tables on the way.
@@ -371,6 +421,14 @@ mod tests {
             ("name.x=1", "name"),
             ("probes=luck", "luck"),
             ("seed", "FIELD=VALUE"),
+            ("folds=6", "expected 1 to 5"),
+            ("runs=3", "expected 1 to 2"),
+            ("models=[\"fast\"", "--set models"),
+            ("search.trials=3", "this experiment has none"),
+            (
+                "search={base=\"fast\",trials=1,space={\"training.batch\"={kind=\"choice\",values=[]}}}",
+                "training.batch",
+            ),
         ] {
             let refused =
                 ExperimentRecipe::load("crossval_tactnet2", &[setting.into()]).unwrap_err();

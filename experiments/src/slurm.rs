@@ -6,11 +6,14 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use crate::local::failures;
-use crate::tasks::{ExperimentDir, Task, TaskState};
-use crate::{Event, ExperimentError};
+use crate::tasks::{ExperimentDir, TaskState};
+use crate::{Event, ExperimentError, Task};
 
 /// How often a task is submitted before it counts as failed.
 const ATTEMPTS: usize = 3;
+
+/// Time that running tasks are given to stop.
+const GRACE: Duration = Duration::from_secs(60);
 
 /// How array jobs are submitted.
 #[derive(Debug, Clone)]
@@ -51,13 +54,16 @@ pub fn run_on_slurm(
         done: known.iter().filter(|known| **known).count(),
         all: tasks.len(),
     });
-    let begun = Instant::now();
     for attempt in 1..=ATTEMPTS {
         let open: Vec<usize> = (0..tasks.len()).filter(|&i| !known[i]).collect();
         if open.is_empty() {
             break;
         }
-        let job = submit(dir, program, array, &logs, &open)?;
+        // A job that outlived its runner is waited for, not submitted twice.
+        let job = match left_behind(&logs) {
+            Some(job) => job,
+            None => submit(dir, program, array, &logs, &open)?,
+        };
         let mut refused = 0;
         loop {
             thread::sleep(array.poll);
@@ -67,14 +73,12 @@ pub fn run_on_slurm(
                     known[index] = true;
                     tell(Event::Done {
                         task: &tasks[index],
-                        seconds: begun.elapsed().as_secs_f64(),
+                        seconds: dir.train_seconds(&tasks[index]),
                     });
                 }
             }
             if stop() {
-                call("scancel", &["--signal=TERM", "--full", &job]).ok();
-                call("scancel", &[&job])?;
-                return Ok(());
+                return cancel(&job, array.poll);
             }
             match waiting {
                 Ok(false) => break,
@@ -94,7 +98,7 @@ pub fn run_on_slurm(
                     known[index] = true;
                     tell(Event::Done {
                         task: &tasks[index],
-                        seconds: begun.elapsed().as_secs_f64(),
+                        seconds: dir.train_seconds(&tasks[index]),
                     });
                 }
             } else {
@@ -108,6 +112,25 @@ pub fn run_on_slurm(
         }
     }
     failures(dir)
+}
+
+/// Cancels a job: tasks that wait at once, those that run once they have stopped where they can be resumed.
+fn cancel(job: &str, poll: Duration) -> Result<(), ExperimentError> {
+    call("scancel", &["--state=PENDING", job])?;
+    call("scancel", &["--batch", "--signal=TERM", job]).ok();
+    let begun = Instant::now();
+    while begun.elapsed() < GRACE && in_queue(job).unwrap_or(true) {
+        thread::sleep(poll);
+    }
+    call("scancel", &[job])?;
+    Ok(())
+}
+
+/// The job of an earlier runner that is still in the queue.
+fn left_behind(logs: &Path) -> Option<String> {
+    let job = std::fs::read_to_string(logs.join("job")).ok()?;
+    let job = job.trim().to_string();
+    (!job.is_empty() && in_queue(&job).unwrap_or(false)).then_some(job)
 }
 
 /// Submits one array job; its array indices are numbers of tasks. Gives the job's id.
@@ -151,6 +174,8 @@ fn submit(
             reason: format!("expected a job id, found `{}`", answer.trim()),
         });
     }
+    let path = logs.join("job");
+    std::fs::write(&path, &id).map_err(|error| ExperimentError::io(&path, "write", error))?;
     Ok(id)
 }
 

@@ -4,14 +4,13 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use tactnet_data::{Scheme, SplitManifest};
 use tactnet_pipeline::{
-    Evaluation, Levels, ModelRecipe, PredictionMethod, Predictions, RunConfig, RunDir, RunResult,
-    SweepScore,
+    Evaluation, Levels, PredictionMethod, Predictions, RunConfig, RunDir, RunResult, SweepScore,
 };
 
-use crate::tasks::{ExperimentDir, Task, TaskState};
+use crate::tasks::{ExperimentDir, TaskState};
 use crate::{
-    Comparison, ExperimentError, FoldRecord, Probe, Published, ReliabilityBin, RiskCoverage, Row,
-    Statistic, Summary, audits, grouping_of_counts, published_for, resampled_t_test,
+    Comparison, ExperimentError, FoldRecord, Published, ReliabilityBin, RiskCoverage, Row,
+    Statistic, Summary, Task, audits, grouping_of_counts, published_for, resampled_t_test,
 };
 
 /// Bins of the reliability diagram.
@@ -82,9 +81,10 @@ pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
         .into_iter()
         .map(|((_, key), mut folds)| {
             folds.sort_by_key(|fold| (fold.ended.result.run, fold.ended.result.fold));
-            row(key, &folds)
+            unmixed(dir, &key, &folds)?;
+            Ok(row(key, &folds))
         })
-        .collect();
+        .collect::<Result<_, ExperimentError>>()?;
     let mut groups = BTreeMap::new();
     if recipe.groups > 0 {
         for row in rows
@@ -93,7 +93,7 @@ pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
         {
             groups.insert(
                 row.key.clone(),
-                grouping_of_counts(&row.confusion, recipe.groups, recipe.seed),
+                grouping_of_counts(&row.confusion, recipe.groups, row.runs(), recipe.seed),
             );
         }
     }
@@ -134,18 +134,20 @@ pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
     })
 }
 
-fn model_name(ended: &Ended<'_>) -> String {
-    match ended.task.probe {
-        None => ended.result.recipe.clone(),
-        Some(Probe::Means) => "probe: nearest taxel means".into(),
-        Some(Probe::Permuted) => "probe: permuted labels (minirocket)".into(),
-    }
-}
-
 /// The data set's name without what was done to it.
 fn data_name(ended: &Ended<'_>) -> String {
     let name = &ended.result.data;
     name.split(", ").next().unwrap_or(name).into()
+}
+
+/// The model's name; a recipe that says more about itself (drawn settings) says it here.
+fn shown_model(ended: &Ended<'_>) -> String {
+    let (name, title) = (&ended.task.model, &ended.result.recipe);
+    if title.starts_with(name.as_str()) {
+        title.clone()
+    } else {
+        name.clone()
+    }
 }
 
 fn split_name(ended: &Ended<'_>) -> String {
@@ -174,7 +176,7 @@ fn row_key(ended: &Ended<'_>, way: &str) -> String {
         "{}{levels}{steps}, {}: {}{way}",
         data_name(ended),
         split_name(ended),
-        model_name(ended)
+        ended.task.model
     )
 }
 
@@ -210,11 +212,8 @@ fn row(key: String, folds: &[Fold<'_>]) -> Row {
     Row {
         key,
         data: data_name(first),
-        model: model_name(first),
-        levels: match first.config.recipe.levels() {
-            Levels::Kept => "kept".into(),
-            Levels::Removed => "removed".into(),
-        },
+        model: shown_model(first),
+        levels: first.config.recipe.levels().name().into(),
         split: split_name(first),
         prediction: way.name().into(),
         steps: first.config.classifier.shape.steps,
@@ -235,6 +234,40 @@ fn row(key: String, folds: &[Fold<'_>]) -> Row {
         folds: folds.iter().map(record).collect(),
         materials,
     }
+}
+
+/// Folds of one row come from one data set and one recipe, each once.
+fn unmixed(dir: &ExperimentDir, key: &str, folds: &[Fold<'_>]) -> Result<(), ExperimentError> {
+    let first = &folds[0].ended.result;
+    for (what, mixed) in [
+        (
+            "data sets (the file has changed between tasks)",
+            folds
+                .iter()
+                .any(|f| f.ended.result.data_sha256 != first.data_sha256),
+        ),
+        (
+            "recipes",
+            folds
+                .iter()
+                .any(|f| f.ended.result.recipe_sha256 != first.recipe_sha256),
+        ),
+        (
+            "results of one fold",
+            folds.windows(2).any(|pair| {
+                let place = |fold: &Fold<'_>| (fold.ended.result.run, fold.ended.result.fold);
+                place(&pair[0]) == place(&pair[1])
+            }),
+        ),
+    ] {
+        if mixed {
+            return Err(ExperimentError::Folder {
+                path: dir.path().into(),
+                reason: format!("`{key}` would mix several {what}; run it in a new folder"),
+            });
+        }
+    }
+    Ok(())
 }
 
 fn record(fold: &Fold<'_>) -> FoldRecord {
@@ -259,17 +292,9 @@ fn record(fold: &Fold<'_>) -> FoldRecord {
     }
 }
 
-/// What was published for this recipe, asked this way; only for the whole sweeps of TactMat and its twin.
+/// What was published for this recipe, asked this way.
 fn published(ended: &Ended<'_>, way: PredictionMethod) -> Option<Published> {
-    let comparable = ["twin", "tactmat"].contains(&ended.result.data.as_str())
-        && ended.config.classifier.labels.len() == 36
-        && ended.config.inner.is_none();
-    let ModelRecipe::TactNet2(recipe) = &ended.config.recipe else {
-        return None;
-    };
-    let mut recipe = recipe.clone();
-    recipe.prediction.method = way;
-    let row = published_for(&recipe).filter(|_| comparable)?;
+    let row = published_for(&ended.config, &ended.split, way)?;
     Some(Published {
         classifier: row.classifier.into(),
         one_sweep: row.one_sweep.0,
@@ -285,7 +310,8 @@ fn reliability(sweeps: &[&SweepScore]) -> Vec<ReliabilityBin> {
     let mut bins = vec![(0.0, 0, 0); BINS];
     for sweep in sweeps {
         let confidence = confidence(sweep);
-        let bin = &mut bins[((confidence * BINS as f64) as usize).min(BINS - 1)];
+        // Bins end on the right, as those of the calibration error.
+        let bin = &mut bins[((confidence * BINS as f64).ceil() as usize).clamp(1, BINS) - 1];
         bin.0 += confidence;
         bin.1 += usize::from(sweep.predicted() == sweep.label);
         bin.2 += 1;
@@ -301,21 +327,26 @@ fn reliability(sweeps: &[&SweepScore]) -> Vec<ReliabilityBin> {
 }
 
 fn risk_coverage(sweeps: &[&SweepScore]) -> Vec<RiskCoverage> {
-    let mut sorted: Vec<(f64, bool)> = sweeps
+    let mut sorted: Vec<(f64, f64)> = sweeps
         .iter()
-        .map(|sweep| (confidence(sweep), sweep.predicted() != sweep.label))
+        .map(|sweep| {
+            let wrong = sweep.predicted() != sweep.label;
+            (confidence(sweep), f64::from(u8::from(wrong)))
+        })
         .collect();
     sorted.sort_by(|a, b| b.0.total_cmp(&a.0));
+    // Sweeps of equal confidence come in any order: each counts their mean error.
+    for tie in sorted.chunk_by_mut(|a, b| a.0 == b.0) {
+        let mean = tie.iter().map(|(_, wrong)| wrong).sum::<f64>() / tie.len() as f64;
+        tie.iter_mut().for_each(|(_, wrong)| *wrong = mean);
+    }
     (1..=COVERAGES)
         .map(|point| {
             let answered = (sorted.len() * point).div_ceil(COVERAGES);
-            let wrong = sorted[..answered]
-                .iter()
-                .filter(|(_, wrong)| *wrong)
-                .count();
+            let wrong: f64 = sorted[..answered].iter().map(|(_, wrong)| wrong).sum();
             RiskCoverage {
                 coverage: answered as f64 / sorted.len() as f64,
-                risk: wrong as f64 / answered as f64,
+                risk: wrong / answered as f64,
             }
         })
         .collect()

@@ -99,6 +99,15 @@ pub struct Row {
     pub folds: Vec<FoldRecord>,
 }
 
+impl Row {
+    /// Runs of the cross-validation: how often every sweep was tested.
+    pub(crate) fn runs(&self) -> usize {
+        let runs: std::collections::BTreeSet<usize> =
+            self.folds.iter().map(|fold| fold.run).collect();
+        runs.len().max(1)
+    }
+}
+
 /// One bin of a reliability diagram.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ReliabilityBin {

@@ -97,7 +97,7 @@ impl Gram {
         let kernel = Mat::<f64>::from_fn(held.len(), train.len(), |row, column| {
             self.0[(held[row], train[column])] - means[column]
         });
-        let scores = kernel * &dual.weights;
+        let scores = product(kernel.as_ref(), dual.weights.as_ref());
         Ok((0..held.len())
             .map(|row| {
                 let targets = dual.target_means.iter().enumerate();
@@ -216,6 +216,20 @@ impl Ridge {
     }
 }
 
+/// A matrix product on all threads; each element is summed by one of them.
+fn product(left: MatRef<'_, f64>, right: MatRef<'_, f64>) -> Mat<f64> {
+    let mut out = Mat::zeros(left.nrows(), right.ncols());
+    matmul(
+        out.as_mut(),
+        Accum::Replace,
+        left,
+        right,
+        1.0,
+        Par::rayon(0),
+    );
+    out
+}
+
 fn solve(
     gram: Gram,
     labels: &[usize],
@@ -224,6 +238,8 @@ fn solve(
 ) -> Result<Dual, ModelError> {
     let sweeps = labels.len();
     let gram = gram.centred();
+    // faer's tridiagonalisation sums one part per thread: on one thread, results do not depend on how many there are.
+    faer::set_global_parallelism(Par::Seq);
     let eigen = gram
         .self_adjoint_eigen(Side::Lower)
         .map_err(|error| ModelError::Fit {
@@ -241,7 +257,7 @@ fn solve(
         column.iter_mut().for_each(|target| *target -= mean);
         target_means.push(mean);
     }
-    let projected = vectors.transpose() * &targets;
+    let projected = product(vectors.transpose(), targets.as_ref());
     let squares = Mat::<f64>::from_fn(sweeps, sweeps, |i, j| vectors[(i, j)].powi(2));
     let mut best: Option<(f64, Dual)> = None;
     for &penalty in penalties {
@@ -250,10 +266,11 @@ fn solve(
             .map(|i| 1.0 / (values[i].max(0.0) + penalty))
             .collect();
         let scaled = Mat::<f64>::from_fn(sweeps, materials, |i, j| projected[(i, j)] * inverse[i]);
-        let weights = vectors * scaled;
+        let weights = product(vectors, scaled.as_ref());
         let of_ones = 1.0 / (penalty * sweeps as f64);
         let mut loss = 0.0;
-        let diagonal = &squares * Mat::<f64>::from_fn(sweeps, 1, |i, _| inverse[i]);
+        let inverse = Mat::<f64>::from_fn(sweeps, 1, |i, _| inverse[i]);
+        let diagonal = product(squares.as_ref(), inverse.as_ref());
         for sweep in 0..sweeps {
             let diagonal = diagonal[(sweep, 0)] - of_ones;
             loss += (0..materials)

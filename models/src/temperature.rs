@@ -2,12 +2,14 @@
 
 /// The inverse temperature that makes `softmax(inverse * scores)` most likely for the true labels.
 ///
-/// - `scores`: `[sweeps][materials]`, of sweeps that nothing was fitted to
+/// - `scores`: `[sweeps][materials]`, of sweeps that the classifier was not fitted to
 /// - `labels`: `[sweeps]`
 ///
-/// The negative log-likelihood is convex in the inverse temperature, so its slope is bisected; without an optimum inside
-/// `1e-4 ..= 1e4` (every sweep right, or none) the nearer end is returned.
+/// As in Platt scaling the targets are not quite certain: of `n` sweeps' labels, one more would have been wrong, so a label counts
+/// `(n + 1) / (n + 2)` and the rest is spread over the other materials. So there is an optimum even where every sweep is right.
+/// The objective is convex in the inverse temperature; its slope is bisected within `1e-4 ..= 1e4`.
 pub fn fit_inverse_temperature(scores: &[Vec<f64>], labels: &[usize]) -> f64 {
+    let certain = (labels.len() + 1) as f64 / (labels.len() + 2) as f64;
     let slope = |inverse: f64| -> f64 {
         let sweeps = scores.iter().zip(labels);
         sweeps
@@ -19,7 +21,9 @@ pub fn fit_inverse_temperature(scores: &[Vec<f64>], labels: &[usize]) -> f64 {
                     weight += exp;
                     weighted += exp * score;
                 }
-                weighted / weight - row[*label]
+                let others = row.iter().sum::<f64>() - row[*label];
+                let rest = (1.0 - certain) / (row.len() - 1).max(1) as f64;
+                weighted / weight - certain * row[*label] - rest * others
             })
             .sum()
     };
@@ -41,15 +45,16 @@ mod tests {
 
     #[test]
     fn two_scores_give_the_odds() {
-        // With scores 1 and 0, softmax(b * scores) is right with probability 1 / (1 + exp(-b)): three of four.
+        // With scores 1 and 0, softmax(b * scores) is right with probability 1 / (1 + exp(-b)). Three of four labels are right, each
+        // counting 5/6: 3/4 * 5/6 + 1/4 * 1/6 = 2/3.
         let scores = vec![vec![1.0, 0.0]; 4];
         let found = fit_inverse_temperature(&scores, &[0, 0, 0, 1]);
-        assert!((found - 3.0_f64.ln()).abs() < 1e-9, "{found}");
+        assert!((found - 2.0_f64.ln()).abs() < 1e-9, "{found}");
     }
 
     #[test]
-    fn scores_that_are_always_right_stay_finite() {
-        let found = fit_inverse_temperature(&[vec![1.0, 0.0]], &[0]);
-        assert!((found - 1e4).abs() < 1.0, "{found}");
+    fn scores_that_are_always_right_are_not_taken_for_certain() {
+        let found = fit_inverse_temperature(&vec![vec![1.0, 0.0]; 8], &[0; 8]);
+        assert!((found - 9.0_f64.ln()).abs() < 1e-9, "{found}");
     }
 }

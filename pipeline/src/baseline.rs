@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 use tactnet_data::SweepView;
 use tactnet_models::{
-    Knn, PlattSigmoids, Ridge, Svm, SvmSettings, Weights, default_penalties, log_softmax,
+    Knn, ModelError, PlattSigmoids, Ridge, Svm, SvmSettings, Weights, default_penalties,
+    log_softmax,
 };
 
 use crate::arrays::{get, get_doubles, get_indices, put, put_doubles, put_indices};
@@ -182,7 +183,7 @@ impl Baseline {
     /// Rebuilds what [`Baseline::to_weights`] gave.
     ///
     /// # Errors
-    /// Arrays that are missing.
+    /// Arrays that are missing or of another length.
     pub fn from_weights(
         recipe: &BaselineRecipe,
         config: &ClassifierConfig,
@@ -195,29 +196,45 @@ impl Baseline {
             config.sample_rate_hz,
             weights,
         )?;
+        let (width, materials) = (extractor.width(), config.labels.len());
         let features = |name: &str| {
             let values = get(weights, name)?.values.clone();
-            Ok::<_, PipelineError>(tactnet_models::Features::new(extractor.width(), values))
+            of_length(name, values.len(), values.len().next_multiple_of(width))?;
+            Ok::<_, PipelineError>(tactnet_models::Features::new(width, values))
         };
-        let one = |name: &str| Ok::<_, PipelineError>(get_doubles(weights, name)?[0]);
-        let materials = config.labels.len();
+        let one = |name: &str| {
+            let values = get_doubles(weights, name)?;
+            of_length(name, values.len(), 1)?;
+            Ok::<_, PipelineError>(values[0])
+        };
         let reader = match recipe.classifier {
             ClassicalClassifier::Knn { .. } => Reader::Knn(Knn {
                 features: features("knn.features")?,
                 labels: get_indices(weights, "knn.labels")?,
                 materials,
-                neighbours: get_indices(weights, "knn.neighbours")?[0],
+                neighbours: get_indices(weights, "knn.neighbours")?.into_iter().sum(),
             }),
             ClassicalClassifier::Svm { .. } => {
+                let pairs = materials * (materials - 1) / 2;
                 let platt = get_doubles(weights, "svm.platt")?;
+                of_length("svm.platt", platt.len(), 2 * pairs)?;
+                let counts = get_indices(weights, "svm.support_counts")?;
+                of_length("svm.support_counts", counts.len(), pairs)?;
+                let support = counts.iter().sum();
+                let rows = get_indices(weights, "svm.support_rows")?;
+                of_length("svm.support_rows", rows.len(), support)?;
+                let duals = get_doubles(weights, "svm.support_weights")?;
+                of_length("svm.support_weights", duals.len(), support)?;
+                let rho = get_doubles(weights, "svm.rho")?;
+                of_length("svm.rho", rho.len(), pairs)?;
                 let svm = Svm::from_parts(
                     features("svm.features")?,
                     one("svm.gamma")?,
                     materials,
-                    &get_indices(weights, "svm.support_counts")?,
-                    &get_indices(weights, "svm.support_rows")?,
-                    &get_doubles(weights, "svm.support_weights")?,
-                    &get_doubles(weights, "svm.rho")?,
+                    &counts,
+                    &rows,
+                    &duals,
+                    &rho,
                 );
                 let sigmoids = platt.chunks_exact(2).map(|s| [s[0], s[1]]).collect();
                 Reader::Svm(svm, PlattSigmoids(sigmoids))
@@ -228,6 +245,12 @@ impl Baseline {
                     intercepts: get_doubles(weights, "ridge.intercepts")?,
                     penalty: one("ridge.penalty")?,
                 };
+                of_length(
+                    "ridge.coefficients",
+                    ridge.coefficients.len(),
+                    width * materials,
+                )?;
+                of_length("ridge.intercepts", ridge.intercepts.len(), materials)?;
                 Reader::Ridge(ridge, one("ridge.inverse_temperature")?)
             }
         };
@@ -243,7 +266,19 @@ impl Baseline {
     }
 }
 
-/// A choice for each binary problem of a support vector machine.
+/// An error unless an array has the length that it should have.
+fn of_length(name: &str, found: usize, expected: usize) -> Result<(), PipelineError> {
+    if found == expected {
+        return Ok(());
+    }
+    Err(PipelineError::Model(ModelError::Weights {
+        tensor: name.into(),
+        expected: format!("{expected} numbers"),
+        found: found.to_string(),
+    }))
+}
+
+/// All settings of a support vector machine that can be chosen.
 pub(crate) fn svm_grid(c: &[f64], gamma: &[f64], width: usize) -> Vec<SvmSettings> {
     c.iter()
         .flat_map(|&c| {

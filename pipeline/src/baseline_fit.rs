@@ -77,7 +77,9 @@ fn inner(fold: &Fold<'_>, part: usize) -> Result<Inner, PipelineError> {
 
 /// Fits `recipe` to the fold's training sweeps.
 ///
-/// Settings are chosen and probabilities calibrated on inner splits of the training sweeps; test sweeps are never read.
+/// Settings are chosen and probabilities calibrated on inner splits of the training sweeps; test sweeps are never read. A support vector
+/// machine's settings are chosen by the votes of its pairs; random kernels' biases and the scaling of their features come from all
+/// training sweeps, those that calibrate included.
 /// `say` is told what goes on, a line at a time.
 ///
 /// # Errors
@@ -107,7 +109,9 @@ pub fn fit_baseline(
                 let scores = knn(fit.0, fit.1, train.materials, k).log_probabilities(held);
                 Ok(scores.iter().map(|row| first_largest(row)).collect())
             })?;
-            chosen.insert("neighbours".into(), k as f64);
+            if neighbours.len() > 1 {
+                chosen.insert("neighbours".into(), k as f64);
+            }
             let (features, _, scaler) = train.part(&everything, &[]);
             (
                 Reader::Knn(knn(features, train.labels, train.materials, k)),
@@ -121,8 +125,10 @@ pub fn fit_baseline(
                 let decisions = svm.decisions(held);
                 Ok(decisions.iter().map(|row| svm.vote(row)).collect())
             })?;
-            chosen.insert("c".into(), settings.c);
-            chosen.insert("gamma_times_features".into(), settings.gamma * width as f64);
+            if grid.len() > 1 {
+                chosen.insert("c".into(), settings.c);
+                chosen.insert("gamma_times_features".into(), settings.gamma * width as f64);
+            }
             say("calibrating on five inner splits …".into());
             let (mut decisions, mut labels) = (Vec::new(), Vec::new());
             for part in 0..Fold::INNER_FOLDS {

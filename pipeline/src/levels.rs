@@ -15,6 +15,14 @@ pub enum Levels {
 }
 
 impl Levels {
+    /// Its name on the command line and in results.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Kept => "kept",
+            Self::Removed => "removed",
+        }
+    }
+
     /// Whether they stay.
     pub fn are_kept(&self) -> bool {
         *self == Self::Kept

@@ -87,6 +87,35 @@ fn baselines_do_not_depend_on_the_number_of_threads() {
     }
 }
 
+/// Eigenvalues of large matrices are where sums could be split among threads.
+#[test]
+fn ridge_classifiers_of_many_sweeps_do_not_depend_on_the_number_of_threads() {
+    let lab = Lab::new();
+    let mut twin = tactnet([
+        "data",
+        "twin",
+        "--materials",
+        "10",
+        "--sweeps",
+        "60",
+        "--steps",
+        "40",
+    ]);
+    twin.arg("--out").arg(lab.path("many.h5"));
+    expect(0, twin);
+    for threads in ["1", "2", "4"] {
+        let mut command = tactnet(["train", "--model", "minirocket", "--data"]);
+        command
+            .arg(lab.path("many.h5"))
+            .arg("--out")
+            .arg(lab.path(threads));
+        command.env("RAYON_NUM_THREADS", threads);
+        expect(0, command);
+    }
+    let of = |threads: &str| lab.read(&format!("{threads}/weights.safetensors"));
+    assert!(of("1") == of("2") && of("2") == of("4"));
+}
+
 #[test]
 fn without_levels_the_means_know_nothing() {
     let lab = Lab::new();

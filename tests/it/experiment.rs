@@ -109,7 +109,67 @@ fn an_experiment_reports_every_task_and_runs_none_twice() {
     let mut other = experiment(&lab, "out");
     other.args(["--set", "folds=1"]);
     let refused = stderr(&expect(2, other));
-    assert!(refused.contains("holds another experiment"), "{refused}");
+    assert!(
+        refused.contains("holds another experiment: its `folds` is 2, asked for is 1"),
+        "{refused}"
+    );
+
+    // A model whose file has changed is another model.
+    let recipe = lab.path("small.toml");
+    let changed = std::fs::read_to_string(&recipe)
+        .unwrap()
+        .replace("epochs = 12", "epochs = 11");
+    std::fs::write(&recipe, changed).unwrap();
+    let refused = stderr(&expect(2, experiment(&lab, "out")));
+    assert!(
+        refused.contains("the recipe of model `small` has changed"),
+        "{refused}"
+    );
+
+    // The folder may be moved, and gone on with.
+    std::fs::rename(lab.path("out"), lab.path("moved")).unwrap();
+    std::fs::remove_dir_all(lab.path("moved/tasks").join(TASKS[2])).unwrap();
+    let changed = std::fs::read_to_string(&recipe)
+        .unwrap()
+        .replace("epochs = 11", "epochs = 12");
+    std::fs::write(&recipe, changed).unwrap();
+    let again = expect(0, experiment(&lab, "moved"));
+    assert!(
+        stderr(&again).contains("8 tasks, 7 done"),
+        "{}",
+        stderr(&again)
+    );
+}
+
+#[test]
+fn a_runner_that_is_asked_to_stop_lets_its_task_write_a_checkpoint() {
+    let lab = Lab::new();
+    let mut runner = experiment(&lab, "out")
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let network = lab.path("out/tasks/twin-small-run0-fold0");
+    wait_for("the first epoch", || network.join("metrics.jsonl").exists());
+    Command::new("kill")
+        .args(["-INT", &runner.id().to_string()])
+        .status()
+        .unwrap();
+    assert_eq!(runner.wait().unwrap().code(), Some(130));
+    let log = String::from_utf8(lab.read("out/tasks/twin-small-run0-fold0.log")).unwrap();
+    let ended = network.join("result.json").exists();
+    assert!(
+        ended
+            || log
+                .trim_end()
+                .lines()
+                .last()
+                .unwrap()
+                .starts_with("stopped; continue"),
+        "{log}"
+    );
+    assert!(network.join("checkpoint.safetensors").exists());
+    expect(0, experiment(&lab, "out"));
 }
 
 /// Children of a process, by its id.
@@ -209,7 +269,7 @@ fn two_runners_share_a_folder() {
         assert!(!stderr(&output).contains("failed"), "{}", stderr(&output));
     }
     for task in TASKS {
-        // Every session adds itself to the environment file only if it trained: one did.
+        // Only who trains says so in the task's log: one did.
         let log = String::from_utf8(lab.read(&format!("shared/tasks/{task}.log"))).unwrap();
         assert_eq!(
             log.matches("predicting 8 test sweeps").count(),
@@ -220,7 +280,7 @@ fn two_runners_share_a_folder() {
 }
 
 #[test]
-fn a_task_that_cannot_succeed_is_tried_three_times_and_named() {
+fn a_task_that_cannot_succeed_is_named_and_not_tried_again() {
     let lab = Lab::new();
     let mut command = tactnet([
         "experiment",
@@ -243,7 +303,7 @@ fn a_task_that_cannot_succeed_is_tried_three_times_and_named() {
         .arg("--out")
         .arg(lab.path("out"));
     let said = stderr(&expect(1, command));
-    assert_eq!(said.matches("failed (attempt").count(), 3, "{said}");
+    assert_eq!(said.matches("failed (attempt").count(), 1, "{said}");
     assert!(
         said.contains("1 of 1 tasks failed") && said.contains("a window of 0.1 s"),
         "{said}"
@@ -351,4 +411,39 @@ fn mlflow_opens_the_export() {
             "{task}"
         );
     }
+}
+
+#[test]
+fn what_cannot_be_planned_is_refused_before_anything_runs() {
+    let lab = Lab::new();
+    let data = format!("data={}", lab.path("twin.h5").display());
+    let copy = lab.path("knn-l.toml");
+    std::fs::write(
+        &copy,
+        "name = \"mine\"\nfeatures = \"l\"\nclassifier = { kind = \"knn\", neighbours = [1] }\n",
+    )
+    .unwrap();
+    let models = format!("models=[\"knn-l\", \"{}\"]", copy.display());
+    for (settings, said) in [
+        (vec!["data=nowhere.h5"], "data `nowhere.h5`: no such file"),
+        (vec![&data, "folds=6"], "expected 1 to 5, found 6"),
+        (vec![&data, &models], "two tasks would be called"),
+        (vec![&data, "models=[\"knn-x\"]"], "knn-x"),
+        (
+            vec![&data, "split=[\"k-fold\", \"k-fold\"]"],
+            "two tasks would be called",
+        ),
+    ] {
+        let mut command = tactnet(["experiment", "run", "crossval_baselines"]);
+        for setting in settings {
+            command.args(["--set", setting]);
+        }
+        command.arg("--out").arg(lab.path("out"));
+        let message = stderr(&expect(2, command));
+        assert!(message.contains(said), "{message}");
+        assert!(!lab.path("out").exists(), "nothing is left behind");
+    }
+    let mut full = tactnet(["experiment", "run", "crossval_baselines", "--set", &data]);
+    full.arg("--out").arg(lab.folder.path());
+    assert!(stderr(&expect(2, full)).contains("needs a new or empty folder"));
 }
