@@ -23,13 +23,21 @@ pub enum ExperimentCommand {
     /// Run an experiment, or go on with it; then report
     Run(RunArgs),
     /// Where the tasks of an experiment stand
+    #[command(
+        after_help = "Example:\n  tactnet experiment status experiments-out/crossval_baselines"
+    )]
     Status(DirArgs),
     /// Make table, summary.json and report.html from what has ended
+    #[command(after_help = "Example:\n  \
+        tactnet experiment report experiments-out/crossval_baselines     then open report.html in that folder")]
     Report(DirArgs),
     /// Write what has ended for other tools
     Export(ExportArgs),
     /// Experiments that ship with tactnet
+    #[command(after_help = "Example:\n  tactnet experiment list")]
     List,
+    /// Print an experiment's recipe, to start one's own from
+    Show(ShowArgs),
     /// Run one task: what a Slurm job calls
     #[command(hide = true)]
     Task(TaskArgs),
@@ -41,7 +49,10 @@ pub enum ExperimentCommand {
     tactnet experiment run crossval_tactnet2 --set data=sweeps.h5       on recorded sweeps\n  \
     tactnet experiment run crossval_baselines --set folds=2 --set 'models=[\"minirocket\"]'\n  \
     tactnet experiment run my.toml --engine slurm --out /shared/my      on a cluster\n\n\
-    The same call goes on where it was stopped; tasks that have ended are not run again.")]
+    The same call goes on where it was stopped; tasks that have ended are not run again.\n\n\
+    Fields for --set: data, models, levels, steps, split, probes (a value or a list), folds (how many of the five random folds are \
+    trained), runs (1 or 2), groups, seed, epochs, search.trials. `tactnet experiment show NAME` prints a whole recipe.\n\n\
+    With --engine slurm, folder and program must lie under the same path on every node.")]
 pub struct RunArgs {
     /// A built-in experiment (see `tactnet experiment list`) or a TOML file
     #[arg(value_name = "NAME|FILE")]
@@ -77,6 +88,14 @@ pub struct DirArgs {
     /// Print one JSON document instead of a table
     #[arg(long)]
     json: bool,
+}
+
+#[derive(Args)]
+#[command(after_help = "Example:\n  tactnet experiment show crossval_baselines > my.toml")]
+pub struct ShowArgs {
+    /// A built-in experiment
+    #[arg(value_name = "NAME")]
+    name: String,
 }
 
 #[derive(Args)]
@@ -129,6 +148,10 @@ pub fn run(command: ExperimentCommand) -> anyhow::Result<ExitCode> {
             Ok(ExitCode::SUCCESS)
         }
         ExperimentCommand::List => list(),
+        ExperimentCommand::Show(arguments) => {
+            output::print(ExperimentRecipe::built_in_text(&arguments.name)?.trim_end())?;
+            Ok(ExitCode::SUCCESS)
+        }
         ExperimentCommand::Task(arguments) => {
             let dir = ExperimentDir::open(&arguments.dir)?;
             let stop = Stop::listen()?;

@@ -242,6 +242,15 @@ impl ExperimentRecipe {
         })
     }
 
+    /// The TOML of an experiment that ships with the binary.
+    ///
+    /// # Errors
+    /// No such name.
+    pub fn built_in_text(name: &str) -> Result<&'static str, ExperimentError> {
+        let found = BUILT_IN.iter().find(|(known, _)| *known == name);
+        found.map(|(_, text)| *text).ok_or_else(|| unknown(name))
+    }
+
     /// Loads a built-in experiment by name, or a file, with some fields set anew.
     ///
     /// - `settings`: `field=value`, the value in TOML or a bare word
@@ -254,10 +263,7 @@ impl ExperimentRecipe {
         }
         let path = Path::new(name_or_path);
         if !path.exists() {
-            return Err(ExperimentError::Unknown {
-                name: name_or_path.into(),
-                known: BUILT_IN.map(|(name, _)| name).join(", "),
-            });
+            return Err(unknown(name_or_path));
         }
         let text = std::fs::read_to_string(path)
             .map_err(|error| ExperimentError::io(path, "read the experiment", error))?;
@@ -341,6 +347,13 @@ impl ExperimentRecipe {
             return Some("`epochs`: expected at least 1, found 0".into());
         }
         self.search.as_ref().and_then(Search::mistake)
+    }
+}
+
+fn unknown(name: &str) -> ExperimentError {
+    ExperimentError::Unknown {
+        name: name.into(),
+        known: BUILT_IN.map(|(name, _)| name).join(", "),
     }
 }
 

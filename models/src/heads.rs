@@ -130,7 +130,7 @@ impl LinearHead {
             ..
         } = minimise(start, objective, TOLERANCE, ITERATIONS);
         let norm = point.iter().map(|w| w * w).sum::<f64>().sqrt().max(1.0);
-        if !(gradient_norm <= 100.0 * TOLERANCE * norm) {
+        if gradient_norm.is_nan() || gradient_norm > 100.0 * TOLERANCE * norm {
             return Err(ModelError::Fit {
                 what: "output layer",
                 reason: format!("the gradient's norm is still {gradient_norm:e}"),

@@ -99,8 +99,8 @@ pub struct Classifier {
 }
 
 enum Model {
-    Network(NetworkScorer),
-    Baseline(Baseline),
+    Network(Box<NetworkScorer>),
+    Baseline(Box<Baseline>),
 }
 
 impl Classifier {
@@ -116,16 +116,11 @@ impl Classifier {
         let model = match &config.model {
             ModelConfig::TactNet2(setup) => {
                 let network = config.network_config(setup)?;
-                Model::Network(NetworkScorer::new(
-                    setup,
-                    network,
-                    weights,
-                    device,
-                    config.seed,
-                )?)
+                let scorer = NetworkScorer::new(setup, network, weights, device, config.seed)?;
+                Model::Network(Box::new(scorer))
             }
             ModelConfig::Baseline(recipe) => {
-                Model::Baseline(Baseline::from_weights(recipe, &config, weights)?)
+                Model::Baseline(Box::new(Baseline::from_weights(recipe, &config, weights)?))
             }
         };
         Ok(Self { config, model })

@@ -47,7 +47,7 @@ const TASKS: [&str; 8] = [
 
 fn predictions(lab: &Lab, out: &str) -> Vec<Vec<u8>> {
     let file = |task: &&str| lab.read(&format!("{out}/tasks/{task}/predictions_test.csv"));
-    TASKS.iter().map(|task| file(task)).collect()
+    TASKS.iter().map(file).collect()
 }
 
 #[test]

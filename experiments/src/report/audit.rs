@@ -28,12 +28,15 @@ fn audit(audit: &Audit) -> String {
             "The same model, one recording block left out",
             audit.block_out,
         ),
-        ("Nearest neighbour on taxel means", audit.means),
-        ("Permuted labels", audit.permuted),
+        (
+            "Nearest neighbour on taxel means (says nothing without levels)",
+            audit.means,
+        ),
+        ("MiniRocket on permuted labels", audit.permuted),
     ]
     .iter()
     .map(|(measure, accuracy)| {
-        let shown = accuracy.map_or_else(|| "not run".to_string(), percent);
+        let shown = accuracy.map_or_else(|| "\u{2013}".to_string(), percent);
         format!("<tr><th scope=\"row\">{measure}</th><td class=\"number\">{shown}</td></tr>\n")
     })
     .collect();

@@ -1,6 +1,6 @@
 //! What the words and numbers of the page mean.
 
-const TERMS: [(&str, &str); 11] = [
+const TERMS: [(&str, &str); 12] = [
     (
         "1 sweep",
         "The material is told from one stroke of the sensor over it.",
@@ -17,7 +17,12 @@ const TERMS: [(&str, &str); 11] = [
     (
         "\u{3c3}<sub>test</sub>",
         "How much one fold's accuracy would scatter merely because its test sweeps are finite in number: \
-         \u{221a}(a (1 \u{2212} a) / n). An sd near it leaves little room for anything else, such as overfitting.",
+         \u{221a}(a (1 \u{2212} a) / n). An sd near it says that folds differ by little else.",
+    ),
+    (
+        "Random draws",
+        "Every fold of every model starts from the same seed: initial weights, order of sweeps, dropout and random kernels are drawn alike \
+         in all folds. Means and intervals hold for these draws; another seed would move them a little.",
     ),
     (
         "Corrected resampled t-test",
@@ -42,7 +47,8 @@ const TERMS: [(&str, &str); 11] = [
     ),
     (
         "Levels kept, removed",
-        "Whether the mean of each taxel stays in a sweep. With levels removed, only what changes over time is left.",
+        "Whether the mean of each taxel stays in a sweep. With levels removed each taxel's mean is subtracted from every sweep; \
+         what goes with the level, such as how strongly it fluctuates, stays.",
     ),
     (
         "Probe",

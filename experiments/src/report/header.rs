@@ -72,5 +72,6 @@ fn twins(summary: &Summary) -> std::collections::BTreeSet<&str> {
 
 /// Whether a data set is the generator's.
 pub(super) fn is_twin(data: &str) -> bool {
-    data.contains("twin")
+    data.split(|c: char| !c.is_alphanumeric())
+        .any(|word| word == "twin")
 }
