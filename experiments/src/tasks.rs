@@ -17,6 +17,11 @@ use tactnet_pipeline::RunDir;
 use crate::plan::{Plan, Task};
 use crate::{ExperimentError, ExperimentRecipe};
 
+/// Held while the plan is written.
+const LOCK: &str = ".lock";
+/// What may lie in a folder whose plan has not been written yet.
+const OWN: [&str; 4] = [LOCK, "recipes", "tasks", "experiment.json"];
+
 /// Where a task stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -51,6 +56,24 @@ impl ExperimentDir {
     ) -> Result<Self, ExperimentError> {
         let plan = Plan::new(recipe, command)?;
         let file = path.join("experiment.json");
+        let failed = |error| ExperimentError::io(path, "make the experiment's folder", error);
+        if !file.exists() && path.exists() {
+            for entry in fs::read_dir(path).map_err(failed)? {
+                let name = entry.map_err(failed)?.file_name();
+                if !OWN.iter().any(|own| name == *own) {
+                    return Err(ExperimentError::Folder {
+                        path: path.into(),
+                        reason:
+                            "an experiment needs a new or empty folder; name another with `--out`"
+                                .into(),
+                    });
+                }
+            }
+        }
+        fs::create_dir_all(path).map_err(failed)?;
+        // Of two runners that begin at once, one writes the plan and the other finds it.
+        let planning = fs::File::create(path.join(LOCK)).map_err(failed)?;
+        planning.lock().map_err(failed)?;
         if file.exists() {
             let known = Self::open(path)?;
             return match known.plan.difference(&plan) {
@@ -62,14 +85,6 @@ impl ExperimentDir {
                     ),
                 }),
             };
-        }
-        let failed = |error| ExperimentError::io(path, "make the experiment's folder", error);
-        if path.exists() && fs::read_dir(path).map_err(failed)?.next().is_some() {
-            return Err(ExperimentError::Folder {
-                path: path.into(),
-                reason: "an experiment needs a new or empty folder; name another with `--out`"
-                    .into(),
-            });
         }
         for folder in ["recipes", "tasks"] {
             fs::create_dir_all(path.join(folder)).map_err(failed)?;

@@ -174,7 +174,8 @@ impl Ranking {
         format!(
             "<figure>\n<div class=\"scroll\" tabindex=\"0\" role=\"group\" aria-label=\"Mean ranks\">\n{}</div>\n\
              <figcaption>Mean rank by single-sweep accuracy over {} data sets ({}), 1 is best. Models that a thick bar joins differ by \
-             less than the critical distance CD (Nemenyi test, alpha 0.05; Dem\u{161}ar, 2006).</figcaption>\n</figure>\n",
+             less than the critical distance CD (Nemenyi test, alpha 0.05; Dem\u{161}ar, 2006). The test takes data sets as independent: \
+             two files with the same sweeps are not.</figcaption>\n</figure>\n",
             figure(720.0, height, &title, &svg),
             self.data_sets,
             escape(variant)
