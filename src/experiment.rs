@@ -66,7 +66,7 @@ pub struct RunArgs {
     /// Where tasks run
     #[arg(long, value_enum, default_value_t)]
     engine: Engine,
-    /// Tasks at once [default: one for every four cores; with Slurm: 100]
+    /// Tasks at once [default: one for every core; with Slurm: 100]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     jobs: Option<u32>,
     /// With Slurm: cores of each task
@@ -187,7 +187,7 @@ fn run_experiment(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
         Engine::Local => {
             let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
             let pool = match arguments.jobs {
-                None => LocalPool::for_cores(cores),
+                None => LocalPool::for_cores(cores, dir.plan.tasks.len()),
                 Some(jobs) => LocalPool::with_jobs(jobs as usize, cores),
             };
             run_locally(&dir, &program, pool, || stop.asked(), tell)

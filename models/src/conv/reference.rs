@@ -2,6 +2,18 @@
 
 use super::shape::BlockShape;
 
+/// Sides taken by a forward pass in single precision, `[batch, pooled_steps, taxels, maps_out]`.
+#[derive(Clone, Copy)]
+pub(crate) struct Branch<'a> {
+    /// Step of the winner within its window.
+    pub(crate) positions: &'a [u8],
+    /// After ReLU: positive where the gradient passes.
+    pub(crate) pooled: &'a [f32],
+}
+
+/// How far from a tie or from zero, in standard deviations of the map, a choice may differ from the one in f64.
+const ROUNDING: f64 = 2e-5;
+
 pub(crate) struct Reference {
     pub(crate) pooled: Vec<f64>,
     pub(crate) mean: Vec<f64>,
@@ -32,7 +44,8 @@ fn taps(s: &BlockShape, mut visit: impl FnMut(usize, usize, usize)) {
 }
 
 /// Statistics of the batch unless `running` gives mean and variance (then gradients are left zero).
-/// `positions`, if given, forces the pooling winners (step within the window).
+/// `branch`, if given, names the side of every kink that the implementation under test took: within rounding both sides are right, but
+/// their gradients differ. A choice that rounding does not explain is a panic.
 #[allow(clippy::too_many_arguments)]
 pub(crate) fn reference(
     s: &BlockShape,
@@ -42,7 +55,7 @@ pub(crate) fn reference(
     beta: &[f32],
     running: Option<(&[f32], &[f32])>,
     grad: &[f32],
-    positions: Option<&[u8]>,
+    branch: Option<Branch<'_>>,
 ) -> Reference {
     let (ci, co, k) = (s.maps_in, s.maps_out, s.kernel[0] * s.kernel[1]);
     let n = s.count();
@@ -88,10 +101,23 @@ pub(crate) fn reference(
             }
         }
         pooled[at] = z(best).max(0.0);
-        if let Some(positions) = positions {
-            best = p * s.pool + usize::from(positions[at]);
+        let mut passes = z(best) > 0.0;
+        if let Some(branch) = branch {
+            let winner = p * s.pool + usize::from(branch.positions[at]);
+            assert!(
+                z(best) - z(winner) < ROUNDING,
+                "{s:?}: not the winner of window {at}"
+            );
+            best = winner;
+            let chosen = branch.pooled[at] > 0.0;
+            assert!(
+                chosen == passes || z(best).abs() < ROUNDING,
+                "{s:?}: wrong side of zero in window {at}: {}",
+                z(best)
+            );
+            passes = chosen;
         }
-        if z(best) > 0.0 {
+        if passes {
             dz[cell(best)] = f64::from(grad[at]);
         }
     }
