@@ -1,5 +1,7 @@
 //! `tactnet experiment`: cross-validations and their like, as tasks that run anywhere, and a page made from what they left.
 
+mod study_table;
+
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -48,10 +50,11 @@ pub enum ExperimentCommand {
     tactnet experiment run crossval_baselines                           on the twin\n  \
     tactnet experiment run crossval_tactnet2 --set data=sweeps.h5       on recorded sweeps\n  \
     tactnet experiment run crossval_baselines --set folds=2 --set 'models=[\"minirocket\"]'\n  \
+    tactnet experiment run nshot --set splits=3 --set 'shots=[1,10]'    n-shot transfer\n  \
     tactnet experiment run my.toml --engine slurm --out /shared/my      on a cluster\n\n\
     The same call goes on where it was stopped; tasks that have ended are not run again.\n\n\
     Fields for --set: data, models, levels, steps, split, probes (a value or a list), folds (how many of the five random folds are \
-    trained), runs (1 or 2), groups, seed, epochs, search.trials. `tactnet experiment show NAME` prints a whole recipe.\n\n\
+    trained), runs (1 or 2), groups, seed, epochs, search.trials; of studies of new materials: splits, shots, methods. `tactnet experiment show NAME` prints a whole recipe.\n\n\
     With --engine slurm, folder and program must lie under the same path on every node.")]
 pub struct RunArgs {
     /// A built-in experiment (see `tactnet experiment list`) or a TOML file
@@ -336,6 +339,9 @@ fn print_table(summary: &Summary) -> anyhow::Result<()> {
             "only {} of {} tasks have ended",
             summary.tasks_done, summary.tasks
         ))?;
+    }
+    if let Some(study) = &summary.study {
+        study_table::print(study)?;
     }
     let mut setting = None;
     for probe in [false, true] {

@@ -8,6 +8,7 @@ mod output;
 mod report;
 mod source;
 mod stop;
+mod study;
 mod train;
 
 use clap::{Parser, Subcommand};
@@ -45,6 +46,9 @@ enum Command {
     /// Run cross-validations and their like, and report
     #[command(subcommand)]
     Experiment(experiment::ExperimentCommand),
+    /// Run one task of a study: what experiments call
+    #[command(hide = true)]
+    Study(study::StudyArgs),
     /// Look at, check, make, convert and fetch data sets
     #[command(subcommand)]
     Data(data::DataCommand),
@@ -63,6 +67,7 @@ fn main() -> ExitCode {
         Command::Train(arguments) => train::run(arguments),
         Command::Eval(arguments) => eval::run(arguments),
         Command::Experiment(command) => experiment::run(command),
+        Command::Study(arguments) => study::run(&arguments),
         Command::Data(command) => data::run(command),
     };
     outcome.unwrap_or_else(|error| failure::report(&error))

@@ -20,10 +20,10 @@ use tactnet_pipeline::{
 use crate::report::Shown;
 use crate::stop::Stop;
 use crate::{GIT, failure, report, source};
-use choices::{LevelsChoice, ModelChoice, SplitChoice};
+use choices::{ModelChoice, SplitChoice};
 use progress::Progress;
 
-pub use choices::DeviceChoice;
+pub use choices::{DeviceChoice, LevelsChoice};
 
 /// Every epoch is saved at its end, and a long one also this often.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
@@ -285,7 +285,8 @@ fn free_folder(dataset: &str, config: &RunConfig, fold: &Fold<'_>) -> PathBuf {
     numbered(number)
 }
 
-fn refuse_errors(dataset: &Dataset, data: &str) -> anyhow::Result<()> {
+/// Refuses a data set that `tactnet data check` finds errors in.
+pub fn refuse_errors(dataset: &Dataset, data: &str) -> anyhow::Result<()> {
     let findings = check(dataset);
     let errors: Vec<_> = findings
         .iter()

@@ -203,6 +203,39 @@ impl Dataset {
         self.rebuilt(name, shape, |this| (records, this.samples))
     }
 
+    /// The sweeps of some materials alone, labelled anew in the order of `labels`.
+    ///
+    /// # Errors
+    /// No label, a label twice, or one that is not there; materials without any sweep.
+    pub fn of_materials(&self, labels: &[usize]) -> Result<Self, DataError> {
+        if let Some(label) = labels.iter().find(|label| **label >= self.labels.len()) {
+            return Err(DataError::inconsistent(
+                "materials",
+                format!("labels below {}", self.labels.len()),
+                format!("label {label}"),
+            ));
+        }
+        let set = LabelSet::new(labels.iter().map(|label| self.labels.name(*label)))?;
+        let mut indices = Vec::new();
+        let mut records = Vec::new();
+        for (index, record) in self.records.iter().enumerate() {
+            if let Some(label) = labels.iter().position(|label| *label == record.label) {
+                indices.push(index);
+                records.push(SweepRecord {
+                    label,
+                    ..record.clone()
+                });
+            }
+        }
+        let samples = self.samples.gather(self.shape.values(), &indices);
+        let name = format!("{}, {} materials", self.name, labels.len());
+        let part = Self::new(name, self.sample_rate_hz, self.shape, set, records, samples)?;
+        Ok(Self {
+            synthetic: self.synthetic,
+            ..part
+        })
+    }
+
     fn rebuilt(
         self,
         name: String,

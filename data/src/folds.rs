@@ -163,6 +163,41 @@ impl<'a> Fold<'a> {
         ))
     }
 
+    /// The same fold with few training sweeps: `shots` of every material, drawn at random. Fewer shots are a part of more.
+    ///
+    /// # Errors
+    /// No shot, or a material with fewer training sweeps.
+    pub fn shots(&self, shots: usize) -> Result<Self, DataError> {
+        let mut of_label = vec![Vec::new(); self.dataset.labels().len()];
+        for &sweep in self.train.indices() {
+            of_label[self.dataset.records()[sweep].label].push(sweep);
+        }
+        let stream = format!("shots, run {}", self.run);
+        let mut drawn = Vec::new();
+        for (label, mut sweeps) in of_label.into_iter().enumerate() {
+            if shots == 0 || sweeps.len() < shots {
+                return Err(DataError::inconsistent(
+                    format!("training sweeps of `{}`", self.dataset.labels().name(label)),
+                    format!("at least {}", shots.max(1)),
+                    if shots == 0 {
+                        "0 asked for".into()
+                    } else {
+                        sweeps.len().to_string()
+                    },
+                ));
+            }
+            shuffle(
+                &mut sweeps,
+                &mut self.seed.rng((stream.as_str(), self.fold, label)),
+            );
+            drawn.extend_from_slice(&sweeps[..shots]);
+        }
+        Ok(Self {
+            train: TrainSplit::new(self.dataset, drawn),
+            ..self.clone()
+        })
+    }
+
     /// The same as a fold of its own: trains on what part `part` leaves of the training sweeps and is judged by that part. The
     /// test sweeps of this fold are on neither side.
     ///
@@ -555,6 +590,28 @@ mod tests {
             nested.manifest()
         );
         assert_ne!(nested.manifest().sha256, outer.manifest().sha256);
+    }
+
+    #[test]
+    fn fewer_shots_are_a_part_of_more_and_never_test_sweeps() {
+        let dataset = recorded(&[20, 25], 5);
+        let fold = Fold::new(&dataset, Scheme::default(), Seed(3), 0, 1).unwrap();
+        let [few, many] = [2, 9].map(|shots| fold.shots(shots).unwrap());
+        assert_eq!(few.train.sweeps_per_label(), [2, 2]);
+        assert_eq!(many.train.sweeps_per_label(), [9, 9]);
+        let many = many.train.indices();
+        assert!(few.train.indices().iter().all(|i| many.contains(i)));
+        assert!(many.iter().all(|i| fold.train.indices().contains(i)));
+        assert_eq!(few.test.indices(), fold.test.indices());
+        let other = Fold::new(&dataset, Scheme::default(), Seed(3), 0, 2).unwrap();
+        assert_ne!(other.shots(2).unwrap().train.indices(), few.train.indices());
+        for shots in [0, 17] {
+            let refused = fold.shots(shots).unwrap_err().to_string();
+            assert!(
+                refused.contains("training sweeps of `material 0`"),
+                "{refused}"
+            );
+        }
     }
 
     #[test]

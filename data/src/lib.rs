@@ -18,6 +18,7 @@ pub mod format;
 mod frame;
 mod info;
 mod material;
+mod material_split;
 mod samples;
 mod seed;
 mod shuffle;
@@ -32,6 +33,7 @@ pub use folds::{Fold, Scheme, SplitManifest, SweepView, TestSplit, TrainSplit, V
 pub use frame::Frame;
 pub use info::{Info, MaterialInfo, info};
 pub use material::{LabelSet, Material};
+pub use material_split::MaterialSplit;
 pub use samples::Samples;
 pub use seed::Seed;
 pub use shuffle::shuffle;

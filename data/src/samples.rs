@@ -88,6 +88,22 @@ impl Samples {
         }
     }
 
+    /// The runs of `whole` values at `positions`, in that order.
+    pub(crate) fn gather(&self, whole: usize, positions: &[usize]) -> Self {
+        fn pick<T: Copy>(values: &[T], whole: usize, positions: &[usize]) -> Vec<T> {
+            positions
+                .iter()
+                .flat_map(|position| &values[position * whole..][..whole])
+                .copied()
+                .collect()
+        }
+        match self {
+            Self::U8(v) => Self::U8(pick(v, whole, positions)),
+            Self::U16(v) => Self::U16(pick(v, whole, positions)),
+            Self::F32(v) => Self::F32(pick(v, whole, positions)),
+        }
+    }
+
     /// The values' little-endian bytes, piece by piece, for hashing.
     pub(crate) fn for_each_le_chunk(&self, mut visit: impl FnMut(&[u8])) {
         const CHUNK: usize = 1 << 14;

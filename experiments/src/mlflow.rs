@@ -28,6 +28,12 @@ const ARTEFACTS: [&str; 5] = [
 /// # Errors
 /// A folder that is not empty or cannot be written; a damaged run directory.
 pub fn export_mlflow(dir: &ExperimentDir, out: &Path) -> Result<usize, ExperimentError> {
+    if dir.plan.recipe.study.is_some() {
+        return Err(ExperimentError::Folder {
+            path: dir.path().into(),
+            reason: "a study's tasks are no training runs, which is what MLflow shows; its numbers are in summary.json".into(),
+        });
+    }
     let failed = |error| ExperimentError::io(out, "make the folder", error);
     if out.exists() && fs::read_dir(out).map_err(failed)?.next().is_some() {
         return Err(ExperimentError::Folder {

@@ -10,7 +10,10 @@ use tactnet_pipeline::{Levels, ModelRecipe};
 use toml::{Table, Value};
 
 use crate::recipe::{Range, set};
-use crate::{ExperimentError, ExperimentRecipe, Probe, Split};
+use crate::{
+    ExperimentError, ExperimentRecipe, Probe, Split, Study, StudySettings, StudyTask,
+    TransferMethod,
+};
 
 /// One training with its evaluation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -44,7 +47,7 @@ pub struct Plan {
 
 impl Plan {
     /// Version written by this program.
-    pub const SCHEMA_VERSION: u32 = 2;
+    pub const SCHEMA_VERSION: u32 = 3;
     /// Before the file name of a recipe of the experiment's own.
     pub(crate) const OWN_RECIPE: &str = "recipes:";
 
@@ -66,7 +69,18 @@ impl Plan {
         }
         let mut recipes = BTreeMap::new();
         let models = models(recipe, &mut recipes)?;
-        let tasks = tasks(recipe, &models);
+        let tasks = match &recipe.study {
+            None => tasks(recipe, &models),
+            Some(study) => {
+                if let Some(model) = models.iter().find(|model| !model.is_network) {
+                    return Err(refused(format!(
+                        "model `{}`: a study needs networks",
+                        model.name
+                    )));
+                }
+                study_tasks(recipe, study, &models)
+            }
+        };
         let mut names: Vec<&str> = tasks.iter().map(|task| task.id.as_str()).collect();
         names.sort_unstable();
         if let Some(twice) = names.windows(2).find(|pair| pair[0] == pair[1]) {
@@ -186,11 +200,7 @@ fn models(
 }
 
 fn tasks(recipe: &ExperimentRecipe, models: &[Model]) -> Vec<Task> {
-    let lengths: Vec<Option<usize>> = if recipe.steps.is_empty() {
-        vec![None]
-    } else {
-        recipe.steps.iter().copied().map(Some).collect()
-    };
+    let lengths = lengths(recipe);
     let mut tasks = Vec::new();
     // Fold by fold, so that an experiment that is looked at early has the same folds of every model.
     for run in 0..recipe.runs {
@@ -224,6 +234,93 @@ fn tasks(recipe: &ExperimentRecipe, models: &[Model]) -> Vec<Task> {
     tasks
 }
 
+/// A task for every split (of the materials, or of the sweeps), data set and network.
+fn study_tasks(recipe: &ExperimentRecipe, study: &StudySettings, models: &[Model]) -> Vec<Task> {
+    let draws = matches!(study.kind, Study::Nshot | Study::Unknown);
+    let numbers: Vec<usize> = if draws {
+        (0..recipe.splits).collect()
+    } else {
+        (0..recipe.runs)
+            .flat_map(|run| (0..recipe.folds).map(move |fold| 5 * run + fold))
+            .collect()
+    };
+    let methods = if recipe.methods.is_empty() && study.kind == Study::Nshot {
+        TransferMethod::ALL.to_vec()
+    } else {
+        recipe.methods.clone()
+    };
+    let mut tasks = Vec::new();
+    for &number in &numbers {
+        for data in &recipe.data {
+            for &levels in &recipe.levels {
+                for steps in lengths(recipe) {
+                    for model in models {
+                        let task = StudyTask {
+                            study: study.kind,
+                            number,
+                            seed: recipe.seed,
+                            shots: recipe.shots.clone(),
+                            methods: methods.clone(),
+                            new_materials: study.new_materials,
+                            scratch_folds: study.scratch_folds,
+                        };
+                        tasks.push(study_task(recipe, data, levels, steps, model, &task));
+                    }
+                }
+            }
+        }
+    }
+    tasks
+}
+
+fn study_task(
+    recipe: &ExperimentRecipe,
+    data: &str,
+    levels: Levels,
+    steps: Option<usize>,
+    model: &Model,
+    task: &StudyTask,
+) -> Task {
+    let text = serde_json::to_string(task)
+        .unwrap_or_else(|error| panic!("a study's task is always valid JSON: {error}"));
+    let mut arguments: Vec<String> = vec!["study".into()];
+    let mut add = |flag: &str, value: String| arguments.extend([flag.into(), value]);
+    add("--data", absolute(data));
+    add("--recipe", model.recipe.clone());
+    add("--levels", levels.name().into());
+    if let Some(steps) = steps {
+        add("--steps", steps.to_string());
+    }
+    if let Some(epochs) = recipe.epochs {
+        add("--epochs", epochs.to_string());
+    }
+    add("--task", text);
+    let setting = Setting {
+        recipe,
+        data,
+        levels,
+        steps,
+        split: Split::KFold,
+        run: 0,
+        fold: 0,
+    };
+    Task {
+        id: setting.study_id(&model.name, task),
+        model: model.name.clone(),
+        arguments,
+        probe: None,
+    }
+}
+
+/// Time steps kept of every sweep, one after the other; `None`: all.
+fn lengths(recipe: &ExperimentRecipe) -> Vec<Option<usize>> {
+    if recipe.steps.is_empty() {
+        vec![None]
+    } else {
+        recipe.steps.iter().copied().map(Some).collect()
+    }
+}
+
 struct Setting<'a> {
     recipe: &'a ExperimentRecipe,
     data: &'a str,
@@ -251,7 +348,8 @@ impl Setting<'_> {
         arguments
     }
 
-    fn id(&self, model: &str) -> String {
+    /// Data set, model, levels and steps, as they stand in a name: before and behind the model.
+    fn parts(&self) -> [String; 2] {
         let levels = if self.levels.are_kept() {
             ""
         } else {
@@ -260,15 +358,25 @@ impl Setting<'_> {
         let steps = self
             .steps
             .map_or(String::new(), |steps| format!("-{steps}_steps"));
-        let data = stem(self.data);
+        [stem(self.data), format!("{levels}{steps}")]
+    }
+
+    fn id(&self, model: &str) -> String {
+        let [data, rest] = self.parts();
         match self.split {
-            Split::KFold => format!(
-                "{data}-{model}{levels}{steps}-run{}-fold{}",
-                self.run, self.fold
-            ),
-            Split::TestFlag => format!("{data}-{model}{levels}{steps}-test_flag"),
-            Split::LeaveBlockOut => format!("{data}-{model}{levels}{steps}-block{}", self.fold),
+            Split::KFold => format!("{data}-{model}{rest}-run{}-fold{}", self.run, self.fold),
+            Split::TestFlag => format!("{data}-{model}{rest}-test_flag"),
+            Split::LeaveBlockOut => format!("{data}-{model}{rest}-block{}", self.fold),
         }
+    }
+
+    fn study_id(&self, model: &str, task: &StudyTask) -> String {
+        let [data, rest] = self.parts();
+        format!(
+            "{data}-{model}{rest}-{}-{:03}",
+            task.study.name(),
+            task.number
+        )
     }
 
     fn task(&self, model: &Model) -> Task {

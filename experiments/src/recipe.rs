@@ -7,10 +7,10 @@ use serde::{Deserialize, Deserializer, Serialize};
 use tactnet_pipeline::Levels;
 use toml::{Table, Value};
 
-use crate::ExperimentError;
+use crate::{ExperimentError, Study, TransferMethod};
 
 /// Experiments that ship with the binary, by name.
-const BUILT_IN: [(&str, &str); 5] = [
+const BUILT_IN: [(&str, &str); 10] = [
     (
         "crossval_tactnet2",
         include_str!("../recipes/crossval_tactnet2.toml"),
@@ -31,6 +31,17 @@ const BUILT_IN: [(&str, &str); 5] = [
         "hyperparameters",
         include_str!("../recipes/hyperparameters.toml"),
     ),
+    ("nshot", include_str!("../recipes/nshot.toml")),
+    (
+        "sample_efficiency",
+        include_str!("../recipes/sample_efficiency.toml"),
+    ),
+    (
+        "differentiate",
+        include_str!("../recipes/differentiate.toml"),
+    ),
+    ("unknown", include_str!("../recipes/unknown.toml")),
+    ("sequential", include_str!("../recipes/sequential.toml")),
 ];
 
 /// What is trained on what, and what is expected to come out.
@@ -78,12 +89,46 @@ pub struct ExperimentRecipe {
     /// Train networks this many epochs instead of their recipe's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub epochs: Option<usize>,
+    /// A question whose tasks are more than one training each; absent: every task trains and judges one classifier.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub study: Option<StudySettings>,
+    /// With a study of new materials: how often they are drawn.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub splits: usize,
+    /// With `nshot`: sweeps of every new material that are learnt from.
+    #[serde(
+        default,
+        skip_serializing_if = "Vec::is_empty",
+        deserialize_with = "one_or_many"
+    )]
+    pub shots: Vec<usize>,
+    /// With `nshot`: methods of transfer.
+    #[serde(
+        default,
+        skip_serializing_if = "Vec::is_empty",
+        deserialize_with = "one_or_many"
+    )]
+    pub methods: Vec<TransferMethod>,
     /// Recipes made from others.
     #[serde(default)]
     pub variants: Vec<Variant>,
     /// Recipes drawn at random, judged on the inner split.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub search: Option<Search>,
+}
+
+/// A study's question and what belongs to it alone.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StudySettings {
+    /// The question.
+    pub kind: Study,
+    /// Materials that are new.
+    #[serde(default = "six")]
+    pub new_materials: usize,
+    /// Of the five folds of the new materials' sweeps, in how many a whole network is trained from scratch.
+    #[serde(default = "one")]
+    pub scratch_folds: usize,
 }
 
 /// How data sets are split.
@@ -210,6 +255,15 @@ fn five() -> usize {
 
 fn one() -> usize {
     1
+}
+
+fn six() -> usize {
+    6
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)] // as serde calls it
+fn is_one(value: &usize) -> bool {
+    *value == 1
 }
 
 fn one_seed() -> u64 {
@@ -346,7 +400,49 @@ impl ExperimentRecipe {
         if self.epochs == Some(0) {
             return Some("`epochs`: expected at least 1, found 0".into());
         }
-        self.search.as_ref().and_then(Search::mistake)
+        self.study_mistake()
+            .or_else(|| self.search.as_ref().and_then(Search::mistake))
+    }
+
+    fn study_mistake(&self) -> Option<String> {
+        let kind = self.study.as_ref().map(|study| study.kind);
+        let draws = matches!(kind, Some(Study::Nshot | Study::Unknown));
+        if !draws && self.splits != 1 {
+            return Some("`splits`: only a study of new materials draws them".into());
+        }
+        if kind != Some(Study::Nshot) && !(self.shots.is_empty() && self.methods.is_empty()) {
+            return Some("`shots` and `methods`: belong to a study of kind `nshot`".into());
+        }
+        let study = self.study.as_ref()?;
+        if self.splits == 0 {
+            return Some("`splits`: expected at least 1, found 0".into());
+        }
+        if study.new_materials < 2 {
+            return Some(format!(
+                "`study.new_materials`: expected at least 2, found {}",
+                study.new_materials
+            ));
+        }
+        if !(1..=5).contains(&study.scratch_folds) {
+            return Some(format!(
+                "`study.scratch_folds`: expected 1 to 5, found {}",
+                study.scratch_folds
+            ));
+        }
+        if kind == Some(Study::Nshot) && (self.shots.is_empty() || self.shots.contains(&0)) {
+            return Some("`shots`: expected one or more numbers above 0".into());
+        }
+        for (field, used) in [
+            ("probes", !self.probes.is_empty()),
+            ("groups", self.groups > 0),
+            ("search", self.search.is_some()),
+            ("split", self.split != [Split::KFold]),
+        ] {
+            if used {
+                return Some(format!("`{field}`: a study has none"));
+            }
+        }
+        None
     }
 }
 
@@ -438,6 +534,8 @@ mod tests {
             ("runs=3", "expected 1 to 2"),
             ("models=[\"fast\"", "--set models"),
             ("search.trials=3", "this experiment has none"),
+            ("splits=3", "only a study of new materials"),
+            ("shots=1", "belong to a study of kind `nshot`"),
             (
                 "search={base=\"fast\",trials=1,space={\"training.batch\"={kind=\"choice\",values=[]}}}",
                 "training.batch",

@@ -16,6 +16,7 @@ mod material_groups;
 mod paired;
 mod ranks;
 mod results;
+mod study;
 mod svg;
 mod text;
 
@@ -41,6 +42,9 @@ const SECTIONS: [(&str, &str); 9] = [
 
 /// One HTML page with everything that `summary` holds; it loads nothing and works, as plain tables, without JavaScript.
 pub fn to_html(summary: &Summary) -> String {
+    if let Some(study) = &summary.study {
+        return page(summary, &study::sections(study));
+    }
     let sets = data_sets(summary);
     let bodies = [
         results::section(summary, &sets),
@@ -53,14 +57,23 @@ pub fn to_html(summary: &Summary) -> String {
         ranks::section(summary),
         glossary::section(),
     ];
-    let contents: String = SECTIONS
-        .iter()
-        .map(|(id, heading)| format!("<li><a href=\"#{id}\">{heading}</a></li>"))
-        .collect();
-    let sections: String = SECTIONS
-        .iter()
+    let sections: Vec<(&str, &str, String)> = SECTIONS
+        .into_iter()
         .zip(bodies)
-        .map(|((id, heading), body)| {
+        .map(|((id, heading), body)| (id, heading, body))
+        .collect();
+    page(summary, &sections)
+}
+
+/// The page around its sections: identifier, heading and content of each.
+fn page(summary: &Summary, sections: &[(&str, &str, String)]) -> String {
+    let contents: String = sections
+        .iter()
+        .map(|(id, heading, _)| format!("<li><a href=\"#{id}\">{heading}</a></li>"))
+        .collect();
+    let sections: String = sections
+        .iter()
+        .map(|(id, heading, body)| {
             format!(
                 "<section aria-labelledby=\"{id}\">\n<h2 id=\"{id}\">{heading}</h2>\n{body}</section>\n"
             )
@@ -135,7 +148,12 @@ mod tests {
 
     #[test]
     fn elements_are_closed() {
-        for summary in [fake::summary(), fake::tactmat(), fake::empty()] {
+        for summary in [
+            fake::summary(),
+            fake::tactmat(),
+            fake::empty(),
+            fake::study(),
+        ] {
             let page = to_html(&summary);
             for name in [
                 "figure",
@@ -182,6 +200,25 @@ mod tests {
         for rest in page.split(" id=\"").skip(1) {
             let id = rest.split('"').next().unwrap();
             assert!(seen.insert(id), "{id} twice");
+        }
+    }
+
+    #[test]
+    fn a_study_has_its_own_sections() {
+        let page = to_html(&fake::study());
+        for id in [
+            "results",
+            "curves",
+            "comparisons",
+            "efficiency",
+            "tasks",
+            "glossary",
+        ] {
+            assert!(page.contains(&format!("<h2 id=\"{id}\">")), "{id}");
+        }
+        assert!(!page.contains(fake::HOSTILE));
+        for reference in ["http://", "https://", " src=", "@import", "url("] {
+            assert!(!page.contains(reference), "{reference}");
         }
     }
 

@@ -10,7 +10,8 @@ use tactnet_pipeline::{
 use crate::tasks::{ExperimentDir, TaskState};
 use crate::{
     Comparison, ExperimentError, FoldRecord, Published, ReliabilityBin, RiskCoverage, Row,
-    Statistic, Summary, Task, audits, grouping_of_counts, published_for, resampled_t_test,
+    Statistic, Study, StudyResult, Summary, Task, audits, grouping_of_counts, published_for,
+    resampled_t_test, study_summary,
 };
 
 /// Bins of the reliability diagram.
@@ -41,6 +42,9 @@ struct Fold<'a> {
 /// A run directory that is damaged.
 pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
     let recipe = &dir.plan.recipe;
+    if let Some(study) = &recipe.study {
+        return summarise_study(dir, study.kind);
+    }
     let mut ended = Vec::new();
     for task in &dir.plan.tasks {
         if dir.state(task) == TaskState::Done {
@@ -131,6 +135,38 @@ pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
         audits: audits(&rows),
         groups,
         rows,
+        study: None,
+    })
+}
+
+fn summarise_study(dir: &ExperimentDir, kind: Study) -> Result<Summary, ExperimentError> {
+    let recipe = &dir.plan.recipe;
+    let ended = study_summary::ended(dir)?;
+    let set = |of: fn(&StudyResult) -> &String| -> Vec<String> {
+        let all: BTreeSet<&String> = ended.iter().map(|e| of(&e.result)).collect();
+        all.into_iter().cloned().collect()
+    };
+    Ok(Summary {
+        schema_version: Summary::SCHEMA_VERSION,
+        name: recipe.name.clone(),
+        title: recipe.title.clone(),
+        expects: recipe.expects.clone(),
+        command: dir.plan.command.clone(),
+        git: set(|result| &result.provenance.git),
+        seed: recipe.seed,
+        tasks_done: ended.len(),
+        tasks: dir.plan.tasks.len(),
+        train_seconds: ended.iter().map(|e| e.result.seconds).sum(),
+        processors: set(|result| &result.provenance.processor),
+        data_sha256: ended
+            .iter()
+            .map(|e| (e.result.data.clone(), e.result.data_sha256.clone()))
+            .collect(),
+        rows: Vec::new(),
+        comparisons: Vec::new(),
+        audits: Vec::new(),
+        groups: BTreeMap::new(),
+        study: Some(study_summary::summary(dir, kind, &ended)?),
     })
 }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Audit, Comparison, Grouping, Statistic};
+use crate::{Audit, Comparison, Grouping, Statistic, StudySummary};
 
 /// Everything an experiment found.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -41,6 +41,9 @@ pub struct Summary {
     pub audits: Vec<Audit>,
     /// Materials in groups, by row (see [`Row::key`]).
     pub groups: BTreeMap<String, Grouping>,
+    /// What a study found; `rows` and what is made of them are then empty.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub study: Option<StudySummary>,
 }
 
 impl Summary {

@@ -15,7 +15,7 @@ use serde::Serialize;
 use tactnet_pipeline::RunDir;
 
 use crate::plan::{Plan, Task};
-use crate::{ExperimentError, ExperimentRecipe};
+use crate::{ExperimentError, ExperimentRecipe, StudyResult};
 
 /// Held while the plan is written.
 const LOCK: &str = ".lock";
@@ -190,11 +190,38 @@ impl ExperimentDir {
 
     /// Time that a task that has ended spent in training, seconds.
     pub(crate) fn train_seconds(&self, task: &Task) -> f64 {
+        if self.plan.recipe.study.is_some() {
+            return self.study_result(task).map_or(0.0, |result| result.seconds);
+        }
         let result = RunDir::open(&self.task_dir(task)).and_then(|run| run.result());
         result
             .ok()
             .flatten()
             .map_or(0.0, |result| result.train_seconds)
+    }
+
+    /// What a study's task that has ended found.
+    ///
+    /// # Errors
+    /// No result there, a damaged one, or one of another version.
+    pub(crate) fn study_result(&self, task: &Task) -> Result<StudyResult, ExperimentError> {
+        let path = self.task_dir(task).join("result.json");
+        let text =
+            fs::read_to_string(&path).map_err(|error| ExperimentError::io(&path, "read", error))?;
+        let damaged = |reason: String| ExperimentError::Folder {
+            path: path.clone(),
+            reason,
+        };
+        let result: StudyResult =
+            serde_json::from_str(&text).map_err(|error| damaged(error.to_string()))?;
+        if result.schema_version != StudyResult::SCHEMA_VERSION {
+            return Err(damaged(format!(
+                "expected schema version {}, found {}",
+                StudyResult::SCHEMA_VERSION,
+                result.schema_version
+            )));
+        }
+        Ok(result)
     }
 
     /// The last line of a task's log.
@@ -248,6 +275,11 @@ mod tests {
             ("leave_block_out", 30),
             ("sequence_length", 60),
             ("hyperparameters", 22),
+            ("nshot", 100),
+            ("sample_efficiency", 100),
+            ("differentiate", 10),
+            ("unknown", 20),
+            ("sequential", 10),
         ] {
             let (_folder, dir) = planned(name, &[]);
             assert_eq!(dir.plan.tasks.len(), tasks, "{name}");

@@ -6,8 +6,10 @@ use burn::tensor::module::{batch_norm, batch_norm_train};
 use burn::tensor::{Device, Tensor};
 use rand::Rng;
 
+use crate::DenseWeights;
 use crate::block::{BatchStatistics, NORM_EPSILON, follow};
 use crate::initial::{constant_parameter, uniform_parameter};
+use crate::weights::values;
 
 /// `relu(batch_norm(x W^T))`: `[batch, inputs] -> [batch, outputs]`; no bias, since batch normalisation follows.
 #[derive(Module, Debug)]
@@ -61,6 +63,16 @@ impl NormalizedDense {
             self.running_variance.clone(),
             NORM_EPSILON,
         ))
+    }
+
+    /// With the running statistics folded in: `relu(weight x + bias)` is the same layer.
+    pub(crate) fn folded(&self) -> DenseWeights {
+        let scale = self.gamma.val() / (self.running_variance.clone() + NORM_EPSILON).sqrt();
+        let bias = self.beta.val() - self.running_mean.clone() * scale.clone();
+        DenseWeights {
+            weight: values(self.weight.val() * scale.unsqueeze_dim(1)),
+            bias: values(bias),
+        }
     }
 
     pub(crate) fn follow(&mut self, batch: &BatchStatistics) {

@@ -3,12 +3,12 @@
 //! All are fitted to `[sweeps][width]` features `u` of the task's sweeps. `OL` and `OL-mean` are convex problems and solved until the
 //! gradient vanishes (thesis, section 4.6); SimpleShot and whitened LDA have closed forms.
 
-use faer::{Mat, Side};
+use faer::{Mat, Par, Side};
 
-use crate::lbfgs::{Minimum, minimise};
+use crate::lbfgs::{Minimum, dot, minimise};
 use crate::{Features, ModelError, log_softmax};
 
-/// Largest norm of the gradient at the end of a fit, relative to the larger of 1 and the norm of the weights.
+/// Norm of the gradient at the end of a fit, relative to the larger of 1 and the norm of the weights.
 const TOLERANCE: f64 = 1e-7;
 /// Iterations after which a fit is given up.
 const ITERATIONS: usize = 5000;
@@ -72,6 +72,89 @@ impl WeightPrior {
     }
 }
 
+/// Sweeps in an orthonormal basis of what they span, where they are fewer than the features: the loss only depends on a weight's part
+/// in that span, and the penalty is least with its other part at the prior's mean. So a few sweeps make a small problem.
+struct Span {
+    /// `[sweeps][dimension]`
+    coordinates: Vec<Vec<f64>>,
+    /// `[width + 1, dimension]`; absent where nothing is gained.
+    basis: Option<Mat<f64>>,
+}
+
+impl Span {
+    fn of(features: &Features) -> Self {
+        let (sweeps, width) = (features.len(), features.width() + 1);
+        let rows: Vec<Vec<f64>> = features
+            .rows()
+            .map(|row| row.iter().map(|v| f64::from(*v)).chain([1.0]).collect())
+            .collect();
+        if sweeps >= width {
+            return Self {
+                coordinates: rows,
+                basis: None,
+            };
+        }
+        // On several threads faer's sums depend on how many there are.
+        faer::set_global_parallelism(Par::Seq);
+        let columns = Mat::<f64>::from_fn(width, sweeps, |i, j| rows[j][i]);
+        let qr = columns.qr();
+        let triangle = qr.thin_R();
+        Self {
+            coordinates: (0..sweeps)
+                .map(|sweep| {
+                    (0..sweeps)
+                        .map(|i| {
+                            if i <= sweep {
+                                triangle[(i, sweep)]
+                            } else {
+                                0.0
+                            }
+                        })
+                        .collect()
+                })
+                .collect(),
+            basis: Some(qr.compute_thin_Q()),
+        }
+    }
+
+    fn dimension(&self) -> usize {
+        self.coordinates.first().map_or(0, Vec::len)
+    }
+
+    /// A vector's part in the span, in its coordinates.
+    fn project(&self, vector: &[f64]) -> Vec<f64> {
+        match &self.basis {
+            None => vector.to_vec(),
+            Some(basis) => (0..basis.ncols())
+                .map(|j| {
+                    vector
+                        .iter()
+                        .enumerate()
+                        .map(|(i, v)| basis[(i, j)] * v)
+                        .sum()
+                })
+                .collect(),
+        }
+    }
+
+    /// The vector with these coordinates whose part outside the span is that of `outside`, which itself projects to `projected`.
+    fn lift(&self, coordinates: &[f64], projected: &[f64], outside: &[f64]) -> Vec<f64> {
+        match &self.basis {
+            None => coordinates.to_vec(),
+            Some(basis) => outside
+                .iter()
+                .enumerate()
+                .map(|(i, out)| {
+                    let inside = coordinates.iter().zip(projected).enumerate();
+                    out + inside
+                        .map(|(j, (c, p))| basis[(i, j)] * (c - p))
+                        .sum::<f64>()
+                })
+                .collect(),
+        }
+    }
+}
+
 impl LinearHead {
     /// Softmax regression: minimises `-log p(labels | W) + s sum over classes of |w_c - m|^2`.
     ///
@@ -85,22 +168,21 @@ impl LinearHead {
         materials: usize,
         prior: &WeightPrior,
     ) -> Result<Self, ModelError> {
-        let size = features.width() + 1;
+        let width = features.width() + 1;
         assert_eq!(
             prior.mean.len(),
-            size,
+            width,
             "a mean for each weight and the bias"
         );
-        let rows: Vec<Vec<f64>> = features
-            .rows()
-            .map(|row| row.iter().map(|v| f64::from(*v)).chain([1.0]).collect())
-            .collect();
-        let start: Vec<f64> = prior.mean.repeat(materials);
+        let span = Span::of(features);
+        let (rows, size) = (&span.coordinates, span.dimension());
+        let mean = span.project(&prior.mean);
+        let start: Vec<f64> = mean.repeat(materials);
         let objective = |x: &[f64], gradient: &mut [f64]| -> f64 {
             let mut value = 0.0;
             for (class, gradient) in gradient.chunks_exact_mut(size).enumerate() {
                 let weights = &x[class * size..][..size];
-                for ((g, w), m) in gradient.iter_mut().zip(weights).zip(&prior.mean) {
+                for ((g, w), m) in gradient.iter_mut().zip(weights).zip(&mean) {
                     *g = 2.0 * prior.strength * (w - m);
                     value += prior.strength * (w - m).powi(2);
                 }
@@ -108,7 +190,7 @@ impl LinearHead {
             for (row, label) in rows.iter().zip(labels) {
                 let scores: Vec<f64> = x
                     .chunks_exact(size)
-                    .map(|weights| weights.iter().zip(row).map(|(w, u)| w * u).sum())
+                    .map(|weights| dot(weights, row))
                     .collect();
                 let largest = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
                 let sum: f64 = scores.iter().map(|s| (s - largest).exp()).sum();
@@ -127,21 +209,25 @@ impl LinearHead {
         let Minimum {
             point,
             gradient_norm,
+            start_norm,
             ..
         } = minimise(start, objective, TOLERANCE, ITERATIONS);
         let norm = point.iter().map(|w| w * w).sum::<f64>().sqrt().max(1.0);
-        if gradient_norm.is_nan() || gradient_norm > 100.0 * TOLERANCE * norm {
+        // Rounding leaves a gradient that grows with the one at the start, a sum over all sweeps.
+        let most = TOLERANCE * (100.0 * norm).max(start_norm);
+        if gradient_norm.is_nan() || gradient_norm > most {
             return Err(ModelError::Fit {
                 what: "output layer",
                 reason: format!("the gradient's norm is still {gradient_norm:e}"),
             });
         }
+        let rows: Vec<Vec<f64>> = point
+            .chunks_exact(size)
+            .map(|row| span.lift(row, &mean, &prior.mean))
+            .collect();
         Ok(Self {
-            weights: point
-                .chunks_exact(size)
-                .map(|row| row[..size - 1].to_vec())
-                .collect(),
-            biases: point.chunks_exact(size).map(|row| row[size - 1]).collect(),
+            weights: rows.iter().map(|row| row[..width - 1].to_vec()).collect(),
+            biases: rows.iter().map(|row| row[width - 1]).collect(),
         })
     }
 
@@ -233,6 +319,7 @@ impl Whitening {
             .map(|row| row.iter().map(|v| f64::from(*v)).collect())
             .collect();
         let means = class_means(&rows, labels, materials);
+        faer::set_global_parallelism(Par::Seq);
         let residuals =
             Mat::<f64>::from_fn(rows.len(), width, |i, j| rows[i][j] - means[labels[i]][j]);
         let degrees = rows.len().saturating_sub(materials).max(1) as f64;
@@ -267,6 +354,7 @@ impl Whitening {
 
     /// Whitened features: `[sweeps][width]`.
     pub fn apply(&self, features: &Features) -> Features {
+        faer::set_global_parallelism(Par::Seq);
         let width = features.width();
         let centred = Mat::<f64>::from_fn(features.len(), width, |i, j| {
             f64::from(features.row(i)[j]) - self.centre[j]

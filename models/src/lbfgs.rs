@@ -1,11 +1,14 @@
 //! L-BFGS for smooth convex functions (Nocedal & Wright, Numerical Optimization, algorithm 7.5), run until the gradient vanishes.
 
-/// Pairs of steps and gradient changes that are remembered.
-const MEMORY: usize = 12;
+/// Pairs of steps and gradient changes that are remembered: many, as a fit is run until its gradient vanishes and a step costs less than a
+/// gradient (a bowl of condition 4000: 218 gradients; 626 with 12 pairs and a curvature of 0.9).
+const MEMORY: usize = 40;
 /// Sufficient decrease (Armijo).
 const DECREASE: f64 = 1e-4;
+/// Relative error of a value, within which slopes decide (approximate Wolfe conditions; Hager & Zhang, 2005).
+const ROUNDING: f64 = 1e-13;
 /// Curvature (Wolfe).
-const CURVATURE: f64 = 0.9;
+const CURVATURE: f64 = 0.5;
 
 /// Where a minimisation ended.
 #[derive(Debug, Clone, PartialEq)]
@@ -14,6 +17,8 @@ pub struct Minimum {
     pub point: Vec<f64>,
     /// Euclidean norm of the gradient there: the proof that it is the minimum of a convex function.
     pub gradient_norm: f64,
+    /// The same at the start.
+    pub start_norm: f64,
     /// Iterations taken.
     pub iterations: usize,
 }
@@ -34,6 +39,7 @@ pub fn minimise(
     let mut x = start;
     let mut gradient = vec![0.0; size];
     let mut value = function(&x, &mut gradient);
+    let start_norm = dot(&gradient, &gradient).sqrt();
     let mut steps: Vec<(Vec<f64>, Vec<f64>, f64)> = Vec::new();
     let mut trial = vec![0.0; size];
     let mut trial_gradient = vec![0.0; size];
@@ -43,6 +49,7 @@ pub fn minimise(
             return Minimum {
                 point: x,
                 gradient_norm: norm,
+                start_norm,
                 iterations: iteration,
             };
         }
@@ -66,9 +73,14 @@ pub fn minimise(
                 trial[i] = x[i] + length * direction[i];
             }
             let trial_value = function(&trial, &mut trial_gradient);
-            if !trial_value.is_finite() || trial_value > value + DECREASE * length * slope {
+            let trial_slope = dot(&direction, &trial_gradient);
+            // Near the minimum values differ by rounding alone, slopes still tell.
+            let decreases = trial_value <= value + DECREASE * length * slope
+                || trial_value <= value + ROUNDING * value.abs()
+                    && trial_slope <= (2.0 * DECREASE - 1.0) * slope;
+            if !(trial_value.is_finite() && decreases) {
                 high = length;
-            } else if dot(&direction, &trial_gradient) < CURVATURE * slope {
+            } else if trial_slope < CURVATURE * slope {
                 low = length;
             } else {
                 value = trial_value;
@@ -102,6 +114,7 @@ pub fn minimise(
     }
     Minimum {
         gradient_norm: dot(&gradient, &gradient).sqrt(),
+        start_norm,
         point: x,
         iterations: most_iterations,
     }
@@ -126,8 +139,18 @@ fn direction(gradient: &[f64], steps: &[(Vec<f64>, Vec<f64>, f64)]) -> Vec<f64> 
     q
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
+/// Sum of products, in eight parts at once.
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; 8];
+    let (a_runs, b_runs) = (a.chunks_exact(8), b.chunks_exact(8));
+    let rest = a_runs.remainder().iter().zip(b_runs.remainder());
+    let rest: f64 = rest.map(|(a, b)| a * b).sum();
+    for (a, b) in a_runs.zip(b_runs) {
+        for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
+            *sum += a * b;
+        }
+    }
+    sums.iter().sum::<f64>() + rest
 }
 
 fn add(sum: &mut [f64], factor: f64, values: &[f64]) {

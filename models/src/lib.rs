@@ -19,7 +19,9 @@ mod initial;
 mod knn;
 mod lbfgs;
 mod loss;
+mod mlp;
 mod ridge;
+mod siamese;
 mod svm;
 mod tactnet;
 mod temperature;
@@ -35,7 +37,9 @@ pub use features::Features;
 pub use heads::{LinearHead, NearestMean, SimpleShot, WeightPrior, Whitening};
 pub use knn::Knn;
 pub use loss::cross_entropy;
+pub use mlp::{DenseWeights, Mlp, matrix};
 pub use ridge::{Gram, Ridge, default_penalties};
+pub use siamese::{contrastive_loss, distance, probability_of_difference};
 pub use svm::{Pair, PlattSigmoids, Svm, SvmSettings, fit_platt};
 pub use tactnet::{
     Architecture, InputShape, TactNet, TactNetConfig, TrainingForward, default_pools,

@@ -5,10 +5,10 @@ use burn::tensor::{Device, Tensor};
 use rand::Rng;
 use serde::{Deserialize, Serialize};
 
-use crate::ModelError;
 use crate::block::{BatchStatistics, BlockConfig, ConvBlock};
 use crate::dense::NormalizedDense;
 use crate::initial::{constant_parameter, uniform_parameter};
+use crate::{DenseWeights, LinearHead, ModelError};
 
 /// Ids of parameters are spaced so that every layer keeps its own, whatever the others hold.
 const IDS_PER_LAYER: u64 = 8;
@@ -300,6 +300,32 @@ impl TactNet {
         self.output(self.hidden.forward(features))
     }
 
+    /// What the output layer sees, with frozen statistics: `[rows, features] -> [rows, hidden]`. The feature space of transfer
+    /// (thesis, section 4.6.1).
+    pub fn embedding(&self, features: Tensor<2>) -> Tensor<2> {
+        self.hidden.forward(features)
+    }
+
+    /// The dense layer with its frozen statistics folded into weights and bias.
+    pub fn folded_hidden(&self) -> DenseWeights {
+        self.hidden.folded()
+    }
+
+    /// The output layer.
+    pub fn output_layer(&self) -> LinearHead {
+        let [materials, hidden] = self.output_weight.val().dims();
+        let weights = crate::weights::values(self.output_weight.val());
+        let biases = crate::weights::values(self.output_bias.val());
+        debug_assert_eq!(biases.len(), materials);
+        LinearHead {
+            weights: weights
+                .chunks_exact(hidden)
+                .map(|row| row.iter().map(|w| f64::from(*w)).collect())
+                .collect(),
+            biases: biases.iter().map(|b| f64::from(*b)).collect(),
+        }
+    }
+
     fn output(&self, hidden: Tensor<2>) -> Tensor<2> {
         hidden.matmul(self.output_weight.val().transpose()) + self.output_bias.val().unsqueeze()
     }
@@ -319,6 +345,7 @@ fn flat_features(maps: Tensor<4>) -> Tensor<2> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{Features, Mlp};
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
 
@@ -365,7 +392,26 @@ mod tests {
         let sweeps = Tensor::ones([2, 1, 43, 3], &Device::flex());
         let features = net.features(sweeps);
         assert_eq!(features.dims(), [2, config.features()]);
-        assert_eq!(net.head(features).dims(), [2, 5]);
+        assert_eq!(net.head(features.clone()).dims(), [2, 5]);
+        // The dense layer folded, and the output layer taken out, are the same network.
+        let folded = Mlp::from_layers(&[net.folded_hidden()], &Device::flex());
+        let embedding = folded.forward(features.clone()).clamp_min(0.0);
+        let apart = (embedding.clone() - net.embedding(features.clone()))
+            .abs()
+            .max();
+        assert!(apart.into_scalar::<f32>() < 1e-5);
+        let embedding = Features::new(4, crate::weights::values(embedding));
+        let head: Vec<f32> = crate::weights::values(net.head(features));
+        for (found, scores) in net
+            .output_layer()
+            .log_probabilities(&embedding)
+            .iter()
+            .zip(head.chunks(5))
+        {
+            for (found, expected) in found.iter().zip(crate::log_softmax(scores)) {
+                assert!((found - expected).abs() < 1e-5, "{found} {expected}");
+            }
+        }
     }
 
     #[test]

@@ -87,10 +87,7 @@ impl Weights {
 
     fn put<const D: usize>(&mut self, name: String, tensor: Tensor<D>) {
         let shape = tensor.dims().to_vec();
-        let values = tensor
-            .into_data_as::<f32>()
-            .try_into_vec::<f32>()
-            .unwrap_or_else(|error| panic!("{name} was converted to f32: {error:?}"));
+        let values = values(tensor);
         self.0.insert(name, NamedTensor { shape, values });
     }
 
@@ -117,6 +114,14 @@ impl Weights {
             device,
         ))
     }
+}
+
+/// A tensor's numbers, row-major.
+pub(crate) fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+    tensor
+        .into_data_as::<f32>()
+        .try_into_vec::<f32>()
+        .unwrap_or_else(|error| panic!("was converted to f32: {error:?}"))
 }
 
 fn gradient_of<const D: usize>(

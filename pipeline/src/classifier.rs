@@ -3,13 +3,13 @@
 use burn::tensor::Device;
 use serde::{Deserialize, Serialize};
 use tactnet_data::{LabelSet, Seed, SweepShape, SweepView, TrainSplit};
-use tactnet_models::{Architecture, InputShape, TactNetConfig, Weights};
+use tactnet_models::{Architecture, InputShape, TactNet, TactNetConfig, Weights};
 
 use crate::baseline::Baseline;
 use crate::network_scorer::NetworkScorer;
 use crate::{
-    BaselineRecipe, Normalizer, PipelineError, Prediction, PredictionMethod, Predictions, Recipe,
-    SweepScore,
+    BaselineRecipe, Embedding, Normalizer, PipelineError, Prediction, PredictionMethod,
+    Predictions, Recipe, SweepScore,
 };
 
 /// Everything about a classifier but its fitted numbers; together they rebuild it.
@@ -178,10 +178,68 @@ impl Classifier {
         })
     }
 
+    /// What a network makes of every sweep of `view`, layer by layer. The sweeps' materials need not be the classifier's own.
+    ///
+    /// # Errors
+    /// Sweeps of another shape or rate; a model that is no network.
+    pub fn embed(&self, view: &SweepView<'_>) -> Result<Embedding, PipelineError> {
+        self.check_shape(view)?;
+        Ok(self.scorer()?.embed(view))
+    }
+
+    /// How much `runs` dropout masks disagree about every sweep: mutual information of label and weights, nats.
+    ///
+    /// # Errors
+    /// A model that is no network.
+    pub fn mutual_information(
+        &self,
+        embedding: &Embedding,
+        runs: usize,
+    ) -> Result<Vec<f64>, PipelineError> {
+        Ok(self
+            .scorer()?
+            .mutual_information(&embedding.convolution, runs))
+    }
+
+    /// The trained network.
+    ///
+    /// # Errors
+    /// A model that is no network.
+    pub fn network(&self) -> Result<&TactNet, PipelineError> {
+        Ok(self.scorer()?.net())
+    }
+
+    fn scorer(&self) -> Result<&NetworkScorer, PipelineError> {
+        match &self.model {
+            Model::Network(network) => Ok(network),
+            Model::Baseline(_) => Err(PipelineError::Misfit {
+                item: "embedding",
+                expected: "none, as it is no network".into(),
+                found: "sweeps to embed".into(),
+            }),
+        }
+    }
+
     fn check(&self, view: &SweepView<'_>) -> Result<(), PipelineError> {
+        self.check_shape(view)?;
+        let (labels, found) = (&self.config.labels, view.dataset().labels());
+        if found == labels {
+            return Ok(());
+        }
+        let names = |set: &LabelSet| {
+            let shown: Vec<&str> = set.names().take(4).collect();
+            format!("{} ({}, …)", set.len(), shown.join(", "))
+        };
+        Err(PipelineError::Misfit {
+            item: "materials",
+            expected: names(labels),
+            found: names(found),
+        })
+    }
+
+    fn check_shape(&self, view: &SweepView<'_>) -> Result<(), PipelineError> {
         let ClassifierConfig {
             shape,
-            labels,
             sample_rate_hz,
             ..
         } = &self.config;
@@ -203,13 +261,6 @@ impl Classifier {
                 hz(*sample_rate_hz),
                 hz(dataset.sample_rate_hz()),
             );
-        }
-        if dataset.labels() != labels {
-            let names = |set: &LabelSet| {
-                let shown: Vec<&str> = set.names().take(4).collect();
-                format!("{} ({}, …)", set.len(), shown.join(", "))
-            };
-            return misfit("materials", names(labels), names(dataset.labels()));
         }
         Ok(())
     }

@@ -15,10 +15,12 @@ mod baseline_fit;
 mod checkpoint;
 mod classifier;
 mod confusion_picture;
+mod embedding;
 mod error;
 mod evaluation;
 mod extractor;
 mod feature_timing;
+mod fit_mlp;
 #[cfg(test)]
 mod golden;
 mod hydra;
@@ -39,6 +41,7 @@ mod run_dir;
 mod scaler;
 mod series;
 mod spectrum;
+mod train_network;
 mod training;
 
 pub use augment::Augmentation;
@@ -46,11 +49,15 @@ pub use baseline::{BaselineRecipe, ClassicalClassifier, FeatureScaling};
 pub use baseline_fit::{BaselineFit, fit_baseline};
 pub use burn::tensor::Device;
 pub use classifier::{Classifier, ClassifierConfig, ModelConfig, TactNetSetup};
+pub use embedding::Embedding;
 pub use error::PipelineError;
 pub use evaluation::{Evaluation, evaluate_all_ways};
 pub use extractor::FeatureSet;
 #[doc(hidden)]
 pub use feature_timing::FeatureTimer;
+pub use fit_mlp::{
+    MlpTraining, SweepPair, fit_difference, fit_embedding, fit_labels, predict_difference,
+};
 pub use judge::{Trained, judge};
 pub use levels::Levels;
 pub use metrics::{Estimate, FusedAccuracy};
@@ -66,4 +73,5 @@ pub use recipe::{
 };
 pub use result::{RunResult, describe_split};
 pub use run_dir::{EpochMetrics, LabelOrder, RunConfig, RunDir, write_whole};
+pub use train_network::train_network;
 pub use training::{BatchReport, Position, Training, TrainingState};

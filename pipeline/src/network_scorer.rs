@@ -4,9 +4,11 @@ use std::sync::{Mutex, PoisonError};
 
 use burn::tensor::{Device, Tensor, TensorData};
 use tactnet_data::{Seed, SweepView};
-use tactnet_models::{TactNet, TactNetConfig, Weights, dropout_masks, log_softmax};
+use tactnet_models::{
+    Features, TactNet, TactNetConfig, Weights, dropout_masks, log_softmax, matrix,
+};
 
-use crate::{Normalizer, PipelineError, PredictionMethod, TactNetSetup};
+use crate::{Embedding, Normalizer, PipelineError, PredictionMethod, TactNetSetup};
 
 /// Sweeps that go through the network at once.
 const BATCH: usize = 36;
@@ -68,6 +70,49 @@ impl NetworkScorer {
         rows
     }
 
+    /// What the network makes of every sweep, layer by layer.
+    pub fn embed(&self, view: &SweepView<'_>) -> Embedding {
+        let positions: Vec<usize> = (0..view.len()).collect();
+        let mut layers: [Vec<f32>; 3] = Default::default();
+        for batch in positions.chunks(BATCH) {
+            let convolution = self.net.features(self.load(view, batch));
+            let hidden = self.net.embedding(convolution.clone());
+            let logits = self.net.head(convolution.clone());
+            for (all, layer) in layers.iter_mut().zip([convolution, hidden, logits]) {
+                all.extend(values(layer));
+            }
+        }
+        let [convolution, hidden, logits] = layers;
+        Embedding {
+            labels: view.labels().collect(),
+            convolution: Features::new(self.network.features(), convolution),
+            hidden: Features::new(self.network.architecture().hidden, hidden),
+            logits: Features::new(self.network.materials(), logits),
+        }
+    }
+
+    /// How much the dropout masks disagree about every sweep: the mutual information of label and weights, entropy of the mean
+    /// minus mean of the entropies, nats (Houlsby et al., 2011; Gal & Ghahramani, 2016).
+    pub fn mutual_information(&self, convolution: &Features, runs: usize) -> Vec<f64> {
+        let masks = self.masks(runs);
+        let materials = self.network.materials();
+        let features = matrix(convolution, &self.device);
+        (0..convolution.len())
+            .map(|sweep| {
+                let rows = features.clone().narrow(0, sweep, 1) * masks.clone();
+                let scores = values(self.net.head(rows));
+                let runs: Vec<Vec<f64>> = scores.chunks(materials).map(log_softmax).collect();
+                let own: f64 = runs.iter().map(|run| entropy(run)).sum();
+                entropy(&log_mean_exp(&runs)) - own / runs.len() as f64
+            })
+            .collect()
+    }
+
+    /// The trained network.
+    pub fn net(&self) -> &TactNet {
+        &self.net
+    }
+
     fn load(&self, view: &SweepView<'_>, positions: &[usize]) -> Tensor<4> {
         let shape = view.shape();
         let mut values = vec![0.0; positions.len() * shape.values()];
@@ -119,6 +164,20 @@ impl NetworkScorer {
     }
 }
 
+/// Entropy of a distribution, nats.
+fn entropy(log_p: &[f64]) -> f64 {
+    -log_p
+        .iter()
+        .map(|l| {
+            if *l > f64::NEG_INFINITY {
+                l.exp() * l
+            } else {
+                0.0
+            }
+        })
+        .sum::<f64>()
+}
+
 /// `ln(mean over runs of exp)` for each material, normalised; stable however small a probability is.
 fn log_mean_exp(runs: &[Vec<f64>]) -> Vec<f64> {
     let mean: Vec<f64> = (0..runs[0].len())
@@ -143,6 +202,20 @@ fn values(tensor: Tensor<2>) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn runs_that_agree_tell_nothing_about_the_weights() {
+        let sure = log_softmax(&[0.0, 3.0]);
+        let unlike = log_softmax(&[3.0, 0.0]);
+        let information = |runs: &[Vec<f64>]| {
+            let own: f64 = runs.iter().map(|run| entropy(run)).sum();
+            entropy(&log_mean_exp(runs)) - own / runs.len() as f64
+        };
+        assert!(information(&[sure.clone(), sure.clone()]).abs() < 1e-12);
+        let apart = information(&[sure.clone(), unlike]);
+        assert!((apart - (2.0_f64.ln() - entropy(&sure))).abs() < 1e-12);
+        assert!((entropy(&[0.0, f64::NEG_INFINITY])).abs() < 1e-12);
+    }
 
     #[test]
     fn the_mean_over_runs_survives_probabilities_below_f32() {

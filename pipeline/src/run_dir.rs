@@ -207,9 +207,21 @@ impl RunDir {
     /// # Errors
     /// Another process trains in it.
     pub fn locked(mut self) -> Result<Self, PipelineError> {
-        let path = self.file(LOCK);
-        let file = fs::File::create(&path)
-            .map_err(|error| PipelineError::io(&path, "make the lock file", error))?;
+        self.lock = Some(Self::lock(&self.path)?);
+        Ok(self)
+    }
+
+    /// Makes the folder `path` where there is none and locks it, so that [`RunDir::is_busy`] is true until the file is dropped or the
+    /// process ends.
+    ///
+    /// # Errors
+    /// Another process works in it.
+    pub fn lock(path: &Path) -> Result<fs::File, PipelineError> {
+        fs::create_dir_all(path)
+            .map_err(|error| PipelineError::io(path, "make the folder", error))?;
+        let name = path.join(LOCK);
+        let file = fs::File::create(&name)
+            .map_err(|error| PipelineError::io(&name, "make the lock file", error))?;
         let mut outcome = file.try_lock();
         for _ in 0..20 {
             // Whoever asks whether the folder is busy holds the lock for a moment.
@@ -220,14 +232,12 @@ impl RunDir {
             outcome = file.try_lock();
         }
         match outcome {
-            Ok(()) => {
-                self.lock = Some(file);
-                Ok(self)
-            }
-            Err(fs::TryLockError::WouldBlock) => {
-                Err(self.refused("another process trains in this folder"))
-            }
-            Err(fs::TryLockError::Error(error)) => Err(PipelineError::io(&path, "lock", error)),
+            Ok(()) => Ok(file),
+            Err(fs::TryLockError::WouldBlock) => Err(PipelineError::Run {
+                path: path.into(),
+                reason: "another process trains in this folder".into(),
+            }),
+            Err(fs::TryLockError::Error(error)) => Err(PipelineError::io(&name, "lock", error)),
         }
     }
 

@@ -204,8 +204,9 @@ fn killed_runners_and_tasks_lose_nothing_that_had_ended() {
     let lab = Lab::new();
     expect(0, experiment(&lab, "undisturbed"));
 
-    // A task is killed: the runner begins it again.
+    // A task is killed: the runner begins it again. One task at a time, so that it is known which one runs.
     let mut runner = experiment(&lab, "killed")
+        .args(["--jobs", "1"])
         .stdout(Stdio::null())
         .stderr(Stdio::null())
         .spawn()

@@ -10,6 +10,7 @@ mod command;
 mod data_command;
 mod experiment;
 mod golden;
+mod study;
 mod training;
 #[cfg(feature = "vulkan")]
 mod vulkan;

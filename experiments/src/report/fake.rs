@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use crate::published_confusion::TACTMAT_MATERIALS;
 use crate::{
     Audit, Comparison, FoldRecord, Grouping, Published, ReliabilityBin, RiskCoverage, Row,
-    Statistic, Summary,
+    SampleEfficiency, Statistic, Study, StudyComparison, StudyRecord, StudyRow, StudySummary,
+    Summary,
 };
 
 /// Must never reach the page as it is.
@@ -30,6 +31,7 @@ pub(super) fn empty() -> Summary {
         comparisons: vec![],
         audits: vec![],
         groups: BTreeMap::new(),
+        study: None,
     }
 }
 
@@ -75,6 +77,7 @@ pub(super) fn summary() -> Summary {
             verdict: HOSTILE.into(),
         }],
         groups: BTreeMap::from([(first, grouping)]),
+        study: None,
         rows,
         ..empty()
     }
@@ -92,6 +95,76 @@ pub(super) fn tactmat() -> Summary {
             row("twin", "net", 0.8, &materials),
             row("twin", "knn", 0.6, &materials),
         ],
+        ..empty()
+    }
+}
+
+/// An n-shot study with text that wants to be markup everywhere.
+pub(super) fn study() -> Summary {
+    let mut rows = Vec::new();
+    for method in ["nk", "ol-mean", HOSTILE] {
+        for shots in [1, 10, 80] {
+            rows.push(StudyRow {
+                data: HOSTILE.into(),
+                levels: "kept".into(),
+                model: HOSTILE.into(),
+                measure: "accuracy".into(),
+                method: method.into(),
+                setting: HOSTILE.into(),
+                shots: Some(shots),
+                sweeps: None,
+                mean: 0.5 + 0.005 * shots as f64,
+                sd: Some(0.1),
+                ci95_low: Some(0.4),
+                ci95_high: Some(0.9),
+                n: 2,
+                decisions: 600,
+                values: vec![0.4, 0.6],
+                published: Some(0.755),
+                humans: None,
+            });
+        }
+    }
+    let study = StudySummary {
+        kind: Study::Nshot,
+        rows,
+        comparisons: vec![StudyComparison {
+            data: HOSTILE.into(),
+            levels: "kept".into(),
+            measure: "accuracy".into(),
+            setting: String::new(),
+            shots: Some(1),
+            sweeps: None,
+            first: HOSTILE.into(),
+            second: "ol-mean".into(),
+            difference: -0.1,
+            ci95_low: Some(-0.2),
+            ci95_high: Some(0.0),
+            p: Some(0.01),
+            n: 2,
+        }],
+        sample_efficiency: vec![SampleEfficiency {
+            data: HOSTILE.into(),
+            levels: "kept".into(),
+            transfer_shots: 1,
+            accuracy: 0.7,
+            shots: Some(12.5),
+            ci95: [Some(9.0), None],
+            published_ratio: 15.0,
+        }],
+        tasks: vec![StudyRecord {
+            id: HOSTILE.into(),
+            split: HOSTILE.into(),
+            split_sha256: "ab".repeat(32),
+            recipe_sha256: "cd".repeat(32),
+            git: "0123456789abcdef".into(),
+            seconds: 12.0,
+            chosen: BTreeMap::from([(HOSTILE.into(), 0.1)]),
+        }],
+    };
+    Summary {
+        tasks_done: 4,
+        study: Some(study),
         ..empty()
     }
 }

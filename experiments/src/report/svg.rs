@@ -84,6 +84,28 @@ impl Axes {
         svg
     }
 
+    /// Grid and labels of the horizontal axis at given places.
+    pub fn marks(&self, marks: &[(f64, String)], label: &str) -> String {
+        let mut svg = String::new();
+        let bottom = self.top + self.height;
+        for (value, name) in marks {
+            let x = self.x(*value);
+            svg.push_str(&format!(
+                "<line class=\"grid\" x1=\"{x:.1}\" x2=\"{x:.1}\" y1=\"{:.1}\" y2=\"{bottom:.1}\"/>\
+                 <text class=\"middle\" x=\"{x:.1}\" y=\"{:.1}\">{}</text>\n",
+                self.top,
+                bottom + 16.0,
+                escape(name)
+            ));
+        }
+        svg.push_str(&format!(
+            "<text class=\"middle label\" x=\"{:.1}\" y=\"{:.1}\">{label}</text>\n",
+            self.left + self.width / 2.0,
+            bottom + 34.0
+        ));
+        svg
+    }
+
     /// A line through `points` with a marker on each `marker_every`-th of them.
     pub fn series(&self, series: usize, points: &[(f64, f64)], marker_every: usize) -> String {
         let places: Vec<(f64, f64)> = points

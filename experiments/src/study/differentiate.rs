@@ -1,0 +1,245 @@
+//! Same or different? A network that classifies, frozen, and what is learnt about the distance between its outputs (thesis,
+//! sections 4.4.3 and 4.4.4; Tulbure & Bäuml, Humanoids 2018).
+
+use std::collections::BTreeMap;
+
+use rand::{Rng, RngExt};
+use tactnet_data::{Fold, Scheme};
+use tactnet_models::{DenseWeights, Features, LinearHead, Mlp, WeightPrior};
+use tactnet_pipeline::{Embedding, MlpTraining, SweepPair, fit_difference, predict_difference};
+
+use super::hard_pairs::hard_pairs;
+use super::knowledge::{embedded, trained};
+use super::pairs::{draw, random_pairs, rows_of_label};
+use super::{Answer, Bench, Ended, Measurement, StudyTask};
+
+/// As published.
+const TRAINING_PAIRS: usize = 36_000;
+const TEST_PAIRS: usize = 2_700;
+const HIDDEN: usize = 256;
+const KEEP: f64 = 0.7;
+const TRAINING: MlpTraining = MlpTraining {
+    epochs: 15,
+    batch: 128,
+    learning_rate: 1e-3,
+    l2: 0.0,
+    keep: Some((1, KEEP)),
+};
+/// Sweeps of each side, the decision being the majority's.
+const SWEEPS: [usize; 2] = [1, 3];
+
+/// What separates the sweeps of a pair.
+#[derive(Clone, Copy)]
+enum Apart {
+    /// Euclidean distance of the outputs, one number: the published network.
+    Outputs,
+    /// Difference of every output, `|a - b|`.
+    EveryOutput,
+    /// Euclidean distance of the embeddings.
+    Embedding,
+}
+
+impl Apart {
+    fn of(self, embedding: &Embedding, pairs: &[SweepPair]) -> Features {
+        let rows = match self {
+            Self::Outputs | Self::EveryOutput => &embedding.logits,
+            Self::Embedding => &embedding.hidden,
+        };
+        let differences = |pair: &SweepPair| -> Vec<f32> {
+            let (a, b) = (rows.row(pair.first), rows.row(pair.second));
+            a.iter().zip(b).map(|(a, b)| (a - b).abs()).collect()
+        };
+        match self {
+            Self::EveryOutput => {
+                Features::new(rows.width(), pairs.iter().flat_map(differences).collect())
+            }
+            Self::Outputs | Self::Embedding => {
+                let norm = |d: Vec<f32>| d.iter().map(|d| d * d).sum::<f32>().sqrt();
+                Features::new(
+                    1,
+                    pairs.iter().map(|pair| norm(differences(pair))).collect(),
+                )
+            }
+        }
+    }
+}
+
+/// Something that was fitted to training pairs and gives the probability that two sweeps differ.
+enum Judge {
+    /// The published network, or the same on all differences. Inputs are divided by `scale`.
+    Network {
+        apart: Apart,
+        mlp: Box<Mlp>,
+        scale: f32,
+    },
+    /// Logistic regression on one distance.
+    Threshold(LinearHead),
+    /// Chance that the two have different labels if each has its own posterior.
+    Posterior,
+}
+
+impl Judge {
+    fn probabilities(&self, embedding: &Embedding, pairs: &[SweepPair]) -> Vec<f64> {
+        match self {
+            Self::Network { apart, mlp, scale } => {
+                predict_difference(mlp, &scaled(apart.of(embedding, pairs), *scale))
+            }
+            Self::Threshold(head) => head
+                .log_probabilities(&Apart::Embedding.of(embedding, pairs))
+                .iter()
+                .map(|log_p| log_p[1].exp())
+                .collect(),
+            Self::Posterior => {
+                let log_p = embedding.log_probabilities();
+                pairs
+                    .iter()
+                    .map(|pair| {
+                        let both = log_p[pair.first].iter().zip(&log_p[pair.second]);
+                        1.0 - both.map(|(a, b)| (a + b).exp()).sum::<f64>()
+                    })
+                    .collect()
+            }
+        }
+    }
+}
+
+fn scaled(mut features: Features, scale: f32) -> Features {
+    features.values_mut().iter_mut().for_each(|v| *v /= scale);
+    features
+}
+
+pub(super) fn differentiate(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, Ended> {
+    let (run, number) = (task.number / 5, task.number % 5);
+    let fold = Fold::new(bench.dataset, Scheme::default(), bench.seed, run, number)?;
+    let seed = bench.seed_for("differentiation", task.number);
+    let classifier = trained(bench, "classifier", &fold.train, seed)?;
+    bench.say("embedding")?;
+    let train = embedded(&classifier, &fold.train)?;
+    let test = embedded(&classifier, &fold.test)?;
+    let pairs = random_pairs(
+        &train.labels,
+        TRAINING_PAIRS,
+        &mut seed.rng("training pairs"),
+    );
+    let mut judges = vec![("posterior", Judge::Posterior)];
+    bench.say("threshold")?;
+    judges.push(("threshold", threshold(&train, &pairs)?));
+    for (name, apart) in [
+        ("siamese", Apart::Outputs),
+        ("siamese, every output", Apart::EveryOutput),
+    ] {
+        bench.say(name)?;
+        let distances = apart.of(&train, &pairs);
+        let scale = distances.values().iter().sum::<f32>() / distances.values().len() as f32;
+        let layers: Vec<DenseWeights> = Mlp::init(
+            &[distances.width(), HIDDEN, HIDDEN, 2],
+            &burn::tensor::Device::flex(),
+            &mut seed.rng(("pair network", distances.width())),
+        )
+        .layers();
+        let mlp = fit_difference(&layers, &scaled(distances, scale), &pairs, TRAINING, seed)?;
+        judges.push((
+            name,
+            Judge::Network {
+                apart,
+                mlp: Box::new(mlp),
+                scale,
+            },
+        ));
+    }
+    bench.say("test pairs")?;
+    let names: Vec<&str> = bench.dataset.labels().names().collect();
+    let hard = hard_pairs(&names);
+    let mut measurements = Vec::new();
+    let fewest = rows_of_label(&test.labels).iter().map(Vec::len).min();
+    // A pair of one material takes twice as many of its sweeps.
+    for sweeps in SWEEPS
+        .into_iter()
+        .filter(|sweeps| Some(2 * sweeps) <= fewest)
+    {
+        let mut rng = seed.rng(("test pairs", sweeps));
+        let mut trials = vec![("all pairs", trials(&test.labels, None, sweeps, &mut rng))];
+        if let Some(hard) = &hard {
+            trials.push((
+                "hard pairs",
+                self::trials(&test.labels, Some(hard), sweeps, &mut rng),
+            ));
+        }
+        for (setting, trials) in trials {
+            let pairs: Vec<SweepPair> = trials.concat();
+            for (name, judge) in &judges {
+                let p = judge.probabilities(&test, &pairs);
+                let right = p.chunks(sweeps).zip(&trials).filter(|(p, trial)| {
+                    let votes = p.iter().filter(|p| **p > 0.5).count();
+                    (2 * votes > sweeps) == trial[0].different
+                });
+                let accuracy = right.count() as f64 / trials.len() as f64;
+                measurements.push(
+                    Measurement::new("accuracy", name, accuracy, trials.len())
+                        .setting(setting)
+                        .sweeps(sweeps),
+                );
+            }
+        }
+    }
+    Ok(Answer {
+        measurements,
+        split: format!("run {run}, fold {number}"),
+        split_content: fold.manifest().sha256,
+        chosen: BTreeMap::new(),
+    })
+}
+
+/// Test questions of `sweeps` pairs each, every other one of different materials: any two, or one of `hard`, whose questions with
+/// the answer 'same' come from the materials of those pairs. Sweeps of a question are all different.
+fn trials(
+    labels: &[usize],
+    hard: Option<&Vec<[usize; 2]>>,
+    sweeps: usize,
+    rng: &mut impl Rng,
+) -> Vec<Vec<SweepPair>> {
+    let of_label = rows_of_label(labels);
+    let own: Vec<usize> = match hard {
+        None => (0..of_label.len()).collect(),
+        Some(hard) => {
+            let mut own: Vec<usize> = hard.concat();
+            own.sort_unstable();
+            own.dedup();
+            own
+        }
+    };
+    (0..TEST_PAIRS)
+        .map(|index| {
+            let materials = match (index % 2 == 0, hard) {
+                (true, _) => [own[rng.random_range(0..own.len())]; 2],
+                (false, Some(hard)) => hard[rng.random_range(0..hard.len())],
+                (false, None) => {
+                    let first = rng.random_range(0..own.len());
+                    [first, (first + rng.random_range(1..own.len())) % own.len()]
+                }
+            };
+            let [a, b] = draw(&of_label, materials, sweeps, rng);
+            a.into_iter()
+                .zip(b)
+                .map(|(first, second)| SweepPair {
+                    first,
+                    second,
+                    different: materials[0] != materials[1],
+                })
+                .collect()
+        })
+        .collect()
+}
+
+/// Logistic regression of 'different' on the distance of embeddings.
+fn threshold(train: &Embedding, pairs: &[SweepPair]) -> Result<Judge, Ended> {
+    let distances = Apart::Embedding.of(train, pairs);
+    let different: Vec<usize> = pairs
+        .iter()
+        .map(|pair| usize::from(pair.different))
+        .collect();
+    let prior = WeightPrior::weight_decay(1, 1e-6, pairs.len());
+    Ok(Judge::Threshold(LinearHead::fit(
+        &distances, &different, 2, &prior,
+    )?))
+}

@@ -1,0 +1,54 @@
+//! How well a score tells two kinds apart.
+
+/// Area under the ROC curve: the chance that a random positive scores above a random negative, ties counting half (Mann & Whitney).
+///
+/// # Panics
+/// If one kind is missing.
+pub(crate) fn auroc(negatives: &[f64], positives: &[f64]) -> f64 {
+    assert!(!negatives.is_empty() && !positives.is_empty(), "two kinds");
+    let mut all: Vec<(f64, bool)> = negatives.iter().map(|v| (*v, false)).collect();
+    all.extend(positives.iter().map(|v| (*v, true)));
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (mut below, mut wins) = (0.0, 0.0);
+    for tie in all.chunk_by(|a, b| a.0 == b.0) {
+        let positive = tie.iter().filter(|(_, positive)| *positive).count() as f64;
+        let negative = tie.len() as f64 - positive;
+        wins += positive * (below + negative / 2.0);
+        below += negative;
+    }
+    wins / (negatives.len() as f64 * positives.len() as f64)
+}
+
+/// The smallest value that at most `share` of `values` exceed, with the correction for a finite sample that split conformal
+/// prediction asks for: the `ceil((n + 1)(1 - share))`-th smallest of n; infinite where n is too small (Vovk et al., 2005).
+pub(crate) fn upper_quantile(values: &[f64], share: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let rank = ((sorted.len() + 1) as f64 * (1.0 - share) - 1e-9).ceil() as usize;
+    match rank {
+        0 => f64::NEG_INFINITY,
+        rank => sorted.get(rank - 1).copied().unwrap_or(f64::INFINITY),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_area_counts_pairs_that_are_in_order() {
+        assert_eq!(auroc(&[0.0, 1.0], &[2.0, 3.0]), 1.0);
+        assert_eq!(auroc(&[2.0, 3.0], &[0.0, 1.0]), 0.0);
+        assert_eq!(auroc(&[1.0, 1.0], &[1.0]), 0.5);
+        // By hand: of the six pairs, 0.1 < 0.4, 0.1 < 0.35, 0.1 < 0.8, 0.35 = 0.35, 0.35 < 0.4, 0.35 < 0.8.
+        assert!((auroc(&[0.1, 0.35], &[0.4, 0.35, 0.8]) - 5.5 / 6.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn quantiles_are_those_of_split_conformal_prediction() {
+        let values: Vec<f64> = (1..=99).rev().map(f64::from).collect();
+        assert_eq!(upper_quantile(&values, 0.05), 95.0);
+        assert_eq!(upper_quantile(&values, 0.1), 90.0);
+        assert_eq!(upper_quantile(&values[..9], 0.05), f64::INFINITY);
+    }
+}

@@ -1,0 +1,61 @@
+//! Ways to learn new materials from few sweeps.
+
+use serde::{Deserialize, Serialize};
+
+/// A way to learn new materials from few sweeps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum TransferMethod {
+    /// No pre-knowledge: the whole network from scratch (thesis, section 4.6.1).
+    Nk,
+    /// Fine-tuning of the output layer (4.6.1): softmax regression on the embedding, the network's own L2.
+    Ol,
+    /// Fine-tuning of the dense and the output layer (4.6.1).
+    OlFcl,
+    /// Output layer with the knowledge classes' prior (4.6.3; Bauer et al., 2017).
+    OlMean,
+    /// Nearest neighbour in the embedding (4.6.2).
+    Nn,
+    /// Nearest neighbour in an embedding whose dense layer was trained on pairs (4.6.2; Koch et al., 2015).
+    Siamese,
+    /// Nearest class mean, centred and normalised (Wang et al., 2019).
+    Simpleshot,
+    /// Nearest class mean after whitening with the knowledge classes' covariance (linear discriminant analysis).
+    Lda,
+    /// Output layer on whitened features, prior strength chosen on knowledge classes.
+    WhitenedOl,
+    /// Output layer on plain features, prior strength chosen on knowledge classes.
+    TunedOl,
+}
+
+impl TransferMethod {
+    /// All of them, those of the thesis first.
+    pub const ALL: [Self; 10] = [
+        Self::Nk,
+        Self::Ol,
+        Self::OlFcl,
+        Self::OlMean,
+        Self::Nn,
+        Self::Siamese,
+        Self::Simpleshot,
+        Self::Lda,
+        Self::TunedOl,
+        Self::WhitenedOl,
+    ];
+
+    /// Its name in recipes and results.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Nk => "nk",
+            Self::Ol => "ol",
+            Self::OlFcl => "ol-fcl",
+            Self::OlMean => "ol-mean",
+            Self::Nn => "nn",
+            Self::Siamese => "siamese",
+            Self::Simpleshot => "simpleshot",
+            Self::Lda => "lda",
+            Self::WhitenedOl => "whitened-ol",
+            Self::TunedOl => "tuned-ol",
+        }
+    }
+}

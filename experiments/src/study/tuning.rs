@@ -1,0 +1,194 @@
+//! Choosing prior strengths and shrinkage on known materials alone: n-shot tasks among sweeps that the network was not trained on.
+
+use std::collections::BTreeMap;
+
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use tactnet_data::shuffle;
+use tactnet_models::{
+    Features, LinearHead, ModelError, NearestMean, WeightPrior, Whitening, first_largest,
+};
+use tactnet_pipeline::Embedding;
+
+use super::pairs::rows_of_label;
+use super::{Bench, Ended, StudyTask};
+
+/// Tasks that every setting is tried on.
+const TASKS: usize = 12;
+/// Strengths s of the penalty `s |w - m|^2`.
+const STRENGTHS: [f64; 7] = [0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0];
+/// The same on whitened features, whose scale is another.
+const WHITENED_STRENGTHS: [f64; 7] = [0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0];
+/// Shares of the mean variance in a shrunk covariance.
+const SHRINKAGES: [f64; 5] = [0.003, 0.01, 0.03, 0.1, 0.3];
+
+/// What was chosen, for each number of shots that could be tried.
+pub(super) struct Tuned {
+    shrinkage: f64,
+    plain: BTreeMap<usize, f64>,
+    whitened: BTreeMap<usize, f64>,
+}
+
+impl Tuned {
+    /// Strength on plain features, from the closest number of shots that was tried.
+    pub(super) fn plain(&self, shots: usize) -> f64 {
+        closest(&self.plain, shots)
+    }
+
+    /// Strength on whitened features.
+    pub(super) fn whitened(&self, shots: usize) -> f64 {
+        closest(&self.whitened, shots)
+    }
+
+    /// Everything by name.
+    pub(super) fn chosen(&self) -> BTreeMap<String, f64> {
+        let mut chosen: BTreeMap<String, f64> =
+            [("whitening.shrinkage".into(), self.shrinkage)].into();
+        for (name, values) in [("tuned-ol", &self.plain), ("whitened-ol", &self.whitened)] {
+            for (shots, strength) in values {
+                chosen.insert(format!("{name}.strength, {shots} shots"), *strength);
+            }
+        }
+        chosen
+    }
+}
+
+fn closest(values: &BTreeMap<usize, f64>, shots: usize) -> f64 {
+    let found = values
+        .range(..=shots)
+        .next_back()
+        .or_else(|| values.first_key_value());
+    *found
+        .unwrap_or_else(|| panic!("at least one number of shots was tried"))
+        .1
+}
+
+/// A task among known materials: rows to learn from and rows to be judged by, with labels from 0.
+struct Trial {
+    support: Vec<usize>,
+    support_labels: Vec<usize>,
+    queries: Vec<usize>,
+    query_labels: Vec<usize>,
+}
+
+impl Trial {
+    fn draw(of_label: &[Vec<usize>], materials: usize, shots: usize, rng: &mut ChaCha8Rng) -> Self {
+        let mut order: Vec<usize> = (0..of_label.len()).collect();
+        shuffle(&mut order, rng);
+        let mut trial = Self {
+            support: vec![],
+            support_labels: vec![],
+            queries: vec![],
+            query_labels: vec![],
+        };
+        for (label, material) in order.into_iter().take(materials).enumerate() {
+            let mut rows = of_label[material].clone();
+            shuffle(&mut rows, rng);
+            for (position, row) in rows.into_iter().enumerate() {
+                let (to, labels) = if position < shots {
+                    (&mut trial.support, &mut trial.support_labels)
+                } else {
+                    (&mut trial.queries, &mut trial.query_labels)
+                };
+                to.push(row);
+                labels.push(label);
+            }
+        }
+        trial
+    }
+
+    fn accuracy(&self, scores: &[Vec<f64>]) -> f64 {
+        let right = scores
+            .iter()
+            .zip(&self.query_labels)
+            .filter(|(row, label)| first_largest(row) == **label);
+        right.count() as f64 / self.query_labels.len() as f64
+    }
+
+    fn linear(
+        &self,
+        features: &Features,
+        materials: usize,
+        prior: &WeightPrior,
+    ) -> Result<f64, ModelError> {
+        let support = features.select(&self.support);
+        let head = LinearHead::fit(&support, &self.support_labels, materials, prior)?;
+        Ok(self.accuracy(&head.log_probabilities(&features.select(&self.queries))))
+    }
+}
+
+/// Fits the whitening to the sweeps that the network was trained on, and chooses on known materials' other sweeps.
+pub(super) fn tune(
+    task: &StudyTask,
+    bench: &Bench<'_>,
+    seen: &Embedding,
+    unseen: &Embedding,
+    known: usize,
+) -> Result<(Whitening, Tuned), Ended> {
+    let of_label = rows_of_label(&unseen.labels);
+    let fewest = of_label.iter().map(Vec::len).min().unwrap_or(0);
+    let materials = task.new_materials.min(known - 1);
+    let mut shots: Vec<usize> = task
+        .shots
+        .iter()
+        .copied()
+        .filter(|n| 2 * n <= fewest)
+        .collect();
+    if shots.is_empty() {
+        shots.push(1);
+    }
+    let trials = |shots: usize| -> Vec<Trial> {
+        let mut rng = bench.seed.rng(("tuning", task.number, shots));
+        (0..TASKS)
+            .map(|_| Trial::draw(&of_label, materials, shots, &mut rng))
+            .collect()
+    };
+    // Shrinkage by nearest class means with the fewest shots, where it matters most.
+    let first = trials(shots[0]);
+    let mut candidates = Vec::new();
+    for shrinkage in SHRINKAGES {
+        let whitening = Whitening::fit(&seen.hidden, &seen.labels, known, shrinkage)?;
+        let features = whitening.apply(&unseen.hidden);
+        let accuracy: f64 = first
+            .iter()
+            .map(|trial| {
+                let head = NearestMean::fit(
+                    &features.select(&trial.support),
+                    &trial.support_labels,
+                    materials,
+                );
+                trial.accuracy(&head.scores(&features.select(&trial.queries)))
+            })
+            .sum();
+        candidates.push((accuracy, shrinkage, whitening, features));
+    }
+    let accuracies: Vec<f64> = candidates.iter().map(|candidate| candidate.0).collect();
+    let (_, shrinkage, whitening, features) = candidates.swap_remove(first_largest(&accuracies));
+    let mut tuned = Tuned {
+        shrinkage,
+        plain: BTreeMap::new(),
+        whitened: BTreeMap::new(),
+    };
+    for &shots in &shots {
+        let trials = trials(shots);
+        for (features, strengths, chosen) in [
+            (&unseen.hidden, STRENGTHS, &mut tuned.plain),
+            (&features, WHITENED_STRENGTHS, &mut tuned.whitened),
+        ] {
+            let mut totals = Vec::new();
+            for strength in strengths {
+                let prior = WeightPrior {
+                    mean: vec![0.0; features.width() + 1],
+                    strength,
+                };
+                let accuracies: Vec<f64> = trials
+                    .par_iter()
+                    .map(|trial| trial.linear(features, materials, &prior))
+                    .collect::<Result<_, _>>()?;
+                totals.push(accuracies.iter().sum());
+            }
+            chosen.insert(shots, strengths[first_largest(&totals)]);
+        }
+    }
+    Ok((whitening, tuned))
+}

@@ -1,0 +1,179 @@
+//! Is it a material that was never seen? Scores that grow with strangeness, judged with materials held out.
+//!
+//! ```text
+//! materials ─┬─ known ─┬─ training sweeps ─┬─ 4 of 5: train the network, covariance
+//!            │         │                   └─ 1 of 5: thresholds, conformal quantiles
+//!            │         └─ test sweeps: false alarms, coverage
+//!            └─ new ──── all sweeps: detected or not
+//! ```
+
+use std::collections::BTreeMap;
+
+use tactnet_data::{Fold, MaterialSplit, Scheme, Seed, SweepView, shuffle};
+use tactnet_models::{NearestMean, Whitening};
+use tactnet_pipeline::{Classifier, Embedding};
+
+use super::knowledge::{embedded, trained};
+use super::pairs::rows_of_label;
+use super::roc::{auroc, upper_quantile};
+use super::{Answer, Bench, Ended, Measurement, StudyTask};
+
+/// Sweeps whose scores are averaged.
+const SWEEPS: [usize; 2] = [1, 3];
+/// Share of known sweeps that may be called unknown.
+const FALSE_ALARMS: f64 = 0.05;
+/// Shares of sweeps whose label the prediction set should hold.
+const COVERAGES: [f64; 2] = [0.9, 0.95];
+/// Shrinkage of the covariance of training sweeps.
+const SHRINKAGE: f64 = 0.3;
+/// Passes of Monte Carlo dropout.
+const RUNS: usize = 100;
+
+pub(super) fn unknown(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, Ended> {
+    let split = MaterialSplit::draw(bench.dataset, task.new_materials, bench.seed, task.number)?;
+    let fold = Fold::new(
+        &split.known,
+        Scheme::default(),
+        bench.seed,
+        0,
+        task.number % 5,
+    )?;
+    let (train, calibration) = fold.inner(0)?;
+    let seed = bench.seed_for("network of the known materials", task.number);
+    let classifier = trained(bench, "network of the known materials", &train, seed)?;
+    bench.say("scores")?;
+    let seen = embedded(&classifier, &train)?;
+    let known = split.known.labels().len();
+    let whitening = Whitening::fit(&seen.hidden, &seen.labels, known, SHRINKAGE)?;
+    let means = NearestMean::fit(&whitening.apply(&seen.hidden), &seen.labels, known);
+    let strangeness = |view: &SweepView<'_>| -> Result<Scored, Ended> {
+        let embedding = embedded(&classifier, view)?;
+        let distances = means.scores(&whitening.apply(&embedding.hidden));
+        let nearest = distances
+            .iter()
+            .map(|row| -row.iter().copied().fold(f64::NEG_INFINITY, f64::max));
+        Scored::new(&classifier, embedding, nearest.collect())
+    };
+    let calibration = strangeness(&calibration)?;
+    let test = strangeness(&fold.test)?;
+    let new = strangeness(&SweepView::all(&split.new))?;
+    let mut measurements = Vec::new();
+    for (name, calibration_scores) in &calibration.scores {
+        for sweeps in SWEEPS {
+            let of = |scored: &Scored, scores: &[f64]| averages(scored, scores, sweeps, seed);
+            let (inside, outside) = (of(&test, &test.scores[name]), of(&new, &new.scores[name]));
+            let threshold = upper_quantile(&of(&calibration, calibration_scores), FALSE_ALARMS);
+            let above = |scores: &[f64]| {
+                scores.iter().filter(|score| **score > threshold).count() as f64
+                    / scores.len() as f64
+            };
+            let both = inside.len() + outside.len();
+            measurements.extend([
+                Measurement::new("auroc", name, auroc(&inside, &outside), both).sweeps(sweeps),
+                Measurement::new("false alarms", name, above(&inside), inside.len()).sweeps(sweeps),
+                Measurement::new("detected", name, above(&outside), outside.len()).sweeps(sweeps),
+            ]);
+        }
+    }
+    measurements.extend(prediction_sets(&calibration, &test));
+    let names: Vec<&str> = split.new.labels().names().collect();
+    Ok(Answer {
+        measurements,
+        split: format!("new materials: {}", names.join(", ")),
+        split_content: format!("{:?} {}", split.new_labels, fold.manifest().sha256),
+        chosen: BTreeMap::new(),
+    })
+}
+
+/// Sweeps with everything that tells how strange they are.
+struct Scored {
+    labels: Vec<usize>,
+    log_p: Vec<Vec<f64>>,
+    /// By score: one number a sweep, larger for stranger sweeps.
+    scores: BTreeMap<&'static str, Vec<f64>>,
+}
+
+impl Scored {
+    fn new(
+        classifier: &Classifier,
+        embedding: Embedding,
+        nearest: Vec<f64>,
+    ) -> Result<Self, Ended> {
+        let log_p = embedding.log_probabilities();
+        let largest = |row: &Vec<f64>| row.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        // Energy (Liu et al., 2020): minus the log of the sum of exponentials, unnormalised.
+        let energy = embedding
+            .logits
+            .rows()
+            .zip(&log_p)
+            .map(|(scores, log_p)| log_p[0] - f64::from(scores[0]));
+        let scores = [
+            ("energy", energy.collect()),
+            (
+                "largest probability",
+                log_p.iter().map(|row| -largest(row)).collect(),
+            ),
+            (
+                "mutual information",
+                classifier.mutual_information(&embedding, RUNS)?,
+            ),
+            ("whitened distance", nearest),
+        ];
+        Ok(Self {
+            labels: embedding.labels,
+            log_p,
+            scores: scores.into(),
+        })
+    }
+}
+
+/// Mean scores of disjoint groups of `sweeps` sweeps of one material.
+fn averages(scored: &Scored, scores: &[f64], sweeps: usize, seed: Seed) -> Vec<f64> {
+    if sweeps == 1 {
+        return scores.to_vec();
+    }
+    let mut means = Vec::new();
+    for (label, mut rows) in rows_of_label(&scored.labels).into_iter().enumerate() {
+        shuffle(
+            &mut rows,
+            &mut seed.rng(("groups of sweeps", label, sweeps)),
+        );
+        means.extend(
+            rows.chunks_exact(sweeps)
+                .map(|group| group.iter().map(|row| scores[*row]).sum::<f64>() / sweeps as f64),
+        );
+    }
+    means
+}
+
+/// Split conformal prediction sets: every label whose probability is at least the calibrated one (Sadinle et al., 2019), never
+/// empty. Gives measured coverage and mean size.
+fn prediction_sets(calibration: &Scored, test: &Scored) -> Vec<Measurement> {
+    let loss = |log_p: &[f64], label: usize| 1.0 - log_p[label].exp();
+    let losses: Vec<f64> = calibration
+        .log_p
+        .iter()
+        .zip(&calibration.labels)
+        .map(|(p, l)| loss(p, *l))
+        .collect();
+    let mut measurements = Vec::new();
+    for coverage in COVERAGES {
+        let most = upper_quantile(&losses, 1.0 - coverage);
+        let (mut covered, mut labels) = (0, 0);
+        for (log_p, &label) in test.log_p.iter().zip(&test.labels) {
+            let best = tactnet_models::first_largest(log_p);
+            let inside = |label: usize| label == best || loss(log_p, label) <= most;
+            covered += usize::from(inside(label));
+            labels += (0..log_p.len()).filter(|label| inside(*label)).count();
+        }
+        let n = test.labels.len();
+        let setting = format!("target {:.0} %", 100.0 * coverage);
+        for (measure, sum) in [("coverage", covered), ("set size", labels)] {
+            measurements.push(
+                Measurement::new(measure, "conformal set", sum as f64 / n as f64, n)
+                    .setting(setting.as_str()),
+            );
+        }
+    }
+    measurements
+}

@@ -1,0 +1,190 @@
+//! Studies with the real binary on a small twin: transfer, differentiation, unknown materials, sequential sweeping.
+
+use std::process::Command;
+
+use serde_json::Value;
+
+use crate::command::{Lab, RecipeChange, expect, stderr, stdout, tactnet};
+
+/// A twin of eight materials with thirty sweeps each, and a small recipe.
+fn lab() -> Lab {
+    let lab = Lab::new();
+    let mut twin = tactnet([
+        "data",
+        "twin",
+        "--materials",
+        "8",
+        "--sweeps",
+        "30",
+        "--steps",
+        "120",
+        "--out",
+    ]);
+    twin.arg(lab.path("eight.h5"));
+    expect(0, twin);
+    lab.recipe(RecipeChange {
+        epochs: Some(8),
+        ..RecipeChange::default()
+    });
+    lab
+}
+
+fn study(lab: &Lab, name: &str, settings: &[&str], out: &str) -> Command {
+    let mut command = tactnet(["experiment", "run", name, "--json"]);
+    command
+        .arg("--set")
+        .arg(format!("data={}", lab.path("eight.h5").display()))
+        .arg("--set")
+        .arg(format!("models=[\"{}\"]", lab.path("small.toml").display()));
+    for setting in settings {
+        command.args(["--set", setting]);
+    }
+    command.arg("--out").arg(lab.path(out));
+    command
+}
+
+fn summary(command: Command) -> Value {
+    serde_json::from_str(&stdout(&expect(0, command))).unwrap()
+}
+
+fn rows(summary: &Value) -> &Vec<Value> {
+    summary["study"]["rows"].as_array().unwrap()
+}
+
+const NSHOT: [&str; 3] = [
+    "splits=2",
+    "shots=[1, 3, 40]",
+    "study={kind=\"nshot\", new_materials=3, scratch_folds=2}",
+];
+
+#[test]
+fn n_shot_transfer_measures_every_method_the_same_way_however_many_threads() {
+    let lab = lab();
+    let mut two = study(&lab, "nshot", &NSHOT, "two");
+    two.args(["--jobs", "2"]);
+    let two = summary(two);
+    let mut one = study(&lab, "nshot", &NSHOT, "one");
+    one.args(["--jobs", "1"]);
+    let one = summary(one);
+    assert_eq!(
+        one["study"]["rows"], two["study"]["rows"],
+        "threads change nothing"
+    );
+    // Ten methods; no material has 40 training sweeps.
+    assert_eq!(rows(&one).len(), 20);
+    for row in rows(&one) {
+        let at = |field: &str| row[field].as_f64().unwrap();
+        assert_eq!(row["n"], 2, "two draws of the materials");
+        assert!((0.0..=1.0).contains(&at("mean")), "{row}");
+        assert!(
+            at("ci95_low") <= at("mean") && at("mean") <= at("ci95_high"),
+            "{row}"
+        );
+        // Three materials with thirty sweeps each are tested once; from scratch, two of five folds.
+        let decisions = if row["method"] == "nk" {
+            2 * 36
+        } else {
+            2 * 90
+        };
+        assert_eq!(row["decisions"], decisions, "{row}");
+    }
+    let methods = |shots: usize| {
+        rows(&one)
+            .iter()
+            .filter(move |row| row["shots"] == shots)
+            .count()
+    };
+    assert_eq!((methods(1), methods(3)), (10, 10));
+    assert_eq!(one["study"]["comparisons"].as_array().unwrap().len(), 18);
+    let page = String::from_utf8(lab.read("one/report.html")).unwrap();
+    assert!(page.contains("Methods of the thesis: accuracy against shots"));
+    let again = expect(0, study(&lab, "nshot", &NSHOT, "one"));
+    assert!(
+        stderr(&again).contains("2 tasks, 2 done"),
+        "{}",
+        stderr(&again)
+    );
+}
+
+#[test]
+fn differentiation_unknown_and_sequential_studies_report_what_they_measured() {
+    let lab = lab();
+    let found = summary(study(
+        &lab,
+        "differentiate",
+        &["runs=1", "folds=2"],
+        "differentiate",
+    ));
+    // Four judges, one and three sweeps; the hard pairs are TactMat's materials only.
+    assert_eq!(rows(&found).len(), 8);
+    assert!(rows(&found).iter().all(|row| row["decisions"] == 2 * 2700));
+    // The small network's outputs say little, but more than nothing.
+    let threshold = rows(&found)
+        .iter()
+        .find(|row| row["method"] == "threshold" && row["sweeps"] == 1);
+    let accuracy = threshold.unwrap()["mean"].as_f64().unwrap();
+    assert!(accuracy > 0.5, "{accuracy}");
+
+    let settings = ["splits=2", "study={kind=\"unknown\", new_materials=3}"];
+    let found = summary(study(&lab, "unknown", &settings, "unknown"));
+    // Four scores by three measures by one and three sweeps, and two conformal targets by two measures.
+    assert_eq!(rows(&found).len(), 4 * 3 * 2 + 4);
+    for row in rows(&found)
+        .iter()
+        .filter(|row| row["measure"] != "set size")
+    {
+        assert!(
+            (0.0..=1.0).contains(&row["mean"].as_f64().unwrap()),
+            "{row}"
+        );
+    }
+
+    let found = summary(study(
+        &lab,
+        "sequential",
+        &["runs=1", "folds=1"],
+        "sequential",
+    ));
+    let mean = |measure: &str, setting: &str| {
+        let row = rows(&found).iter().find(|row| {
+            row["measure"] == measure && row["setting"] == setting && row["method"] == "plain"
+        });
+        row.unwrap_or_else(|| panic!("no {measure} {setting}"))["mean"]
+            .as_f64()
+            .unwrap()
+    };
+    assert_eq!(mean("mean sweeps", "fixed 3"), 3.0);
+    assert!(mean("mean sweeps", "until 0.8") <= mean("mean sweeps", "until 0.99"));
+    assert!(mean("accuracy", "fixed 3") >= mean("accuracy", "fixed 1") - 0.1);
+}
+
+#[test]
+fn studies_refuse_what_they_cannot_use_in_one_line() {
+    let lab = lab();
+    for (code, settings, named) in [
+        (
+            2,
+            &["models=[\"minirocket\"]"][..],
+            "a study needs networks",
+        ),
+        (2, &["groups=3"][..], "`groups`: a study has none"),
+        (2, &["shots=[]"][..], "`shots`"),
+        // Seen when the data are read: by the task.
+        (
+            1,
+            &["study={kind=\"nshot\", new_materials=8}"][..],
+            "0 known, 8 new",
+        ),
+    ] {
+        let refused = stderr(&expect(
+            code,
+            study(
+                &lab,
+                "nshot",
+                &[&["splits=1"], settings].concat(),
+                "refused",
+            ),
+        ));
+        assert!(refused.contains(named), "{settings:?}: {refused}");
+    }
+}
