@@ -65,7 +65,7 @@ pub fn run(arguments: EvalArgs) -> anyhow::Result<ExitCode> {
     let manifest = run.split()?;
     let device = arguments.device.compute().open()?;
     let weights = run.weights()?;
-    let finished = run.result()?.is_some();
+    let finished = run.has_final_weights();
     if !finished {
         eprintln!("this run has not ended: judging the weights of its last checkpoint");
     }
@@ -77,6 +77,24 @@ pub fn run(arguments: EvalArgs) -> anyhow::Result<ExitCode> {
         (SweepView::clone(&test), "test split of the run".to_string())
     } else {
         unseen_sweeps(&dataset, &config, &manifest)?
+    };
+    let enrolled: Vec<usize> = run
+        .enrolled()?
+        .into_iter()
+        .filter(|material| material.data_sha256 == dataset.sha256())
+        .flat_map(|material| material.sweeps)
+        .collect();
+    let left = view
+        .indices()
+        .iter()
+        .copied()
+        .filter(|index| !enrolled.contains(index));
+    let (view, tested) = match view.len() - left.clone().count() {
+        0 => (view, tested),
+        dropped => (
+            SweepView::new(&dataset, left.collect()),
+            format!("{tested}, but {dropped} that were enrolled"),
+        ),
     };
     if view.is_empty() {
         bail!(

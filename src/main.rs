@@ -1,6 +1,7 @@
 //! The `tactnet` command line: one verb a subcommand, results on stdout, everything else on stderr.
 
 mod data;
+mod enroll;
 mod eval;
 mod experiment;
 mod failure;
@@ -28,6 +29,7 @@ const GIT: &str = env!("TACTNET_GIT");
         tactnet train                                train on the synthetic TactMat twin\n  \
         tactnet train --data sweeps.h5               train on recorded sweeps\n  \
         tactnet eval runs/twin-fast-fold0-1          judge a trained classifier again\n  \
+        tactnet enroll runs/twin-fast-fold0-1 --data new.h5 --material felt --out runs/with-felt\n  \
         tactnet experiment run crossval_baselines    compare models over folds\n  \
         tactnet data info sweeps.h5                  look at a data set\n\n\
         `tactnet COMMAND --help` says more about each command."
@@ -43,6 +45,8 @@ enum Command {
     Train(train::TrainArgs),
     /// Judge a trained classifier
     Eval(eval::EvalArgs),
+    /// Add a material to a trained classifier from a few sweeps
+    Enroll(enroll::EnrollArgs),
     /// Run cross-validations and their like, and report
     #[command(subcommand)]
     Experiment(experiment::ExperimentCommand),
@@ -66,6 +70,7 @@ fn main() -> ExitCode {
     let outcome = match cli.command {
         Command::Train(arguments) => train::run(arguments),
         Command::Eval(arguments) => eval::run(arguments),
+        Command::Enroll(arguments) => enroll::run(&arguments),
         Command::Experiment(command) => experiment::run(command),
         Command::Study(arguments) => study::run(&arguments),
         Command::Data(command) => data::run(command),

@@ -12,9 +12,9 @@ use clap::Args;
 use tactnet_data::{Dataset, Fold, Scheme, Seed, Severity, TrainSplit, check};
 use tactnet_models::Compute;
 use tactnet_pipeline::{
-    BaselineRecipe, Classifier, ClassifierConfig, EpochMetrics, LabelOrder, Levels, ModelConfig,
-    ModelRecipe, Provenance, Recipe, RunConfig, RunDir, TactNetSetup, Trained, Training,
-    fit_baseline, judge,
+    BaselineRecipe, Classifier, ClassifierConfig, EpochMetrics, KnownSweeps, LabelOrder, Levels,
+    ModelConfig, ModelRecipe, Provenance, Recipe, RunConfig, RunDir, TactNetSetup, Trained,
+    Training, fit_baseline, judge,
 };
 
 use crate::report::Shown;
@@ -129,6 +129,9 @@ pub fn run(arguments: TrainArgs) -> anyhow::Result<ExitCode> {
     };
     let weights = run.weights()?;
     let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
+    if let ModelConfig::TactNet2(_) = config.classifier.model {
+        run.write_known_sweeps(&KnownSweeps::of(&classifier.embed(&fold.train)?))?;
+    }
     eprintln!("predicting {} test sweeps …", fold.test.len());
     let command = command_line(&config, &fold);
     let result = judge(

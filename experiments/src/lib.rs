@@ -40,7 +40,9 @@ pub use recipe::{ExperimentRecipe, Probe, Range, Search, Split, StudySettings, V
 pub use report::to_html;
 pub use slurm::{SlurmArray, run_on_slurm};
 pub use statistic::{Statistic, resampled_t_test};
-pub use study::{Measurement, Study, StudyResult, StudyTask, TransferMethod, run_study};
+pub use study::{
+    FeatureMap, Measurement, Study, StudyResult, StudyTask, TransferMethod, run_study,
+};
 pub use study_summary::{SampleEfficiency, StudyComparison, StudyRecord, StudyRow, StudySummary};
 pub use summarise::summarise;
 pub use summary::{FoldRecord, Published, ReliabilityBin, RiskCoverage, Row, Summary};

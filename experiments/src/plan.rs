@@ -236,8 +236,7 @@ fn tasks(recipe: &ExperimentRecipe, models: &[Model]) -> Vec<Task> {
 
 /// A task for every split (of the materials, or of the sweeps), data set and network.
 fn study_tasks(recipe: &ExperimentRecipe, study: &StudySettings, models: &[Model]) -> Vec<Task> {
-    let draws = matches!(study.kind, Study::Nshot | Study::Unknown);
-    let numbers: Vec<usize> = if draws {
+    let numbers: Vec<usize> = if study.kind.draws_materials() {
         (0..recipe.splits).collect()
     } else {
         (0..recipe.runs)

@@ -10,7 +10,7 @@ use toml::{Table, Value};
 use crate::{ExperimentError, Study, TransferMethod};
 
 /// Experiments that ship with the binary, by name.
-const BUILT_IN: [(&str, &str); 10] = [
+const BUILT_IN: [(&str, &str); 12] = [
     (
         "crossval_tactnet2",
         include_str!("../recipes/crossval_tactnet2.toml"),
@@ -42,6 +42,8 @@ const BUILT_IN: [(&str, &str); 10] = [
     ),
     ("unknown", include_str!("../recipes/unknown.toml")),
     ("sequential", include_str!("../recipes/sequential.toml")),
+    ("enrolment", include_str!("../recipes/enrolment.toml")),
+    ("feature_maps", include_str!("../recipes/feature_maps.toml")),
 ];
 
 /// What is trained on what, and what is expected to come out.
@@ -406,16 +408,22 @@ impl ExperimentRecipe {
 
     fn study_mistake(&self) -> Option<String> {
         let kind = self.study.as_ref().map(|study| study.kind);
-        let draws = matches!(kind, Some(Study::Nshot | Study::Unknown));
-        if !draws && self.splits != 1 {
+        if !kind.is_some_and(Study::draws_materials) && self.splits != 1 {
             return Some("`splits`: only a study of new materials draws them".into());
         }
-        if kind != Some(Study::Nshot) && !(self.shots.is_empty() && self.methods.is_empty()) {
-            return Some("`shots` and `methods`: belong to a study of kind `nshot`".into());
+        let shots = kind.is_some_and(Study::has_shots);
+        if !shots && !self.shots.is_empty() {
+            return Some("`shots`: belong to studies of kind `nshot` and `enrolment`".into());
+        }
+        if kind != Some(Study::Nshot) && !self.methods.is_empty() {
+            return Some("`methods`: belong to a study of kind `nshot`".into());
         }
         let study = self.study.as_ref()?;
         if self.splits == 0 {
             return Some("`splits`: expected at least 1, found 0".into());
+        }
+        if study.kind == Study::FeatureMaps && self.splits > 2 {
+            return Some("`splits`: 1 is the easy choice of materials, 2 adds the hard one".into());
         }
         if study.new_materials < 2 {
             return Some(format!(
@@ -429,7 +437,7 @@ impl ExperimentRecipe {
                 study.scratch_folds
             ));
         }
-        if kind == Some(Study::Nshot) && (self.shots.is_empty() || self.shots.contains(&0)) {
+        if shots && (self.shots.is_empty() || self.shots.contains(&0)) {
             return Some("`shots`: expected one or more numbers above 0".into());
         }
         for (field, used) in [
@@ -535,7 +543,7 @@ mod tests {
             ("models=[\"fast\"", "--set models"),
             ("search.trials=3", "this experiment has none"),
             ("splits=3", "only a study of new materials"),
-            ("shots=1", "belong to a study of kind `nshot`"),
+            ("shots=1", "belong to studies of kind `nshot`"),
             (
                 "search={base=\"fast\",trials=1,space={\"training.batch\"={kind=\"choice\",values=[]}}}",
                 "training.batch",

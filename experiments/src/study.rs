@@ -4,6 +4,8 @@
 //! means over tasks.
 
 mod differentiate;
+mod enrolment;
+mod feature_maps;
 mod hard_pairs;
 mod knowledge;
 mod pairs;
@@ -24,6 +26,7 @@ use tactnet_data::{Dataset, Seed};
 use tactnet_pipeline::{BatchReport, PipelineError, Provenance, Recipe};
 
 use crate::ExperimentError;
+pub use feature_maps::FeatureMap;
 pub use transfer_method::TransferMethod;
 
 /// A question.
@@ -38,6 +41,10 @@ pub enum Study {
     Unknown,
     /// How many sweeps until it is sure?
     Sequential,
+    /// A material more for a trained classifier.
+    Enrolment,
+    /// Easy and hard materials in a plane.
+    FeatureMaps,
 }
 
 impl Study {
@@ -48,13 +55,28 @@ impl Study {
             Self::Differentiate => "differentiate",
             Self::Unknown => "unknown",
             Self::Sequential => "sequential",
+            Self::Enrolment => "enrolment",
+            Self::FeatureMaps => "feature-maps",
         }
+    }
+
+    /// Whether every task draws new materials.
+    pub fn draws_materials(self) -> bool {
+        matches!(
+            self,
+            Self::Nshot | Self::Unknown | Self::Enrolment | Self::FeatureMaps
+        )
+    }
+
+    /// Whether it asks what a number of shots gives.
+    pub fn has_shots(self) -> bool {
+        matches!(self, Self::Nshot | Self::Enrolment)
     }
 
     /// Test sweeps over training sweeps, where tasks share training sweeps; 0 where every task draws its own split of the materials.
     pub(crate) fn test_share(self) -> f64 {
         match self {
-            Self::Nshot | Self::Unknown => 0.0,
+            Self::Nshot | Self::Unknown | Self::Enrolment | Self::FeatureMaps => 0.0,
             Self::Differentiate | Self::Sequential => 0.25,
         }
     }
@@ -167,6 +189,9 @@ pub struct StudyResult {
     pub chosen: std::collections::BTreeMap<String, f64>,
     /// What was measured.
     pub measurements: Vec<Measurement>,
+    /// Sweeps in a plane, where the study draws them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub maps: Vec<FeatureMap>,
     /// Time of the task, seconds.
     pub seconds: f64,
     /// Largest resident memory of the process, MiB.
@@ -253,11 +278,17 @@ pub fn run_study(
         seed: Seed(task.seed),
         go_on: &go_on,
     };
+    let mut maps = Vec::new();
     let answer = match task.study {
+        Study::FeatureMaps => feature_maps::feature_maps(task, &bench).map(|(answer, drawn)| {
+            maps = drawn;
+            answer
+        }),
         Study::Nshot => transfer::transfer(task, &bench),
         Study::Differentiate => differentiate::differentiate(task, &bench),
         Study::Unknown => unknown::unknown(task, &bench),
         Study::Sequential => sequential::sequential(task, &bench),
+        Study::Enrolment => enrolment::enrolment(task, &bench),
     };
     let answer = match answer {
         Ok(answer) => answer,
@@ -280,6 +311,7 @@ pub fn run_study(
         split_sha256: hex(&answer.split_content),
         chosen: answer.chosen,
         measurements: answer.measurements,
+        maps,
         seconds: begun.elapsed().as_secs_f64(),
         peak_rss_mib: tactnet_pipeline::peak_rss_mib(),
         provenance,

@@ -6,7 +6,7 @@ use rand::RngExt;
 use serde::{Deserialize, Serialize};
 use tactnet_data::Seed;
 
-use crate::study::{Measurement, Study, StudyResult};
+use crate::study::{FeatureMap, Measurement, Study, StudyResult};
 use crate::tasks::{ExperimentDir, TaskState};
 use crate::{ExperimentError, Statistic, Task, resampled_t_test};
 
@@ -26,6 +26,9 @@ pub struct StudySummary {
     pub comparisons: Vec<StudyComparison>,
     /// How many more sweeps a network without pre-knowledge needs.
     pub sample_efficiency: Vec<SampleEfficiency>,
+    /// Sweeps in a plane.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub maps: Vec<FeatureMap>,
     /// The tasks behind the numbers.
     pub tasks: Vec<StudyRecord>,
 }
@@ -295,7 +298,12 @@ pub(crate) fn summary(
     } else {
         Vec::new()
     };
+    let maps = ended
+        .iter()
+        .flat_map(|ended| ended.result.maps.clone())
+        .collect();
     Ok(StudySummary {
+        maps,
         kind,
         rows,
         comparisons,
@@ -317,7 +325,11 @@ fn reference(kind: Study, measure: &str) -> Option<&'static str> {
 fn row(kind: Study, share: f64, key: &Key, values: &[(String, f64, usize)]) -> StudyRow {
     let (data, levels, model, column) = key;
     let own: Vec<f64> = values.iter().map(|(_, value, _)| *value).collect();
-    let is_share = !matches!(column.measure.as_str(), "set size" | "mean sweeps");
+    // What can lie outside 0 to 1.
+    let is_share = !matches!(
+        column.measure.as_str(),
+        "set size" | "mean sweeps" | "known, lost"
+    );
     let statistic = if is_share {
         Statistic::of_shares(own.clone(), share)
     } else {

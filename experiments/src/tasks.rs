@@ -280,6 +280,8 @@ mod tests {
             ("differentiate", 10),
             ("unknown", 20),
             ("sequential", 10),
+            ("enrolment", 20),
+            ("feature_maps", 2),
         ] {
             let (_folder, dir) = planned(name, &[]);
             assert_eq!(dir.plan.tasks.len(), tasks, "{name}");

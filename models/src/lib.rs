@@ -34,7 +34,9 @@ pub use conv::runs_on as is_processor;
 pub use dense::NormalizedDense;
 pub use dropout::dropout_masks;
 pub use features::Features;
-pub use heads::{LinearHead, NearestMean, SimpleShot, WeightPrior, Whitening};
+pub use heads::{
+    LinearHead, NearestMean, NewClass, SimpleShot, WeightPrior, Whitening, fit_new_class,
+};
 pub use knn::Knn;
 pub use loss::cross_entropy;
 pub use mlp::{DenseWeights, Mlp, matrix};

@@ -136,19 +136,19 @@ impl Classifier {
         matches!(self.model, Model::Network(_))
     }
 
-    /// Scores every sweep of `view`.
+    /// Scores every sweep of `view`. Its materials are found by their names, in whatever order; the classifier may know more.
     ///
     /// The `runs` Monte Carlo masks are drawn once from the classifier's seed: run `m` stands for the same draw of the
     /// weights for every sweep, so a sweep's score does not depend on its neighbours.
     ///
     /// # Errors
-    /// Sweeps of another shape or rate, or other materials; Monte Carlo dropout of a model without dropout.
+    /// Sweeps of another shape or rate, or of a material that it does not know; Monte Carlo dropout of a model without dropout.
     pub fn predict(
         &self,
         view: &SweepView<'_>,
         method: PredictionMethod,
     ) -> Result<Predictions, PipelineError> {
-        self.check(view)?;
+        let own_label = self.own_labels(view)?;
         let rows = match (&self.model, method) {
             (Model::Network(network), _) => network.log_probabilities(view, method),
             (Model::Baseline(baseline), PredictionMethod::Plain) => {
@@ -167,7 +167,7 @@ impl Classifier {
             .enumerate()
             .map(|(position, log_probability)| SweepScore {
                 index: view.indices()[position],
-                label: view.label(position),
+                label: own_label[view.label(position)],
                 log_probability,
             })
             .collect();
@@ -220,20 +220,25 @@ impl Classifier {
         }
     }
 
-    fn check(&self, view: &SweepView<'_>) -> Result<(), PipelineError> {
+    /// For every label of the view's data set, the classifier's own label of that material.
+    fn own_labels(&self, view: &SweepView<'_>) -> Result<Vec<usize>, PipelineError> {
         self.check_shape(view)?;
-        let (labels, found) = (&self.config.labels, view.dataset().labels());
-        if found == labels {
-            return Ok(());
-        }
-        let names = |set: &LabelSet| {
-            let shown: Vec<&str> = set.names().take(4).collect();
-            format!("{} ({}, …)", set.len(), shown.join(", "))
-        };
-        Err(PipelineError::Misfit {
-            item: "materials",
-            expected: names(labels),
-            found: names(found),
+        let own: Vec<&str> = self.config.labels.names().collect();
+        let found = view.dataset().labels();
+        let known: Option<Vec<usize>> = found
+            .names()
+            .map(|name| own.iter().position(|known| *known == name))
+            .collect();
+        known.ok_or_else(|| {
+            let names = |set: &LabelSet| {
+                let shown: Vec<&str> = set.names().take(4).collect();
+                format!("{} ({}, …)", set.len(), shown.join(", "))
+            };
+            PipelineError::Misfit {
+                item: "materials",
+                expected: names(&self.config.labels),
+                found: names(found),
+            }
         })
     }
 

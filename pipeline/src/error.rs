@@ -60,6 +60,14 @@ pub enum PipelineError {
         /// What came.
         found: String,
     },
+    /// A material that cannot be added.
+    #[error("material `{material}`: {reason}")]
+    Enroll {
+        /// Its name.
+        material: String,
+        /// Why not.
+        reason: String,
+    },
     /// The loss or a weight is no number any more.
     #[error(
         "{what} is not finite in epoch {epoch}, batch {batch}; try a lower learning rate or another scaling"

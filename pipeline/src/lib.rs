@@ -16,6 +16,7 @@ mod checkpoint;
 mod classifier;
 mod confusion_picture;
 mod embedding;
+mod enroll;
 mod error;
 mod evaluation;
 mod extractor;
@@ -25,6 +26,7 @@ mod fit_mlp;
 mod golden;
 mod hydra;
 mod judge;
+mod known;
 mod levels;
 mod metrics;
 mod model_recipe;
@@ -41,6 +43,7 @@ mod run_dir;
 mod scaler;
 mod series;
 mod spectrum;
+mod strangeness;
 mod train_network;
 mod training;
 
@@ -50,6 +53,7 @@ pub use baseline_fit::{BaselineFit, fit_baseline};
 pub use burn::tensor::Device;
 pub use classifier::{Classifier, ClassifierConfig, ModelConfig, TactNetSetup};
 pub use embedding::Embedding;
+pub use enroll::{Enrolled, EnrolledMaterial, enroll};
 pub use error::PipelineError;
 pub use evaluation::{Evaluation, evaluate_all_ways};
 pub use extractor::FeatureSet;
@@ -59,6 +63,7 @@ pub use fit_mlp::{
     MlpTraining, SweepPair, fit_difference, fit_embedding, fit_labels, predict_difference,
 };
 pub use judge::{Trained, judge};
+pub use known::KnownSweeps;
 pub use levels::Levels;
 pub use metrics::{Estimate, FusedAccuracy};
 pub use model_recipe::ModelRecipe;
@@ -73,5 +78,6 @@ pub use recipe::{
 };
 pub use result::{RunResult, describe_split};
 pub use run_dir::{EpochMetrics, LabelOrder, RunConfig, RunDir, write_whole};
+pub use strangeness::{Strangeness, StrangenessScore};
 pub use train_network::train_network;
 pub use training::{BatchReport, Position, Training, TrainingState};

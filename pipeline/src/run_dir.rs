@@ -9,6 +9,8 @@
 //! | `metrics.jsonl` | one line per epoch | after every epoch |
 //! | `checkpoint.safetensors` | weights, optimiser state, position | at least once a minute and at every stop |
 //! | `weights.safetensors` | final weights and running statistics | at the end |
+//! | `known.safetensors` | embeddings of the training sweeps, networks only: what `enroll` needs | at the end |
+//! | `enrolled.json` | materials that were added to a trained classifier | by `enroll` |
 //! | `predictions_test.csv` | scores of every test sweep, tsml layout | at the end |
 //! | `confusion.svg` | confusion matrix | at the end |
 //! | `result.json` | what was found | last |
@@ -23,12 +25,15 @@ use tactnet_models::{Compute, Weights};
 
 use crate::checkpoint::{decode_checkpoint, encode_checkpoint};
 use crate::{
-    ClassifierConfig, ModelRecipe, PipelineError, PredictionMethod, Predictions, Provenance,
-    RunResult, TrainingState,
+    ClassifierConfig, Enrolled, EnrolledMaterial, KnownSweeps, ModelRecipe, PipelineError,
+    PredictionMethod, Predictions, Provenance, RunResult, TrainingState,
 };
 
 /// Name of the lock file.
 const LOCK: &str = ".lock";
+const WEIGHTS: &str = "weights.safetensors";
+const KNOWN: &str = "known.safetensors";
+const ENROLLED: &str = "enrolled.json";
 
 /// `config.json`: all that is decided before the first batch.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -309,6 +314,83 @@ impl RunDir {
         }
     }
 
+    /// Embeddings of the training sweeps, which networks leave.
+    ///
+    /// # Errors
+    /// There are none, or they are damaged.
+    pub fn known_sweeps(&self) -> Result<KnownSweeps, PipelineError> {
+        let path = self.file(KNOWN);
+        if !path.exists() {
+            return Err(self.refused(
+                "no known.safetensors: networks leave it at the end of their training; train anew with this version",
+            ));
+        }
+        let materials = self.config()?.classifier.labels.len();
+        let bytes = fs::read(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
+        let damaged = |reason: String| PipelineError::Run {
+            path: path.clone(),
+            reason,
+        };
+        let weights =
+            Weights::from_safetensors(&bytes).map_err(|error| damaged(error.to_string()))?;
+        KnownSweeps::from_weights(&weights, materials).map_err(damaged)
+    }
+
+    /// Writes embeddings of the training sweeps.
+    ///
+    /// # Errors
+    /// They cannot be written.
+    pub fn write_known_sweeps(&self, known: &KnownSweeps) -> Result<(), PipelineError> {
+        let metadata = [("format".to_string(), "tactnet known sweeps 1".to_string())].into();
+        self.write(KNOWN, &known.to_weights().to_safetensors(metadata)?)
+    }
+
+    /// Materials that were added to the classifier after its training, in their order.
+    ///
+    /// # Errors
+    /// Damaged.
+    pub fn enrolled(&self) -> Result<Vec<EnrolledMaterial>, PipelineError> {
+        if self.file(ENROLLED).exists() {
+            self.read_json(ENROLLED)
+        } else {
+            Ok(Vec::new())
+        }
+    }
+
+    /// Makes a new run directory for a classifier with one more material: what `self` holds, but for the training's course and results.
+    ///
+    /// # Errors
+    /// A folder that holds anything already; a file that cannot be written.
+    pub fn create_enrolled(
+        &self,
+        path: &Path,
+        enrolled: &Enrolled,
+        material: EnrolledMaterial,
+    ) -> Result<Self, PipelineError> {
+        let mut materials = self.enrolled()?;
+        materials.push(material);
+        let config = RunConfig {
+            classifier: enrolled.config.clone(),
+            ..self.config()?
+        };
+        let sessions: Vec<Provenance> = self.read_json("environment.json")?;
+        let Some(last) = sessions.last() else {
+            return Err(self.refused("environment.json names no session"));
+        };
+        let run = Self::create(path, &config, &self.split()?, last)?;
+        run.write_json("environment.json", &sessions)?;
+        run.write_json(ENROLLED, &materials)?;
+        run.write_known_sweeps(&enrolled.known)?;
+        let metadata = [("format".to_string(), "tactnet weights 1".to_string())].into();
+        run.write(WEIGHTS, &enrolled.weights.to_safetensors(metadata)?)?;
+        Ok(run)
+    }
+
+    /// Whether training has come to its end, so that the weights are final.
+    pub fn has_final_weights(&self) -> bool {
+        self.file(WEIGHTS).exists()
+    }
+
     /// The last checkpoint with the training seconds spent until then, or `None` before the first.
     ///
     /// # Errors
@@ -379,7 +461,7 @@ impl RunDir {
     /// # Errors
     /// Neither is there, or damaged.
     pub fn weights(&self) -> Result<Weights, PipelineError> {
-        let path = self.file("weights.safetensors");
+        let path = self.file(WEIGHTS);
         if path.exists() {
             let bytes = fs::read(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
             return Weights::from_safetensors(&bytes).map_err(|error| PipelineError::Run {

@@ -8,6 +8,7 @@
 mod baselines;
 mod command;
 mod data_command;
+mod enroll;
 mod experiment;
 mod golden;
 mod study;

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use crate::published_confusion::TACTMAT_MATERIALS;
 use crate::{
-    Audit, Comparison, FoldRecord, Grouping, Published, ReliabilityBin, RiskCoverage, Row,
-    SampleEfficiency, Statistic, Study, StudyComparison, StudyRecord, StudyRow, StudySummary,
+    Audit, Comparison, FeatureMap, FoldRecord, Grouping, Published, ReliabilityBin, RiskCoverage,
+    Row, SampleEfficiency, Statistic, Study, StudyComparison, StudyRecord, StudyRow, StudySummary,
     Summary,
 };
 
@@ -151,6 +151,13 @@ pub(super) fn study() -> Summary {
             shots: Some(12.5),
             ci95: [Some(9.0), None],
             published_ratio: 15.0,
+        }],
+        maps: vec![FeatureMap {
+            choice: HOSTILE.into(),
+            space: "input".into(),
+            materials: vec![HOSTILE.into(), "cork".into()],
+            labels: vec![0, 1, 1],
+            points: vec![[0.0, 1.0], [-3.0, 2.0], [5.0, -7.0]],
         }],
         tasks: vec![StudyRecord {
             id: HOSTILE.into(),

@@ -4,9 +4,9 @@ use super::results::Heading::{Number, Text};
 use super::results::{number, sortable};
 use super::svg::{Axes, SERIES, figure, legend};
 use super::text::{ABSENT, decimal, duration, escape, hash, p_value, percent, scroll};
-use crate::{Study, StudyRow, StudySummary};
+use crate::{FeatureMap, Study, StudyRow, StudySummary};
 
-const TERMS: [(&str, &str); 9] = [
+const TERMS: [(&str, &str); 11] = [
     (
         "95 % interval",
         "Of the mean over tasks. Where tasks share training sweeps it is widened for that (Nadeau and Bengio, 2003). Draws of new \
@@ -45,6 +45,14 @@ const TERMS: [(&str, &str); 9] = [
         "All labels whose probability is above a calibrated bound; it holds the true one as often as its target says.",
     ),
     (
+        "Known, before, after, lost",
+        "Accuracy on test sweeps of the known materials before and after one more was added, and the difference.",
+    ),
+    (
+        "Purity",
+        "Share of the five nearest sweeps that are of the same material, in the whole space or in the plane that t-SNE makes of it.",
+    ),
+    (
         "Until 0.99",
         "Sweeps are fused until the most probable material has this probability, at most ten.",
     ),
@@ -54,6 +62,14 @@ const TERMS: [(&str, &str); 9] = [
 pub(super) fn sections(study: &StudySummary) -> Vec<(&'static str, &'static str, String)> {
     let mut sections = vec![("results", "Results", results(study))];
     sections.push(("curves", "At a glance", curves(study)));
+    if !study.maps.is_empty() {
+        let maps: String = study.maps.iter().map(map).collect();
+        sections.push((
+            "maps",
+            "Feature maps",
+            format!("<div class=\"panels\">\n{maps}</div>\n"),
+        ));
+    }
     if !study.comparisons.is_empty() {
         sections.push(("comparisons", "Paired comparisons", comparisons(study)));
     }
@@ -190,6 +206,11 @@ fn curves(study: &StudySummary) -> String {
                 Study::Sequential => vec![accuracy_by_sweeps(&name, &rows)],
                 Study::Differentiate => vec![bars(&name, &rows, "accuracy")],
                 Study::Unknown => vec![bars(&name, &rows, "auroc")],
+                Study::FeatureMaps => vec![bars(&name, &rows, "purity")],
+                Study::Enrolment => vec![
+                    bars(&name, &rows, "new material"),
+                    bars(&name, &rows, "known, after"),
+                ],
             }
         })
         .collect();
@@ -345,6 +366,43 @@ fn bars(name: &str, rows: &[&StudyRow], measure: &str) -> String {
     format!(
         "<figure>\n{}<figcaption>{}, %, with 95 % intervals; from 0 to 100. Squares: published for TactMat.</figcaption>\n</figure>\n",
         figure(560.0, 16.0 + STEP * rows.len() as f64, &title, &content),
+        escape(&title)
+    )
+}
+
+/// Every sweep as a mark of its material.
+fn map(map: &FeatureMap) -> String {
+    const SIZE: f64 = 300.0;
+    let range = |axis: usize| {
+        let values = map.points.iter().map(|point| f64::from(point[axis]));
+        let low = values.clone().fold(f64::INFINITY, f64::min);
+        let high = values.fold(f64::NEG_INFINITY, f64::max);
+        (low, (high - low).max(f64::MIN_POSITIVE))
+    };
+    let ranges = [range(0), range(1)];
+    let at = |point: &[f32; 2], axis: usize| {
+        let (low, width) = ranges[axis];
+        8.0 + (SIZE - 16.0) * (f64::from(point[axis]) - low) / width
+    };
+    let mut content = String::new();
+    for material in 0..map.materials.len() {
+        let marks: String = map
+            .points
+            .iter()
+            .zip(&map.labels)
+            .filter(|(_, label)| **label == material)
+            .map(|(point, _)| super::svg::marker(material, at(point, 0), at(point, 1)))
+            .collect();
+        content.push_str(&format!(
+            "<g class=\"series s{}\">{marks}</g>\n",
+            material % SERIES
+        ));
+    }
+    let title = format!("{} materials, {} space", map.choice, map.space);
+    format!(
+        "<figure>\n{}{}<figcaption>t-SNE: {}. Distances between far groups mean little.</figcaption>\n</figure>\n",
+        figure(SIZE, SIZE, &title, &content),
+        legend(&map.materials),
         escape(&title)
     )
 }

@@ -10,8 +10,7 @@
 use std::collections::BTreeMap;
 
 use tactnet_data::{Fold, MaterialSplit, Scheme, Seed, SweepView, shuffle};
-use tactnet_models::{NearestMean, Whitening};
-use tactnet_pipeline::{Classifier, Embedding};
+use tactnet_pipeline::{KnownSweeps, Strangeness};
 
 use super::knowledge::{embedded, trained};
 use super::pairs::rows_of_label;
@@ -24,10 +23,6 @@ const SWEEPS: [usize; 2] = [1, 3];
 const FALSE_ALARMS: f64 = 0.05;
 /// Shares of sweeps whose label the prediction set should hold.
 const COVERAGES: [f64; 2] = [0.9, 0.95];
-/// Shrinkage of the covariance of training sweeps.
-const SHRINKAGE: f64 = 0.3;
-/// Passes of Monte Carlo dropout.
-const RUNS: usize = 100;
 
 pub(super) fn unknown(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, Ended> {
     let split = MaterialSplit::draw(bench.dataset, task.new_materials, bench.seed, task.number)?;
@@ -43,20 +38,18 @@ pub(super) fn unknown(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, End
     let classifier = trained(bench, "network of the known materials", &train, seed)?;
     bench.say("scores")?;
     let seen = embedded(&classifier, &train)?;
-    let known = split.known.labels().len();
-    let whitening = Whitening::fit(&seen.hidden, &seen.labels, known, SHRINKAGE)?;
-    let means = NearestMean::fit(&whitening.apply(&seen.hidden), &seen.labels, known);
-    let strangeness = |view: &SweepView<'_>| -> Result<Scored, Ended> {
+    let strangeness = Strangeness::fit(&classifier, &KnownSweeps::of(&seen))?;
+    let scored = |view: &SweepView<'_>| -> Result<Scored, Ended> {
         let embedding = embedded(&classifier, view)?;
-        let distances = means.scores(&whitening.apply(&embedding.hidden));
-        let nearest = distances
-            .iter()
-            .map(|row| -row.iter().copied().fold(f64::NEG_INFINITY, f64::max));
-        Scored::new(&classifier, embedding, nearest.collect())
+        Ok(Scored {
+            scores: strangeness.all(&embedding)?,
+            log_p: embedding.log_probabilities(),
+            labels: embedding.labels,
+        })
     };
-    let calibration = strangeness(&calibration)?;
-    let test = strangeness(&fold.test)?;
-    let new = strangeness(&SweepView::all(&split.new))?;
+    let calibration = scored(&calibration)?;
+    let test = scored(&fold.test)?;
+    let new = scored(&SweepView::all(&split.new))?;
     let mut measurements = Vec::new();
     for (name, calibration_scores) in &calibration.scores {
         for sweeps in SWEEPS {
@@ -91,40 +84,6 @@ struct Scored {
     log_p: Vec<Vec<f64>>,
     /// By score: one number a sweep, larger for stranger sweeps.
     scores: BTreeMap<&'static str, Vec<f64>>,
-}
-
-impl Scored {
-    fn new(
-        classifier: &Classifier,
-        embedding: Embedding,
-        nearest: Vec<f64>,
-    ) -> Result<Self, Ended> {
-        let log_p = embedding.log_probabilities();
-        let largest = |row: &Vec<f64>| row.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        // Energy (Liu et al., 2020): minus the log of the sum of exponentials, unnormalised.
-        let energy = embedding
-            .logits
-            .rows()
-            .zip(&log_p)
-            .map(|(scores, log_p)| log_p[0] - f64::from(scores[0]));
-        let scores = [
-            ("energy", energy.collect()),
-            (
-                "largest probability",
-                log_p.iter().map(|row| -largest(row)).collect(),
-            ),
-            (
-                "mutual information",
-                classifier.mutual_information(&embedding, RUNS)?,
-            ),
-            ("whitened distance", nearest),
-        ];
-        Ok(Self {
-            labels: embedding.labels,
-            log_p,
-            scores: scores.into(),
-        })
-    }
 }
 
 /// Mean scores of disjoint groups of `sweeps` sweeps of one material.

@@ -1,0 +1,94 @@
+//! A material more for a trained classifier: how well the new one is recognised, and what the others lose.
+
+use std::collections::BTreeMap;
+
+use tactnet_data::{Fold, MaterialSplit, Scheme, SweepView};
+use tactnet_models::{Features, LinearHead, WeightPrior, first_largest, fit_new_class};
+
+use super::knowledge::{embedded, trained};
+use super::{Answer, Bench, Ended, Measurement, StudyTask};
+
+pub(super) fn enrolment(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, Ended> {
+    let split = MaterialSplit::draw(bench.dataset, task.new_materials, bench.seed, task.number)?;
+    let fold = Fold::new(&split.known, Scheme::default(), bench.seed, 0, 0)?;
+    let seed = bench.seed_for("network of the known materials", task.number);
+    let classifier = trained(bench, "network of the known materials", &fold.train, seed)?;
+    bench.say("embedding")?;
+    let seen = embedded(&classifier, &fold.train)?;
+    let test = embedded(&classifier, &fold.test)?;
+    let everything = SweepView::all(&split.new);
+    let whole = embedded(&classifier, &everything)?;
+    let new = Fold::new(&split.new, Scheme::default(), bench.seed, 0, 0)?;
+    let head = classifier.network()?.output_layer();
+    let right = |head: &LinearHead, features: &Features, labels: &[usize]| {
+        let scores = head.scores(features);
+        let right = scores
+            .iter()
+            .zip(labels)
+            .filter(|(row, label)| first_largest(row) == **label);
+        right.count()
+    };
+    let before = right(&head, &test.hidden, &test.labels);
+    let known = split.known.labels().len();
+    let knowledge = WeightPrior::of_knowledge(&head);
+    let decay = WeightPrior {
+        strength: WeightPrior::weight_decay(0, bench.recipe.training.l2, seen.len()).strength,
+        ..knowledge.clone()
+    };
+    let priors = [("knowledge prior", &knowledge), ("weight decay", &decay)];
+    let mut measurements = Vec::new();
+    for &shots in &task.shots {
+        let Ok(few) = new.shots(shots) else { continue };
+        bench.say(&format!("enrolment with {shots} shots"))?;
+        let support = whole.part(&everything, &few.train);
+        let queries = whole.part(&everything, &few.test);
+        for (name, prior) in priors {
+            let (mut found, mut asked, mut kept) = (0, 0, 0);
+            for material in 0..split.new.labels().len() {
+                let of = |labels: &[usize]| -> Vec<usize> {
+                    (0..labels.len())
+                        .filter(|row| labels[*row] == material)
+                        .collect()
+                };
+                let own = support.hidden.select(&of(&support.labels));
+                let class = fit_new_class(&head, &seen.hidden, &own, prior)?;
+                let mut more = head.clone();
+                more.weights.push(class.weights);
+                more.biases.push(class.bias);
+                let rows = of(&queries.labels);
+                found += right(
+                    &more,
+                    &queries.hidden.select(&rows),
+                    &vec![known; rows.len()],
+                );
+                asked += rows.len();
+                kept += right(&more, &test.hidden, &test.labels);
+            }
+            let materials = split.new.labels().len();
+            let tested = materials * test.len();
+            for (measure, value, decisions) in [
+                ("new material", found as f64 / asked as f64, asked),
+                (
+                    "known, before",
+                    before as f64 / test.len() as f64,
+                    test.len(),
+                ),
+                ("known, after", kept as f64 / tested as f64, tested),
+                (
+                    "known, lost",
+                    (materials * before) as f64 / tested as f64 - kept as f64 / tested as f64,
+                    tested,
+                ),
+            ] {
+                measurements.push(Measurement::new(measure, name, value, decisions).shots(shots));
+            }
+        }
+    }
+    let names: Vec<&str> = split.new.labels().names().collect();
+    Ok(Answer {
+        measurements,
+        split: format!("new materials, one at a time: {}", names.join(", ")),
+        split_content: format!("{:?} {}", split.new_labels, new.manifest().sha256),
+        chosen: BTreeMap::new(),
+    })
+}

@@ -1,0 +1,275 @@
+//! Pictures of what a network sees: sweeps of six new materials in the space of their digits and in that of its features (thesis,
+//! section 4.6.4 and figure 4.13), for materials that are easy and for materials that are hard to tell apart.
+
+use std::collections::BTreeMap;
+
+use bhtsne::tSNE;
+use rand::Rng;
+use rand_distr::{Distribution, StandardNormal};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use tactnet_data::{Fold, MaterialSplit, Scheme, SweepView};
+use tactnet_models::Features;
+
+use super::knowledge::{embedded, trained};
+use super::{Answer, Bench, Ended, Measurement, StudyTask};
+use crate::published_confusion::{TACTMAT_MATERIALS, robot};
+
+/// Neighbours that should be of the same material.
+const NEIGHBOURS: usize = 5;
+/// Neighbours that t-SNE tries to keep, about.
+const PERPLEXITY: f32 = 30.0;
+/// Spread of the points that t-SNE starts from.
+const START: f32 = 1e-4;
+
+/// Sweeps in a plane.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FeatureMap {
+    /// Which materials: `easy` or `hard`.
+    pub choice: String,
+    /// Which space: `input` or `embedding`.
+    pub space: String,
+    /// Names in label order.
+    pub materials: Vec<String>,
+    /// `[sweeps]`
+    pub labels: Vec<usize>,
+    /// `[sweeps]`, from t-SNE (van der Maaten & Hinton, 2008).
+    pub points: Vec<[f32; 2]>,
+}
+
+/// Task 0 shows an easy choice of materials, task 1 a hard one.
+pub(super) fn feature_maps(
+    task: &StudyTask,
+    bench: &Bench<'_>,
+) -> Result<(Answer, Vec<FeatureMap>), Ended> {
+    let choice = if task.number == 0 { "easy" } else { "hard" };
+    let alike = likeness(bench)?;
+    let new = choose(&alike, task.new_materials, task.number != 0);
+    let split = MaterialSplit::of(bench.dataset, &new)?;
+    let fold = Fold::new(&split.known, Scheme::default(), bench.seed, 0, 0)?;
+    let seed = bench.seed_for("feature maps", task.number);
+    let classifier = trained(bench, "network of the known materials", &fold.train, seed)?;
+    let everything = SweepView::all(&split.new);
+    let embedding = embedded(&classifier, &everything)?;
+    let mut digits = vec![0.0; everything.len() * everything.shape().values()];
+    let positions: Vec<usize> = (0..everything.len()).collect();
+    everything.copy_batch(&positions, &mut digits);
+    bench
+        .recipe
+        .input
+        .levels
+        .apply(&mut digits, everything.shape());
+    let input = Features::new(everything.shape().values(), digits);
+    let materials: Vec<String> = split.new.labels().names().map(String::from).collect();
+    let (mut measurements, mut maps) = (Vec::new(), Vec::new());
+    for (space, features) in [("input", &input), ("embedding", &embedding.hidden)] {
+        bench.say(&format!("t-SNE of the {space} space, {choice} materials"))?;
+        let plane = plane(features, &mut seed.rng(("t-SNE", maps.len())));
+        let flat = Features::new(2, plane.concat());
+        for (what, features) in [("whole space", features), ("plane", &flat)] {
+            let purity = purity(features, &embedding.labels);
+            measurements.push(
+                Measurement::new("purity", space, purity, embedding.len())
+                    .setting(format!("{choice} materials, {what}")),
+            );
+        }
+        maps.push(FeatureMap {
+            choice: choice.into(),
+            space: space.into(),
+            materials: materials.clone(),
+            labels: embedding.labels.clone(),
+            points: plane,
+        });
+    }
+    let answer = Answer {
+        measurements,
+        split: format!("{choice} materials: {}", materials.join(", ")),
+        split_content: format!("{:?} {}", split.new_labels, fold.manifest().sha256),
+        chosen: BTreeMap::new(),
+    };
+    Ok((answer, maps))
+}
+
+/// How often materials are taken for each other, `[material][material]`: as published where the materials are TactMat's, else by a
+/// network of its own, which is asked about test sweeps.
+fn likeness(bench: &Bench<'_>) -> Result<Vec<Vec<f64>>, Ended> {
+    let names: Vec<&str> = bench.dataset.labels().names().collect();
+    let ids: Option<Vec<usize>> = names
+        .iter()
+        .map(|name| TACTMAT_MATERIALS.iter().position(|known| known == name))
+        .collect();
+    let confusion = match ids {
+        Some(ids) if ids.len() > 12 => {
+            let robot = robot();
+            ids.iter()
+                .map(|a| ids.iter().map(|b| robot[*a][*b]).collect())
+                .collect()
+        }
+        _ => {
+            let fold = Fold::new(bench.dataset, Scheme::default(), bench.seed, 0, 0)?;
+            let seed = bench.seed_for("likeness", 0);
+            let classifier = trained(
+                bench,
+                "network that says which materials are alike",
+                &fold.train,
+                seed,
+            )?;
+            let test = embedded(&classifier, &fold.test)?;
+            let mut sums: Vec<Vec<f64>> = vec![vec![0.0; names.len()]; names.len()];
+            for (log_p, label) in test.log_probabilities().iter().zip(&test.labels) {
+                sums[*label]
+                    .iter_mut()
+                    .zip(log_p)
+                    .for_each(|(sum, l)| *sum += l.exp());
+            }
+            sums
+        }
+    };
+    let size = confusion.len();
+    Ok((0..size)
+        .map(|a| {
+            (0..size)
+                .map(|b| confusion[a][b] + confusion[b][a])
+                .collect()
+        })
+        .collect())
+}
+
+/// `count` materials that are most (`hard`) or least alike: the extreme pair, and then whatever is most or least like those chosen.
+fn choose(alike: &[Vec<f64>], count: usize, hard: bool) -> Vec<usize> {
+    let sign = if hard { 1.0 } else { -1.0 };
+    let size = alike.len();
+    let mut chosen: Vec<usize> = Vec::new();
+    while chosen.len() < count.min(size) {
+        let score = |material: usize| -> f64 {
+            if chosen.is_empty() {
+                let others = (0..size).filter(|other| *other != material);
+                // The first material of the extreme pair.
+                return others
+                    .map(|other| sign * alike[material][other])
+                    .fold(f64::NEG_INFINITY, f64::max);
+            }
+            chosen
+                .iter()
+                .map(|other| sign * alike[material][*other])
+                .sum()
+        };
+        let best = (0..size)
+            .filter(|material| !chosen.contains(material))
+            .max_by(|a, b| score(*a).total_cmp(&score(*b)).then(b.cmp(a)));
+        chosen.extend(best);
+    }
+    chosen
+}
+
+/// Every sweep as a point of a plane.
+fn plane(features: &Features, rng: &mut impl Rng) -> Vec<[f32; 2]> {
+    let rows: Vec<&[f32]> = features.rows().collect();
+    let start: Vec<f32> = (0..2 * rows.len())
+        .map(|_| {
+            let normal: f32 = StandardNormal.sample(rng);
+            START * normal
+        })
+        .collect();
+    let perplexity = PERPLEXITY.min((rows.len() as f32 - 2.0) / 3.0).max(1.0);
+    // Its sums depend on the number of threads: one.
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build()
+        .unwrap_or_else(|error| panic!("a thread can be started: {error}"));
+    let flat = pool.install(|| {
+        tSNE::<f32, &[f32], 2>::new(&rows)
+            .perplexity(perplexity)
+            .initial_embedding(start)
+            .exact(|a, b| squared_distance(a, b).sqrt())
+            .embedding()
+    });
+    flat.chunks_exact(2)
+        .map(|point| [point[0], point[1]])
+        .collect()
+}
+
+/// Share of the nearest neighbours that are of the sweep's own material, mean over sweeps.
+fn purity(features: &Features, labels: &[usize]) -> f64 {
+    let rows: Vec<&[f32]> = features.rows().collect();
+    let neighbours = NEIGHBOURS.min(rows.len() - 1);
+    let own: usize = rows
+        .par_iter()
+        .enumerate()
+        .map(|(sweep, row)| {
+            let mut others: Vec<(f32, usize)> = (0..rows.len())
+                .filter(|other| *other != sweep)
+                .map(|other| (squared_distance(row, rows[other]), other))
+                .collect();
+            others.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            others[..neighbours]
+                .iter()
+                .filter(|(_, other)| labels[*other] == labels[sweep])
+                .count()
+        })
+        .sum();
+    own as f64 / (rows.len() * neighbours) as f64
+}
+
+fn squared_distance(a: &[f32], b: &[f32]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tactnet_data::Seed;
+
+    /// Two clouds in five dimensions.
+    fn clouds() -> (Features, Vec<usize>) {
+        let mut rng = Seed(3).rng("clouds");
+        let rows: Vec<f32> = (0..60)
+            .flat_map(|i| {
+                let shift = if i % 2 == 0 { 0.0 } else { 6.0 };
+                let row: Vec<f32> = (0..5)
+                    .map(|_| {
+                        let normal: f32 = StandardNormal.sample(&mut rng);
+                        shift + normal
+                    })
+                    .collect();
+                row
+            })
+            .collect();
+        (Features::new(5, rows), (0..60).map(|i| i % 2).collect())
+    }
+
+    #[test]
+    fn clouds_stay_apart_in_the_plane_and_are_pure() {
+        let (features, labels) = clouds();
+        let flat = plane(&features, &mut Seed(1).rng("start"));
+        assert_eq!(
+            flat,
+            plane(&features, &mut Seed(1).rng("start")),
+            "the same again"
+        );
+        let flat = Features::new(2, flat.concat());
+        assert!(purity(&features, &labels) > 0.99);
+        assert!(purity(&flat, &labels) > 0.95);
+        let mixed: Vec<usize> = (0..60).map(|i| i / 30).collect();
+        assert!(purity(&flat, &mixed) < 0.7);
+    }
+
+    #[test]
+    fn hard_materials_are_alike_and_easy_ones_are_not() {
+        let mut alike = vec![vec![0.1; 6]; 6];
+        for (a, b) in [(1, 4), (4, 5), (1, 5)] {
+            alike[a][b] = 0.9;
+            alike[b][a] = 0.9;
+        }
+        let mut hard = choose(&alike, 3, true);
+        hard.sort_unstable();
+        assert_eq!(hard, [1, 4, 5]);
+        let easy = choose(&alike, 3, false);
+        assert_eq!(
+            easy.iter().filter(|m| [1, 4, 5].contains(m)).count(),
+            1,
+            "{easy:?}"
+        );
+    }
+}

@@ -1,0 +1,172 @@
+//! Softmax regression with a Gaussian prior: OL and OL-mean.
+
+use crate::heads::span::Span;
+use crate::lbfgs::{Minimum, dot, minimise};
+use crate::{Features, ModelError, log_softmax};
+
+/// Norm of the gradient at the end of a fit, relative to the larger of 1 and the norm of the weights.
+pub(super) const TOLERANCE: f64 = 1e-7;
+/// Iterations after which a fit is given up.
+pub(super) const ITERATIONS: usize = 5000;
+
+/// Weights of class neurons: `score = weights . u + bias`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LinearHead {
+    /// `[materials][width]`
+    pub weights: Vec<Vec<f64>>,
+    /// `[materials]`
+    pub biases: Vec<f64>,
+}
+
+/// Gaussian prior on the weights of class neurons.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WeightPrior {
+    /// `[width + 1]`: mean weights, then mean bias.
+    pub mean: Vec<f64>,
+    /// Strength s: the penalty is `s |w - mean|^2` for each class.
+    pub strength: f64,
+}
+
+impl WeightPrior {
+    /// The prior that knowledge classes give: their mean, and `s = 1 / (2 sigma^2)` with `sigma^2` their mean squared distance
+    /// from it per dimension (thesis, section 4.6.3; Bauer et al., 2017). The bias counts as one more dimension, so `F = width + 1`.
+    ///
+    /// # Panics
+    /// With fewer than two classes, or classes that are all the same.
+    pub fn of_knowledge(head: &LinearHead) -> Self {
+        let classes = head.weights.len();
+        assert!(classes > 1, "a variance needs at least two classes");
+        let rows: Vec<Vec<f64>> = head
+            .weights
+            .iter()
+            .zip(&head.biases)
+            .map(|(weights, bias)| [weights.as_slice(), &[*bias]].concat())
+            .collect();
+        let size = rows[0].len();
+        let mean: Vec<f64> = (0..size)
+            .map(|i| rows.iter().map(|row| row[i]).sum::<f64>() / classes as f64)
+            .collect();
+        let squares: f64 = rows
+            .iter()
+            .flat_map(|row| row.iter().zip(&mean).map(|(w, m)| (w - m).powi(2)))
+            .sum();
+        let variance = squares / (classes * size) as f64;
+        assert!(variance > 0.0, "knowledge classes differ");
+        Self {
+            mean,
+            strength: 1.0 / (2.0 * variance),
+        }
+    }
+
+    /// Centred at zero: the penalty that training a network with this L2 puts on the sum of the losses of `sweeps` sweeps. Adding
+    /// `l2 * w` to the gradient of their mean is a penalty of `sweeps * l2 / 2` on their sum.
+    pub fn weight_decay(width: usize, l2: f64, sweeps: usize) -> Self {
+        Self {
+            mean: vec![0.0; width + 1],
+            strength: l2 * sweeps as f64 / 2.0,
+        }
+    }
+}
+
+impl LinearHead {
+    /// Softmax regression: minimises `-log p(labels | W) + s sum over classes of |w_c - m|^2`.
+    ///
+    /// - `labels`: `[sweeps]`, below `materials`
+    ///
+    /// # Errors
+    /// The gradient does not vanish.
+    pub fn fit(
+        features: &Features,
+        labels: &[usize],
+        materials: usize,
+        prior: &WeightPrior,
+    ) -> Result<Self, ModelError> {
+        let width = features.width() + 1;
+        assert_eq!(
+            prior.mean.len(),
+            width,
+            "a mean for each weight and the bias"
+        );
+        let span = Span::of(features);
+        let (rows, size) = (&span.coordinates, span.dimension());
+        let mean = span.project(&prior.mean);
+        let start: Vec<f64> = mean.repeat(materials);
+        let objective = |x: &[f64], gradient: &mut [f64]| -> f64 {
+            let mut value = 0.0;
+            for (class, gradient) in gradient.chunks_exact_mut(size).enumerate() {
+                let weights = &x[class * size..][..size];
+                for ((g, w), m) in gradient.iter_mut().zip(weights).zip(&mean) {
+                    *g = 2.0 * prior.strength * (w - m);
+                    value += prior.strength * (w - m).powi(2);
+                }
+            }
+            for (row, label) in rows.iter().zip(labels) {
+                let scores: Vec<f64> = x
+                    .chunks_exact(size)
+                    .map(|weights| dot(weights, row))
+                    .collect();
+                let largest = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+                let sum: f64 = scores.iter().map(|s| (s - largest).exp()).sum();
+                value += largest + sum.ln() - scores[*label];
+                for (class, gradient) in gradient.chunks_exact_mut(size).enumerate() {
+                    let p = (scores[class] - largest).exp() / sum;
+                    let error = p - f64::from(u8::from(class == *label));
+                    gradient
+                        .iter_mut()
+                        .zip(row)
+                        .for_each(|(g, u)| *g += error * u);
+                }
+            }
+            value
+        };
+        let Minimum {
+            point,
+            gradient_norm,
+            start_norm,
+            ..
+        } = minimise(start, objective, TOLERANCE, ITERATIONS);
+        let norm = point.iter().map(|w| w * w).sum::<f64>().sqrt().max(1.0);
+        // Rounding leaves a gradient that grows with the one at the start, a sum over all sweeps.
+        let most = TOLERANCE * (100.0 * norm).max(start_norm);
+        if gradient_norm.is_nan() || gradient_norm > most {
+            return Err(ModelError::Fit {
+                what: "output layer",
+                reason: format!("the gradient's norm is still {gradient_norm:e}"),
+            });
+        }
+        let rows: Vec<Vec<f64>> = point
+            .chunks_exact(size)
+            .map(|row| span.lift(row, &mean, &prior.mean))
+            .collect();
+        Ok(Self {
+            weights: rows.iter().map(|row| row[..width - 1].to_vec()).collect(),
+            biases: rows.iter().map(|row| row[width - 1]).collect(),
+        })
+    }
+
+    /// Scores in front of the softmax: `[sweeps][materials]`.
+    pub fn scores(&self, features: &Features) -> Vec<Vec<f64>> {
+        features
+            .rows()
+            .map(|row| {
+                let own = self.weights.iter().zip(&self.biases);
+                own.map(|(weights, bias)| {
+                    let products = weights.iter().zip(row).map(|(w, u)| w * f64::from(*u));
+                    products.sum::<f64>() + bias
+                })
+                .collect()
+            })
+            .collect()
+    }
+
+    /// Log-probabilities `[sweeps][materials]`.
+    pub fn log_probabilities(&self, features: &Features) -> Vec<Vec<f64>> {
+        self.scores(features)
+            .iter()
+            .map(|scores| {
+                let scores: Vec<f32> = scores.iter().map(|score| *score as f32).collect();
+                log_softmax(&scores)
+            })
+            .collect()
+    }
+}

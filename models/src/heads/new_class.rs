@@ -1,0 +1,135 @@
+//! One more class beside others that stay as they are.
+
+use super::linear::{ITERATIONS, TOLERANCE};
+use super::{LinearHead, WeightPrior};
+use crate::lbfgs::{Minimum, dot, minimise};
+use crate::{Features, ModelError};
+
+/// Weights of one more class neuron.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NewClass {
+    /// `[width]`
+    pub weights: Vec<f64>,
+    /// Bias.
+    pub bias: f64,
+}
+
+/// Fits one more class to a few sweeps of it and to sweeps of the known classes, whose own weights stay: minimises
+/// `-sum of log p(label) + s |w - m|^2` over the new class's weights alone, a convex problem in `width + 1` numbers. Here, unlike among
+/// new classes only, the prior's mean matters.
+///
+/// The new sweeps weigh as much together as the sweeps of a known class do on average.
+///
+/// - `known`, `new`: features of sweeps of known classes and of the new one
+///
+/// # Errors
+/// The gradient does not vanish.
+pub fn fit_new_class(
+    head: &LinearHead,
+    known: &Features,
+    new: &Features,
+    prior: &WeightPrior,
+) -> Result<NewClass, ModelError> {
+    let size = new.width() + 1;
+    assert_eq!(
+        prior.mean.len(),
+        size,
+        "a mean for each weight and the bias"
+    );
+    let rows = |features: &Features| -> Vec<(Vec<f64>, f64)> {
+        let scores = head.scores(features);
+        features
+            .rows()
+            .zip(scores)
+            .map(|(row, scores)| {
+                let row = row.iter().map(|v| f64::from(*v)).chain([1.0]).collect();
+                (row, log_sum_exp(&scores))
+            })
+            .collect()
+    };
+    let (known, new) = (rows(known), rows(new));
+    let weight = known.len() as f64 / head.weights.len() as f64 / new.len() as f64;
+    let objective = |x: &[f64], gradient: &mut [f64]| -> f64 {
+        let mut value = 0.0;
+        for ((g, w), m) in gradient.iter_mut().zip(x).zip(&prior.mean) {
+            *g = 2.0 * prior.strength * (w - m);
+            value += prior.strength * (w - m).powi(2);
+        }
+        // A sweep's loss is softplus of how far the wrong side is ahead.
+        for (rows, sign, weight) in [(&known, 1.0, 1.0), (&new, -1.0, weight)] {
+            for (row, others) in rows {
+                let ahead = sign * (dot(x, row) - others);
+                value += weight * (ahead.max(0.0) + (-ahead.abs()).exp().ln_1p());
+                let slope = weight * sign / (1.0 + (-ahead).exp());
+                gradient
+                    .iter_mut()
+                    .zip(row)
+                    .for_each(|(g, u)| *g += slope * u);
+            }
+        }
+        value
+    };
+    let Minimum {
+        point,
+        gradient_norm,
+        start_norm,
+        ..
+    } = minimise(prior.mean.clone(), objective, TOLERANCE, ITERATIONS);
+    let most = TOLERANCE * (100.0 * dot(&point, &point).sqrt().max(1.0)).max(start_norm);
+    if gradient_norm.is_nan() || gradient_norm > most {
+        return Err(ModelError::Fit {
+            what: "new class",
+            reason: format!("the gradient's norm is still {gradient_norm:e}"),
+        });
+    }
+    Ok(NewClass {
+        bias: point[size - 1],
+        weights: point[..size - 1].to_vec(),
+    })
+}
+
+fn log_sum_exp(scores: &[f64]) -> f64 {
+    let largest = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    largest + scores.iter().map(|s| (s - largest).exp()).sum::<f64>().ln()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Four corners; the fourth is new. Of a joint fit with the same weights, the new class's neuron must not gain by any small step.
+    #[test]
+    fn a_new_class_takes_its_own_corner_and_leaves_the_others() {
+        let corners: [[f32; 2]; 4] = [[0.0, 0.0], [4.0, 0.0], [0.0, 4.0], [4.0, 4.0]];
+        let jitter = |i: usize| [(i % 5) as f32 * 0.2 - 0.4, (i / 5) as f32 * 0.2 - 0.4];
+        let cloud = |corner: [f32; 2], count: usize| -> Vec<f32> {
+            (0..count)
+                .flat_map(|i| [corner[0] + jitter(i)[0], corner[1] + jitter(i)[1]])
+                .collect()
+        };
+        let known = Features::new(2, (0..3).flat_map(|c| cloud(corners[c], 25)).collect());
+        let labels: Vec<usize> = (0..75).map(|i| i / 25).collect();
+        let weak = WeightPrior {
+            mean: vec![0.0; 3],
+            strength: 0.01,
+        };
+        let head = LinearHead::fit(&known, &labels, 3, &weak).unwrap();
+        let new = Features::new(2, cloud(corners[3], 3));
+        let NewClass { weights, bias } = fit_new_class(&head, &known, &new, &weak).unwrap();
+        let mut both = head.clone();
+        both.weights.push(weights);
+        both.biases.push(bias);
+        let label = |features: &Features| -> Vec<usize> {
+            both.log_probabilities(features)
+                .iter()
+                .map(|row| crate::first_largest(row))
+                .collect()
+        };
+        assert_eq!(label(&known), labels, "the known classes keep their sweeps");
+        assert!(
+            label(&Features::new(2, cloud(corners[3], 25)))
+                .iter()
+                .all(|l| *l == 3)
+        );
+    }
+}

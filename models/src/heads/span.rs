@@ -1,0 +1,88 @@
+//! Few sweeps in the small space that they span.
+
+use faer::{Mat, Par};
+
+use crate::Features;
+
+/// Sweeps in an orthonormal basis of what they span, where they are fewer than the features: the loss only depends on a weight's part
+/// in that span, and the penalty is least with its other part at the prior's mean. So a few sweeps make a small problem.
+pub(super) struct Span {
+    /// `[sweeps][dimension]`
+    pub(super) coordinates: Vec<Vec<f64>>,
+    /// `[width + 1, dimension]`; absent where nothing is gained.
+    basis: Option<Mat<f64>>,
+}
+
+impl Span {
+    pub(super) fn of(features: &Features) -> Self {
+        let (sweeps, width) = (features.len(), features.width() + 1);
+        let rows: Vec<Vec<f64>> = features
+            .rows()
+            .map(|row| row.iter().map(|v| f64::from(*v)).chain([1.0]).collect())
+            .collect();
+        if sweeps >= width {
+            return Self {
+                coordinates: rows,
+                basis: None,
+            };
+        }
+        // On several threads faer's sums depend on how many there are.
+        faer::set_global_parallelism(Par::Seq);
+        let columns = Mat::<f64>::from_fn(width, sweeps, |i, j| rows[j][i]);
+        let qr = columns.qr();
+        let triangle = qr.thin_R();
+        Self {
+            coordinates: (0..sweeps)
+                .map(|sweep| {
+                    (0..sweeps)
+                        .map(|i| {
+                            if i <= sweep {
+                                triangle[(i, sweep)]
+                            } else {
+                                0.0
+                            }
+                        })
+                        .collect()
+                })
+                .collect(),
+            basis: Some(qr.compute_thin_Q()),
+        }
+    }
+
+    pub(super) fn dimension(&self) -> usize {
+        self.coordinates.first().map_or(0, Vec::len)
+    }
+
+    /// A vector's part in the span, in its coordinates.
+    pub(super) fn project(&self, vector: &[f64]) -> Vec<f64> {
+        match &self.basis {
+            None => vector.to_vec(),
+            Some(basis) => (0..basis.ncols())
+                .map(|j| {
+                    vector
+                        .iter()
+                        .enumerate()
+                        .map(|(i, v)| basis[(i, j)] * v)
+                        .sum()
+                })
+                .collect(),
+        }
+    }
+
+    /// The vector with these coordinates whose part outside the span is that of `outside`, which itself projects to `projected`.
+    pub(super) fn lift(&self, coordinates: &[f64], projected: &[f64], outside: &[f64]) -> Vec<f64> {
+        match &self.basis {
+            None => coordinates.to_vec(),
+            Some(basis) => outside
+                .iter()
+                .enumerate()
+                .map(|(i, out)| {
+                    let inside = coordinates.iter().zip(projected).enumerate();
+                    out + inside
+                        .map(|(j, (c, p))| basis[(i, j)] * (c - p))
+                        .sum::<f64>()
+                })
+                .collect(),
+        }
+    }
+}

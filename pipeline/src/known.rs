@@ -1,0 +1,79 @@
+//! What a classifier keeps of the sweeps that it learnt from, so that materials can be added to it later.
+
+use tactnet_models::{Features, NamedTensor, Weights};
+
+use crate::Embedding;
+
+/// Embeddings of the sweeps behind a classifier, with their labels.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KnownSweeps {
+    /// `[sweeps][hidden]`: what the output layer sees.
+    pub hidden: Features,
+    /// `[sweeps]`
+    pub labels: Vec<usize>,
+}
+
+impl KnownSweeps {
+    /// Of embedded training sweeps.
+    pub fn of(embedding: &Embedding) -> Self {
+        Self {
+            hidden: embedding.hidden.clone(),
+            labels: embedding.labels.clone(),
+        }
+    }
+
+    /// As tensors `hidden` and `labels`.
+    pub fn to_weights(&self) -> Weights {
+        let labels = self.labels.iter().map(|label| *label as f32).collect();
+        Weights(
+            [
+                (
+                    "hidden".to_string(),
+                    NamedTensor {
+                        shape: vec![self.hidden.len(), self.hidden.width()],
+                        values: self.hidden.values().to_vec(),
+                    },
+                ),
+                (
+                    "labels".to_string(),
+                    NamedTensor {
+                        shape: vec![self.labels.len()],
+                        values: labels,
+                    },
+                ),
+            ]
+            .into(),
+        )
+    }
+
+    /// From such tensors.
+    ///
+    /// - `materials`: labels are below this
+    ///
+    /// # Errors
+    /// What is wrong with them.
+    pub fn from_weights(weights: &Weights, materials: usize) -> Result<Self, String> {
+        let tensor = |name: &str| weights.0.get(name).ok_or(format!("no tensor `{name}`"));
+        let (hidden, labels) = (tensor("hidden")?, tensor("labels")?);
+        let [sweeps, width] = hidden.shape[..] else {
+            return Err(format!(
+                "`hidden`: expected two extents, found {:?}",
+                hidden.shape
+            ));
+        };
+        if width == 0 || labels.values.len() != sweeps {
+            return Err(format!(
+                "expected a label for each of {sweeps} sweeps, found {}",
+                labels.values.len()
+            ));
+        }
+        let labels: Vec<usize> = labels.values.iter().map(|label| *label as usize).collect();
+        if let Some(label) = labels.iter().find(|label| **label >= materials) {
+            return Err(format!("expected labels below {materials}, found {label}"));
+        }
+        Ok(Self {
+            hidden: Features::new(width, hidden.values.clone()),
+            labels,
+        })
+    }
+}

@@ -1,0 +1,198 @@
+//! `tactnet enroll` with the real binary: a material more, the others as before.
+
+use std::process::Command;
+
+use serde_json::Value;
+use tactnet_models::Weights;
+
+use crate::command::{Lab, RecipeChange, expect, stderr, stdout, tactnet};
+
+/// A small twin of `materials` materials, `sweeps` sweeps each.
+fn twin(lab: &Lab, name: &str, materials: &str, sweeps: &str) {
+    let mut twin = tactnet([
+        "data",
+        "twin",
+        "--steps",
+        "120",
+        "--materials",
+        materials,
+        "--sweeps",
+        sweeps,
+    ]);
+    twin.arg("--out").arg(lab.path(name));
+    expect(0, twin);
+}
+
+fn enroll(lab: &Lab, run: &str, data: &str, material: &str, out: &str, more: &[&str]) -> Command {
+    let mut command = tactnet(["enroll"]);
+    command
+        .arg(lab.path(run))
+        .arg("--data")
+        .arg(lab.path(data))
+        .args(["--material", material])
+        .arg("--out")
+        .arg(lab.path(out))
+        .args(more);
+    command
+}
+
+fn json(command: Command) -> Value {
+    serde_json::from_str(&stdout(&expect(0, command))).unwrap()
+}
+
+fn eval(lab: &Lab, run: &str, data: Option<&str>) -> Value {
+    let mut command = tactnet(["eval", "--json"]);
+    command.arg(lab.path(run));
+    if let Some(data) = data {
+        command.arg("--data").arg(lab.path(data));
+    }
+    json(command)
+}
+
+#[test]
+fn a_new_material_is_added_and_the_old_rows_stay() {
+    let lab = Lab::new();
+    let recipe = lab.recipe(RecipeChange {
+        epochs: Some(12),
+        ..RecipeChange::default()
+    });
+    expect(0, lab.train(&recipe, "run"));
+    twin(&lab, "five.h5", "5", "20");
+    let mut info = tactnet(["data", "info", "--json"]);
+    info.arg(lab.path("five.h5"));
+    let info = json(info);
+    let names: Vec<String> = info["materials"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|material| material["name"].as_str().unwrap().to_string())
+        .collect();
+    let new = names[4].as_str();
+
+    let found = json(enroll(
+        &lab,
+        "run",
+        "five.h5",
+        new,
+        "more",
+        &["--sweeps", "5", "--json"],
+    ));
+    assert_eq!(
+        (&found["materials"], &found["material"]),
+        (&5.into(), &new.into())
+    );
+    assert_eq!(found["sweeps"].as_array().unwrap().len(), 5);
+    assert_eq!(lab.json("more/enrolled.json")[0]["material"], new);
+    assert_eq!(lab.json("more/config.json")["classifier"]["labels"][4], new);
+
+    let weights = |run: &str| {
+        Weights::from_safetensors(&lab.read(&format!("{run}/weights.safetensors")))
+            .unwrap()
+            .0
+    };
+    let (before, after) = (weights("run"), weights("more"));
+    for (name, tensor) in &before {
+        let values = &after[name].values;
+        assert_eq!(&tensor.values, &values[..tensor.values.len()], "{name}");
+        let more = if name == "output.weight" {
+            16
+        } else {
+            usize::from(name == "output.bias")
+        };
+        assert_eq!(values.len() - tensor.values.len(), more, "{name}");
+    }
+
+    // The run's own test sweeps, and another file without the sweeps that were learnt from.
+    assert_eq!(eval(&lab, "more", None)["n_test"], 8);
+    let other = eval(&lab, "more", Some("five.h5"));
+    assert!(
+        other["tested"]
+            .as_str()
+            .unwrap()
+            .contains("5 that were enrolled"),
+        "{other}"
+    );
+    let known = eval(&lab, "more", Some("twin.h5"));
+    assert!(known["evaluations"]["plain"]["one_sweep"]["mean"].is_number());
+
+    // Once more, on top; and again from the first run.
+    let text = stdout(&expect(0, {
+        let mut renamed = enroll(&lab, "run", "five.h5", new, "again", &[]);
+        renamed.env("NO_COLOR", "1");
+        renamed
+    }));
+    assert!(text.contains("learnt from 20 sweeps"), "{text}");
+}
+
+#[test]
+fn what_cannot_be_enrolled_is_refused_in_one_line_and_leaves_nothing() {
+    let lab = Lab::new();
+    let recipe = lab.recipe(RecipeChange {
+        epochs: Some(1),
+        ..RecipeChange::default()
+    });
+    expect(0, lab.train(&recipe, "run"));
+    let mut baseline = tactnet(["train", "--model", "knn-l", "--data"]);
+    baseline
+        .arg(lab.path("twin.h5"))
+        .arg("--out")
+        .arg(lab.path("knn"));
+    expect(0, baseline);
+    let first = lab.json("run/config.json")["classifier"]["labels"][0]
+        .as_str()
+        .unwrap()
+        .to_string();
+    let nan = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixtures/h5/bad_nan.h5");
+    std::fs::copy(nan, lab.path("nan.h5")).unwrap();
+    let mut longer = tactnet([
+        "data",
+        "twin",
+        "--materials",
+        "5",
+        "--sweeps",
+        "3",
+        "--steps",
+        "130",
+        "--out",
+    ]);
+    longer.arg(lab.path("longer.h5"));
+    expect(0, longer);
+    let mut info = tactnet(["data", "info", "--json"]);
+    info.arg(lab.path("longer.h5"));
+    let fifth = json(info)["materials"][4]["name"]
+        .as_str()
+        .unwrap()
+        .to_string();
+    for (run, data, material, more, named) in [
+        (
+            "run",
+            "twin.h5",
+            first.as_str(),
+            &[][..],
+            "knows a material of this name",
+        ),
+        ("run", "twin.h5", "velvet", &[], "no material `velvet`"),
+        (
+            "run",
+            "twin.h5",
+            first.as_str(),
+            &["--sweeps", "11"],
+            "has 10 sweeps, 11 were asked for",
+        ),
+        (
+            "run",
+            "longer.h5",
+            fifth.as_str(),
+            &[],
+            "sweeps: the classifier expects",
+        ),
+        ("run", "nan.h5", "velvet", &[], "expected finite numbers"),
+        ("knn", "twin.h5", "velvet", &[], "no known.safetensors"),
+        ("nothing", "twin.h5", "velvet", &[], "no run here"),
+    ] {
+        let refused = stderr(&expect(2, enroll(&lab, run, data, material, "out", more)));
+        assert!(refused.contains(named), "{material}: {refused}");
+        assert_eq!(refused.trim().lines().count(), 1, "{refused}");
+        assert!(!lab.path("out").exists(), "{named}");
+    }
+}
