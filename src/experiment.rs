@@ -234,7 +234,7 @@ fn command_line(arguments: &RunArgs) -> String {
             _ => setting
                 .split('"')
                 .map(|part| {
-                    if part.starts_with('/') {
+                    if part.contains('/') {
                         name(part)
                     } else {
                         part.to_string()
