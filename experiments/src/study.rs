@@ -175,6 +175,8 @@ pub struct StudyResult {
     pub data: String,
     /// SHA-256 of its content.
     pub data_sha256: String,
+    /// Its materials in label order.
+    pub materials: Vec<String>,
     /// `kept` or `removed`.
     pub levels: String,
     /// Name of the networks' recipe.
@@ -304,6 +306,7 @@ pub fn run_study(
         task: task.clone(),
         data: dataset.name().into(),
         data_sha256: dataset.sha256().into(),
+        materials: dataset.labels().names().map(String::from).collect(),
         levels: recipe.input.levels.name().into(),
         recipe: recipe.name.clone(),
         recipe_sha256: hex(&recipe.to_toml()),

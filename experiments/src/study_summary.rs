@@ -6,6 +6,7 @@ use rand::RngExt;
 use serde::{Deserialize, Serialize};
 use tactnet_data::Seed;
 
+use crate::published_confusion::TACTMAT_MATERIALS;
 use crate::study::{FeatureMap, Measurement, Study, StudyResult};
 use crate::tasks::{ExperimentDir, TaskState};
 use crate::{ExperimentError, Statistic, Task, resampled_t_test};
@@ -120,8 +121,8 @@ pub struct SampleEfficiency {
     /// Sweeps without pre-knowledge for the same, between tested numbers on a logarithmic scale; absent where even the most are not
     /// enough.
     pub shots: Option<f64>,
-    /// 95 % interval by bootstrap over draws; an absent end lies beyond the most.
-    pub ci95: [Option<f64>; 2],
+    /// 95 % interval by bootstrap over draws, absent with one draw; an absent end lies beyond the most.
+    pub ci95: Option<[Option<f64>; 2]>,
     /// Published ratio on TactMat.
     pub published_ratio: f64,
 }
@@ -233,9 +234,19 @@ pub(crate) fn summary(
         }
     }
     let share = kind.test_share();
+    let like_tactmat = |data: &str| {
+        let own = ended.iter().find(|ended| ended.result.data == data);
+        own.is_some_and(|own| is_tactmat(&own.result.materials))
+    };
     let rows: Vec<StudyRow> = order
         .iter()
-        .map(|key| row(kind, share, key, &values[key]))
+        .map(|key| {
+            let mut row = row(kind, share, key, &values[key]);
+            if !like_tactmat(&row.data) {
+                (row.published, row.humans) = (None, None);
+            }
+            row
+        })
         .collect();
     let mut comparisons = Vec::new();
     for key in &order {
@@ -357,6 +368,14 @@ fn row(kind: Study, share: f64, key: &Key, values: &[(String, f64, usize)]) -> S
     }
 }
 
+/// Whether these are TactMat's materials, in whatever order.
+fn is_tactmat(materials: &[String]) -> bool {
+    materials.len() == TACTMAT_MATERIALS.len()
+        && TACTMAT_MATERIALS
+            .iter()
+            .all(|name| materials.iter().any(|material| material == name))
+}
+
 /// What was published on TactMat for the robot and for humans (thesis, table 4.3, figures 4.10 and 4.12, section 4.6.4).
 fn published(kind: Study, column: &Column) -> (Option<f64>, Option<f64>) {
     let known = |robot: f64| (Some(robot), None);
@@ -428,11 +447,7 @@ fn sample_efficiency(rows: &[StudyRow], seed: Seed) -> Vec<SampleEfficiency> {
             transfer_shots: target,
             accuracy: row.mean,
             shots: crossing(&scratch, &row.values, &everything),
-            ci95: if everything.len() > 1 {
-                [end(0.025), end(0.975)]
-            } else {
-                [None, None]
-            },
+            ci95: (everything.len() > 1).then(|| [end(0.025), end(0.975)]),
             published_ratio: if target == 1 { 15.0 } else { 5.0 },
         });
     }

@@ -60,13 +60,14 @@ pub fn print(study: &StudySummary) -> anyhow::Result<()> {
         let shown = |value: Option<f64>| {
             value.map_or("more than tried".into(), |value| format!("{value:.1}"))
         };
+        let interval = found.ci95.map_or(String::new(), |ends| {
+            format!(" [{}, {}]", shown(ends[0]), shown(ends[1]))
+        });
         output::print(format_args!(
-            "{}, levels {}: without pre-knowledge {} sweeps [{}, {}] for the {:.1} % of transfer with {}; published ratio {}",
+            "{}, levels {}: without pre-knowledge {} sweeps{interval} for the {:.1} % of transfer with {}; published ratio {}",
             found.data,
             found.levels,
             shown(found.shots),
-            shown(found.ci95[0]),
-            shown(found.ci95[1]),
             100.0 * found.accuracy,
             found.transfer_shots,
             found.published_ratio

@@ -149,7 +149,7 @@ pub(super) fn study() -> Summary {
             transfer_shots: 1,
             accuracy: 0.7,
             shots: Some(12.5),
-            ci95: [Some(9.0), None],
+            ci95: Some([Some(9.0), None]),
             published_ratio: 15.0,
         }],
         maps: vec![FeatureMap {

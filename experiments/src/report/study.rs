@@ -469,14 +469,15 @@ fn efficiency(study: &StudySummary) -> String {
             let shots = |value: Option<f64>| value.map_or("more than tried".to_string(), |value| decimal(value, 1));
             format!(
                 "<tr><td>{}</td><td>{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td>\
-                 <td class=\"number\">{} to {}</td><td class=\"number\">{}</td><td class=\"number\">{}</td></tr>\n",
+                 <td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td></tr>\n",
                 escape(&found.data),
                 escape(&found.levels),
                 found.transfer_shots,
                 percent(found.accuracy),
                 shots(found.shots),
-                shots(found.ci95[0]),
-                shots(found.ci95[1]),
+                found
+                    .ci95
+                    .map_or(ABSENT.to_string(), |ends| format!("{} to {}", shots(ends[0]), shots(ends[1]))),
                 found
                     .shots
                     .map_or(ABSENT.to_string(), |shots| decimal(shots / found.transfer_shots as f64, 1)),

@@ -80,9 +80,13 @@ pub(super) fn duration(seconds: f64) -> String {
     }
 }
 
-/// The first twelve digits of a hash; all of it as the title.
+/// The first twelve digits of a hash; all of it as the title. That a build had uncommitted changes is not cut off.
 pub(super) fn hash(full: &str) -> String {
-    let short: String = full.chars().take(12).collect();
+    let mut short: String = full.chars().take(12).collect();
+    if let Some((_, mark)) = full.split_once('-') {
+        short.push('-');
+        short.push_str(mark);
+    }
     format!("<code title=\"{}\">{}</code>", escape(full), escape(&short))
 }
 
@@ -136,6 +140,12 @@ mod tests {
     fn durations_keep_their_two_largest_units() {
         let shown = [0.42, 75.0, 3600.0 * 3.2, 86_400.0 * 2.5].map(duration);
         assert_eq!(shown, ["0.4 s", "1 min 15 s", "3 h 12 min", "2 d 12 h"]);
+    }
+
+    #[test]
+    fn a_hash_is_shortened_but_not_its_mark() {
+        assert!(hash("0123456789abcdef").contains(">0123456789ab<"));
+        assert!(hash("0123456789ab-dirty").contains(">0123456789ab-dirty<"));
     }
 
     #[test]
