@@ -16,10 +16,12 @@ use crate::{GIT, output, source};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
-    tactnet enroll runs/a --data new.h5 --material felt --out runs/a-felt              every sweep of felt in the file\n  \
-    tactnet enroll runs/a --data new.h5 --material felt --sweeps 5 --out runs/a-felt   its first five\n  \
-    tactnet eval runs/a-felt --data new.h5                                             judge by the sweeps that were not used\n\n\
-    The network stays as it is and its output layer gets a row more, so the other materials hardly change.")]
+    tactnet enroll runs/a --data new.h5 --material felt --sweeps 5 --out runs/a-felt     its first five sweeps in the file\n  \
+    tactnet enroll runs/a --data new.h5 --material felt --out runs/a-felt-all            every sweep of it\n  \
+    tactnet eval runs/a-felt --data new.h5                                               judge by the file's other sweeps\n\n\
+    Network and other rows of the output layer stay bit for bit; only sweeps that the new material now claims change their answer \
+    (`tactnet experiment run enrolment` measures how many). RUN must be a network whose training has ended. To be judged, a classifier \
+    must know every material of the file.")]
 pub struct EnrollArgs {
     /// Run directory of a trained network
     #[arg(value_name = "RUN")]

@@ -24,7 +24,7 @@ pub struct EvalArgs {
     /// A run directory
     #[arg(value_name = "DIR")]
     run: PathBuf,
-    /// Another data set: all of its sweeps are tested, but for training sweeps [default: the run's own test sweeps]
+    /// Another data set: all of its sweeps are tested, but for training and enrolled sweeps [default: the run's own test sweeps]
     #[arg(long, value_name = "FILE|twin")]
     data: Option<String>,
     /// Sweeps of one material that are fused into one decision

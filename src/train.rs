@@ -308,6 +308,12 @@ pub fn refuse_errors(dataset: &Dataset, data: &str) -> anyhow::Result<()> {
 /// Opens a run to go on with, and its data set, which must be the same as before.
 fn reopen(path: &Path, data: Option<&str>) -> anyhow::Result<(Dataset, RunDir)> {
     let run = RunDir::open(path)?.locked()?;
+    if !run.enrolled()?.is_empty() {
+        bail!(
+            "{}: materials were added to this classifier, so it cannot be trained further; train the run it came from, and enroll again",
+            path.display()
+        );
+    }
     let config = run.config()?;
     let data = data.unwrap_or(&config.data);
     let dataset = source::load_part(data, config.steps, config.label_order, config.seed)?;

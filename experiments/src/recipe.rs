@@ -97,7 +97,7 @@ pub struct ExperimentRecipe {
     /// With a study of new materials: how often they are drawn.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub splits: usize,
-    /// With `nshot`: sweeps of every new material that are learnt from.
+    /// With `nshot` and `enrolment`: sweeps of every new material that are learnt from.
     #[serde(
         default,
         skip_serializing_if = "Vec::is_empty",

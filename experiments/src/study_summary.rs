@@ -70,6 +70,8 @@ pub struct StudyRow {
     pub decisions: usize,
     /// One value for each task.
     pub values: Vec<f64>,
+    /// Whether the materials are TactMat's, so that published numbers may stand beside it.
+    pub tactmat: bool,
     /// What was published for TactMat, in the same unit.
     pub published: Option<f64>,
     /// What humans reached on TactMat.
@@ -81,6 +83,8 @@ pub struct StudyRow {
 pub struct StudyComparison {
     /// Name of the data set.
     pub data: String,
+    /// Name of the networks' recipe.
+    pub model: String,
     /// `kept` or `removed`.
     pub levels: String,
     /// What was measured.
@@ -112,6 +116,8 @@ pub struct StudyComparison {
 pub struct SampleEfficiency {
     /// Name of the data set.
     pub data: String,
+    /// Name of the networks' recipe.
+    pub model: String,
     /// `kept` or `removed`.
     pub levels: String,
     /// Sweeps of every new material that transfer learns from.
@@ -123,8 +129,8 @@ pub struct SampleEfficiency {
     pub shots: Option<f64>,
     /// 95 % interval by bootstrap over draws, absent with one draw; an absent end lies beyond the most.
     pub ci95: Option<[Option<f64>; 2]>,
-    /// Published ratio on TactMat.
-    pub published_ratio: f64,
+    /// Published ratio, where the materials are TactMat's.
+    pub published_ratio: Option<f64>,
 }
 
 /// Where the numbers of one task come from.
@@ -202,8 +208,8 @@ pub(crate) fn summary(
     ended: &[EndedStudy<'_>],
 ) -> Result<StudySummary, ExperimentError> {
     let mut order: Vec<Key> = Vec::new();
-    // Values by the split they were measured on, in the order of the tasks.
-    let mut values: BTreeMap<Key, Vec<(String, f64, usize)>> = BTreeMap::new();
+    // Number of the task, value, decisions.
+    let mut values: BTreeMap<Key, Vec<(usize, f64, usize)>> = BTreeMap::new();
     let mut hashes: BTreeMap<&str, &str> = BTreeMap::new();
     for EndedStudy { task, result } in ended {
         if *hashes.entry(&result.data).or_insert(&result.data_sha256) != result.data_sha256 {
@@ -227,7 +233,7 @@ pub(crate) fn summary(
                 order.push(key.clone());
             }
             values.entry(key).or_default().push((
-                result.split_sha256.clone(),
+                result.task.number,
                 measurement.value,
                 measurement.decisions,
             ));
@@ -242,7 +248,8 @@ pub(crate) fn summary(
         .iter()
         .map(|key| {
             let mut row = row(kind, share, key, &values[key]);
-            if !like_tactmat(&row.data) {
+            row.tactmat = like_tactmat(&row.data);
+            if !row.tactmat {
                 (row.published, row.humans) = (None, None);
             }
             row
@@ -265,8 +272,8 @@ pub(crate) fn summary(
         };
         let differences: Vec<f64> = values[key]
             .iter()
-            .filter_map(|(split, own, _)| {
-                let (_, their, _) = theirs.iter().find(|(known, _, _)| known == split)?;
+            .filter_map(|(number, own, _)| {
+                let (_, their, _) = theirs.iter().find(|(known, _, _)| known == number)?;
                 Some(own - their)
             })
             .collect();
@@ -278,6 +285,7 @@ pub(crate) fn summary(
         let statistic = Statistic::of(differences, share);
         comparisons.push(StudyComparison {
             data: data.clone(),
+            model: model.clone(),
             levels: levels.clone(),
             measure: column.measure.clone(),
             setting: column.setting.clone(),
@@ -333,7 +341,7 @@ fn reference(kind: Study, measure: &str) -> Option<&'static str> {
     }
 }
 
-fn row(kind: Study, share: f64, key: &Key, values: &[(String, f64, usize)]) -> StudyRow {
+fn row(kind: Study, share: f64, key: &Key, values: &[(usize, f64, usize)]) -> StudyRow {
     let (data, levels, model, column) = key;
     let own: Vec<f64> = values.iter().map(|(_, value, _)| *value).collect();
     // What can lie outside 0 to 1.
@@ -363,6 +371,7 @@ fn row(kind: Study, share: f64, key: &Key, values: &[(String, f64, usize)]) -> S
         n: own.len(),
         decisions: values.iter().map(|(_, _, decisions)| decisions).sum(),
         values: own,
+        tactmat: false,
         published,
         humans,
     }
@@ -376,7 +385,7 @@ fn is_tactmat(materials: &[String]) -> bool {
             .all(|name| materials.iter().any(|material| material == name))
 }
 
-/// What was published on TactMat for the robot and for humans (thesis, table 4.3, figures 4.10 and 4.12, section 4.6.4).
+/// What was published on TactMat for the robot and for humans (thesis, tables 4.2 and 4.3, figures 4.10 and 4.12, section 4.6.4).
 fn published(kind: Study, column: &Column) -> (Option<f64>, Option<f64>) {
     let known = |robot: f64| (Some(robot), None);
     match (kind, column.method.as_str(), column.setting.as_str()) {
@@ -389,12 +398,9 @@ fn published(kind: Study, column: &Column) -> (Option<f64>, Option<f64>) {
             ("hard pairs", Some(3)) => (Some(0.828), Some(0.785)),
             _ => (None, None),
         },
-        (Study::Sequential, "mc_dropout", "fixed 1") if column.measure == "accuracy" => {
-            known(0.863)
-        }
-        (Study::Sequential, "mc_dropout", "fixed 3") if column.measure == "accuracy" => {
-            known(0.950)
-        }
+        // The base network: table 4.2.
+        (Study::Sequential, "plain", "fixed 1") if column.measure == "accuracy" => known(0.855),
+        (Study::Sequential, "plain", "fixed 3") if column.measure == "accuracy" => known(0.943),
         _ => (None, None),
     }
 }
@@ -443,12 +449,13 @@ fn sample_efficiency(rows: &[StudyRow], seed: Seed) -> Vec<SampleEfficiency> {
         };
         found.push(SampleEfficiency {
             data: row.data.clone(),
+            model: row.model.clone(),
             levels: row.levels.clone(),
             transfer_shots: target,
             accuracy: row.mean,
             shots: crossing(&scratch, &row.values, &everything),
             ci95: (everything.len() > 1).then(|| [end(0.025), end(0.975)]),
-            published_ratio: if target == 1 { 15.0 } else { 5.0 },
+            published_ratio: row.tactmat.then_some(if target == 1 { 15.0 } else { 5.0 }),
         });
     }
     found

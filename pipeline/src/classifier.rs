@@ -225,21 +225,21 @@ impl Classifier {
         self.check_shape(view)?;
         let own: Vec<&str> = self.config.labels.names().collect();
         let found = view.dataset().labels();
-        let known: Option<Vec<usize>> = found
+        found
             .names()
-            .map(|name| own.iter().position(|known| *known == name))
-            .collect();
-        known.ok_or_else(|| {
-            let names = |set: &LabelSet| {
-                let shown: Vec<&str> = set.names().take(4).collect();
-                format!("{} ({}, …)", set.len(), shown.join(", "))
-            };
-            PipelineError::Misfit {
-                item: "materials",
-                expected: names(&self.config.labels),
-                found: names(found),
-            }
-        })
+            .map(|name| {
+                let label = own.iter().position(|known| *known == name);
+                label.ok_or_else(|| PipelineError::Misfit {
+                    item: "materials",
+                    expected: format!(
+                        "some of its {} ({}, …)",
+                        own.len(),
+                        own[..own.len().min(4)].join(", ")
+                    ),
+                    found: format!("`{name}`"),
+                })
+            })
+            .collect()
     }
 
     fn check_shape(&self, view: &SweepView<'_>) -> Result<(), PipelineError> {

@@ -36,7 +36,7 @@ pub struct EnrolledMaterial {
 }
 
 /// Adds `material` to `classifier`: all layers stay, the output layer gets one more row, which is fitted to the new sweeps and those
-/// known so far, with the prior of the known materials' rows (as OL-mean; Bauer et al., 2017).
+/// known so far, every material with the same weight, with the prior of the known materials' rows (after OL-mean; Bauer et al., 2017).
 ///
 /// - `sweeps`: of the new material alone, whatever their label in their data set
 ///
@@ -67,7 +67,13 @@ pub fn enroll(
     let net = classifier.network()?;
     let head = net.output_layer();
     let prior = WeightPrior::of_knowledge(&head);
-    let new = fit_new_class(&head, &known.hidden, &embedding.hidden, &prior)?;
+    let new = fit_new_class(
+        &head,
+        &known.hidden,
+        &known.labels,
+        &embedding.hidden,
+        &prior,
+    )?;
     let mut weights = net.weights();
     for (name, row) in [
         ("output.weight", new.weights.as_slice()),

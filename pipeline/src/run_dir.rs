@@ -367,6 +367,13 @@ impl RunDir {
         enrolled: &Enrolled,
         material: EnrolledMaterial,
     ) -> Result<Self, PipelineError> {
+        let occupied = fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_some());
+        if occupied {
+            return Err(PipelineError::Run {
+                path: path.into(),
+                reason: "is not empty; name a new folder with `--out`".into(),
+            });
+        }
         let mut materials = self.enrolled()?;
         materials.push(material);
         let config = RunConfig {

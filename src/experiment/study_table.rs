@@ -64,13 +64,15 @@ pub fn print(study: &StudySummary) -> anyhow::Result<()> {
             format!(" [{}, {}]", shown(ends[0]), shown(ends[1]))
         });
         output::print(format_args!(
-            "{}, levels {}: without pre-knowledge {} sweeps{interval} for the {:.1} % of transfer with {}; published ratio {}",
+            "{}, levels {}: without pre-knowledge {} sweeps{interval} for the {:.1} % of transfer with {}{}",
             found.data,
             found.levels,
             shown(found.shots),
             100.0 * found.accuracy,
             found.transfer_shots,
-            found.published_ratio
+            found
+                .published_ratio
+                .map_or(String::new(), |ratio| format!("; published ratio {ratio}"))
         ))?;
     }
     Ok(())

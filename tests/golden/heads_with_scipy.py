@@ -26,15 +26,19 @@ x = (centres[labels] + 0.7 * rng.normal(size=(len(labels), WIDTH))).astype(np.fl
 queries = (centres[rng.integers(0, CLASSES, 9)] + 0.7 * rng.normal(size=(9, WIDTH))).astype(np.float32)
 knowledge = rng.normal(size=(7, WIDTH + 1)) * 0.6 + rng.normal(size=WIDTH + 1) * 0.3  # weights and bias of each class
 mean = knowledge.mean(axis=0)
-strength = 1 / (2 * ((knowledge - mean) ** 2).sum() / knowledge.size)
+# The thesis's prior is one on the F weights of a class; its bias is as good as free.
+away = (knowledge - mean)[:, :WIDTH]
+strength = 1 / (2 * (away**2).sum() / away.size)
+FREE_BIAS = 30.0
 u = np.concatenate([x.astype(np.float64), np.ones((len(x), 1))], axis=1)
 
 
-def objective(flat, mean, strength):
+def objective(flat, mean, strength, bias_scale):
+    strength = np.append(np.full(WIDTH, strength), strength / bias_scale**2)
     w = flat.reshape(CLASSES, WIDTH + 1)
     scores = u @ w.T
     log_p = scores - scipy.special.logsumexp(scores, axis=1, keepdims=True)
-    value = -log_p[np.arange(len(u)), labels].sum() + strength * ((w - mean) ** 2).sum()
+    value = -log_p[np.arange(len(u)), labels].sum() + (strength * (w - mean) ** 2).sum()
     error = np.exp(log_p)
     error[np.arange(len(u)), labels] -= 1
     return value, (error.T @ u + 2 * strength * (w - mean)).ravel()
@@ -42,9 +46,9 @@ def objective(flat, mean, strength):
 
 arrays = {"features": x, "labels": labels, "queries": queries, "knowledge": knowledge, "strength": [strength]}
 decay = 1e-3 * len(x) / 2
-for name, m, s in [("ol_mean", mean, strength), ("ol", np.zeros(WIDTH + 1), decay)]:
+for name, m, s, scale in [("ol_mean", mean, strength, FREE_BIAS), ("ol", np.zeros(WIDTH + 1), decay, 1.0)]:
     found = scipy.optimize.minimize(
-        objective, np.tile(m, CLASSES), args=(m, s), jac=True, method="BFGS", options={"gtol": 1e-10, "maxiter": 10000}
+        objective, np.tile(m, CLASSES), args=(m, s, scale), jac=True, method="BFGS", options={"gtol": 1e-10, "maxiter": 10000}
     )
     assert np.linalg.norm(found.jac) < 1e-7, found.message
     arrays[f"{name}.weights"] = found.x.reshape(CLASSES, WIDTH + 1)

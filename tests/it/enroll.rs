@@ -122,6 +122,16 @@ fn a_new_material_is_added_and_the_old_rows_stay() {
         renamed
     }));
     assert!(text.contains("learnt from 20 sweeps"), "{text}");
+    let taken = stderr(&expect(
+        2,
+        enroll(&lab, "run", "five.h5", new, "again", &[]),
+    ));
+    assert!(taken.contains("is not empty; name a new folder"), "{taken}");
+    let mut resumed = tactnet(["train", "--resume"]);
+    resumed.arg(lab.path("more"));
+    let refused = stderr(&expect(2, resumed));
+    assert!(refused.contains("cannot be trained further"), "{refused}");
+    assert_eq!(weights("more"), after, "nothing was overwritten");
 }
 
 #[test]

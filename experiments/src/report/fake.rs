@@ -120,6 +120,7 @@ pub(super) fn study() -> Summary {
                 n: 2,
                 decisions: 600,
                 values: vec![0.4, 0.6],
+                tactmat: true,
                 published: Some(0.755),
                 humans: None,
             });
@@ -130,6 +131,7 @@ pub(super) fn study() -> Summary {
         rows,
         comparisons: vec![StudyComparison {
             data: HOSTILE.into(),
+            model: HOSTILE.into(),
             levels: "kept".into(),
             measure: "accuracy".into(),
             setting: String::new(),
@@ -145,12 +147,13 @@ pub(super) fn study() -> Summary {
         }],
         sample_efficiency: vec![SampleEfficiency {
             data: HOSTILE.into(),
+            model: HOSTILE.into(),
             levels: "kept".into(),
             transfer_shots: 1,
             accuracy: 0.7,
             shots: Some(12.5),
             ci95: Some([Some(9.0), None]),
-            published_ratio: 15.0,
+            published_ratio: Some(15.0),
         }],
         maps: vec![FeatureMap {
             choice: HOSTILE.into(),

@@ -18,7 +18,8 @@ pub(super) fn enrolment(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, E
     let test = embedded(&classifier, &fold.test)?;
     let everything = SweepView::all(&split.new);
     let whole = embedded(&classifier, &everything)?;
-    let new = Fold::new(&split.new, Scheme::default(), bench.seed, 0, 0)?;
+    let own = bench.seed_for("folds of new materials", task.number);
+    let new = Fold::new(&split.new, Scheme::default(), own, 0, 0)?;
     let head = classifier.network()?.output_layer();
     let right = |head: &LinearHead, features: &Features, labels: &[usize]| {
         let scores = head.scores(features);
@@ -35,7 +36,10 @@ pub(super) fn enrolment(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, E
         strength: WeightPrior::weight_decay(0, bench.recipe.training.l2, seen.len()).strength,
         ..knowledge.clone()
     };
-    let priors = [("knowledge prior", &knowledge), ("weight decay", &decay)];
+    let priors = [
+        ("knowledge prior", &knowledge),
+        ("knowledge mean, weak", &decay),
+    ];
     let mut measurements = Vec::new();
     for &shots in &task.shots {
         let Ok(few) = new.shots(shots) else { continue };
@@ -51,7 +55,7 @@ pub(super) fn enrolment(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, E
                         .collect()
                 };
                 let own = support.hidden.select(&of(&support.labels));
-                let class = fit_new_class(&head, &seen.hidden, &own, prior)?;
+                let class = fit_new_class(&head, &seen.hidden, &seen.labels, &own, prior)?;
                 let mut more = head.clone();
                 more.weights.push(class.weights);
                 more.biases.push(class.bias);

@@ -25,8 +25,6 @@ const FOLDS: usize = 5;
 const FINE_TUNING_STEPS: usize = 150;
 /// Steps of the optimiser, about, when a whole network learns few sweeps; one epoch of a single batch is one step.
 const SCRATCH_STEPS: usize = 300;
-/// Most epochs when a whole network learns few sweeps.
-const SCRATCH_EPOCHS: usize = 100;
 /// Pairs that the Siamese embedding is trained on.
 const PAIRS: usize = 20_000;
 
@@ -45,8 +43,10 @@ pub(super) fn transfer(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, En
     let knowledge = learn(task, bench, &split)?;
     let everything = SweepView::all(&split.new);
     let whole = embedded(&knowledge.classifier, &everything)?;
+    // Draws deal folds and shots of their own, which all methods share.
+    let own = bench.seed_for("folds of new materials", task.number);
     let folds: Vec<Fold<'_>> = (0..FOLDS)
-        .map(|fold| Fold::new(&split.new, Scheme::default(), bench.seed, 0, fold))
+        .map(|fold| Fold::new(&split.new, Scheme::default(), own, 0, fold))
         .collect::<Result<_, _>>()?;
     let mut measurements = Vec::new();
     let materials = split.new.labels().len();
@@ -62,7 +62,10 @@ pub(super) fn transfer(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, En
         for &method in &task.methods {
             bench.say(&format!("{} with {shots} shots", method.name()))?;
             let own: &[Fold<'_>] = match method {
-                TransferMethod::Nk => &few[..task.scratch_folds.clamp(1, FOLDS)],
+                // Another fold in every draw.
+                TransferMethod::Nk => {
+                    &rotated(&few, task.number)[..task.scratch_folds.clamp(1, FOLDS)]
+                }
                 _ => &few,
             };
             let mut right = 0;
@@ -74,7 +77,7 @@ pub(super) fn transfer(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, En
             } else {
                 let recipe = bench.recipe;
                 let seeds: Vec<Seed> = (0..FOLDS)
-                    .map(|fold| bench.seed_for("fine-tuning", fold))
+                    .map(|fold| bench.seed_for("fine-tuning", task.number * FOLDS + fold))
                     .collect();
                 own.par_iter()
                     .map(|fold| {
@@ -113,6 +116,14 @@ pub(super) fn transfer(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, En
         split_content: format!("{:?} {}", split.new_labels, folds[0].manifest().sha256),
         chosen: knowledge.tuned.chosen(),
     })
+}
+
+/// The folds from another one on.
+fn rotated<'a>(folds: &[Fold<'a>], by: usize) -> Vec<Fold<'a>> {
+    let mut folds = folds.to_vec();
+    let by = by % folds.len();
+    folds.rotate_left(by);
+    folds
 }
 
 /// Trains the network on the known materials and derives what the methods need.
@@ -185,8 +196,7 @@ fn siamese_layers(
 fn from_scratch(task: &StudyTask, bench: &Bench<'_>, fold: &Fold<'_>) -> Result<Vec<usize>, Ended> {
     let batches = fold.train.len().div_ceil(bench.recipe.training.batch);
     let mut recipe: Recipe = bench.recipe.clone();
-    recipe.training.epochs =
-        (SCRATCH_STEPS / batches).clamp(recipe.training.epochs, SCRATCH_EPOCHS);
+    recipe.training.epochs = (SCRATCH_STEPS / batches).max(recipe.training.epochs);
     let scratch = Bench {
         recipe: &recipe,
         ..*bench
@@ -252,6 +262,7 @@ impl FewShots<'_> {
                 let prior = WeightPrior {
                     mean: vec![0.0; width + 1],
                     strength: tuned.whitened(self.shots),
+                    bias_scale: 1.0,
                 };
                 linear(
                     &whitening.apply(support),

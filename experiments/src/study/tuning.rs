@@ -16,11 +16,14 @@ use super::{Bench, Ended, StudyTask};
 /// Tasks that every setting is tried on.
 const TASKS: usize = 12;
 /// Strengths s of the penalty `s |w - m|^2`.
-const STRENGTHS: [f64; 7] = [0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0];
+const STRENGTHS: [f64; 9] = [0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 10.0, 100.0, 300.0];
 /// The same on whitened features, whose scale is another.
 const WHITENED_STRENGTHS: [f64; 7] = [0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0];
 /// Shares of the mean variance in a shrunk covariance.
 const SHRINKAGES: [f64; 5] = [0.003, 0.01, 0.03, 0.1, 0.3];
+
+/// Shrinkage and strengths where there are too few sweeps to choose.
+const UNTRIED: (f64, f64) = (0.1, 0.1);
 
 /// What was chosen, for each number of shots that could be tried.
 pub(super) struct Tuned {
@@ -51,6 +54,15 @@ impl Tuned {
         }
         chosen
     }
+}
+
+/// The middle one of those that are best: accuracies tie where a task is easy.
+fn middle_of_best(values: &[f64]) -> usize {
+    let most = values[first_largest(values)];
+    let best: Vec<usize> = (0..values.len())
+        .filter(|i| values[*i] >= most - 1e-12)
+        .collect();
+    best[best.len() / 2]
 }
 
 fn closest(values: &BTreeMap<usize, f64>, shots: usize) -> f64 {
@@ -127,15 +139,23 @@ pub(super) fn tune(
 ) -> Result<(Whitening, Tuned), Ended> {
     let of_label = rows_of_label(&unseen.labels);
     let fewest = of_label.iter().map(Vec::len).min().unwrap_or(0);
-    let materials = task.new_materials.min(known - 1);
+    let materials = task.new_materials.min(known);
     let mut shots: Vec<usize> = task
         .shots
         .iter()
         .copied()
         .filter(|n| 2 * n <= fewest)
         .collect();
+    shots.sort_unstable();
     if shots.is_empty() {
-        shots.push(1);
+        // Too few sweeps to try anything on.
+        let whitening = Whitening::fit(&seen.hidden, &seen.labels, known, UNTRIED.0)?;
+        let tuned = Tuned {
+            shrinkage: UNTRIED.0,
+            plain: [(1, UNTRIED.1)].into(),
+            whitened: [(1, UNTRIED.1)].into(),
+        };
+        return Ok((whitening, tuned));
     }
     let trials = |shots: usize| -> Vec<Trial> {
         let mut rng = bench.seed.rng(("tuning", task.number, shots));
@@ -163,7 +183,7 @@ pub(super) fn tune(
         candidates.push((accuracy, shrinkage, whitening, features));
     }
     let accuracies: Vec<f64> = candidates.iter().map(|candidate| candidate.0).collect();
-    let (_, shrinkage, whitening, features) = candidates.swap_remove(first_largest(&accuracies));
+    let (_, shrinkage, whitening, features) = candidates.swap_remove(middle_of_best(&accuracies));
     let mut tuned = Tuned {
         shrinkage,
         plain: BTreeMap::new(),
@@ -172,14 +192,15 @@ pub(super) fn tune(
     for &shots in &shots {
         let trials = trials(shots);
         for (features, strengths, chosen) in [
-            (&unseen.hidden, STRENGTHS, &mut tuned.plain),
-            (&features, WHITENED_STRENGTHS, &mut tuned.whitened),
+            (&unseen.hidden, &STRENGTHS[..], &mut tuned.plain),
+            (&features, &WHITENED_STRENGTHS[..], &mut tuned.whitened),
         ] {
             let mut totals = Vec::new();
-            for strength in strengths {
+            for &strength in strengths {
                 let prior = WeightPrior {
                     mean: vec![0.0; features.width() + 1],
                     strength,
+                    bias_scale: 1.0,
                 };
                 let accuracies: Vec<f64> = trials
                     .par_iter()
@@ -187,7 +208,7 @@ pub(super) fn tune(
                     .collect::<Result<_, _>>()?;
                 totals.push(accuracies.iter().sum());
             }
-            chosen.insert(shots, strengths[first_largest(&totals)]);
+            chosen.insert(shots, strengths[middle_of_best(&totals)]);
         }
     }
     Ok((whitening, tuned))

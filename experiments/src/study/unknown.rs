@@ -55,17 +55,26 @@ pub(super) fn unknown(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, End
         for sweeps in SWEEPS {
             let of = |scored: &Scored, scores: &[f64]| averages(scored, scores, sweeps, seed);
             let (inside, outside) = (of(&test, &test.scores[name]), of(&new, &new.scores[name]));
+            if inside.is_empty() || outside.is_empty() {
+                continue;
+            }
             let threshold = upper_quantile(&of(&calibration, calibration_scores), FALSE_ALARMS);
             let above = |scores: &[f64]| {
                 scores.iter().filter(|score| **score > threshold).count() as f64
                     / scores.len() as f64
             };
             let both = inside.len() + outside.len();
-            measurements.extend([
+            measurements.push(
                 Measurement::new("auroc", name, auroc(&inside, &outside), both).sweeps(sweeps),
-                Measurement::new("false alarms", name, above(&inside), inside.len()).sweeps(sweeps),
-                Measurement::new("detected", name, above(&outside), outside.len()).sweeps(sweeps),
-            ]);
+            );
+            // With too few sweeps no threshold keeps the promise.
+            if threshold.is_finite() {
+                for (measure, scores) in [("false alarms", &inside), ("detected", &outside)] {
+                    measurements.push(
+                        Measurement::new(measure, name, above(scores), scores.len()).sweeps(sweeps),
+                    );
+                }
+            }
         }
     }
     measurements.extend(prediction_sets(&calibration, &test));

@@ -25,36 +25,42 @@ pub struct WeightPrior {
     pub mean: Vec<f64>,
     /// Strength s: the penalty is `s |w - mean|^2` for each class.
     pub strength: f64,
+    /// The bias's penalty is `s (b - mean)^2 / bias_scale^2`; 1 where the bias is penalised as the weights are.
+    pub bias_scale: f64,
 }
+
+/// A bias that is as good as free: of biases that differ by a constant, one is still the best.
+const FREE_BIAS: f64 = 30.0;
 
 impl WeightPrior {
     /// The prior that knowledge classes give: their mean, and `s = 1 / (2 sigma^2)` with `sigma^2` their mean squared distance
-    /// from it per dimension (thesis, section 4.6.3; Bauer et al., 2017). The bias counts as one more dimension, so `F = width + 1`.
+    /// from it per dimension (thesis, section 4.6.3; Bauer et al., 2017).
+    ///
+    /// It is a prior on the weights alone, F of them. Biases are as good as free: a strong pull of the bias towards a common value would
+    /// favour classes with large features.
     ///
     /// # Panics
     /// With fewer than two classes, or classes that are all the same.
     pub fn of_knowledge(head: &LinearHead) -> Self {
         let classes = head.weights.len();
         assert!(classes > 1, "a variance needs at least two classes");
-        let rows: Vec<Vec<f64>> = head
+        let width = head.weights[0].len();
+        let average = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / classes as f64;
+        let mut mean: Vec<f64> = (0..width)
+            .map(|i| average(&mut head.weights.iter().map(|row| row[i])))
+            .collect();
+        let squares: f64 = head
             .weights
-            .iter()
-            .zip(&head.biases)
-            .map(|(weights, bias)| [weights.as_slice(), &[*bias]].concat())
-            .collect();
-        let size = rows[0].len();
-        let mean: Vec<f64> = (0..size)
-            .map(|i| rows.iter().map(|row| row[i]).sum::<f64>() / classes as f64)
-            .collect();
-        let squares: f64 = rows
             .iter()
             .flat_map(|row| row.iter().zip(&mean).map(|(w, m)| (w - m).powi(2)))
             .sum();
-        let variance = squares / (classes * size) as f64;
+        let variance = squares / (classes * width) as f64;
         assert!(variance > 0.0, "knowledge classes differ");
+        mean.push(average(&mut head.biases.iter().copied()));
         Self {
             mean,
             strength: 1.0 / (2.0 * variance),
+            bias_scale: FREE_BIAS,
         }
     }
 
@@ -64,6 +70,7 @@ impl WeightPrior {
         Self {
             mean: vec![0.0; width + 1],
             strength: l2 * sweeps as f64 / 2.0,
+            bias_scale: 1.0,
         }
     }
 }
@@ -87,9 +94,13 @@ impl LinearHead {
             width,
             "a mean for each weight and the bias"
         );
-        let span = Span::of(features);
+        // In these units the penalty is the same in all directions.
+        let scale = prior.bias_scale;
+        let mut centre = prior.mean.clone();
+        centre[width - 1] /= scale;
+        let span = Span::of(features, scale);
         let (rows, size) = (&span.coordinates, span.dimension());
-        let mean = span.project(&prior.mean);
+        let mean = span.project(&centre);
         let start: Vec<f64> = mean.repeat(materials);
         let objective = |x: &[f64], gradient: &mut [f64]| -> f64 {
             let mut value = 0.0;
@@ -136,11 +147,11 @@ impl LinearHead {
         }
         let rows: Vec<Vec<f64>> = point
             .chunks_exact(size)
-            .map(|row| span.lift(row, &mean, &prior.mean))
+            .map(|row| span.lift(row, &mean, &centre))
             .collect();
         Ok(Self {
             weights: rows.iter().map(|row| row[..width - 1].to_vec()).collect(),
-            biases: rows.iter().map(|row| row[width - 1]).collect(),
+            biases: rows.iter().map(|row| row[width - 1] * scale).collect(),
         })
     }
 

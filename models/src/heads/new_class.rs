@@ -18,15 +18,18 @@ pub struct NewClass {
 /// `-sum of log p(label) + s |w - m|^2` over the new class's weights alone, a convex problem in `width + 1` numbers. Here, unlike among
 /// new classes only, the prior's mean matters.
 ///
-/// The new sweeps weigh as much together as the sweeps of a known class do on average.
+/// Every class weighs the same, however many sweeps it has, so that a class learnt from few sweeps is not overrun by the next one; with
+/// unequal numbers this is no maximum a posteriori estimate any more.
 ///
 /// - `known`, `new`: features of sweeps of known classes and of the new one
+/// - `labels`: of the known sweeps
 ///
 /// # Errors
 /// The gradient does not vanish.
 pub fn fit_new_class(
     head: &LinearHead,
     known: &Features,
+    labels: &[usize],
     new: &Features,
     prior: &WeightPrior,
 ) -> Result<NewClass, ModelError> {
@@ -47,17 +50,28 @@ pub fn fit_new_class(
             })
             .collect()
     };
+    let classes = head.weights.len();
+    let mut counts = vec![0.0; classes];
+    labels.iter().for_each(|label| counts[*label] += 1.0);
+    let present = counts.iter().filter(|count| **count > 0.0).count();
+    let each = known.len() as f64 / present as f64;
+    let known_weights: Vec<f64> = labels.iter().map(|label| each / counts[*label]).collect();
+    let new_weights = vec![each / new.len() as f64; new.len()];
     let (known, new) = (rows(known), rows(new));
-    let weight = known.len() as f64 / head.weights.len() as f64 / new.len() as f64;
+    let last = size - 1;
     let objective = |x: &[f64], gradient: &mut [f64]| -> f64 {
         let mut value = 0.0;
         for ((g, w), m) in gradient.iter_mut().zip(x).zip(&prior.mean) {
             *g = 2.0 * prior.strength * (w - m);
             value += prior.strength * (w - m).powi(2);
         }
+        // The bias has a penalty of its own.
+        let (away, share) = (x[last] - prior.mean[last], prior.bias_scale.powi(-2));
+        gradient[last] *= share;
+        value -= prior.strength * (1.0 - share) * away * away;
         // A sweep's loss is softplus of how far the wrong side is ahead.
-        for (rows, sign, weight) in [(&known, 1.0, 1.0), (&new, -1.0, weight)] {
-            for (row, others) in rows {
+        for (rows, sign, weights) in [(&known, 1.0, &known_weights), (&new, -1.0, &new_weights)] {
+            for ((row, others), weight) in rows.iter().zip(weights) {
                 let ahead = sign * (dot(x, row) - others);
                 value += weight * (ahead.max(0.0) + (-ahead.abs()).exp().ln_1p());
                 let slope = weight * sign / (1.0 + (-ahead).exp());
@@ -112,10 +126,12 @@ mod tests {
         let weak = WeightPrior {
             mean: vec![0.0; 3],
             strength: 0.01,
+            bias_scale: 1.0,
         };
         let head = LinearHead::fit(&known, &labels, 3, &weak).unwrap();
         let new = Features::new(2, cloud(corners[3], 3));
-        let NewClass { weights, bias } = fit_new_class(&head, &known, &new, &weak).unwrap();
+        let NewClass { weights, bias } =
+            fit_new_class(&head, &known, &labels, &new, &weak).unwrap();
         let mut both = head.clone();
         both.weights.push(weights);
         both.biases.push(bias);

@@ -14,11 +14,17 @@ pub(super) struct Span {
 }
 
 impl Span {
-    pub(super) fn of(features: &Features) -> Self {
+    /// `constant`: what stands for the bias behind every sweep's features.
+    pub(super) fn of(features: &Features, constant: f64) -> Self {
         let (sweeps, width) = (features.len(), features.width() + 1);
         let rows: Vec<Vec<f64>> = features
             .rows()
-            .map(|row| row.iter().map(|v| f64::from(*v)).chain([1.0]).collect())
+            .map(|row| {
+                row.iter()
+                    .map(|v| f64::from(*v))
+                    .chain([constant])
+                    .collect()
+            })
             .collect();
         if sweeps >= width {
             return Self {

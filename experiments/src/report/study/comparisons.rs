@@ -1,0 +1,100 @@
+//! Methods on the same tasks, and what transfer saves.
+
+use super::super::results::Heading::{Number, Text};
+use super::super::results::{number, sortable};
+use super::super::text::{ABSENT, decimal, escape, p_value, percent, scroll};
+use super::count;
+use crate::StudySummary;
+
+pub(super) fn comparisons(study: &StudySummary) -> String {
+    let lines: String = study
+        .comparisons
+        .iter()
+        .map(|comparison| {
+            let points = 100.0 * comparison.difference;
+            let ends = match (comparison.ci95_low, comparison.ci95_high) {
+                (Some(low), Some(high)) => format!("[{}, {}]", decimal(100.0 * low, 1), decimal(100.0 * high, 1)),
+                _ => ABSENT.to_string(),
+            };
+            format!(
+                "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td>{}{}<td>{}</td><td>{}</td>{}{}{}{}</tr>\n",
+                escape(&format!("{}, networks by {}", comparison.data, comparison.model)),
+                escape(&comparison.levels),
+                escape(&comparison.measure),
+                escape(&comparison.setting),
+                count(comparison.shots),
+                count(comparison.sweeps),
+                escape(&comparison.first),
+                escape(&comparison.second),
+                number(Some(points), &decimal(points, 1)),
+                number(comparison.ci95_low, &ends),
+                number(comparison.p, &comparison.p.map(p_value).unwrap_or_default()),
+                number(Some(comparison.n as f64), &comparison.n.to_string())
+            )
+        })
+        .collect();
+    let table = format!(
+        "<table class=\"sortable\">\n<caption class=\"hidden\">Differences on the same tasks</caption>\n<thead><tr>{}</tr></thead>\n\
+         <tbody>\n{lines}</tbody>\n</table>\n",
+        sortable(&[
+            Text("Data"),
+            Text("Levels"),
+            Text("Measure"),
+            Text("Setting"),
+            Number("Shots"),
+            Number("Sweeps"),
+            Text("First"),
+            Text("Second"),
+            Number("First \u{2212} second<br><small>points</small>"),
+            Number("95 % interval"),
+            Number("p"),
+            Number("Tasks"),
+        ])
+    );
+    format!(
+        "<p>Differences on the same tasks. p is two-sided and not adjusted for the number of comparisons.</p>\n{}",
+        scroll("Paired comparisons", &table)
+    )
+}
+
+pub(super) fn efficiency(study: &StudySummary) -> String {
+    if study.sample_efficiency.is_empty() {
+        return "<p>Needs the methods <code>nk</code> and <code>ol-mean</code> with one or ten shots among several.</p>\n".to_string();
+    }
+    let lines: String = study
+        .sample_efficiency
+        .iter()
+        .map(|found| {
+            let shots = |value: Option<f64>| value.map_or("more than tried".to_string(), |value| decimal(value, 1));
+            format!(
+                "<tr><td>{}</td><td>{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td>\
+                 <td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td></tr>\n",
+                escape(&format!("{}, networks by {}", found.data, found.model)),
+                escape(&found.levels),
+                found.transfer_shots,
+                percent(found.accuracy),
+                shots(found.shots),
+                found
+                    .ci95
+                    .map_or(ABSENT.to_string(), |ends| format!("{} to {}", shots(ends[0]), shots(ends[1]))),
+                found
+                    .shots
+                    .map_or(ABSENT.to_string(), |shots| decimal(shots / found.transfer_shots as f64, 1)),
+                found
+                    .published_ratio
+                    .map_or(ABSENT.to_string(), |ratio| decimal(ratio, 0))
+            )
+        })
+        .collect();
+    let table = format!(
+        "<table>\n<caption class=\"hidden\">Sweeps saved by transfer</caption>\n<thead><tr><th scope=\"col\">Data</th><th scope=\"col\">Levels</th>\
+         <th scope=\"col\" class=\"number\">Shots of transfer</th><th scope=\"col\" class=\"number\">Its accuracy, %</th>\
+         <th scope=\"col\" class=\"number\">Shots without pre-knowledge</th><th scope=\"col\" class=\"number\">95 % interval</th>\
+         <th scope=\"col\" class=\"number\">Ratio</th><th scope=\"col\" class=\"number\">Published ratio</th></tr></thead>\n<tbody>\n{lines}</tbody>\n</table>\n"
+    );
+    format!(
+        "<p>Sweeps of every new material that a network without pre-knowledge needs to be as good as OL-mean. Between tested numbers a straight \
+         line over their logarithm; intervals by bootstrap over draws of the materials.</p>\n{}",
+        scroll("Sweeps saved", &table)
+    )
+}

@@ -1,0 +1,205 @@
+//! What a study found, as lines and bars.
+
+use super::super::svg::{Axes, SERIES, figure, legend, marker};
+use super::super::text::{escape, percent};
+use crate::{Study, StudyRow, StudySummary};
+
+/// A figure for every data set.
+pub(super) fn curves(study: &StudySummary) -> String {
+    let mut sets: Vec<(&str, &str, &str)> = Vec::new();
+    for row in &study.rows {
+        let set = (row.data.as_str(), row.levels.as_str(), row.model.as_str());
+        if !sets.contains(&set) {
+            sets.push(set);
+        }
+    }
+    let html: String = sets
+        .into_iter()
+        .flat_map(|set| {
+            let rows: Vec<&StudyRow> = study
+                .rows
+                .iter()
+                .filter(|row| (row.data.as_str(), row.levels.as_str(), row.model.as_str()) == set)
+                .collect();
+            let name = format!("{}, levels {}", set.0, set.1);
+            match study.kind {
+                Study::Nshot => vec![
+                    accuracy_by_shots(
+                        &name,
+                        "Methods of the thesis",
+                        &rows,
+                        &["nk", "ol", "ol-fcl", "ol-mean", "nn", "siamese"],
+                    ),
+                    accuracy_by_shots(
+                        &name,
+                        "Beyond the thesis",
+                        &rows,
+                        &["ol-mean", "simpleshot", "lda", "tuned-ol", "whitened-ol"],
+                    ),
+                ],
+                Study::Sequential => vec![accuracy_by_sweeps(&name, &rows)],
+                Study::Differentiate => vec![bars(&name, &rows, "accuracy")],
+                Study::Unknown => vec![bars(&name, &rows, "auroc")],
+                Study::FeatureMaps => vec![bars(&name, &rows, "purity")],
+                Study::Enrolment => vec![
+                    bars(&name, &rows, "new material"),
+                    bars(&name, &rows, "known, after"),
+                ],
+            }
+        })
+        .collect();
+    if html.is_empty() {
+        "<p>Nothing to draw yet.</p>\n".into()
+    } else {
+        html
+    }
+}
+
+fn axes(x_max: f64, y_max: f64) -> Axes {
+    Axes {
+        left: 52.0,
+        top: 10.0,
+        width: 440.0,
+        height: 300.0,
+        x_max,
+        y_max,
+    }
+}
+
+fn accuracy_by_shots(name: &str, what: &str, rows: &[&StudyRow], methods: &[&str]) -> String {
+    let mut shots: Vec<usize> = rows.iter().filter_map(|row| row.shots).collect();
+    shots.sort_unstable();
+    shots.dedup();
+    let Some(most) = shots.last().filter(|most| **most > 1) else {
+        return String::new();
+    };
+    let axes = axes((*most as f64).ln(), 1.0);
+    let marks: Vec<(f64, String)> = shots
+        .iter()
+        .map(|n| ((*n as f64).ln(), n.to_string()))
+        .collect();
+    let mut content = axes.rows(0.2, "accuracy, %");
+    content.push_str(&axes.marks(&marks, "sweeps of every new material"));
+    let mut names = Vec::new();
+    for method in methods.iter().take(SERIES) {
+        let mut points: Vec<(f64, f64)> = rows
+            .iter()
+            .filter(|row| row.method == *method)
+            .filter_map(|row| Some(((row.shots? as f64).ln(), row.mean)))
+            .collect();
+        if points.is_empty() {
+            continue;
+        }
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        content.push_str(&axes.series(names.len(), &points, 1));
+        names.push((*method).to_string());
+    }
+    if names.is_empty() {
+        return String::new();
+    }
+    let title = format!("{what}: accuracy against shots on {name}");
+    format!(
+        "<figure>\n{}{}<figcaption>{}. Six new materials unless the command says otherwise; the axis of shots is logarithmic.</figcaption>\n</figure>\n",
+        figure(510.0, 360.0, &title, &content),
+        legend(&names),
+        escape(&title)
+    )
+}
+
+/// Accuracy against mean number of sweeps: stopping when sure beside fixed numbers.
+fn accuracy_by_sweeps(name: &str, rows: &[&StudyRow]) -> String {
+    let mut series: Vec<(String, Vec<(f64, f64)>)> = Vec::new();
+    for accuracy in rows.iter().filter(|row| row.measure == "accuracy") {
+        let Some(sweeps) = rows.iter().find(|row| {
+            row.measure == "mean sweeps"
+                && row.method == accuracy.method
+                && row.setting == accuracy.setting
+        }) else {
+            continue;
+        };
+        let rule = accuracy.setting.split(' ').next().unwrap_or_default();
+        let label = format!("{}, {rule}", accuracy.method);
+        let point = (sweeps.mean, accuracy.mean);
+        match series.iter_mut().find(|(known, _)| *known == label) {
+            Some((_, points)) => points.push(point),
+            None => series.push((label, vec![point])),
+        }
+    }
+    let most = series
+        .iter()
+        .flat_map(|(_, points)| points)
+        .fold(1.0_f64, |most, point| most.max(point.0));
+    let axes = axes(most, 1.0);
+    let marks: Vec<(f64, String)> = (0..=most as usize)
+        .map(|n| (n as f64, n.to_string()))
+        .collect();
+    let mut content = axes.rows(0.2, "accuracy, %");
+    content.push_str(&axes.marks(&marks, "mean number of sweeps"));
+    for (index, (_, points)) in series.iter_mut().enumerate() {
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        content.push_str(&axes.series(index, points, 1));
+    }
+    let names: Vec<String> = series.into_iter().map(|(name, _)| name).collect();
+    let title = format!("Accuracy against sweeps on {name}");
+    format!(
+        "<figure>\n{}{}<figcaption>{}: fixed numbers of sweeps, and sweeping until sure.</figcaption>\n</figure>\n",
+        figure(510.0, 360.0, &title, &content),
+        legend(&names),
+        escape(&title)
+    )
+}
+
+/// A bar for every method and circumstance.
+fn bars(name: &str, rows: &[&StudyRow], measure: &str) -> String {
+    const STEP: f64 = 22.0;
+    let rows: Vec<&&StudyRow> = rows.iter().filter(|row| row.measure == measure).collect();
+    let (left, width) = (250.0, 240.0);
+    let mut content = String::new();
+    for (index, row) in rows.iter().enumerate() {
+        let y = 8.0 + STEP * index as f64;
+        let sweeps = row
+            .sweeps
+            .map_or(String::new(), |sweeps| format!(", {sweeps} sw."));
+        let setting = if row.setting.is_empty() {
+            String::new()
+        } else {
+            format!(", {}", row.setting)
+        };
+        let at = |value: f64| left + width * value.clamp(0.0, 1.0);
+        content.push_str(&format!(
+            "<text class=\"end\" x=\"{:.1}\" y=\"{:.1}\">{}</text><line class=\"grid\" x1=\"{left}\" x2=\"{:.1}\" y1=\"{:.1}\" y2=\"{:.1}\"/>\n",
+            left - 8.0,
+            y + 4.0,
+            escape(&format!("{}{setting}{sweeps}", row.method)),
+            left + width,
+            y,
+            y
+        ));
+        if let (Some(low), Some(high)) = (row.ci95_low, row.ci95_high) {
+            content.push_str(&format!(
+                "<g class=\"series s0\"><polyline points=\"{:.1},{y:.1} {:.1},{y:.1}\"/></g>\n",
+                at(low),
+                at(high)
+            ));
+        }
+        content.push_str(&format!(
+            "<g class=\"series s0\">{}</g><text x=\"{:.1}\" y=\"{:.1}\">{}</text>\n",
+            marker(0, at(row.mean), y),
+            left + width + 8.0,
+            y + 4.0,
+            percent(row.mean)
+        ));
+        if let Some(published) = row.published {
+            content.push_str(&format!(
+                "<g class=\"series s1\">{}</g>\n",
+                marker(1, at(published), y)
+            ));
+        }
+    }
+    let title = format!("{measure} on {name}");
+    format!(
+        "<figure>\n{}<figcaption>{}, %, with 95 % intervals; from 0 to 100. Squares: published for TactMat.</figcaption>\n</figure>\n",
+        figure(560.0, 16.0 + STEP * rows.len() as f64, &title, &content),
+        escape(&title)
+    )
+}
