@@ -1,5 +1,7 @@
 //! `tactnet eval`: judges a trained classifier again, on its own test sweeps or on another data set.
 
+mod verdicts;
+
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -14,6 +16,7 @@ use tactnet_pipeline::{
 
 use crate::train::DeviceChoice;
 use crate::{GIT, output, report, source};
+use verdicts::{Verdicts, by_known_material};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
@@ -24,7 +27,8 @@ pub struct EvalArgs {
     /// A run directory
     #[arg(value_name = "DIR")]
     run: PathBuf,
-    /// Another data set: all of its sweeps are tested, but for training and enrolled sweeps [default: the run's own test sweeps]
+    /// Another data set: all of its sweeps are tested, but for training and enrolled sweeps; after `train --calibrate` it may hold
+    /// unknown materials [default: the run's own test sweeps]
     #[arg(long, value_name = "FILE|twin")]
     data: Option<String>,
     /// Sweeps of one material that are fused into one decision
@@ -56,6 +60,9 @@ struct EvalResult {
     tested: String,
     n_test: usize,
     evaluations: BTreeMap<String, Evaluation>,
+    /// Only after `train --calibrate`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    verdicts: Option<Verdicts>,
 }
 
 /// Runs the command.
@@ -106,10 +113,18 @@ pub fn run(arguments: EvalArgs) -> anyhow::Result<ExitCode> {
         .mc
         .map_or(config.recipe.method().runs_or(100), |mc| mc as usize);
     let sweeps = arguments.sweeps as usize;
-    let evaluations = evaluate_all_ways(&classifier, &view, runs, sweeps, config.seed)?
-        .into_iter()
-        .map(|(name, _, evaluation)| (name.to_string(), evaluation))
-        .collect();
+    let (known, unknown) = by_known_material(&classifier, &view);
+    let verdicts = Verdicts::of(&run, &classifier, &known, &unknown)?;
+    // Materials that it does not know are an error unless it can say so.
+    let judged = if verdicts.is_some() { &known } else { &view };
+    let evaluations = if judged.is_empty() {
+        BTreeMap::new()
+    } else {
+        evaluate_all_ways(&classifier, judged, runs, sweeps, config.seed)?
+            .into_iter()
+            .map(|(name, _, evaluation)| (name.to_string(), evaluation))
+            .collect()
+    };
     let result = EvalResult {
         schema_version: 1,
         run: arguments.run.display().to_string(),
@@ -122,6 +137,7 @@ pub fn run(arguments: EvalArgs) -> anyhow::Result<ExitCode> {
         tested,
         n_test: view.len(),
         evaluations,
+        verdicts,
     };
     if arguments.json {
         output::print_json(&result)?;
@@ -131,6 +147,9 @@ pub fn run(arguments: EvalArgs) -> anyhow::Result<ExitCode> {
             result.data, result.tested, result.n_test
         ))?;
         report::print_evaluations(&result.evaluations)?;
+        if let Some(verdicts) = &result.verdicts {
+            verdicts.print()?;
+        }
     }
     Ok(ExitCode::SUCCESS)
 }

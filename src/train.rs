@@ -12,9 +12,9 @@ use clap::Args;
 use tactnet_data::{Dataset, Fold, Scheme, Seed, Severity, TrainSplit, check};
 use tactnet_models::Compute;
 use tactnet_pipeline::{
-    BaselineRecipe, Classifier, ClassifierConfig, EpochMetrics, KnownSweeps, LabelOrder, Levels,
-    ModelConfig, ModelRecipe, Provenance, Recipe, RunConfig, RunDir, TactNetSetup, Trained,
-    Training, fit_baseline, judge,
+    BaselineRecipe, Calibration, Classifier, ClassifierConfig, EpochMetrics, KnownSweeps,
+    LabelOrder, Levels, ModelConfig, ModelRecipe, Promise, Provenance, Recipe, RunConfig, RunDir,
+    Strangeness, StrangenessScore, TactNetSetup, Trained, Training, fit_baseline, judge,
 };
 
 use crate::report::Shown;
@@ -34,6 +34,7 @@ const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
     tactnet train --recipe thesis --out runs/thesis      TactNet-II as published\n  \
     tactnet train --model minirocket                     a baseline on the same fold\n  \
     tactnet train --data sweeps.h5 --fold 3 --seed 7     the fourth of five folds\n  \
+    tactnet train --calibrate                            can say that it does not know a material\n  \
     tactnet train --resume runs/thesis                   go on after Ctrl-C or a crash\n\n\
     Without --fold the file's own `test_flag` decides what is tested, where it has one; else fold 0 of 5.")]
 pub struct TrainArgs {
@@ -67,6 +68,15 @@ pub struct TrainArgs {
     /// Judge by part I of the fold's training sweeps instead of its test sweeps, and train on the other parts: for choosing settings
     #[arg(long, value_name = "I")]
     inner: Option<usize>,
+    /// Set a fifth of the training sweeps aside to calibrate: when to say "unknown", and how many materials to name to be sure
+    #[arg(long)]
+    calibrate: bool,
+    /// Share of sweeps of known materials that may be called unknown [default: 0.05]
+    #[arg(long, value_name = "SHARE", requires = "calibrate", value_parser = share)]
+    false_alarms: Option<f64>,
+    /// Share of sweeps whose material is to be in the prediction set [default: 0.9]
+    #[arg(long, value_name = "SHARE", requires = "calibrate", value_parser = share)]
+    coverage: Option<f64>,
     /// Folder for the run [default: runs/DATA-RECIPE-FOLD-SEED, numbered on if taken]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -80,11 +90,31 @@ pub struct TrainArgs {
     #[arg(long, value_enum, default_value_t)]
     device: DeviceChoice,
     /// Continue an interrupted run with its own settings; --data says where its data set is now, if it was moved
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["model", "recipe", "levels", "steps", "permute_labels", "inner", "split", "fold", "run", "out", "seed", "epochs", "device"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["model", "recipe", "levels", "steps", "permute_labels", "inner", "calibrate", "split", "fold", "run", "out", "seed", "epochs", "device"])]
     resume: Option<PathBuf>,
     /// Print result.json instead of a table
     #[arg(long)]
     json: bool,
+}
+
+impl TrainArgs {
+    /// What `--calibrate` and its settings ask for.
+    fn promise(&self) -> Option<Promise> {
+        let usual = Promise::default();
+        self.calibrate.then(|| Promise {
+            false_alarms: self.false_alarms.unwrap_or(usual.false_alarms),
+            coverage: self.coverage.unwrap_or(usual.coverage),
+        })
+    }
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "not a number".to_string())?;
+    if value > 0.0 && value < 1.0 {
+        Ok(value)
+    } else {
+        Err("expected a number between 0 and 1".into())
+    }
 }
 
 /// Runs the command.
@@ -101,6 +131,13 @@ pub fn run(arguments: TrainArgs) -> anyhow::Result<ExitCode> {
     }
     let config = run.config()?;
     let fold = run.split()?.fold(&dataset)?;
+    let (fitted, aside) = match config.promise {
+        None => (fold.clone(), None),
+        Some(promise) => {
+            let (fitted, aside) = fold.set_aside()?;
+            (fitted, Some((promise, aside)))
+        }
+    };
     let sessions = run.record_session(&this_session())?;
     if sessions.iter().any(|session| session.git != GIT) {
         eprintln!("this run was begun by another build; its result will name both commits");
@@ -114,10 +151,10 @@ pub fn run(arguments: TrainArgs) -> anyhow::Result<ExitCode> {
     let device = config.compute.open()?;
     let trained = match (&config.recipe, &config.classifier.model) {
         (ModelRecipe::TactNet2(recipe), ModelConfig::TactNet2(setup)) => {
-            train_epochs(&run, &config, recipe, setup, &fold.train, &stop)?
+            train_epochs(&run, &config, recipe, setup, &fitted.train, &stop)?
         }
         (ModelRecipe::Baseline(recipe), ModelConfig::Baseline(_)) => {
-            fit(&run, &config, recipe, &fold, &stop)?
+            fit(&run, &config, recipe, &fitted, &stop)?
         }
         _ => bail!(
             "{}: recipe and model do not belong together",
@@ -130,7 +167,15 @@ pub fn run(arguments: TrainArgs) -> anyhow::Result<ExitCode> {
     let weights = run.weights()?;
     let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
     if let ModelConfig::TactNet2(_) = config.classifier.model {
-        run.write_known_sweeps(&KnownSweeps::of(&classifier.embed(&fold.train)?))?;
+        let known = KnownSweeps::of(&classifier.embed(&fitted.train)?);
+        run.write_known_sweeps(&known)?;
+        if let Some((promise, aside)) = &aside {
+            let strangeness = Strangeness::fit(&classifier, &known)?;
+            let held_out = classifier.embed(aside)?;
+            let score = StrangenessScore::BEST;
+            let calibration = Calibration::fit(*promise, score, &strangeness, &held_out)?;
+            run.write_calibration(&calibration)?;
+        }
     }
     eprintln!("predicting {} test sweeps …", fold.test.len());
     let command = command_line(&config, &fold);
@@ -186,13 +231,25 @@ fn prepare(arguments: &TrainArgs) -> anyhow::Result<(Dataset, RunDir)> {
         None => fold,
         Some(part) => fold.nested(part)?,
     };
+    let promise = arguments.promise();
+    let fitted = match promise {
+        None => fold.clone(),
+        Some(promise) => {
+            let (fitted, aside) = fold.set_aside()?;
+            promise.check(aside.len())?;
+            fitted
+        }
+    };
     let model = match &recipe {
         ModelRecipe::TactNet2(recipe) => {
-            ModelConfig::TactNet2(TactNetSetup::fit(recipe, &fold.train))
+            ModelConfig::TactNet2(TactNetSetup::fit(recipe, &fitted.train))
+        }
+        ModelRecipe::Baseline(recipe) if promise.is_some() => {
+            bail!("--calibrate is for networks, `{}` is none", recipe.name)
         }
         ModelRecipe::Baseline(recipe) => ModelConfig::Baseline(recipe.clone()),
     };
-    let classifier = ClassifierConfig::new(model, &fold.train, seed);
+    let classifier = ClassifierConfig::new(model, &fitted.train, seed);
     match &classifier.model {
         ModelConfig::TactNet2(setup) => drop(classifier.network_config(setup)?),
         ModelConfig::Baseline(recipe) => {
@@ -207,6 +264,7 @@ fn prepare(arguments: &TrainArgs) -> anyhow::Result<(Dataset, RunDir)> {
         steps: arguments.steps,
         label_order,
         inner: arguments.inner,
+        promise,
         recipe_source,
         data_sha256: dataset.sha256().into(),
         seed,
@@ -350,6 +408,7 @@ fn fit(
     )?;
     Ok(Some(Trained {
         seconds,
+        sweeps: fold.train.len(),
         epochs: None,
         chosen: fitted.chosen,
     }))
@@ -425,6 +484,7 @@ fn train_epochs(
     )?;
     Ok(Some(Trained {
         seconds,
+        sweeps: train.len(),
         epochs: Some(recipe.training.epochs),
         ..Trained::default()
     }))
@@ -463,8 +523,14 @@ fn command_line(config: &RunConfig, fold: &Fold<'_>) -> String {
     let inner = config
         .inner
         .map_or(String::new(), |part| format!(" --inner {part}"));
+    let calibrate = config.promise.map_or(String::new(), |promise| {
+        format!(
+            " --calibrate --false-alarms {} --coverage {}",
+            promise.false_alarms, promise.coverage
+        )
+    });
     format!(
-        "tactnet train --data {}{steps}{permuted} --recipe {}{epochs} --levels {levels} --split {split} --run {} --fold {}{inner} --seed {} --device {device}",
+        "tactnet train --data {}{steps}{permuted} --recipe {}{epochs} --levels {levels} --split {split} --run {} --fold {}{inner}{calibrate} --seed {} --device {device}",
         file_name(&config.data),
         file_name(&config.recipe_source),
         fold.run(),

@@ -198,6 +198,19 @@ impl<'a> Fold<'a> {
         })
     }
 
+    /// The same fold with a fifth of its training sweeps set aside, to calibrate with.
+    ///
+    /// # Errors
+    /// A material with fewer training sweeps than [`Fold::INNER_FOLDS`].
+    pub fn set_aside(&self) -> Result<(Self, ValidationSplit<'a>), DataError> {
+        let (train, aside) = self.inner(0)?;
+        let fold = Self {
+            train,
+            ..self.clone()
+        };
+        Ok((fold, aside))
+    }
+
     /// The same as a fold of its own: trains on what part `part` leaves of the training sweeps and is judged by that part. The
     /// test sweeps of this fold are on neither side.
     ///

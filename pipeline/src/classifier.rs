@@ -148,7 +148,7 @@ impl Classifier {
         view: &SweepView<'_>,
         method: PredictionMethod,
     ) -> Result<Predictions, PipelineError> {
-        let own_label = self.own_labels(view)?;
+        let own_labels = self.own_labels(view)?;
         let rows = match (&self.model, method) {
             (Model::Network(network), _) => network.log_probabilities(view, method),
             (Model::Baseline(baseline), PredictionMethod::Plain) => {
@@ -167,7 +167,7 @@ impl Classifier {
             .enumerate()
             .map(|(position, log_probability)| SweepScore {
                 index: view.indices()[position],
-                label: own_label[view.label(position)],
+                label: own_labels[position],
                 log_probability,
             })
             .collect();
@@ -220,23 +220,26 @@ impl Classifier {
         }
     }
 
-    /// For every label of the view's data set, the classifier's own label of that material.
+    /// For every sweep of the view, the classifier's own label of its material.
     fn own_labels(&self, view: &SweepView<'_>) -> Result<Vec<usize>, PipelineError> {
         self.check_shape(view)?;
         let own: Vec<&str> = self.config.labels.names().collect();
-        let found = view.dataset().labels();
-        found
+        let labels = view.dataset().labels();
+        let found: Vec<Option<usize>> = labels
             .names()
-            .map(|name| {
-                let label = own.iter().position(|known| *known == name);
-                label.ok_or_else(|| PipelineError::Misfit {
+            .map(|name| own.iter().position(|known| *known == name))
+            .collect();
+        (0..view.len())
+            .map(|position| {
+                let label = view.label(position);
+                found[label].ok_or_else(|| PipelineError::Misfit {
                     item: "materials",
                     expected: format!(
                         "some of its {} ({}, …)",
                         own.len(),
                         own[..own.len().min(4)].join(", ")
                     ),
-                    found: format!("`{name}`"),
+                    found: format!("`{}`", labels.name(label)),
                 })
             })
             .collect()

@@ -20,6 +20,8 @@ const MONTE_CARLO_RUNS: usize = 100;
 pub struct Trained {
     /// Time spent in training steps or in fitting, seconds.
     pub seconds: f64,
+    /// Number of sweeps trained on.
+    pub sweeps: usize,
     /// Epochs trained, where the model has any.
     pub epochs: Option<usize>,
     /// Settings that were chosen on training sweeps, by name.
@@ -93,7 +95,7 @@ pub fn judge(
         split: describe_split(&manifest, config.inner),
         run: fold.run(),
         fold: fold.fold(),
-        n_train: fold.train.len(),
+        n_train: trained.sweeps,
         n_test: fold.test.len(),
         epochs: trained.epochs,
         chosen: trained.chosen,

@@ -12,6 +12,7 @@ mod arrays;
 mod augment;
 mod baseline;
 mod baseline_fit;
+mod calibration;
 mod checkpoint;
 mod classifier;
 mod confusion_picture;
@@ -51,6 +52,9 @@ pub use augment::Augmentation;
 pub use baseline::{BaselineRecipe, ClassicalClassifier, FeatureScaling};
 pub use baseline_fit::{BaselineFit, fit_baseline};
 pub use burn::tensor::Device;
+pub use calibration::{
+    Calibration, Promise, Verdict, least_probability, prediction_set, upper_quantile,
+};
 pub use classifier::{Classifier, ClassifierConfig, ModelConfig, TactNetSetup};
 pub use embedding::Embedding;
 pub use enroll::{Enrolled, EnrolledMaterial, enroll};

@@ -10,6 +10,7 @@
 //! | `checkpoint.safetensors` | weights, optimiser state, position | at least once a minute and at every stop |
 //! | `weights.safetensors` | final weights and running statistics | at the end |
 //! | `known.safetensors` | embeddings of the training sweeps, networks only: what `enroll` needs | at the end |
+//! | `calibration.json` | bounds for unknown materials and prediction sets, with `--calibrate` only | at the end |
 //! | `enrolled.json` | materials that were added to a trained classifier | by `enroll` |
 //! | `predictions_test.csv` | scores of every test sweep, tsml layout | at the end |
 //! | `confusion.svg` | confusion matrix | at the end |
@@ -25,14 +26,15 @@ use tactnet_models::{Compute, Weights};
 
 use crate::checkpoint::{decode_checkpoint, encode_checkpoint};
 use crate::{
-    ClassifierConfig, Enrolled, EnrolledMaterial, KnownSweeps, ModelRecipe, PipelineError,
-    PredictionMethod, Predictions, Provenance, RunResult, TrainingState,
+    Calibration, ClassifierConfig, Enrolled, EnrolledMaterial, KnownSweeps, ModelRecipe,
+    PipelineError, PredictionMethod, Predictions, Promise, Provenance, RunResult, TrainingState,
 };
 
 /// Name of the lock file.
 const LOCK: &str = ".lock";
 const WEIGHTS: &str = "weights.safetensors";
 const KNOWN: &str = "known.safetensors";
+const CALIBRATION: &str = "calibration.json";
 const ENROLLED: &str = "enrolled.json";
 
 /// `config.json`: all that is decided before the first batch.
@@ -52,6 +54,9 @@ pub struct RunConfig {
     /// Part of the training sweeps that judges instead of the test sweeps; absent: the test sweeps do.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub inner: Option<usize>,
+    /// A fifth of the training sweeps is set aside to calibrate with; absent: all are trained on.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub promise: Option<Promise>,
     /// Built-in name or file of the recipe, as it was asked for.
     pub recipe_source: String,
     /// SHA-256 of the data set's content.
@@ -345,6 +350,36 @@ impl RunDir {
         self.write(KNOWN, &known.to_weights().to_safetensors(metadata)?)
     }
 
+    /// Bounds for unknown materials and prediction sets, where the classifier was calibrated.
+    ///
+    /// # Errors
+    /// Damaged, or of another version.
+    pub fn calibration(&self) -> Result<Option<Calibration>, PipelineError> {
+        if !self.file(CALIBRATION).exists() {
+            return Ok(None);
+        }
+        let calibration: Calibration = self.read_json(CALIBRATION)?;
+        if calibration.schema_version != Calibration::SCHEMA_VERSION {
+            return Err(PipelineError::Run {
+                path: self.file(CALIBRATION),
+                reason: format!(
+                    "expected schema version {}, found {}",
+                    Calibration::SCHEMA_VERSION,
+                    calibration.schema_version
+                ),
+            });
+        }
+        Ok(Some(calibration))
+    }
+
+    /// Writes the bounds.
+    ///
+    /// # Errors
+    /// They cannot be written.
+    pub fn write_calibration(&self, calibration: &Calibration) -> Result<(), PipelineError> {
+        self.write_json(CALIBRATION, calibration)
+    }
+
     /// Materials that were added to the classifier after its training, in their order.
     ///
     /// # Errors
@@ -388,6 +423,9 @@ impl RunDir {
         run.write_json("environment.json", &sessions)?;
         run.write_json(ENROLLED, &materials)?;
         run.write_known_sweeps(&enrolled.known)?;
+        if let Some(calibration) = self.calibration()? {
+            run.write_calibration(&calibration)?;
+        }
         let metadata = [("format".to_string(), "tactnet weights 1".to_string())].into();
         run.write(WEIGHTS, &enrolled.weights.to_safetensors(metadata)?)?;
         Ok(run)

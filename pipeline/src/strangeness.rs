@@ -35,6 +35,9 @@ impl StrangenessScore {
         Self::WhitenedDistance,
     ];
 
+    /// The one that tells unknown materials of the twin best (`tactnet experiment run unknown`, RESULTS.md).
+    pub const BEST: Self = Self::WhitenedDistance;
+
     /// Its name in results.
     pub fn name(self) -> &'static str {
         match self {

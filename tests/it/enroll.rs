@@ -40,6 +40,65 @@ fn json(command: Command) -> Value {
     serde_json::from_str(&stdout(&expect(0, command))).unwrap()
 }
 
+#[test]
+fn a_calibrated_classifier_says_what_it_does_not_know() {
+    let lab = Lab::new();
+    let recipe = lab.recipe(RecipeChange {
+        epochs: Some(12),
+        ..RecipeChange::default()
+    });
+    twin(&lab, "three.h5", "3", "60");
+    let train = |data: &str, out: &str, more: &[&str]| {
+        let mut train = tactnet(["train", "--json", "--data"]);
+        train.arg(lab.path(data)).arg("--recipe").arg(&recipe);
+        train.arg("--out").arg(lab.path(out)).args(more);
+        train
+    };
+    let calibrate = ["--calibrate", "--false-alarms", "0.1"];
+    let result = json(train("three.h5", "run", &calibrate));
+    // 180 sweeps: 36 are tested; of 144, a fifth is set aside.
+    let aside = 144 - result["n_train"].as_u64().unwrap();
+    assert!((27..=30).contains(&aside), "{aside}");
+    assert!(
+        result["command"]
+            .as_str()
+            .unwrap()
+            .contains("--calibrate --false-alarms 0.1 --coverage 0.9")
+    );
+    let calibration = lab.json("run/calibration.json");
+    assert_eq!(calibration["sweeps"], aside);
+    let embedded = Weights::from_safetensors(&lab.read("run/known.safetensors")).unwrap();
+    let labels = &embedded.0["labels"].values;
+    assert_eq!(
+        labels.len() as u64,
+        144 - aside,
+        "no sweep is on both sides"
+    );
+
+    let own = eval(&lab, "run", None);
+    for share in ["false_alarms", "coverage"] {
+        assert_eq!(own["verdicts"][share]["n"], 36, "{own}");
+    }
+    assert!(own["verdicts"]["detected"].is_null(), "{own}");
+    assert!(own["verdicts"]["set_size"].as_f64().unwrap() >= 1.0);
+
+    // The small twin's fourth material was never seen: without calibration that is an error, with it a number.
+    let other = eval(&lab, "run", Some("twin.h5"));
+    assert_eq!(other["verdicts"]["detected"]["n"], 10, "{other}");
+    let unknown = other["verdicts"]["unknown_materials"].as_array().unwrap();
+    assert_eq!(unknown.len(), 1, "{other}");
+    assert_eq!(other["evaluations"]["plain"]["one_sweep"]["n"], 30);
+
+    let few = stderr(&expect(2, train("twin.h5", "few", &["--calibrate"])));
+    assert!(few.contains("calibration"), "{few}");
+    assert!(few.contains("5 % false alarms and 90 % coverage"), "{few}");
+    let mut baseline = tactnet(["train", "--model", "knn-l", "--calibrate", "--data"]);
+    baseline.arg(lab.path("twin.h5"));
+    baseline.arg("--out").arg(lab.path("knn"));
+    let refused = stderr(&expect(2, baseline));
+    assert!(refused.contains("--calibrate is for networks"), "{refused}");
+}
+
 fn eval(lab: &Lab, run: &str, data: Option<&str>) -> Value {
     let mut command = tactnet(["eval", "--json"]);
     command.arg(lab.path(run));

@@ -19,18 +19,6 @@ pub(crate) fn auroc(negatives: &[f64], positives: &[f64]) -> f64 {
     wins / (negatives.len() as f64 * positives.len() as f64)
 }
 
-/// The smallest value that at most `share` of `values` exceed, with the correction for a finite sample that split conformal
-/// prediction asks for: the `ceil((n + 1)(1 - share))`-th smallest of n; infinite where n is too small (Vovk et al., 2005).
-pub(crate) fn upper_quantile(values: &[f64], share: f64) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let rank = ((sorted.len() + 1) as f64 * (1.0 - share) - 1e-9).ceil() as usize;
-    match rank {
-        0 => f64::NEG_INFINITY,
-        rank => sorted.get(rank - 1).copied().unwrap_or(f64::INFINITY),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -42,13 +30,5 @@ mod tests {
         assert_eq!(auroc(&[1.0, 1.0], &[1.0]), 0.5);
         // By hand: of the six pairs, 0.1 < 0.4, 0.1 < 0.35, 0.1 < 0.8, 0.35 = 0.35, 0.35 < 0.4, 0.35 < 0.8.
         assert!((auroc(&[0.1, 0.35], &[0.4, 0.35, 0.8]) - 5.5 / 6.0).abs() < 1e-12);
-    }
-
-    #[test]
-    fn quantiles_are_those_of_split_conformal_prediction() {
-        let values: Vec<f64> = (1..=99).rev().map(f64::from).collect();
-        assert_eq!(upper_quantile(&values, 0.05), 95.0);
-        assert_eq!(upper_quantile(&values, 0.1), 90.0);
-        assert_eq!(upper_quantile(&values[..9], 0.05), f64::INFINITY);
     }
 }

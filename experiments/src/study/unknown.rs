@@ -10,11 +10,13 @@
 use std::collections::BTreeMap;
 
 use tactnet_data::{Fold, MaterialSplit, Scheme, Seed, SweepView, shuffle};
-use tactnet_pipeline::{KnownSweeps, Strangeness};
+use tactnet_pipeline::{
+    KnownSweeps, Strangeness, least_probability, prediction_set, upper_quantile,
+};
 
 use super::knowledge::{embedded, trained};
 use super::pairs::rows_of_label;
-use super::roc::{auroc, upper_quantile};
+use super::roc::auroc;
 use super::{Answer, Bench, Ended, Measurement, StudyTask};
 
 /// Sweeps whose scores are averaged.
@@ -117,22 +119,14 @@ fn averages(scored: &Scored, scores: &[f64], sweeps: usize, seed: Seed) -> Vec<f
 /// Split conformal prediction sets: every label whose probability is at least the calibrated one (Sadinle et al., 2019), never
 /// empty. Gives measured coverage and mean size.
 fn prediction_sets(calibration: &Scored, test: &Scored) -> Vec<Measurement> {
-    let loss = |log_p: &[f64], label: usize| 1.0 - log_p[label].exp();
-    let losses: Vec<f64> = calibration
-        .log_p
-        .iter()
-        .zip(&calibration.labels)
-        .map(|(p, l)| loss(p, *l))
-        .collect();
     let mut measurements = Vec::new();
     for coverage in COVERAGES {
-        let most = upper_quantile(&losses, 1.0 - coverage);
+        let least = least_probability(&calibration.log_p, &calibration.labels, coverage);
         let (mut covered, mut labels) = (0, 0);
-        for (log_p, &label) in test.log_p.iter().zip(&test.labels) {
-            let best = tactnet_models::first_largest(log_p);
-            let inside = |label: usize| label == best || loss(log_p, label) <= most;
-            covered += usize::from(inside(label));
-            labels += (0..log_p.len()).filter(|label| inside(*label)).count();
+        for (log_p, label) in test.log_p.iter().zip(&test.labels) {
+            let set = prediction_set(log_p, least);
+            covered += usize::from(set.contains(label));
+            labels += set.len();
         }
         let n = test.labels.len();
         let setting = format!("target {:.0} %", 100.0 * coverage);

@@ -1,0 +1,339 @@
+//! Where ports come from.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use iceoryx2::prelude::*;
+use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
+
+use crate::bell::Bell;
+use crate::packet::{Block, Header};
+use crate::table::describe;
+use crate::transport::{AnyChannel, AnyNode, Either};
+use crate::{
+    ChannelConfig, ChannelError, ChannelId, GetPort, Packet, Priority, PutPort, Start, SyncGroup,
+    Table,
+};
+
+/// Which components a bus connects.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Domain {
+    /// The threads of this process, through clones of one [`Bus`]; needs no hub.
+    Process,
+    /// All processes of this host, and through the hub those of other hosts.
+    Host,
+}
+
+/// A component's access to the channels of a table. Clones are the same bus.
+#[derive(Debug, Clone)]
+pub struct Bus {
+    inner: Arc<Inner>,
+}
+
+#[derive(Debug)]
+struct Inner {
+    node: AnyNode,
+    table: Table,
+    /// Of channels that were opened, in the process domain.
+    bells: Mutex<BTreeMap<ChannelId, Arc<Bell>>>,
+    /// Rung for groups that are too large for the kernel.
+    crowd: Arc<Bell>,
+}
+
+/// A channel that was opened.
+pub(crate) struct Opened {
+    pub(crate) id: ChannelId,
+    pub(crate) config: ChannelConfig,
+    pub(crate) channel: AnyChannel,
+    pub(crate) bell: Arc<Bell>,
+    pub(crate) crowd: Arc<Bell>,
+    /// Folder and beginning of the names of its files in shared memory.
+    pub(crate) prefix: Option<String>,
+}
+
+impl Bus {
+    /// Opens the channels of `table`.
+    ///
+    /// # Errors
+    /// No hub runs on this host ([`Domain::Host`]); a table out of range.
+    pub fn open(domain: Domain, table: &Table) -> Result<Self, ChannelError> {
+        table.check().map_err(|reason| ChannelError::Table {
+            path: "table".into(),
+            reason,
+        })?;
+        set_log_level(LogLevel::Fatal);
+        let (node, crowd) = match domain {
+            Domain::Process => {
+                static BUSES: AtomicU32 = AtomicU32::new(0);
+                let number = BUSES.fetch_add(1, Ordering::Relaxed);
+                let config = iceoryx_config(&format!("{}-{number}", table.bus))?;
+                (Either::Process(node(&config)?), Bell::local())
+            }
+            Domain::Host => {
+                let crowd = crowd_file(&table.bus);
+                if !crowd.exists() {
+                    return Err(ChannelError::NoHub {
+                        bus: table.bus.clone(),
+                    });
+                }
+                let config = iceoryx_config(&table.bus)?;
+                (Either::Host(node(&config)?), Bell::open(&crowd)?)
+            }
+        };
+        Ok(Self {
+            inner: Arc::new(Inner {
+                node,
+                table: table.clone(),
+                bells: Mutex::default(),
+                crowd: Arc::new(crowd),
+            }),
+        })
+    }
+
+    /// The table it was opened with.
+    pub fn table(&self) -> &Table {
+        &self.inner.table
+    }
+
+    /// A port to put packets of `T` into channel `id`.
+    ///
+    /// # Errors
+    /// No such channel, another type, all put-ports taken, not enough shared memory, no hub.
+    pub fn put_port<T: Packet>(
+        &self,
+        id: impl AsChannelId,
+        priority: Priority,
+    ) -> Result<PutPort<T>, ChannelError> {
+        PutPort::open(self.open_channel::<T>(id.channel_id()?)?, priority)
+    }
+
+    /// A port to get packets of `T` from channel `id`.
+    ///
+    /// # Errors
+    /// No such channel, another type, all get-ports taken, more history than it keeps, no hub.
+    pub fn get_port<T: Packet>(
+        &self,
+        id: impl AsChannelId,
+        start: Start,
+    ) -> Result<GetPort<T>, ChannelError> {
+        GetPort::open(self.open_channel::<T>(id.channel_id()?)?, start)
+    }
+
+    /// Ports to wait for together.
+    ///
+    /// # Errors
+    /// No port.
+    pub fn sync_group(&self, ports: &[&dyn crate::GetSide]) -> Result<SyncGroup, ChannelError> {
+        SyncGroup::new(ports, self.inner.crowd.clone())
+    }
+
+    fn open_channel<T: Packet>(&self, id: ChannelId) -> Result<Opened, ChannelError> {
+        let config = self.inner.table.channel(id.as_str()?)?;
+        let asked = describe(T::NAME, T::VERSION, size_of::<T>());
+        if asked != config.describe() {
+            return Err(ChannelError::Type {
+                id,
+                expected: config.describe(),
+                found: asked,
+            });
+        }
+        let (channel, bell) = match &self.inner.node {
+            Either::Process(node) => (
+                Either::Process(create(node, id, config)?),
+                self.local_bell(id),
+            ),
+            Either::Host(node) => {
+                let channel = open(node, id, &self.inner.table.bus)?;
+                check_attributes(&channel, id, config)?;
+                let bell = Arc::new(Bell::open(&bell_file(&self.inner.table.bus, id)?)?);
+                (Either::Host(channel), bell)
+            }
+        };
+        Ok(Opened {
+            id,
+            config: config.clone(),
+            channel,
+            bell,
+            crowd: self.inner.crowd.clone(),
+            prefix: matches!(self.inner.node, Either::Host(_))
+                .then(|| format!("{}_", self.inner.table.bus)),
+        })
+    }
+
+    fn local_bell(&self, id: ChannelId) -> Arc<Bell> {
+        let mut bells = self
+            .inner
+            .bells
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        bells
+            .entry(id)
+            .or_insert_with(|| Arc::new(Bell::local()))
+            .clone()
+    }
+}
+
+/// What names a channel: text or a [`ChannelId`] that came in a packet.
+pub trait AsChannelId {
+    /// The id.
+    ///
+    /// # Errors
+    /// Text that is no id.
+    fn channel_id(self) -> Result<ChannelId, ChannelError>;
+}
+
+impl AsChannelId for &str {
+    fn channel_id(self) -> Result<ChannelId, ChannelError> {
+        ChannelId::new(self)
+    }
+}
+
+impl AsChannelId for ChannelId {
+    fn channel_id(self) -> Result<ChannelId, ChannelError> {
+        Ok(self)
+    }
+}
+
+/// Iceoryx2's own settings, never those of a file of this machine.
+pub(crate) fn iceoryx_config(prefix: &str) -> Result<Config, ChannelError> {
+    let mut config = Config::default();
+    config.global.prefix = FileName::new(format!("{prefix}_").as_bytes())
+        .map_err(|error| ChannelError::transport(prefix, format!("{error:?}")))?;
+    Ok(config)
+}
+
+pub(crate) fn node<S: Service>(config: &Config) -> Result<Node<S>, ChannelError> {
+    NodeBuilder::new()
+        .signal_handling_mode(SignalHandlingMode::Disabled)
+        .config(config)
+        .create::<S>()
+        .map_err(|error| ChannelError::transport("node", format!("{error:?}")))
+}
+
+type Channel<S> =
+    iceoryx2::service::port_factory::publish_subscribe::PortFactory<S, [Block], Header>;
+
+pub(crate) fn service_name(id: ChannelId) -> Result<ServiceName, ChannelError> {
+    ServiceName::new(id.as_str()?)
+        .map_err(|error| ChannelError::transport(id, format!("{error:?}")))
+}
+
+/// Opens a channel of the hub.
+fn open<S: Service>(node: &Node<S>, id: ChannelId, bus: &str) -> Result<Channel<S>, ChannelError> {
+    node.service_builder(&service_name(id)?)
+        .publish_subscribe::<[Block]>()
+        .user_header::<Header>()
+        .open()
+        .map_err(|error| match error {
+            PublishSubscribeOpenError::DoesNotExist => ChannelError::NoHub { bus: bus.into() },
+            error => ChannelError::transport(id, format!("{error:?}")),
+        })
+}
+
+/// Creates a channel, or opens it where it is as the table says.
+pub(crate) fn create<S: Service>(
+    node: &Node<S>,
+    id: ChannelId,
+    config: &ChannelConfig,
+) -> Result<Channel<S>, ChannelError> {
+    let define = |attributes: AttributeSpecifier, (key, value): (&str, String)| {
+        let key = key
+            .try_into()
+            .unwrap_or_else(|error| panic!("{key} is a key: {error:?}"));
+        let value = value
+            .as_str()
+            .try_into()
+            .map_err(|error| ChannelError::transport(id, format!("{error:?}")))?;
+        attributes
+            .define(&key, &value)
+            .map_err(|error| ChannelError::transport(id, format!("{error:?}")))
+    };
+    let attributes = attributes(config)
+        .into_iter()
+        .try_fold(AttributeSpecifier::new(), define)?;
+    let (puts, gets) = (config.total_put_ports(), config.total_get_ports());
+    let builder = || -> Result<_, ChannelError> {
+        Ok(node
+            .service_builder(&service_name(id)?)
+            .publish_subscribe::<[Block]>()
+            .user_header::<Header>()
+            .enable_safe_overflow(true)
+            .history_size(config.history)
+            .subscriber_max_buffer_size(config.depth)
+            .subscriber_max_borrowed_samples(config.held)
+            .max_publishers(puts)
+            .max_subscribers(gets)
+            // Clients, the hub, and people who look.
+            .max_nodes(puts + gets + 8))
+    };
+    let created = builder()?.create_with_attributes(&attributes);
+    let channel = match created {
+        Ok(channel) => channel,
+        Err(iceoryx2::service::builder::publish_subscribe::PublishSubscribeCreateError::AlreadyExists) => open(node, id, "")?,
+        Err(error) => return Err(ChannelError::transport(id, format!("{error:?}"))),
+    };
+    check_attributes(&channel, id, config)?;
+    Ok(channel)
+}
+
+/// What a port checks when it opens.
+fn attributes(config: &ChannelConfig) -> [(&'static str, String); 2] {
+    let ChannelConfig {
+        items,
+        depth,
+        put_ports,
+        get_ports,
+        history,
+        held,
+        ..
+    } = config;
+    [
+        ("packet", config.describe()),
+        (
+            "resources",
+            format!(
+                "{items} items, depth {depth}, {put_ports} put-ports, {get_ports} get-ports, history {history}, {held} held"
+            ),
+        ),
+    ]
+}
+
+fn check_attributes<S: Service>(
+    channel: &Channel<S>,
+    id: ChannelId,
+    config: &ChannelConfig,
+) -> Result<(), ChannelError> {
+    for (key, found) in attributes(config) {
+        let name = key
+            .try_into()
+            .unwrap_or_else(|error| panic!("{key} is a key: {error:?}"));
+        let expected = channel
+            .attributes()
+            .key_value(&name, 0)
+            .map(ToString::to_string);
+        if expected.as_deref() != Some(found.as_str()) {
+            return Err(ChannelError::Type {
+                id,
+                expected: expected.unwrap_or_else(|| "something else".into()),
+                found: format!("{found} (another table?)"),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Where shared memory is.
+pub(crate) const SHARED_MEMORY: &str = "/dev/shm";
+
+/// The file of a channel's bell.
+pub(crate) fn bell_file(bus: &str, id: ChannelId) -> Result<PathBuf, ChannelError> {
+    let name = id.as_str()?.replace('/', "+");
+    Ok(PathBuf::from(format!("{SHARED_MEMORY}/{bus}_bell_{name}")))
+}
+
+/// The file of the bell for large groups; it is there while a hub is or was.
+pub(crate) fn crowd_file(bus: &str) -> PathBuf {
+    PathBuf::from(format!("{SHARED_MEMORY}/{bus}_bell+"))
+}

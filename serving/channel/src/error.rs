@@ -1,0 +1,136 @@
+//! What can go wrong on a channel.
+
+use std::path::PathBuf;
+
+use crate::ChannelId;
+
+/// Errors of the channel layer; each is one line for people.
+#[derive(Debug, thiserror::Error)]
+pub enum ChannelError {
+    /// A name that is none.
+    #[error("`{found}` is no channel id: expected 1 to 47 letters, digits, `/`, `_`, `-` or `.`")]
+    Id {
+        /// What came.
+        found: String,
+    },
+    /// A table that cannot be used.
+    #[error("{path}: {reason}")]
+    Table {
+        /// The file, or `table`.
+        path: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A channel that the table does not name.
+    #[error("channel `{id}` is not in the table; it names {known}")]
+    NoSuchChannel {
+        /// What was asked for.
+        id: String,
+        /// The table's channels.
+        known: String,
+    },
+    /// Nothing holds the channels of this host.
+    #[error("no hub of bus `{bus}` runs on this host; start `tactnet channel hub`")]
+    NoHub {
+        /// Name of the bus.
+        bus: String,
+    },
+    /// A hub of the same bus runs already.
+    #[error("a hub of bus `{bus}` runs on this host already")]
+    HubRuns {
+        /// Name of the bus.
+        bus: String,
+    },
+    /// The two ends do not speak of the same packet.
+    #[error("channel `{id}`: it carries {expected}, asked for was {found}")]
+    Type {
+        /// The channel.
+        id: ChannelId,
+        /// The channel's packet.
+        expected: String,
+        /// The port's packet.
+        found: String,
+    },
+    /// No place left for a port.
+    #[error("channel `{id}`: all {most} {side}-ports are taken")]
+    TooManyPorts {
+        /// The channel.
+        id: ChannelId,
+        /// `put` or `get`.
+        side: &'static str,
+        /// What the table allows.
+        most: usize,
+    },
+    /// Too long a packet.
+    #[error("channel `{id}`: a packet holds at most {most} items, asked for were {found}")]
+    TooLarge {
+        /// The channel.
+        id: ChannelId,
+        /// What the table allows.
+        most: usize,
+        /// What was asked for.
+        found: usize,
+    },
+    /// More history than the channel keeps.
+    #[error(
+        "channel `{id}`: it keeps {most} packets for those who come late, asked for were {found}"
+    )]
+    History {
+        /// The channel.
+        id: ChannelId,
+        /// What the table allows.
+        most: usize,
+        /// What was asked for.
+        found: usize,
+    },
+    /// A client holds on to too many packets.
+    #[error("channel `{id}`: {most} packets are {state} at this port; put or drop one first")]
+    Held {
+        /// The channel.
+        id: ChannelId,
+        /// `loaned` or `held`.
+        state: &'static str,
+        /// What the table allows.
+        most: usize,
+    },
+    /// Not enough shared memory.
+    #[error("channel `{id}`: a put-port needs {needed} bytes of shared memory, {free} are free")]
+    Memory {
+        /// The channel.
+        id: ChannelId,
+        /// What the port needs.
+        needed: u64,
+        /// What is left in `/dev/shm`.
+        free: u64,
+    },
+    /// A sync group of nothing.
+    #[error("a sync group needs at least one get-port")]
+    EmptyGroup,
+    /// The system refused something.
+    #[error("{path}: cannot {action}: {source}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What was tried.
+        action: &'static str,
+        /// Why not.
+        source: std::io::Error,
+    },
+    /// The transport refused something.
+    #[error("{what}: {reason}")]
+    Transport {
+        /// The channel or node.
+        what: String,
+        /// What the transport says.
+        reason: String,
+    },
+}
+
+impl ChannelError {
+    pub(crate) fn transport(what: impl ToString, reason: impl ToString) -> Self {
+        Self::Transport {
+            what: what.to_string(),
+            reason: reason.to_string(),
+        }
+    }
+}

@@ -1,0 +1,30 @@
+//! Channels between robot components: many putters, many getters, the same few calls whether they are threads of a process, processes
+//! of a host or on different hosts. After chapter 2 of B. Bäuml's thesis (the aRDx communication layer), on iceoryx2 and zenoh.
+//!
+//! ```text
+//! Table (TOML) ─> Bus::open ─┬─> put_port ─ loan ─ put ──> channel ──> get ─┬─ get_port
+//!                            │                                     wait ────┴─ sync_group
+//!                            └── Hub: one per host, holds the channels, bridges hosts
+//! ```
+#![doc = include_str!("../README.md")]
+
+mod bell;
+mod bus;
+mod error;
+mod get;
+mod hub;
+mod packet;
+mod put;
+mod shared;
+mod sync_group;
+mod table;
+mod transport;
+
+pub use bus::{AsChannelId, Bus, Domain};
+pub use error::ChannelError;
+pub use get::{GetPort, GetSide, Received, Start, Wait};
+pub use hub::{ChannelState, Hub};
+pub use packet::{ChannelId, Header, Packet, Priority};
+pub use put::{Loan, PutPort, now_ns};
+pub use sync_group::SyncGroup;
+pub use table::{ChannelConfig, Congestion, Network, Table};

@@ -1,0 +1,294 @@
+//! Putting packets into a channel.
+
+use std::marker::PhantomData;
+use std::mem::MaybeUninit;
+use std::ops::{Deref, DerefMut};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use iceoryx2::port::LoanError;
+use iceoryx2::port::publisher::PublisherCreateError;
+use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::prelude::BackpressureStrategy;
+
+use crate::bell::{Bell, reserve};
+use crate::bus::{Opened, SHARED_MEMORY};
+use crate::packet::blocks;
+use crate::transport::{AnyLoan, AnyPublisher, Either, both};
+use crate::{ChannelConfig, ChannelError, ChannelId, Header, Packet, Priority};
+
+/// Puts packets of `T` into one channel. Its functions neither allocate nor start a thread.
+#[derive(Debug)]
+pub struct PutPort<T> {
+    id: ChannelId,
+    config: ChannelConfig,
+    publisher: AnyPublisher,
+    bell: Arc<Bell>,
+    crowd: Arc<Bell>,
+    sender: u64,
+    priority: Priority,
+    next: AtomicU64,
+    packet: PhantomData<fn(T)>,
+}
+
+impl<T: Packet> PutPort<T> {
+    pub(crate) fn open(opened: Opened, priority: Priority) -> Result<Self, ChannelError> {
+        let Opened {
+            id,
+            config,
+            channel,
+            bell,
+            crowd,
+            prefix,
+        } = opened;
+        let full = || ChannelError::TooManyPorts {
+            id,
+            side: "put",
+            most: config.put_ports,
+        };
+        let slots = config.slots();
+        macro_rules! publisher {
+            ($channel:expr) => {{
+                let create = || {
+                    $channel
+                        .publisher_builder()
+                        .initial_max_slice_len(blocks(config.packet_bytes()))
+                        .max_loaned_samples(config.loaned)
+                        .backpressure_strategy(BackpressureStrategy::DiscardData)
+                        .override_sample_preallocation(move |_| slots)
+                        .create()
+                };
+                create()
+                    .or_else(|error| match error {
+                        // The places of clients that died are free again only after somebody has cleared up.
+                        PublisherCreateError::ExceedsMaxSupportedPublishers => {
+                            use iceoryx2::service::port_factory::PortFactory;
+                            $channel.try_cleanup_dead_nodes();
+                            create()
+                        }
+                        error => Err(error),
+                    })
+                    .map_err(|error| match error {
+                        PublisherCreateError::ExceedsMaxSupportedPublishers => full(),
+                        PublisherCreateError::UnableToCreateDataSegment => memory_error(id, &config),
+                        error => ChannelError::transport(id, error),
+                    })?
+            }};
+        }
+        let publisher = match channel {
+            Either::Process(channel) => Either::Process(publisher!(channel)),
+            Either::Host(channel) => Either::Host(publisher!(channel)),
+        };
+        let number = both!(&publisher, publisher => publisher.id().value());
+        if let Some(prefix) = prefix {
+            reserve_segment(&prefix, number, id, &config)?;
+        }
+        Ok(Self {
+            id,
+            publisher,
+            bell,
+            crowd,
+            sender: (number ^ (number >> 64)) as u64,
+            priority,
+            next: AtomicU64::new(0),
+            config,
+            packet: PhantomData,
+        })
+    }
+
+    /// The channel.
+    pub fn id(&self) -> ChannelId {
+        self.id
+    }
+
+    /// Shared memory that it takes, bytes.
+    pub fn memory_bytes(&self) -> u64 {
+        self.config.put_port_bytes()
+    }
+
+    /// A free packet of `items` items, to be written in place. Its content is what a former packet left.
+    ///
+    /// # Errors
+    /// More items than the channel's packets hold; too many packets on loan.
+    pub fn loan(&self, items: usize) -> Result<Loan<T>, ChannelError> {
+        if items > self.config.items {
+            return Err(ChannelError::TooLarge {
+                id: self.id,
+                most: self.config.items,
+                found: items,
+            });
+        }
+        let failed = |error| match error {
+            LoanError::ExceedsMaxLoans | LoanError::OutOfMemory => ChannelError::Held {
+                id: self.id,
+                state: "loaned",
+                most: self.config.loaned,
+            },
+            error => ChannelError::transport(self.id, error),
+        };
+        let blocks = blocks(items * size_of::<T>());
+        macro_rules! loan {
+            ($publisher:expr) => {{
+                let sample = $publisher.loan_slice_uninit(blocks).map_err(failed)?;
+                // SAFETY: the memory was zeroed when it was mapped and every bit pattern is a block.
+                unsafe { sample.assume_init() }
+            }};
+        }
+        let sample = match &self.publisher {
+            Either::Process(publisher) => Either::Process(loan!(publisher)),
+            Either::Host(publisher) => Either::Host(loan!(publisher)),
+        };
+        Ok(Loan {
+            sample,
+            items,
+            sender: self.sender,
+            packet: PhantomData,
+        })
+    }
+
+    /// Sends a packet: it is no longer the sender's, and getters see it where it is.
+    ///
+    /// Gives the number of get-ports that have it in their ring.
+    ///
+    /// # Errors
+    /// A packet of another port; the transport has broken down.
+    pub fn put(&self, loan: Loan<T>) -> Result<usize, ChannelError> {
+        let sequence = self.next.fetch_add(1, Ordering::Relaxed);
+        let header = Header {
+            sender: self.sender,
+            sequence,
+            put_ns: now_ns(),
+            bytes: (loan.items * size_of::<T>()) as u64,
+            priority: self.priority as u8,
+            ..Header::default()
+        };
+        self.put_as(loan, header)
+    }
+
+    /// Sends a packet with the header of another sender, as the hub does with those of other hosts.
+    pub(crate) fn put_as(&self, mut loan: Loan<T>, header: Header) -> Result<usize, ChannelError> {
+        if loan.sender != self.sender {
+            return Err(ChannelError::transport(
+                self.id,
+                "the packet was loaned from another port",
+            ));
+        }
+        both!(&mut loan.sample, sample => *sample.user_header_mut() = header);
+        let getters = both!(loan.sample, sample => sample.send())
+            .map_err(|error| ChannelError::transport(self.id, error))?;
+        self.bell.ring();
+        self.crowd.ring_sleepers();
+        Ok(getters)
+    }
+
+    /// Sends a copy of `items`: a loan and a put.
+    ///
+    /// # Errors
+    /// As [`PutPort::loan`] and [`PutPort::put`].
+    pub fn put_copy(&self, items: &[T]) -> Result<usize, ChannelError> {
+        let mut loan = self.loan(items.len())?;
+        loan.copy_from_slice(items);
+        self.put(loan)
+    }
+
+    /// Gives its history to getters that came since the last packet, which a put does, too.
+    ///
+    /// # Errors
+    /// The transport has broken down.
+    pub fn welcome(&self) -> Result<(), ChannelError> {
+        both!(&self.publisher, publisher => publisher.update_connections())
+            .map_err(|error| ChannelError::transport(self.id, error))?;
+        self.bell.ring();
+        self.crowd.ring_sleepers();
+        Ok(())
+    }
+}
+
+/// A packet that is being written: a slice of items in shared memory. Dropped, it goes back unsent.
+#[derive(Debug)]
+pub struct Loan<T> {
+    sample: AnyLoan,
+    items: usize,
+    sender: u64,
+    packet: PhantomData<T>,
+}
+
+impl<T: Packet> Deref for Loan<T> {
+    type Target = [T];
+    fn deref(&self) -> &[T] {
+        let first = both!(&self.sample, sample => sample.payload().as_ptr());
+        // SAFETY: the blocks hold at least `items` items, are aligned to 64 bytes, and every bit pattern is a `T`.
+        unsafe { std::slice::from_raw_parts(first.cast::<T>(), self.items) }
+    }
+}
+
+impl<T: Packet> DerefMut for Loan<T> {
+    fn deref_mut(&mut self) -> &mut [T] {
+        let first = both!(&mut self.sample, sample => sample.payload_mut().as_mut_ptr());
+        // SAFETY: as above; nobody else has the packet before it is put.
+        unsafe { std::slice::from_raw_parts_mut(first.cast::<T>(), self.items) }
+    }
+}
+
+/// Nanoseconds of the host's monotonic clock.
+pub fn now_ns() -> u64 {
+    let mut time = MaybeUninit::<libc::timespec>::uninit();
+    // SAFETY: the clock exists on every Linux and fills in the time.
+    let time = unsafe {
+        libc::clock_gettime(libc::CLOCK_MONOTONIC, time.as_mut_ptr());
+        time.assume_init()
+    };
+    time.tv_sec as u64 * 1_000_000_000 + time.tv_nsec as u64
+}
+
+/// Fills the files of a new put-port with pages, so that a full `/dev/shm` is an error now and no signal at some later packet.
+fn reserve_segment(
+    prefix: &str,
+    number: u128,
+    id: ChannelId,
+    config: &ChannelConfig,
+) -> Result<(), ChannelError> {
+    let failed = |source| ChannelError::Io {
+        path: SHARED_MEMORY.into(),
+        action: "reserve memory",
+        source,
+    };
+    let number = number.to_string();
+    for entry in std::fs::read_dir(SHARED_MEMORY).map_err(failed)? {
+        let name = entry.map_err(failed)?.file_name();
+        let name = name.to_string_lossy();
+        if !name.starts_with(prefix) || !name.contains(&number) || !name.ends_with(".data") {
+            continue;
+        }
+        let path = Path::new(SHARED_MEMORY).join(&*name);
+        let file = std::fs::OpenOptions::new()
+            .read(true)
+            .write(true)
+            .open(&path)
+            .map_err(failed)?;
+        let length = file.metadata().map_err(failed)?.len();
+        if reserve(&file, length).is_err() {
+            return Err(memory_error(id, config));
+        }
+        return Ok(());
+    }
+    Err(ChannelError::transport(
+        id,
+        "its memory is not where it was expected",
+    ))
+}
+
+fn memory_error(id: ChannelId, config: &ChannelConfig) -> ChannelError {
+    let mut space = MaybeUninit::<libc::statvfs>::zeroed();
+    // SAFETY: a valid path and a place for the answer, which is all zeros if the call fails.
+    let space = unsafe {
+        libc::statvfs(c"/dev/shm".as_ptr(), space.as_mut_ptr());
+        space.assume_init()
+    };
+    ChannelError::Memory {
+        id,
+        needed: config.put_port_bytes(),
+        free: space.f_bavail * space.f_frsize,
+    }
+}

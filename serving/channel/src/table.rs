@@ -1,0 +1,342 @@
+//! The table of channels: every resource is known before the first packet.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::packet::{Header, blocks};
+use crate::{ChannelError, ChannelId, Packet};
+
+/// All channels of a bus, as every component and the hub read it from one TOML file.
+///
+/// ```
+/// let table = tactnet_channel::Table::parse(r#"
+///     bus = "justin"
+///     [channels."skin/right"]
+///     packet = "SkinFrame"
+///     item_bytes = 80
+///     depth = 64          # packets that wait at a get-port before the oldest is lost
+///     get_ports = 8
+/// "#)?;
+/// assert_eq!(table.channel("skin/right")?.items, 1);
+/// # Ok::<_, tactnet_channel::ChannelError>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Table {
+    /// Name of the bus; buses of different names never meet.
+    pub bus: String,
+    /// How this host meets others.
+    #[serde(default)]
+    pub network: Network,
+    /// By id.
+    pub channels: BTreeMap<String, ChannelConfig>,
+}
+
+/// Endpoints of the hub, like `tcp/10.0.0.2:7447`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Network {
+    /// Where the hub waits for others.
+    #[serde(default)]
+    pub listen: Vec<String>,
+    /// Hubs to connect to.
+    #[serde(default)]
+    pub connect: Vec<String>,
+}
+
+/// One channel's resources; all static.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ChannelConfig {
+    /// [`Packet::NAME`]
+    pub packet: String,
+    /// [`Packet::VERSION`]
+    #[serde(default = "one_u32")]
+    pub version: u32,
+    /// Size of one item, bytes.
+    pub item_bytes: usize,
+    /// Most items of one packet.
+    #[serde(default = "one")]
+    pub items: usize,
+    /// Packets that wait at a get-port; when one more comes, the oldest is lost and counted.
+    #[serde(default = "sixteen")]
+    pub depth: usize,
+    /// Most put-ports.
+    #[serde(default = "one")]
+    pub put_ports: usize,
+    /// Most get-ports.
+    #[serde(default = "eight")]
+    pub get_ports: usize,
+    /// Last packets of every put-port that a late joiner can have.
+    #[serde(default)]
+    pub history: usize,
+    /// Packets that a get-port may hold at once.
+    #[serde(default = "two")]
+    pub held: usize,
+    /// Packets that a put-port may have on loan at once.
+    #[serde(default = "one")]
+    pub loaned: usize,
+    /// Whether other hosts get its packets.
+    #[serde(default)]
+    pub distributed: bool,
+    /// What to do when the network is slower than the putters.
+    #[serde(default)]
+    pub congestion: Congestion,
+}
+
+/// What to do when the network is slower than the putters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Congestion {
+    /// Wait: the hub falls behind and the oldest packets of the channel are lost at its get-port, counted. For control.
+    Block,
+    /// Drop what cannot be sent at once. For bulk.
+    #[default]
+    Drop,
+}
+
+fn one() -> usize {
+    1
+}
+fn one_u32() -> u32 {
+    1
+}
+fn two() -> usize {
+    2
+}
+fn eight() -> usize {
+    8
+}
+fn sixteen() -> usize {
+    16
+}
+
+impl ChannelConfig {
+    /// A channel of packets of at most `items` items, one put-port and eight get-ports.
+    pub fn of<T: Packet>(items: usize) -> Self {
+        Self {
+            packet: T::NAME.into(),
+            version: T::VERSION,
+            item_bytes: size_of::<T>(),
+            items,
+            depth: sixteen(),
+            put_ports: one(),
+            get_ports: eight(),
+            history: 0,
+            held: two(),
+            loaned: one(),
+            distributed: false,
+            congestion: Congestion::default(),
+        }
+    }
+
+    /// Most data of a packet, bytes.
+    pub fn packet_bytes(&self) -> usize {
+        self.item_bytes * self.items
+    }
+
+    /// Packets that the memory of one put-port holds: what waits and is held at every get-port, history and loans.
+    pub fn slots(&self) -> usize {
+        self.total_get_ports() * (self.depth + self.held) + self.history + self.loaned
+    }
+
+    /// Shared memory of one put-port, bytes: slots, each with its headers.
+    pub fn put_port_bytes(&self) -> u64 {
+        let headers = size_of::<Header>().next_multiple_of(64) + 64;
+        (self.slots() * (64 * blocks(self.packet_bytes()) + headers)) as u64
+    }
+
+    /// Get-ports of clients, and the hub's where it forwards.
+    pub(crate) fn total_get_ports(&self) -> usize {
+        self.get_ports + usize::from(self.distributed)
+    }
+
+    /// Put-ports of clients, and the hub's where it delivers.
+    pub(crate) fn total_put_ports(&self) -> usize {
+        self.put_ports + usize::from(self.distributed)
+    }
+
+    /// What it carries, for people.
+    pub(crate) fn describe(&self) -> String {
+        describe(&self.packet, self.version, self.item_bytes)
+    }
+}
+
+pub(crate) fn describe(name: &str, version: u32, item_bytes: usize) -> String {
+    format!("`{name}` version {version} of {item_bytes} bytes")
+}
+
+impl Table {
+    /// A bus without channels.
+    pub fn new(bus: &str) -> Self {
+        Self {
+            bus: bus.into(),
+            network: Network::default(),
+            channels: BTreeMap::new(),
+        }
+    }
+
+    /// With one more channel.
+    #[must_use]
+    pub fn with(mut self, id: &str, channel: ChannelConfig) -> Self {
+        self.channels.insert(id.into(), channel);
+        self
+    }
+
+    /// Reads a table.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or what is wrong with it.
+    pub fn load(path: &Path) -> Result<Self, ChannelError> {
+        let text = std::fs::read_to_string(path).map_err(|source| ChannelError::Io {
+            path: path.into(),
+            action: "read the table",
+            source,
+        })?;
+        Self::from_toml(&text).map_err(|reason| ChannelError::Table {
+            path: path.display().to_string(),
+            reason,
+        })
+    }
+
+    /// Reads a table from its text.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn parse(text: &str) -> Result<Self, ChannelError> {
+        Self::from_toml(text).map_err(|reason| ChannelError::Table {
+            path: "table".into(),
+            reason,
+        })
+    }
+
+    fn from_toml(text: &str) -> Result<Self, String> {
+        let table: Self = toml::from_str(text).map_err(|error| {
+            let line = error
+                .span()
+                .map_or(1, |span| text[..span.start].lines().count().max(1));
+            format!("line {line}: {}", error.message())
+        })?;
+        table.check()?;
+        Ok(table)
+    }
+
+    /// Whether every number is in range.
+    pub(crate) fn check(&self) -> Result<(), String> {
+        if self.bus.is_empty()
+            || self.bus.len() > 24
+            || !self
+                .bus
+                .chars()
+                .all(|c| c.is_ascii_alphanumeric() || c == '-')
+        {
+            return Err(format!(
+                "bus: expected 1 to 24 letters, digits or `-`, found `{}`",
+                self.bus
+            ));
+        }
+        for (id, channel) in &self.channels {
+            ChannelId::new(id).map_err(|error| error.to_string())?;
+            for (name, value) in [
+                ("item_bytes", channel.item_bytes),
+                ("items", channel.items),
+                ("depth", channel.depth),
+                ("put_ports", channel.put_ports),
+                ("get_ports", channel.get_ports),
+                ("held", channel.held),
+                ("loaned", channel.loaned),
+            ] {
+                if value == 0 {
+                    return Err(format!(
+                        "channel `{id}`: {name}: expected at least 1, found 0"
+                    ));
+                }
+            }
+            if channel.history > channel.depth {
+                return Err(format!(
+                    "channel `{id}`: history: expected at most its depth, {}, found {}",
+                    channel.depth, channel.history
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// One channel.
+    ///
+    /// # Errors
+    /// The table has no such channel.
+    pub fn channel(&self, id: &str) -> Result<&ChannelConfig, ChannelError> {
+        self.channels
+            .get(id)
+            .ok_or_else(|| ChannelError::NoSuchChannel {
+                id: id.into(),
+                known: self
+                    .channels
+                    .keys()
+                    .map(String::as_str)
+                    .collect::<Vec<_>>()
+                    .join(", "),
+            })
+    }
+
+    /// As TOML.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).unwrap_or_else(|error| panic!("a table is TOML: {error}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_is_what_it_says() {
+        let table = Table::new("lab").with("a/b", ChannelConfig::of::<f32>(3));
+        assert_eq!(Table::parse(&table.to_toml()).unwrap(), table);
+        assert_eq!(table.channel("a/b").unwrap().packet_bytes(), 12);
+        let unknown = table.channel("a").unwrap_err().to_string();
+        assert_eq!(unknown, "channel `a` is not in the table; it names a/b");
+    }
+
+    #[test]
+    fn wrong_tables_are_refused_with_the_reason() {
+        for (text, reason) in [
+            ("bus = \"a b\"\n[channels]", "bus: expected"),
+            (
+                "bus = \"a\"\n[channels.\"x y\"]\npacket=\"u8\"\nitem_bytes=1",
+                "no channel id",
+            ),
+            (
+                "bus = \"a\"\n[channels.x]\npacket=\"u8\"\nitem_bytes=0",
+                "item_bytes: expected at least 1",
+            ),
+            (
+                "bus = \"a\"\n[channels.x]\npacket=\"u8\"\nitem_bytes=1\nhistory=17",
+                "at most its depth, 16",
+            ),
+            (
+                "bus = \"a\"\n[channels.x]\npacket=\"u8\"\nitem_bytes=1\nsize=3",
+                "line 5: unknown field `size`",
+            ),
+        ] {
+            let error = Table::parse(text).unwrap_err().to_string();
+            assert!(error.contains(reason), "{error}");
+        }
+    }
+
+    #[test]
+    fn the_memory_of_a_port_is_known_in_advance() {
+        let channel = ChannelConfig {
+            get_ports: 2,
+            depth: 3,
+            held: 1,
+            history: 1,
+            ..ChannelConfig::of::<u8>(100)
+        };
+        assert_eq!(channel.slots(), 2 * 4 + 1 + 1);
+        assert_eq!(channel.put_port_bytes(), 10 * (128 + 128));
+    }
+}
