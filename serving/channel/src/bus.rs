@@ -53,6 +53,15 @@ pub(crate) struct Opened {
     pub(crate) prefix: Option<String>,
 }
 
+impl Opened {
+    /// With bytes for items.
+    fn raw(mut self) -> Self {
+        self.config.items = self.config.packet_bytes();
+        self.config.item_bytes = 1;
+        self
+    }
+}
+
 impl Bus {
     /// Opens the channels of `table`.
     ///
@@ -72,13 +81,13 @@ impl Bus {
                 (Either::Process(node(&config)?), Bell::local())
             }
             Domain::Host => {
-                let crowd = crowd_file(&table.bus);
+                let crowd = crowd_file(&table.local_name());
                 if !crowd.exists() {
                     return Err(ChannelError::NoHub {
                         bus: table.bus.clone(),
                     });
                 }
-                let config = iceoryx_config(&table.bus)?;
+                let config = iceoryx_config(&table.local_name())?;
                 (Either::Host(node(&config)?), Bell::open(&crowd)?)
             }
         };
@@ -139,6 +148,25 @@ impl Bus {
                 found: asked,
             });
         }
+        self.open_any(id)
+    }
+
+    /// A port for the bytes of a channel's packets, for tools that show any channel.
+    ///
+    /// # Errors
+    /// As [`Bus::get_port`], but for the type.
+    pub fn raw_get_port(&self, id: ChannelId) -> Result<GetPort<u8>, ChannelError> {
+        GetPort::open(self.open_any(id)?.raw(), Start::Now)
+    }
+
+    /// A port for bytes, whatever the packets are.
+    #[cfg(feature = "zenoh")]
+    pub(crate) fn raw_put_port(&self, id: ChannelId) -> Result<PutPort<u8>, ChannelError> {
+        PutPort::open(self.open_any(id)?.raw(), Priority::Normal)
+    }
+
+    fn open_any(&self, id: ChannelId) -> Result<Opened, ChannelError> {
+        let config = self.inner.table.channel(id.as_str()?)?;
         let (channel, bell) = match &self.inner.node {
             Either::Process(node) => (
                 Either::Process(create(node, id, config)?),
@@ -147,7 +175,7 @@ impl Bus {
             Either::Host(node) => {
                 let channel = open(node, id, &self.inner.table.bus)?;
                 check_attributes(&channel, id, config)?;
-                let bell = Arc::new(Bell::open(&bell_file(&self.inner.table.bus, id)?)?);
+                let bell = Arc::new(Bell::open(&bell_file(&self.inner.table.local_name(), id)?)?);
                 (Either::Host(channel), bell)
             }
         };
@@ -158,7 +186,7 @@ impl Bus {
             bell,
             crowd: self.inner.crowd.clone(),
             prefix: matches!(self.inner.node, Either::Host(_))
-                .then(|| format!("{}_", self.inner.table.bus)),
+                .then(|| format!("{}_", self.inner.table.local_name())),
         })
     }
 

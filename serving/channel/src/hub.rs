@@ -59,8 +59,8 @@ impl Hub {
             reason,
         })?;
         set_log_level(LogLevel::Fatal);
-        let lock = lock(&table.bus)?;
-        let node: Node<Ipc> = node(&iceoryx_config(&table.bus)?)?;
+        let lock = lock(&table.local_name())?;
+        let node: Node<Ipc> = node(&iceoryx_config(&table.local_name())?)?;
         node.blocking_cleanup_dead_nodes(PATIENCE);
         let mut channels = Vec::new();
         let mut bells = Vec::new();
@@ -80,13 +80,13 @@ impl Hub {
                 }
                 error => Err(error),
             })?;
-            let bell = bell_file(&table.bus, id)?;
+            let bell = bell_file(&table.local_name(), id)?;
             Bell::create(&bell)?;
             bells.push(bell);
             channels.push((id, channel));
         }
-        bells.push(crowd_file(&table.bus));
-        Bell::create(&crowd_file(&table.bus))?;
+        bells.push(crowd_file(&table.local_name()));
+        Bell::create(&crowd_file(&table.local_name()))?;
         Ok(Self {
             #[cfg(feature = "zenoh")]
             bridge: crate::bridge::Bridge::start(table)?,

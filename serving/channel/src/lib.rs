@@ -9,6 +9,8 @@
 #![doc = include_str!("../README.md")]
 
 mod bell;
+#[cfg(feature = "zenoh")]
+mod bridge;
 mod bus;
 mod error;
 mod get;

@@ -184,7 +184,7 @@ mod tests {
             let owners: Vec<_> = (0..8).map(|_| shared.clone()).collect();
             drop(shared);
             let threads = owners.into_iter().map(|owner| {
-                std::thread::spawn(move || assert!(Arc::strong_count(&owner.lock().0) > 1))
+                std::thread::spawn(move || assert!(Arc::strong_count(&(*owner.lock()).0) > 1))
             });
             threads
                 .collect::<Vec<_>>()
@@ -202,6 +202,7 @@ mod tests {
         let second = Shared::new(Value(Arc::default())).unwrap();
         assert_eq!(second.counted, place);
         let nested = (second.lock(), second.lock());
-        assert!(Arc::ptr_eq(&nested.0.0, &nested.1.0));
+        let [first, second] = [&*nested.0, &*nested.1];
+        assert!(Arc::ptr_eq(&first.0, &second.0));
     }
 }

@@ -38,6 +38,9 @@ pub struct Table {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Network {
+    /// Tells hosts apart that share one machine's memory, in tests; usually empty.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub host: String,
     /// Where the hub waits for others.
     #[serde(default)]
     pub listen: Vec<String>,
@@ -262,6 +265,11 @@ impl Table {
             }
         }
         Ok(())
+    }
+
+    /// What files of this host begin with.
+    pub(crate) fn local_name(&self) -> String {
+        format!("{}{}", self.bus, self.network.host)
     }
 
     /// One channel.

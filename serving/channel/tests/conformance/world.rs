@@ -36,9 +36,13 @@ pub struct Ends {
 impl Drop for Ends {
     fn drop(&mut self) {
         self.hubs.clear();
-        let own = format!("{}_", self.near.table().bus);
+        let own = &self.near.table().bus;
         for entry in std::fs::read_dir("/dev/shm").unwrap().flatten() {
-            if entry.file_name().to_string_lossy().starts_with(&own) {
+            if entry
+                .file_name()
+                .to_string_lossy()
+                .starts_with(own.as_str())
+            {
                 let _ = std::fs::remove_file(entry.path());
             }
         }
@@ -107,7 +111,7 @@ impl World {
     pub fn with(&self, channels: &[(&str, ChannelConfig)]) -> Ends {
         static BUSES: AtomicU32 = AtomicU32::new(0);
         let number = BUSES.fetch_add(1, Ordering::Relaxed);
-        let name = format!("t{}-{number}", std::process::id());
+        let name = format!("t{}-{number}x", std::process::id());
         let table = channels
             .iter()
             .fold(Table::new(&name), |table, (id, config)| {

@@ -1,0 +1,247 @@
+//! Channels between hosts, over zenoh.
+//!
+//! ```text
+//! put-port ─> channel ─> forwarder ══ zenoh, TCP ══> deliverer ─> channel ─> get-ports
+//! └──────── this host ──────────┘    one copy       └───────── other host ─────────┘
+//! ```
+//!
+//! A hub listens to a channel only while its host has get-ports, and forwards only while some hub listens, so a packet crosses the wire
+//! once for each host that wants it and not at all otherwise.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use zenoh::Wait as _;
+use zenoh::pubsub::{Publisher, Subscriber};
+use zenoh::qos::{CongestionControl, Priority as WirePriority};
+use zenoh::sample::{Locality, Sample};
+
+use crate::packet::Header;
+use crate::{
+    Bus, ChannelConfig, ChannelError, ChannelId, ChannelState, Congestion, Domain, GetPort,
+    PutPort, Start, Table, Wait,
+};
+
+/// How often a forwarder looks whether it should end.
+const LOOK: Duration = Duration::from_millis(100);
+
+/// The distributed channels of a hub.
+#[derive(Debug)]
+pub(crate) struct Bridge {
+    /// `None` without endpoints in the table.
+    network: Option<Network>,
+}
+
+#[derive(Debug)]
+struct Network {
+    bus: Bus,
+    session: zenoh::Session,
+    mirrors: Vec<Mirror>,
+    stop: Arc<AtomicBool>,
+    forwarders: Vec<JoinHandle<()>>,
+}
+
+/// A channel that other hosts may have, too.
+#[derive(Debug)]
+struct Mirror {
+    id: ChannelId,
+    key: String,
+    /// While this host has get-ports.
+    deliverer: Option<Subscriber<()>>,
+}
+
+impl Bridge {
+    /// Connects to the other hubs; those that are not there yet are waited for in the background.
+    ///
+    /// The channels must have been created before.
+    pub(crate) fn start(table: &Table) -> Result<Self, ChannelError> {
+        let network = &table.network;
+        let distributed = table
+            .channels
+            .iter()
+            .filter(|(_, config)| config.distributed);
+        if network.listen.is_empty() && network.connect.is_empty() {
+            return Ok(Self { network: None });
+        }
+        let mut config = zenoh::Config::default();
+        for (key, value) in [
+            ("mode", "\"peer\"".to_string()),
+            ("listen/endpoints", format!("{:?}", network.listen)),
+            ("connect/endpoints", format!("{:?}", network.connect)),
+            ("scouting/multicast/enabled", "false".to_string()),
+        ] {
+            config
+                .insert_json5(key, &value)
+                .map_err(|error| ChannelError::transport(key, error))?;
+        }
+        let session = zenoh::open(config)
+            .wait()
+            .map_err(|error| ChannelError::transport("network", error))?;
+        let bus = Bus::open(Domain::Host, table)?;
+        let stop = Arc::new(AtomicBool::new(false));
+        let (mut mirrors, mut forwarders) = (Vec::new(), Vec::new());
+        for (id, config) in distributed {
+            let (id, key) = (ChannelId::new(id)?, format!("{}/{id}", table.bus));
+            let get = bus.raw_get_port(id)?;
+            let wire = Wire::declare(&session, &key, config)?;
+            let stop = stop.clone();
+            let forward = move || forward(&get, &wire, &stop);
+            let thread = std::thread::Builder::new().name(format!("to {id}"));
+            forwarders.push(
+                thread
+                    .spawn(forward)
+                    .map_err(|error| ChannelError::transport(id, error))?,
+            );
+            mirrors.push(Mirror {
+                id,
+                key,
+                deliverer: None,
+            });
+        }
+        Ok(Self {
+            network: Some(Network {
+                bus,
+                session,
+                mirrors,
+                stop,
+                forwarders,
+            }),
+        })
+    }
+
+    /// Listens where this host has get-ports and nowhere else.
+    pub(crate) fn follow(&mut self, states: &[ChannelState]) -> Result<(), ChannelError> {
+        let Some(network) = &mut self.network else {
+            return Ok(());
+        };
+        for mirror in &mut network.mirrors {
+            let Some(state) = states.iter().find(|state| state.id == mirror.id) else {
+                continue;
+            };
+            // One of them is the forwarder.
+            let wanted = state.get_ports > 1;
+            if wanted && mirror.deliverer.is_none() {
+                let put = network.bus.raw_put_port(mirror.id)?;
+                let deliverer = network
+                    .session
+                    .declare_subscriber(mirror.key.clone())
+                    .allowed_origin(Locality::Remote)
+                    .callback(move |sample| deliver(&put, &sample))
+                    .wait()
+                    .map_err(|error| ChannelError::transport(mirror.id, error))?;
+                mirror.deliverer = Some(deliverer);
+            } else if !wanted {
+                mirror.deliverer = None;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Drop for Bridge {
+    fn drop(&mut self) {
+        if let Some(mut network) = self.network.take() {
+            network.stop.store(true, Ordering::SeqCst);
+            network.mirrors.clear();
+            for forwarder in network.forwarders.drain(..) {
+                let _ = forwarder.join();
+            }
+            let _ = network.session.close().wait();
+        }
+    }
+}
+
+/// Publishers of one channel, one for each priority.
+struct Wire {
+    publishers: [Publisher<'static>; 4],
+    /// Whether any other hub listens.
+    wanted: Arc<AtomicBool>,
+}
+
+impl Wire {
+    fn declare(
+        session: &zenoh::Session,
+        key: &str,
+        config: &ChannelConfig,
+    ) -> Result<Self, ChannelError> {
+        let failed = |error| ChannelError::transport(key, error);
+        let congestion = match config.congestion {
+            Congestion::Block => CongestionControl::Block,
+            Congestion::Drop => CongestionControl::Drop,
+        };
+        let declare = |priority| {
+            session
+                .declare_publisher(key.to_string())
+                .allowed_destination(Locality::Remote)
+                .congestion_control(congestion)
+                .priority(priority)
+                .express(true)
+                .wait()
+                .map_err(failed)
+        };
+        let publishers = [
+            declare(WirePriority::Background)?,
+            declare(WirePriority::Data)?,
+            declare(WirePriority::InteractiveHigh)?,
+            declare(WirePriority::RealTime)?,
+        ];
+        let wanted = Arc::new(AtomicBool::new(false));
+        let told = wanted.clone();
+        publishers[0]
+            .matching_listener()
+            .callback(move |status| told.store(status.matching(), Ordering::Release))
+            .background()
+            .wait()
+            .map_err(failed)?;
+        let now = publishers[0].matching_status().wait().map_err(failed)?;
+        wanted.fetch_or(now.matching(), Ordering::AcqRel);
+        Ok(Self { publishers, wanted })
+    }
+}
+
+/// Sends what is put on this host.
+fn forward(get: &GetPort<u8>, wire: &Wire, stop: &AtomicBool) {
+    let wait = Wait::Block { timeout: LOOK };
+    while !stop.load(Ordering::Acquire) {
+        // A transport that breaks down is created anew by the next hub.
+        let Ok(packet) = get.get(wait) else { return };
+        let Some(packet) = packet else { continue };
+        let header = packet.header();
+        if header.remote != 0 || !wire.wanted.load(Ordering::Acquire) {
+            continue;
+        }
+        let publisher = &wire.publishers[usize::from(header.priority.min(3))];
+        let sent = publisher
+            .put(&*packet)
+            .attachment(bytemuck::bytes_of(header))
+            .wait();
+        // What does not arrive is counted by the getters.
+        drop(sent);
+    }
+}
+
+/// Puts what comes from another host.
+fn deliver(put: &PutPort<u8>, sample: &Sample) {
+    let attachment = sample.attachment().map(|bytes| bytes.to_bytes());
+    let header =
+        attachment.and_then(|bytes| bytemuck::try_pod_read_unaligned::<Header>(&bytes).ok());
+    // Bytes of another program, or of another version.
+    let Some(header) = header else { return };
+    let payload = sample.payload();
+    let Ok(mut packet) = put.loan(payload.len()) else {
+        return;
+    };
+    let mut at = 0;
+    for slice in payload.slices() {
+        packet[at..at + slice.len()].copy_from_slice(slice);
+        at += slice.len();
+    }
+    let header = Header {
+        bytes: at as u64,
+        remote: 1,
+        ..header
+    };
+    let _ = put.put_as(packet, header);
+}
