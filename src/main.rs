@@ -1,5 +1,6 @@
 //! The `tactnet` command line: one verb a subcommand, results on stdout, everything else on stderr.
 
+mod channel;
 mod data;
 mod enroll;
 mod eval;
@@ -56,6 +57,9 @@ enum Command {
     /// Look at, check, make, convert and fetch data sets
     #[command(subcommand)]
     Data(data::DataCommand),
+    /// Hold, look at and measure the channels between robot components
+    #[command(subcommand)]
+    Channel(channel::ChannelCommand),
 }
 
 fn main() -> ExitCode {
@@ -74,6 +78,7 @@ fn main() -> ExitCode {
         Command::Experiment(command) => experiment::run(command),
         Command::Study(arguments) => study::run(&arguments),
         Command::Data(command) => data::run(command),
+        Command::Channel(command) => channel::run(command),
     };
     outcome.unwrap_or_else(|error| failure::report(&error))
 }

@@ -71,6 +71,8 @@ impl Bridge {
             ("listen/endpoints", format!("{:?}", network.listen)),
             ("connect/endpoints", format!("{:?}", network.connect)),
             ("scouting/multicast/enabled", "false".to_string()),
+            // A packet is in shared memory already, before and after.
+            ("transport/shared_memory/enabled", "false".to_string()),
         ] {
             config
                 .insert_json5(key, &value)
@@ -123,7 +125,7 @@ impl Bridge {
             // One of them is the forwarder.
             let wanted = state.get_ports > 1;
             if wanted && mirror.deliverer.is_none() {
-                let put = network.bus.raw_put_port(mirror.id)?;
+                let put = network.bus.raw_put_port(mirror.id, Priority::Normal)?;
                 let deliverer = network
                     .session
                     .declare_subscriber(mirror.key.clone())

@@ -11,10 +11,10 @@ use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
 use crate::bell::Bell;
 use crate::packet::{Block, Header};
 use crate::table::describe;
-use crate::transport::{AnyChannel, AnyNode, Either};
+use crate::transport::{AnyChannel, AnyNode, Either, both};
 use crate::{
-    ChannelConfig, ChannelError, ChannelId, GetPort, Packet, Priority, PutPort, Start, SyncGroup,
-    Table,
+    ChannelConfig, ChannelError, ChannelId, ChannelState, GetPort, Packet, Priority, PutPort,
+    Start, SyncGroup, Table,
 };
 
 /// Which components a bus connects.
@@ -159,10 +159,34 @@ impl Bus {
         GetPort::open(self.open_any(id)?.raw(), Start::Now)
     }
 
-    /// A port for bytes, whatever the packets are.
-    #[cfg(feature = "zenoh")]
-    pub(crate) fn raw_put_port(&self, id: ChannelId) -> Result<PutPort<u8>, ChannelError> {
-        PutPort::open(self.open_any(id)?.raw(), Priority::Normal)
+    /// A port to put bytes into any channel, for tools.
+    ///
+    /// # Errors
+    /// As [`Bus::put_port`], but for the type.
+    pub fn raw_put_port(
+        &self,
+        id: ChannelId,
+        priority: Priority,
+    ) -> Result<PutPort<u8>, ChannelError> {
+        PutPort::open(self.open_any(id)?.raw(), priority)
+    }
+
+    /// Who is connected to every channel of the table, in its order.
+    ///
+    /// # Errors
+    /// No hub.
+    pub fn states(&self) -> Result<Vec<ChannelState>, ChannelError> {
+        let ids = self.inner.table.channels.keys();
+        ids.map(|id| {
+            let id = ChannelId::new(id)?;
+            let channel = self.open_any(id)?.channel;
+            Ok(both!(&channel, channel => ChannelState {
+                id,
+                put_ports: channel.dynamic_config().number_of_publishers(),
+                get_ports: channel.dynamic_config().number_of_subscribers(),
+            }))
+        })
+        .collect()
     }
 
     fn open_any(&self, id: ChannelId) -> Result<Opened, ChannelError> {
