@@ -36,7 +36,7 @@ impl StrangenessScore {
     ];
 
     /// The one that tells unknown materials of the twin best (`tactnet experiment run unknown`, RESULTS.md).
-    pub const BEST: Self = Self::WhitenedDistance;
+    pub const BEST: Self = Self::MutualInformation;
 
     /// Its name in results.
     pub fn name(self) -> &'static str {

@@ -6,6 +6,7 @@
 )]
 
 mod baselines;
+mod channel;
 mod command;
 mod data_command;
 mod enroll;

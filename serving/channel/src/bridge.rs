@@ -21,7 +21,7 @@ use zenoh::sample::{Locality, Sample};
 use crate::packet::Header;
 use crate::{
     Bus, ChannelConfig, ChannelError, ChannelId, ChannelState, Congestion, Domain, GetPort,
-    PutPort, Start, Table, Wait,
+    Priority, PutPort, Table, Wait,
 };
 
 /// How often a forwarder looks whether it should end.
