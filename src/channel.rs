@@ -66,7 +66,7 @@ pub fn run(command: ChannelCommand) -> anyhow::Result<ExitCode> {
 }
 
 fn hub(arguments: &HubArgs) -> anyhow::Result<ExitCode> {
-    let stop = Stop::listen()?;
+    let stop = Stop::listen_saying("stopping")?;
     let table = Table::load(&arguments.table.table)?;
     let distributed = table.channels.values().any(|channel| channel.distributed);
     let endpoints = table.network.listen.len() + table.network.connect.len();

@@ -10,15 +10,20 @@ use anyhow::Context;
 pub struct Stop(Arc<AtomicBool>);
 
 impl Stop {
-    /// Starts to listen.
+    /// Starts to listen, for work that can be resumed.
     pub fn listen() -> anyhow::Result<Self> {
+        Self::listen_saying("stopping as soon as the run can be resumed; once more to stop at once")
+    }
+
+    /// Starts to listen; `text` is what people read when they ask.
+    pub fn listen_saying(text: &'static str) -> anyhow::Result<Self> {
         let asked = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&asked);
         ctrlc::set_handler(move || {
             if flag.swap(true, Ordering::SeqCst) {
                 std::process::exit(i32::from(crate::failure::INTERRUPTED));
             }
-            eprintln!("\nstopping as soon as the run can be resumed; once more to stop at once");
+            eprintln!("\n{text}");
         })
         .context("cannot listen for Ctrl-C")?;
         Ok(Self(asked))

@@ -114,7 +114,7 @@ struct Echoed {
 }
 
 pub fn echo(arguments: &EchoArgs) -> anyhow::Result<ExitCode> {
-    let stop = Stop::listen()?;
+    let stop = Stop::listen_saying("stopping")?;
     let table = Table::load(&arguments.table.table)?;
     let bus = Bus::open(Domain::Host, &table)?;
     let port = bus.raw_get_port(ChannelId::new(&arguments.channel)?)?;
@@ -186,7 +186,7 @@ struct Rate {
 }
 
 pub fn hz(arguments: &HzArgs) -> anyhow::Result<ExitCode> {
-    let stop = Stop::listen()?;
+    let stop = Stop::listen_saying("stopping")?;
     let table = Table::load(&arguments.table.table)?;
     let bus = Bus::open(Domain::Host, &table)?;
     let port = bus.raw_get_port(ChannelId::new(&arguments.channel)?)?;
@@ -273,7 +273,7 @@ pub struct PutArgs {
 }
 
 pub fn put(arguments: &PutArgs) -> anyhow::Result<ExitCode> {
-    let stop = Stop::listen()?;
+    let stop = Stop::listen_saying("stopping")?;
     let table = Table::load(&arguments.table.table)?;
     let bus = Bus::open(Domain::Host, &table)?;
     let id = ChannelId::new(&arguments.channel)?;

@@ -149,7 +149,7 @@ impl StressArgs {
 }
 
 pub fn run(arguments: StressArgs) -> anyhow::Result<ExitCode> {
-    let stop = Stop::listen()?;
+    let stop = Stop::listen_saying("stopping")?;
     let cells = arguments
         .plan()
         .cells()

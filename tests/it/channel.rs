@@ -50,7 +50,6 @@ impl Robot {
         let mut child = self
             .command(arguments)
             .stdout(Stdio::piped())
-            .stderr(Stdio::null())
             .spawn()
             .unwrap();
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
@@ -259,6 +258,32 @@ fn a_killed_hub_is_not_missed_and_the_next_one_takes_over() {
     drop(hub);
     let _hub = robot.hub();
     is_steady(&robot.hz("a", "0.3"));
+}
+
+#[test]
+fn hubs_and_clients_killed_while_they_begin_leave_nothing_that_stops_the_next() {
+    let channels: String = (0..20)
+        .map(|number| ONE.replace("channels.a", &format!("channels.c{number}")))
+        .collect();
+    let robot = Robot::new(&format!("{ONE}{channels}"));
+    let begin_and_kill = |arguments: &[&str], milliseconds: u64| {
+        let mut command = robot.command(arguments);
+        command.stdout(Stdio::null()).stderr(Stdio::null());
+        let running = command.spawn().map(Running).unwrap();
+        std::thread::sleep(Duration::from_millis(milliseconds));
+        drop(running);
+    };
+    for milliseconds in 0..20 {
+        begin_and_kill(&["hub"], 2 * milliseconds);
+    }
+    let _hub = robot.hub();
+    for milliseconds in 0..20 {
+        begin_and_kill(&["put", "a"], milliseconds);
+        begin_and_kill(&["echo", "a"], milliseconds);
+    }
+    let _putter = robot.start(&["put", "a"]);
+    is_steady(&robot.hz("a", "0.5"));
+    robot.wait_for_ports(1, 0);
 }
 
 #[test]

@@ -7,6 +7,8 @@
 
 mod baselines;
 mod channel;
+#[cfg(feature = "zenoh")]
+mod channel_hosts;
 mod command;
 mod data_command;
 mod enroll;

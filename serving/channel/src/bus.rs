@@ -253,6 +253,10 @@ pub(crate) fn iceoryx_config(prefix: &str) -> Result<Config, ChannelError> {
     let mut config = Config::default();
     config.global.prefix = FileName::new(format!("{prefix}_").as_bytes())
         .map_err(|error| ChannelError::transport(prefix, format!("{error:?}")))?;
+    // The hub clears up; a client must not be held up by what others have left.
+    config.global.node.cleanup_dead_nodes_on_creation = false;
+    config.global.node.cleanup_dead_nodes_on_destruction = false;
+    config.global.service.cleanup_dead_nodes_on_open = false;
     Ok(config)
 }
 

@@ -3,6 +3,7 @@
 //! It is not in the way of a packet: clients exchange them directly, so they lose nothing when the hub dies, and a new hub takes over.
 
 use std::fs::File;
+use std::os::unix::fs::PermissionsExt;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -10,9 +11,7 @@ use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::publish_subscribe;
 
 use crate::bell::Bell;
-use crate::bus::{
-    SHARED_MEMORY, bell_file, create, crowd_file, iceoryx_config, node, service_name,
-};
+use crate::bus::{SHARED_MEMORY, bell_file, create, crowd_file, iceoryx_config, node};
 use crate::packet::{Block, Header};
 use crate::transport::Ipc;
 use crate::{ChannelError, ChannelId, Table};
@@ -20,6 +19,8 @@ use crate::{ChannelError, ChannelId, Table};
 /// How long another process may clean up before the hub does it.
 const PATIENCE: Duration = Duration::from_millis(100);
 const CLEAN_EVERY: Duration = Duration::from_secs(1);
+/// No client takes so long to begin.
+const STILLBORN_AFTER: Duration = Duration::from_secs(10);
 
 type Channel = publish_subscribe::PortFactory<Ipc, [Block], Header>;
 
@@ -60,26 +61,16 @@ impl Hub {
         })?;
         set_log_level(LogLevel::Fatal);
         let lock = lock(&table.local_name())?;
-        let node: Node<Ipc> = node(&iceoryx_config(&table.local_name())?)?;
+        let config = iceoryx_config(&table.local_name())?;
+        remove_unfinished(&config)?;
+        remove_stillborn(&config)?;
+        let node: Node<Ipc> = node(&config)?;
         node.blocking_cleanup_dead_nodes(PATIENCE);
         let mut channels = Vec::new();
         let mut bells = Vec::new();
         for (id, config) in &table.channels {
             let id = ChannelId::new(id)?;
-            let channel = create(&node, id, config).or_else(|error| match error {
-                ChannelError::Transport { .. } => {
-                    // SAFETY: a service that can be neither created nor opened is used by nobody: its creator died in the middle.
-                    unsafe {
-                        node.force_remove_service(
-                            &service_name(id)?,
-                            MessagingPattern::PublishSubscribe,
-                        )
-                    }
-                    .map_err(|error| ChannelError::transport(id, format!("{error:?}")))?;
-                    create(&node, id, config)
-                }
-                error => Err(error),
-            })?;
+            let channel = create(&node, id, config)?;
             let bell = bell_file(&table.local_name(), id)?;
             Bell::create(&bell)?;
             bells.push(bell);
@@ -117,7 +108,12 @@ impl Hub {
             return Ok(0);
         }
         self.cleaned = Instant::now();
-        Ok(self.node.blocking_cleanup_dead_nodes(PATIENCE).cleanups as usize)
+        let found = self.node.blocking_cleanup_dead_nodes(PATIENCE).cleanups as usize;
+        if found == 0 {
+            return Ok(0);
+        }
+        let stillborn = remove_stillborn(self.node.config())?;
+        Ok(found.saturating_sub(stillborn))
     }
 
     /// Who is connected.
@@ -157,9 +153,97 @@ fn lock(bus: &str) -> Result<File, ChannelError> {
         source,
     };
     let file = File::create(&path).map_err(failed)?;
-    match file.try_lock() {
+    let begun = Instant::now();
+    let mut outcome = file.try_lock();
+    // The system takes a moment to let go of what a killed hub held.
+    while matches!(outcome, Err(std::fs::TryLockError::WouldBlock)) && begun.elapsed() < CLEAN_EVERY
+    {
+        std::thread::sleep(Duration::from_millis(20));
+        outcome = file.try_lock();
+    }
+    match outcome {
         Ok(()) => Ok(file),
         Err(std::fs::TryLockError::WouldBlock) => Err(ChannelError::HubRuns { bus: bus.into() }),
         Err(std::fs::TryLockError::Error(source)) => Err(failed(source)),
     }
+}
+
+/// Removes what a hub left that was killed while it created a channel: a service's description that is not yet closed to writing, or its
+/// state that is not yet open to reading. Iceoryx2 can neither open nor create nor clean up such a service. Only a hub creates channels, and
+/// there is no other.
+fn remove_unfinished(config: &Config) -> Result<(), ChannelError> {
+    let services = config.global.service_dir().to_string();
+    let prefix = config.global.prefix.to_string();
+    let state = config
+        .global
+        .service
+        .dynamic_config_storage_suffix
+        .to_string();
+    for folder in [services.as_str(), SHARED_MEMORY] {
+        let failed = |source| ChannelError::Io {
+            path: PathBuf::from(folder),
+            action: "clear up",
+            source,
+        };
+        let Ok(entries) = std::fs::read_dir(folder) else {
+            continue;
+        };
+        for entry in entries {
+            let entry = entry.map_err(failed)?;
+            let name = entry.file_name().to_string_lossy().into_owned();
+            // Another bus may remove its own meanwhile.
+            let Ok(file) = entry.metadata() else { continue };
+            let unfinished = if folder == SHARED_MEMORY {
+                name.ends_with(&state) && file.permissions().mode() & 0o400 == 0
+            } else {
+                !file.permissions().readonly()
+            };
+            if name.starts_with(&prefix) && unfinished {
+                std::fs::remove_file(entry.path()).map_err(failed)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Removes the files of clients that were killed before they were wholly there, some seconds ago; iceoryx2 looks for them under the prefix
+/// of its global configuration only. Gives how many are or were there.
+fn remove_stillborn(config: &Config) -> Result<usize, ChannelError> {
+    let folder = PathBuf::from(config.global.node_dir().to_string());
+    let failed = |source| ChannelError::Io {
+        path: folder.clone(),
+        action: "clear up",
+        source,
+    };
+    let prefix = config.global.prefix.to_string();
+    let details = format!("{prefix}node{}", config.global.node.static_config_suffix);
+    let Ok(entries) = std::fs::read_dir(&folder) else {
+        return Ok(0);
+    };
+    let mut found = 0;
+    for entry in entries {
+        let entry = entry.map_err(failed)?;
+        let name = entry.file_name().to_string_lossy().into_owned();
+        // `PREFIX NUMBER .node_monitor…`
+        let Some((number, kind)) = name
+            .strip_prefix(&prefix)
+            .and_then(|name| name.split_once('.'))
+        else {
+            continue;
+        };
+        if folder.join(number).join(&details).exists() {
+            continue;
+        }
+        found += usize::from(kind.ends_with("_context"));
+        let age = entry
+            .metadata()
+            .and_then(|file| file.modified())
+            .map(|time| time.elapsed());
+        if age.is_ok_and(|age| age.is_ok_and(|age| age > STILLBORN_AFTER)) {
+            // Iceoryx2 may have been faster.
+            let _ = std::fs::remove_file(entry.path());
+            let _ = std::fs::remove_dir_all(folder.join(number));
+        }
+    }
+    Ok(found)
 }
