@@ -573,7 +573,11 @@ fn to_json(name: &str, value: &impl Serialize, pretty: bool) -> Result<String, P
 /// It cannot be written.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), PipelineError> {
     let failed = |error: std::io::Error| PipelineError::io(path, "write", error);
-    let folder = path.parent().unwrap_or_else(|| Path::new("."));
+    // The parent of a bare file name is empty.
+    let folder = path
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty())
+        .unwrap_or_else(|| Path::new("."));
     let mut file = tempfile::Builder::new()
         .prefix(".writing-")
         .tempfile_in(folder)

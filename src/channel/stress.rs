@@ -180,16 +180,6 @@ pub fn run(arguments: StressArgs) -> anyhow::Result<ExitCode> {
         }
     }
     let provenance = Provenance::of_this_process(env!("CARGO_PKG_VERSION"), GIT);
-    if let Some(file) = &arguments.html {
-        let words: Vec<String> = std::env::args().skip(1).collect();
-        let machine = format!(
-            "commit {GIT}, {}, {} threads",
-            provenance.processor, provenance.threads
-        );
-        let page = page(&rows, &format!("tactnet {}", words.join(" ")), &machine);
-        write_whole(file, page.as_bytes())?;
-        eprintln!("{} written", file.display());
-    }
     if arguments.json {
         output::print_json(&StressResult {
             schema_version: 1,
@@ -198,7 +188,7 @@ pub fn run(arguments: StressArgs) -> anyhow::Result<ExitCode> {
             threads: provenance.threads,
             rows: &rows,
         })?;
-        return Ok(ExitCode::SUCCESS);
+        return write_page(&arguments, &rows, &provenance);
     }
     output::print(format_args!(
         "{:<10} {:<12} {:>10} {:>7} {:>8} {:>10} {:>10} {:>10} {:>10}",
@@ -229,6 +219,26 @@ pub fn run(arguments: StressArgs) -> anyhow::Result<ExitCode> {
                 .map_or(String::new(), |failure| format!("  {failure}"))
         ))?;
     }
+    write_page(&arguments, &rows, &provenance)
+}
+
+/// Last, so that no result is lost when it fails.
+fn write_page(
+    arguments: &StressArgs,
+    rows: &Rows,
+    provenance: &Provenance,
+) -> anyhow::Result<ExitCode> {
+    let Some(file) = &arguments.html else {
+        return Ok(ExitCode::SUCCESS);
+    };
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let machine = format!(
+        "commit {GIT}, {}, {} threads",
+        provenance.processor, provenance.threads
+    );
+    let page = page(rows, &format!("tactnet {}", words.join(" ")), &machine);
+    write_whole(file, page.as_bytes())?;
+    eprintln!("{} written", file.display());
     Ok(ExitCode::SUCCESS)
 }
 

@@ -8,8 +8,8 @@
 //! A hub listens to a channel only while its host has get-ports, and forwards only while some hub listens, so a packet crosses the wire
 //! once for each host that wants it and not at all otherwise.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -125,7 +125,7 @@ impl Bridge {
             // One of them is the forwarder.
             let wanted = state.get_ports > 1;
             if wanted && mirror.deliverer.is_none() {
-                let put = network.bus.raw_put_port(mirror.id, Priority::Normal)?;
+                let put = Mutex::new(network.bus.raw_put_port(mirror.id, Priority::Normal)?);
                 let deliverer = network
                     .session
                     .declare_subscriber(mirror.key.clone())
@@ -225,7 +225,9 @@ fn forward(get: &GetPort<u8>, wire: &Wire, stop: &AtomicBool) {
 }
 
 /// Puts what comes from another host.
-fn deliver(put: &PutPort<u8>, sample: &Sample) {
+fn deliver(put: &Mutex<PutPort<u8>>, sample: &Sample) {
+    // Zenoh calls from one thread for each other host, and only so many packets may be on loan.
+    let put = put.lock().unwrap_or_else(PoisonError::into_inner);
     let attachment = sample.attachment().map(|bytes| bytes.to_bytes());
     let header =
         attachment.and_then(|bytes| bytemuck::try_pod_read_unaligned::<Header>(&bytes).ok());
