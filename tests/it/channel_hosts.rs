@@ -235,3 +235,23 @@ fn packets_cross_the_wire_once_for_a_host_that_listens_and_a_killed_hub_comes_ba
         "{rate}"
     );
 }
+
+#[test]
+fn answers_of_two_hosts_at_once_all_arrive() {
+    let mut stress = crate::command::tactnet(["channel", "stress", "--json", "--seconds", "0.5"]);
+    stress.args([
+        "--domain",
+        "distributed",
+        "--sizes",
+        "65536",
+        "--clients",
+        "6",
+    ]);
+    let output = crate::command::stdout(&crate::command::expect(0, stress));
+    let result: Value = serde_json::from_str(&output).unwrap();
+    assert_eq!(result["rows"][0]["failures"], 0, "{output}");
+    assert!(
+        result["rows"][0]["rounds"].as_u64().unwrap() > 10,
+        "{output}"
+    );
+}

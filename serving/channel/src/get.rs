@@ -181,17 +181,24 @@ impl<T: Packet> GetPort<T> {
     /// # Errors
     /// As [`GetPort::try_get`].
     pub fn get(&self, wait: Wait) -> Result<Option<Received<T>>, ChannelError> {
-        let deadline = wait.deadline();
+        let Some(deadline) = wait.deadline() else {
+            // Without a look at the bell, whose memory the putter writes to.
+            loop {
+                if let Some(packet) = self.try_get()? {
+                    return Ok(Some(packet));
+                }
+                std::hint::spin_loop();
+            }
+        };
         loop {
             let rings = self.inner.bell.rings();
             if let Some(packet) = self.try_get()? {
                 return Ok(Some(packet));
             }
-            match deadline {
-                None => std::hint::spin_loop(),
-                Some(deadline) if Instant::now() >= deadline => return Ok(None),
-                Some(deadline) => self.inner.bell.sleep(rings, deadline),
+            if Instant::now() >= deadline {
+                return Ok(None);
             }
+            self.inner.bell.sleep(rings, deadline);
         }
     }
 }
