@@ -232,6 +232,9 @@ fn prepare(arguments: &TrainArgs) -> anyhow::Result<(Dataset, RunDir)> {
         Some(part) => fold.nested(part)?,
     };
     let promise = arguments.promise();
+    if let (ModelRecipe::Baseline(recipe), Some(_)) = (&recipe, promise) {
+        bail!("--calibrate is for networks, `{}` is none", recipe.name);
+    }
     let fitted = match promise {
         None => fold.clone(),
         Some(promise) => {
@@ -243,9 +246,6 @@ fn prepare(arguments: &TrainArgs) -> anyhow::Result<(Dataset, RunDir)> {
     let model = match &recipe {
         ModelRecipe::TactNet2(recipe) => {
             ModelConfig::TactNet2(TactNetSetup::fit(recipe, &fitted.train))
-        }
-        ModelRecipe::Baseline(recipe) if promise.is_some() => {
-            bail!("--calibrate is for networks, `{}` is none", recipe.name)
         }
         ModelRecipe::Baseline(recipe) => ModelConfig::Baseline(recipe.clone()),
     };
