@@ -197,14 +197,19 @@ impl Bell {
             let nanoseconds = until.tv_nsec + i64::from(left.subsec_nanos());
             until.tv_sec += left.as_secs().min(1 << 32) as i64 + nanoseconds / 1_000_000_000;
             until.tv_nsec = nanoseconds % 1_000_000_000;
-            libc::syscall(
+            let failed = libc::syscall(
                 libc::SYS_futex_waitv,
                 waits.as_ptr(),
                 waits.len(),
                 0,
                 &raw const until,
                 libc::CLOCK_MONOTONIC,
-            );
+            ) < 0;
+            let refused = [libc::ENOSYS, libc::EPERM].map(Some);
+            if failed && refused.contains(&std::io::Error::last_os_error().raw_os_error()) {
+                // An old kernel, or a sandbox that knows not the call: look once a millisecond.
+                std::thread::sleep(left.min(Duration::from_millis(1)));
+            }
         }
         for bell in bells {
             bell.memory().sleepers.fetch_sub(1, Ordering::SeqCst);
@@ -262,6 +267,7 @@ pub(crate) fn reserve(file: &File, bytes: u64) -> std::io::Result<()> {
     // SAFETY: a plain call with a valid descriptor.
     match unsafe { libc::posix_fallocate(file.as_raw_fd(), 0, bytes as i64) } {
         0 => Ok(()),
+        libc::EINTR => reserve(file, bytes),
         error => Err(std::io::Error::from_raw_os_error(error)),
     }
 }

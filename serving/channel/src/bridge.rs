@@ -40,14 +40,15 @@ struct Network {
     session: zenoh::Session,
     mirrors: Vec<Mirror>,
     stop: Arc<AtomicBool>,
-    forwarders: Vec<JoinHandle<()>>,
 }
 
 /// A channel that other hosts may have, too.
 #[derive(Debug)]
 struct Mirror {
     id: ChannelId,
+    config: ChannelConfig,
     key: String,
+    forwarder: Option<JoinHandle<()>>,
     /// While this host has get-ports.
     deliverer: Option<Subscriber<()>>,
 }
@@ -58,10 +59,6 @@ impl Bridge {
     /// The channels must have been created before.
     pub(crate) fn start(table: &Table) -> Result<Self, ChannelError> {
         let network = &table.network;
-        let distributed = table
-            .channels
-            .iter()
-            .filter(|(_, config)| config.distributed);
         if network.listen.is_empty() && network.connect.is_empty() {
             return Ok(Self { network: None });
         }
@@ -82,34 +79,40 @@ impl Bridge {
             .wait()
             .map_err(|error| ChannelError::transport("network", error))?;
         let bus = Bus::open(Domain::Host, table)?;
-        let stop = Arc::new(AtomicBool::new(false));
-        let (mut mirrors, mut forwarders) = (Vec::new(), Vec::new());
-        for (id, config) in distributed {
-            let (id, key) = (ChannelId::new(id)?, format!("{}/{id}", table.bus));
-            let get = bus.raw_get_port(id)?;
-            let wire = Wire::declare(&session, &key, config)?;
-            let stop = stop.clone();
-            let forward = move || forward(&get, &wire, &stop);
-            let thread = std::thread::Builder::new().name(format!("to {id}"));
-            forwarders.push(
-                thread
-                    .spawn(forward)
-                    .map_err(|error| ChannelError::transport(id, error))?,
-            );
-            mirrors.push(Mirror {
-                id,
-                key,
-                deliverer: None,
-            });
-        }
+        let distributed = table
+            .channels
+            .iter()
+            .filter(|(_, config)| config.distributed);
+        let mirrors = distributed
+            .map(|(id, config)| {
+                // Hubs whose packets differ do not hear each other.
+                let packet: String = config
+                    .packet
+                    .chars()
+                    .filter(char::is_ascii_alphanumeric)
+                    .collect();
+                let key = format!(
+                    "{}/{id}/{packet}-{}-{}",
+                    table.bus, config.version, config.item_bytes
+                );
+                Ok(Mirror {
+                    id: ChannelId::new(id)?,
+                    config: config.clone(),
+                    key,
+                    forwarder: None,
+                    deliverer: None,
+                })
+            })
+            .collect::<Result<_, ChannelError>>()?;
+        let mut network = Network {
+            bus,
+            session,
+            mirrors,
+            stop: Arc::new(AtomicBool::new(false)),
+        };
+        network.forward()?;
         Ok(Self {
-            network: Some(Network {
-                bus,
-                session,
-                mirrors,
-                stop,
-                forwarders,
-            }),
+            network: Some(network),
         })
     }
 
@@ -118,14 +121,20 @@ impl Bridge {
         let Some(network) = &mut self.network else {
             return Ok(());
         };
+        network.forward()?;
         for mirror in &mut network.mirrors {
             let Some(state) = states.iter().find(|state| state.id == mirror.id) else {
                 continue;
             };
-            // One of them is the forwarder.
-            let wanted = state.get_ports > 1;
+            // The forwarder is one of them.
+            let wanted = state.get_ports > usize::from(mirror.forwarder.is_some());
             if wanted && mirror.deliverer.is_none() {
-                let put = Mutex::new(network.bus.raw_put_port(mirror.id, Priority::Normal)?);
+                let put = match network.bus.raw_put_port(mirror.id, Priority::Normal) {
+                    Ok(put) => Mutex::new(put),
+                    // A client has the hub's place; it may be free soon.
+                    Err(ChannelError::TooManyPorts { .. }) => continue,
+                    Err(error) => return Err(error),
+                };
                 let deliverer = network
                     .session
                     .declare_subscriber(mirror.key.clone())
@@ -142,13 +151,45 @@ impl Bridge {
     }
 }
 
+impl Network {
+    /// Starts forwarders where there are none, or none any more.
+    fn forward(&mut self) -> Result<(), ChannelError> {
+        for mirror in &mut self.mirrors {
+            if mirror
+                .forwarder
+                .as_ref()
+                .is_some_and(|thread| !thread.is_finished())
+            {
+                continue;
+            }
+            mirror.forwarder = None;
+            let get = match self.bus.raw_get_port(mirror.id) {
+                Ok(get) => get,
+                // A client has the hub's place; it may be free soon.
+                Err(ChannelError::TooManyPorts { .. }) => continue,
+                Err(error) => return Err(error),
+            };
+            let wire = Wire::declare(&self.session, &mirror.key, &mirror.config)?;
+            let stop = self.stop.clone();
+            let thread = std::thread::Builder::new().name(format!("to {}", mirror.id));
+            let thread = thread
+                .spawn(move || forward(&get, &wire, &stop))
+                .map_err(|error| ChannelError::transport(mirror.id, error))?;
+            mirror.forwarder = Some(thread);
+        }
+        Ok(())
+    }
+}
+
 impl Drop for Bridge {
     fn drop(&mut self) {
         if let Some(mut network) = self.network.take() {
             network.stop.store(true, Ordering::SeqCst);
-            network.mirrors.clear();
-            for forwarder in network.forwarders.drain(..) {
-                let _ = forwarder.join();
+            for mirror in network.mirrors.drain(..) {
+                drop(mirror.deliverer);
+                if let Some(forwarder) = mirror.forwarder {
+                    let _ = forwarder.join();
+                }
             }
             let _ = network.session.close().wait();
         }
@@ -207,7 +248,7 @@ impl Wire {
 fn forward(get: &GetPort<u8>, wire: &Wire, stop: &AtomicBool) {
     let wait = Wait::Block { timeout: LOOK };
     while !stop.load(Ordering::Acquire) {
-        // A transport that breaks down is created anew by the next hub.
+        // When the transport breaks down, `Network::forward` begins anew.
         let Ok(packet) = get.get(wait) else { return };
         let Some(packet) = packet else { continue };
         let header = packet.header();

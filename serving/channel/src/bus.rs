@@ -343,6 +343,7 @@ fn attributes(config: &ChannelConfig) -> [(&'static str, String); 2] {
         get_ports,
         history,
         held,
+        distributed,
         ..
     } = config;
     [
@@ -350,7 +351,8 @@ fn attributes(config: &ChannelConfig) -> [(&'static str, String); 2] {
         (
             "resources",
             format!(
-                "{items} items, depth {depth}, {put_ports} put-ports, {get_ports} get-ports, history {history}, {held} held"
+                "{items} items, depth {depth}, {put_ports} put-ports, {get_ports} get-ports, history {history}, {held} held{}",
+                if *distributed { ", other hosts" } else { "" }
             ),
         ),
     ]

@@ -75,6 +75,12 @@ impl<T: Packet> GetPort<T> {
             bell,
             ..
         } = opened;
+        const {
+            assert!(
+                align_of::<T>() <= 64,
+                "packets are aligned to 64 bytes at most"
+            )
+        };
         let history = match start {
             Start::Now => 0,
             Start::History(packets) if packets > config.history => {
@@ -137,7 +143,8 @@ impl<T: Packet> GetPort<T> {
         self.inner.id
     }
 
-    /// Packets that were put but never got here, because the ring was full or the network too slow.
+    /// Packets that were put but never got here, because the ring was full or the network too slow, counted from the first one that came
+    /// of every sender.
     pub fn lost(&self) -> u64 {
         self.senders.borrow().lost
     }
@@ -167,7 +174,9 @@ impl<T: Packet> GetPort<T> {
             both!(&sample, sample => (*sample.user_header(), size_of_val(sample.payload())));
         self.senders.borrow_mut().count(&header);
         // A length from a sender that runs amok must not lead out of its memory.
-        let bytes = (header.bytes as usize).min(room);
+        let bytes = (header.bytes as usize)
+            .min(room)
+            .min(inner.config.packet_bytes());
         Ok(Some(Received {
             sample,
             header,
@@ -273,13 +282,14 @@ impl Senders {
 
     fn count(&mut self, header: &Header) {
         let after = header.sequence.wrapping_add(1);
-        if let Some(known) = self
+        let known = self
             .next
-            .iter_mut()
-            .find(|(sender, _)| *sender == header.sender)
-        {
-            self.lost += header.sequence.saturating_sub(known.1);
-            known.1 = after;
+            .iter()
+            .position(|(sender, _)| *sender == header.sender);
+        if let Some(at) = known {
+            let (sender, expected) = self.next.remove(at);
+            self.lost += header.sequence.saturating_sub(expected);
+            self.next.push((sender, expected.max(after)));
             return;
         }
         if self.next.len() == self.next.capacity() {

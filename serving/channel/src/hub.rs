@@ -1,5 +1,7 @@
 //! The hub: one process per host that holds every channel of the table, clears up after dead clients and meets other hosts.
 //!
+//! Bells stay when it ends: clients that still run must find the same ones again under the next hub.
+//!
 //! It is not in the way of a packet: clients exchange them directly, so they lose nothing when the hub dies, and a new hub takes over.
 
 use std::fs::File;
@@ -30,12 +32,11 @@ pub struct Hub {
     bus: String,
     node: Node<Ipc>,
     channels: Vec<(ChannelId, Channel)>,
-    bells: Vec<PathBuf>,
     cleaned: Instant,
-    /// The system lets go of it when the process ends, however it ends.
-    _lock: File,
     #[cfg(feature = "zenoh")]
     bridge: crate::bridge::Bridge,
+    /// The system lets go of it when the process ends, however it ends; last, so that the next hub finds nothing in its way.
+    _lock: File,
 }
 
 /// Who is connected to a channel.
@@ -67,16 +68,12 @@ impl Hub {
         let node: Node<Ipc> = node(&config)?;
         node.blocking_cleanup_dead_nodes(PATIENCE);
         let mut channels = Vec::new();
-        let mut bells = Vec::new();
         for (id, config) in &table.channels {
             let id = ChannelId::new(id)?;
             let channel = create(&node, id, config)?;
-            let bell = bell_file(&table.local_name(), id)?;
-            Bell::create(&bell)?;
-            bells.push(bell);
+            Bell::create(&bell_file(&table.local_name(), id)?)?;
             channels.push((id, channel));
         }
-        bells.push(crowd_file(&table.local_name()));
         Bell::create(&crowd_file(&table.local_name()))?;
         Ok(Self {
             #[cfg(feature = "zenoh")]
@@ -84,7 +81,6 @@ impl Hub {
             bus: table.bus.clone(),
             node,
             channels,
-            bells,
             cleaned: Instant::now(),
             _lock: lock,
         })
@@ -130,18 +126,6 @@ impl Hub {
                 get_ports: channel.dynamic_config().number_of_subscribers(),
             })
             .collect()
-    }
-}
-
-impl Drop for Hub {
-    fn drop(&mut self) {
-        // Clients that still run must find the same bells again under the next hub.
-        let used = |state: &ChannelState| state.put_ports + state.get_ports > 0;
-        if !self.states().iter().any(used) {
-            for bell in &self.bells {
-                let _ = std::fs::remove_file(bell);
-            }
-        }
     }
 }
 

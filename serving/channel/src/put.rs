@@ -5,16 +5,16 @@ use std::mem::MaybeUninit;
 use std::ops::{Deref, DerefMut};
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use iceoryx2::port::LoanError;
 use iceoryx2::port::publisher::PublisherCreateError;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::BackpressureStrategy;
+use parking_lot::Mutex;
 
 use crate::bell::{Bell, reserve};
 use crate::bus::{Opened, SHARED_MEMORY};
-use crate::packet::blocks;
+use crate::packet::{Block, blocks};
 use crate::transport::{AnyLoan, AnyPublisher, Either, both};
 use crate::{ChannelConfig, ChannelError, ChannelId, Header, Packet, Priority};
 
@@ -28,7 +28,9 @@ pub struct PutPort<T> {
     crowd: Arc<Bell>,
     sender: u64,
     priority: Priority,
-    next: AtomicU64,
+    next: Mutex<u64>,
+    /// Address and blocks of slots that were zeroed, in the process domain.
+    zeroed: Mutex<Vec<(usize, usize)>>,
     packet: PhantomData<fn(T)>,
 }
 
@@ -42,6 +44,12 @@ impl<T: Packet> PutPort<T> {
             crowd,
             prefix,
         } = opened;
+        const {
+            assert!(
+                align_of::<T>() <= align_of::<Block>(),
+                "packets are aligned to 64 bytes at most"
+            )
+        };
         let full = || ChannelError::TooManyPorts {
             id,
             side: "put",
@@ -91,7 +99,8 @@ impl<T: Packet> PutPort<T> {
             crowd,
             sender: (number ^ (number >> 64)) as u64,
             priority,
-            next: AtomicU64::new(0),
+            next: Mutex::new(0),
+            zeroed: Mutex::new(Vec::with_capacity(slots)),
             config,
             packet: PhantomData,
         })
@@ -128,16 +137,18 @@ impl<T: Packet> PutPort<T> {
             error => ChannelError::transport(self.id, error),
         };
         let blocks = blocks(items * size_of::<T>());
-        macro_rules! loan {
-            ($publisher:expr) => {{
-                let sample = $publisher.loan_slice_uninit(blocks).map_err(failed)?;
-                // SAFETY: the memory was zeroed when it was mapped and every bit pattern is a block.
-                unsafe { sample.assume_init() }
-            }};
-        }
         let sample = match &self.publisher {
-            Either::Process(publisher) => Either::Process(loan!(publisher)),
-            Either::Host(publisher) => Either::Host(loan!(publisher)),
+            Either::Process(publisher) => {
+                let mut sample = publisher.loan_slice_uninit(blocks).map_err(failed)?;
+                self.zero_once(sample.payload_mut());
+                // SAFETY: the memory is from the heap; all of it was zeroed when this slot was loaned first with so many blocks.
+                Either::Process(unsafe { sample.assume_init() })
+            }
+            Either::Host(publisher) => {
+                let sample = publisher.loan_slice_uninit(blocks).map_err(failed)?;
+                // SAFETY: the pages of a new file are zero, and every bit pattern is a block.
+                Either::Host(unsafe { sample.assume_init() })
+            }
         };
         Ok(Loan {
             sample,
@@ -154,16 +165,31 @@ impl<T: Packet> PutPort<T> {
     /// # Errors
     /// A packet of another port; the transport has broken down.
     pub fn put(&self, loan: Loan<T>) -> Result<usize, ChannelError> {
-        let sequence = self.next.fetch_add(1, Ordering::Relaxed);
+        // Numbers and packets in one order, whatever thread puts them.
+        let mut next = self.next.lock();
         let header = Header {
             sender: self.sender,
-            sequence,
+            sequence: *next,
             put_ns: now_ns(),
             bytes: (loan.items * size_of::<T>()) as u64,
             priority: self.priority as u8,
             ..Header::default()
         };
-        self.put_as(loan, header)
+        let getters = self.put_as(loan, header)?;
+        *next += 1;
+        Ok(getters)
+    }
+
+    /// Zeroes a slot of the process's heap before it is seen for the first time.
+    fn zero_once(&self, slot: &mut [MaybeUninit<Block>]) {
+        let key = (slot.as_ptr() as usize, slot.len());
+        let mut zeroed = self.zeroed.lock();
+        match zeroed.binary_search_by_key(&key.0, |(address, _)| *address) {
+            Ok(at) if zeroed[at].1 >= key.1 => return,
+            Ok(at) => zeroed[at].1 = key.1,
+            Err(at) => zeroed.insert(at, key),
+        }
+        slot.fill(MaybeUninit::zeroed());
     }
 
     /// Sends a packet with the header of another sender, as the hub does with those of other hosts.
@@ -268,10 +294,12 @@ fn reserve_segment(
             .open(&path)
             .map_err(failed)?;
         let length = file.metadata().map_err(failed)?.len();
-        if reserve(&file, length).is_err() {
-            return Err(memory_error(id, config));
-        }
-        return Ok(());
+        return match reserve(&file, length) {
+            Err(error) if error.raw_os_error() == Some(libc::ENOSPC) => {
+                Err(memory_error(id, config))
+            }
+            outcome => outcome.map_err(failed),
+        };
     }
     Err(ChannelError::transport(
         id,

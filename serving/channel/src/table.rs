@@ -63,7 +63,7 @@ pub struct ChannelConfig {
     /// Most items of one packet.
     #[serde(default = "one")]
     pub items: usize,
-    /// Packets that wait at a get-port; when one more comes, the oldest is lost and counted.
+    /// Packets of one put-port that wait at a get-port; when one more comes, the oldest is lost and counted.
     #[serde(default = "sixteen")]
     pub depth: usize,
     /// Most put-ports.
@@ -75,7 +75,7 @@ pub struct ChannelConfig {
     /// Last packets of every put-port that a late joiner can have.
     #[serde(default)]
     pub history: usize,
-    /// Packets that a get-port may hold at once.
+    /// Packets of one put-port that a get-port may hold at once.
     #[serde(default = "two")]
     pub held: usize,
     /// Packets that a put-port may have on loan at once.
@@ -143,6 +143,15 @@ impl ChannelConfig {
     /// Packets that the memory of one put-port holds: what waits and is held at every get-port, history and loans.
     pub fn slots(&self) -> usize {
         self.total_get_ports() * (self.depth + self.held) + self.history + self.loaned
+    }
+
+    fn slots_checked(&self) -> Option<usize> {
+        let waiting = self.depth.checked_add(self.held)?;
+        self.get_ports
+            .checked_add(1)?
+            .checked_mul(waiting)?
+            .checked_add(self.history)?
+            .checked_add(self.loaned)
     }
 
     /// Shared memory of one put-port, bytes: slots, each with its headers.
@@ -257,6 +266,18 @@ impl Table {
                     ));
                 }
             }
+            let most = channel
+                .item_bytes
+                .checked_mul(channel.items)
+                .filter(|bytes| *bytes <= 1 << 40)
+                .and_then(|_| channel.slots_checked())
+                .and_then(|slots| slots.checked_mul(channel.packet_bytes() + 256))
+                .filter(|bytes| *bytes <= 1 << 46);
+            if most.is_none() {
+                return Err(format!(
+                    "channel `{id}`: a put-port would need more than 64 TiB"
+                ));
+            }
             if channel.history > channel.depth {
                 return Err(format!(
                     "channel `{id}`: history: expected at most its depth, {}, found {}",
@@ -337,6 +358,18 @@ mod tests {
 
     #[test]
     fn the_memory_of_a_port_is_known_in_advance() {
+        let huge = ChannelConfig {
+            item_bytes: 16,
+            items: 1 << 60,
+            ..ChannelConfig::of::<u8>(1)
+        };
+        assert!(
+            Table::new("a")
+                .with("x", huge)
+                .check()
+                .unwrap_err()
+                .contains("64 TiB")
+        );
         let channel = ChannelConfig {
             get_ports: 2,
             depth: 3,

@@ -514,13 +514,18 @@ pub fn no_wake_up_is_lost(world: &World) {
     std::thread::scope(|scope| {
         scope.spawn(move || {
             for _ in 0..ROUNDS {
+                let begun = Instant::now();
                 let number = wait_for(&got, 1)[0];
+                // A lost wake-up shows as a packet that is found only when the wait has ended.
+                assert!(begun.elapsed() < Duration::from_secs(15));
                 answer.put_copy(&[reading(number)]).unwrap();
             }
         });
         for number in 0..ROUNDS {
+            let begun = Instant::now();
             there.put_copy(&[reading(number)]).unwrap();
             assert_eq!(wait_for(&back, 1), [number]);
+            assert!(begun.elapsed() < Duration::from_secs(15));
         }
     });
 }

@@ -167,7 +167,7 @@ impl World {
                 Ends {
                     near,
                     far,
-                    travel: Duration::from_millis(1500),
+                    travel: Duration::from_millis(3000),
                     hubs: vec![first, second],
                 }
             }
