@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 use tactnet_channel::{Bus, ChannelId, Domain, Priority, Table, Wait, now_ns};
+use tactnet_serving::percentile;
 
 use super::TableArgs;
 use crate::output;
@@ -201,10 +202,7 @@ pub fn hz(arguments: &HzArgs) -> anyhow::Result<ExitCode> {
     }
     let seconds = begun.elapsed().as_secs_f64();
     latencies.sort_by(f64::total_cmp);
-    let at = |share: f64| {
-        let rank = (latencies.len() as f64 * share).ceil() as usize;
-        latencies.get(rank.max(1) - 1).copied().unwrap_or(0.0)
-    };
+    let at = |share| percentile(&latencies, share).unwrap_or(0.0);
     let rate = Rate {
         packets: latencies.len(),
         hz: latencies.len() as f64 / seconds,

@@ -238,6 +238,31 @@ fn a_killed_getter_and_a_stuck_one_do_not_harm_the_others() {
 }
 
 #[test]
+fn getters_killed_while_they_open_do_not_harm_a_running_putter_and_its_getter() {
+    let robot = Robot::new(&ONE.replace("get_ports = 3", "get_ports = 100"));
+    let _hub = robot.hub();
+    let putter = robot.start(&["put", "a"]);
+    let hz = robot
+        .command(&["hz", "a", "--json", "--seconds", "3"])
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    robot.wait_for_ports(1, 1);
+    for half_milliseconds in 0..60 {
+        let mut getter = robot.command(&["echo", "a"]);
+        getter.stdout(Stdio::null()).stderr(Stdio::null());
+        let getter = getter.spawn().map(Running).unwrap();
+        std::thread::sleep(Duration::from_micros(500 * half_milliseconds));
+        drop(getter);
+    }
+    let output = hz.wait_with_output().unwrap();
+    is_steady(&serde_json::from_slice(&output.stdout).unwrap());
+    robot.wait_for_ports(1, 0);
+    is_steady(&robot.hz("a", "0.3"));
+    putter.ends_well();
+}
+
+#[test]
 fn a_killed_hub_is_not_missed_and_the_next_one_takes_over() {
     let robot = Robot::new(ONE);
     let hub = robot.hub();

@@ -133,7 +133,7 @@ impl Bus {
     /// Ports to wait for together.
     ///
     /// # Errors
-    /// No port.
+    /// No port; more than 128, some of them of another bus.
     pub fn sync_group(&self, ports: &[&dyn crate::GetSide]) -> Result<SyncGroup, ChannelError> {
         SyncGroup::new(ports, self.inner.crowd.clone())
     }

@@ -106,6 +106,12 @@ pub enum ChannelError {
     /// A sync group of nothing.
     #[error("a sync group needs at least one get-port")]
     EmptyGroup,
+    /// A large sync group with ports of several buses.
+    #[error("a sync group of more than {most} get-ports takes them from one bus")]
+    MixedGroup {
+        /// The most of any buses.
+        most: usize,
+    },
     /// The system refused something.
     #[error("{path}: cannot {action}: {source}")]
     Io {

@@ -64,6 +64,8 @@ pub struct GetInner {
     config: ChannelConfig,
     subscriber: AnySubscriber,
     pub(crate) bell: Arc<Bell>,
+    /// The bus's, for groups that are too large for the kernel.
+    pub(crate) crowd: Arc<Bell>,
 }
 
 impl<T: Packet> GetPort<T> {
@@ -73,6 +75,7 @@ impl<T: Packet> GetPort<T> {
             config,
             channel,
             bell,
+            crowd,
             ..
         } = opened;
         const {
@@ -132,6 +135,7 @@ impl<T: Packet> GetPort<T> {
                 config,
                 subscriber,
                 bell,
+                crowd,
             }),
             senders,
             packet: PhantomData,

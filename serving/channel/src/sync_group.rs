@@ -22,13 +22,17 @@ impl SyncGroup {
         if ports.is_empty() {
             return Err(ChannelError::EmptyGroup);
         }
+        let ports: Vec<Arc<GetInner>> = ports.iter().map(|port| port.inner()).collect();
         if ports.len() > MOST_AT_ONCE {
+            if ports.iter().any(|port| !Arc::ptr_eq(&port.crowd, &crowd)) {
+                return Err(ChannelError::MixedGroup { most: MOST_AT_ONCE });
+            }
             // Putters must count up from now on, or a packet between look and sleep would go unnoticed.
             crowd.attend();
         }
         Ok(Self {
             waits: vec![FutexWait::default(); ports.len()],
-            ports: ports.iter().map(|port| port.inner()).collect(),
+            ports,
             first: 0,
             crowd,
         })

@@ -1,13 +1,11 @@
 //! The stress test on this project's channels.
 
-use std::sync::mpsc::{Sender, channel};
-use std::thread::JoinHandle;
 use std::time::Duration;
 
 use bytemuck::{Pod, Zeroable};
 use tactnet_channel::{
-    Bus, ChannelConfig, Congestion, Domain, GetPort, GetSide, Hub, Network, Packet, Priority,
-    PutPort, Start, SyncGroup, Table, Wait,
+    Bus, ChannelConfig, Congestion, Domain, GetPort, GetSide, Hub, HubThread, Network, Packet,
+    Priority, PutPort, Start, SyncGroup, Table, Wait,
 };
 
 use super::plan::{Cell, Configuration, StressDomain};
@@ -88,51 +86,15 @@ fn host_of(cell: &Cell, client: usize) -> usize {
     }
 }
 
-/// A hub that ticks until it is dropped.
-pub(super) struct RunningHub {
-    stop: Sender<()>,
-    thread: Option<JoinHandle<()>>,
-}
-
-impl Drop for RunningHub {
-    fn drop(&mut self) {
-        let _ = self.stop.send(());
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
-    }
-}
-
 /// The hubs that a cell needs: none in a process, one on a host, three for a master and clients on two other hosts.
-pub(super) fn hubs(cell: &Cell, name: &str) -> Result<Vec<RunningHub>, Failure> {
+pub(super) fn hubs(cell: &Cell, name: &str) -> Result<Vec<HubThread>, Failure> {
     let hosts = match cell.domain {
         StressDomain::Process => 0,
         StressDomain::Host => 1,
         StressDomain::Distributed => 3,
     };
     (0..hosts)
-        .map(|host| {
-            let table = table(cell, name, host);
-            let (stop, stopped) = channel::<()>();
-            let (up, is_up) = channel();
-            let thread = std::thread::spawn(move || {
-                let mut hub = match Hub::start(&table) {
-                    Ok(hub) => hub,
-                    Err(error) => return drop(up.send(Err(error))),
-                };
-                let _ = up.send(Ok(()));
-                while stopped.recv_timeout(Duration::from_millis(20)).is_err() {
-                    if hub.tick().is_err() {
-                        return;
-                    }
-                }
-            });
-            is_up.recv()??;
-            Ok(RunningHub {
-                stop,
-                thread: Some(thread),
-            })
-        })
+        .map(|host| Ok(Hub::spawn(&table(cell, name, host))?))
         .collect()
 }
 

@@ -9,6 +9,8 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
+use crate::percentile;
+
 use super::plan::{Cell, StressDomain, Transport};
 use super::{ClientTask, END, Failure, Master, PATIENCE, channel, futex, iceoryx, unix};
 
@@ -55,10 +57,7 @@ pub type Rows = Vec<Row>;
 impl Row {
     fn of(cell: &Cell, mut trips: Vec<Duration>, failures: usize, failure: Option<String>) -> Self {
         trips.sort();
-        let at = |share: f64| {
-            let rank = ((trips.len() as f64 * share).ceil() as usize).max(1) - 1;
-            trips.get(rank).map_or(0.0, |trip| trip.as_secs_f64() * 1e6)
-        };
+        let at = |share| percentile(&trips, share).map_or(0.0, |trip| trip.as_secs_f64() * 1e6);
         let median = at(0.5);
         Self {
             transport: cell.transport.name(),
@@ -159,7 +158,7 @@ struct Opened {
     master: Box<dyn Master>,
     /// The bus that threads share.
     bus: Option<tactnet_channel::Bus>,
-    _hubs: Vec<channel::RunningHub>,
+    _hubs: Vec<tactnet_channel::HubThread>,
 }
 
 impl Opened {

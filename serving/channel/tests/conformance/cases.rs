@@ -430,6 +430,20 @@ pub fn a_sync_group_finds_the_port_that_has_a_packet(world: &World) {
 pub fn a_large_group_is_woken_too(world: &World) {
     // More than the kernel sleeps on at once.
     group_of(131, world);
+    // It is woken by its own bus alone.
+    let of_many = ChannelConfig {
+        get_ports: 129,
+        ..normal()
+    };
+    let [own, other] = [(); 2].map(|()| world.with(&[("a", of_many.clone())]));
+    let mut ports: Vec<_> = (0..128)
+        .map(|_| own.far.get_port::<Reading>("a", Start::Now).unwrap())
+        .collect();
+    ports.push(other.far.get_port("a", Start::Now).unwrap());
+    let sides: Vec<&dyn tactnet_channel::GetSide> = ports.iter().map(|port| port as _).collect();
+    let mixed = own.far.sync_group(&sides).unwrap_err();
+    assert!(mixed.to_string().contains("from one bus"), "{mixed}");
+    own.far.sync_group(&sides[1..]).unwrap();
 }
 
 pub fn a_busy_port_does_not_starve_the_group(world: &World) {

@@ -1,13 +1,12 @@
 //! A domain to test in: where packets are put, and where they are got.
 
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::mpsc::{Sender, channel};
-use std::thread::JoinHandle;
 use std::time::Duration;
 
+use tactnet_channel::{Bus, ChannelConfig, Domain, Hub, HubThread, Table, Wait};
+
 #[cfg(feature = "zenoh")]
-use tactnet_channel::Network;
-use tactnet_channel::{Bus, ChannelConfig, Domain, Hub, Table, Wait};
+use super::namespaces::Namespaces;
 
 pub const SOON: Wait = Wait::Block {
     timeout: Duration::from_secs(20),
@@ -16,6 +15,7 @@ pub const SOON: Wait = Wait::Block {
 enum Kind {
     Process,
     Host,
+    /// Hubs in network namespaces of their own; both buses in this process, told apart by their prefixes in `/dev/shm`.
     #[cfg(feature = "zenoh")]
     Distributed,
 }
@@ -30,12 +30,16 @@ pub struct Ends {
     pub far: Bus,
     /// Time for news to travel from one end to the other.
     pub travel: Duration,
-    hubs: Vec<RunningHub>,
+    hubs: Vec<HubThread>,
+    #[cfg(feature = "zenoh")]
+    hosts: Option<Namespaces>,
 }
 
 impl Drop for Ends {
     fn drop(&mut self) {
         self.hubs.clear();
+        #[cfg(feature = "zenoh")]
+        drop(self.hosts.take());
         let own = &self.near.table().bus;
         for entry in std::fs::read_dir("/dev/shm").unwrap().flatten() {
             if entry
@@ -56,39 +60,6 @@ impl Ends {
     }
 }
 
-struct RunningHub {
-    stop: Sender<()>,
-    thread: Option<JoinHandle<()>>,
-}
-
-impl RunningHub {
-    fn start(table: Table) -> Self {
-        let (stop, stopped) = channel::<()>();
-        let (up, is_up) = channel();
-        let thread = std::thread::spawn(move || {
-            let mut hub = Hub::start(&table).unwrap();
-            up.send(()).unwrap();
-            while stopped.recv_timeout(Duration::from_millis(20)).is_err() {
-                hub.tick().unwrap();
-            }
-        });
-        is_up.recv().unwrap();
-        Self {
-            stop,
-            thread: Some(thread),
-        }
-    }
-}
-
-impl Drop for RunningHub {
-    fn drop(&mut self) {
-        let _ = self.stop.send(());
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
-    }
-}
-
 impl World {
     pub fn process() -> Self {
         Self {
@@ -100,11 +71,16 @@ impl World {
         Self { kind: Kind::Host }
     }
 
+    /// `None`, after a word about it, where network namespaces are not allowed.
     #[cfg(feature = "zenoh")]
-    pub fn distributed() -> Self {
-        Self {
-            kind: Kind::Distributed,
+    pub fn distributed() -> Option<Self> {
+        if !super::namespaces::are_allowed() {
+            eprintln!("SKIPPED: network namespaces need root and iproute2");
+            return None;
         }
+        Some(Self {
+            kind: Kind::Distributed,
+        })
     }
 
     /// A bus with these channels.
@@ -125,58 +101,32 @@ impl World {
                     far: bus,
                     travel: Duration::ZERO,
                     hubs: Vec::new(),
+                    #[cfg(feature = "zenoh")]
+                    hosts: None,
                 }
             }
             Kind::Host => {
-                let hub = RunningHub::start(table.clone());
+                let hub = Hub::spawn(&table).unwrap();
                 Ends {
                     near: Bus::open(Domain::Host, &table).unwrap(),
                     far: Bus::open(Domain::Host, &table).unwrap(),
                     travel: Duration::ZERO,
                     hubs: vec![hub],
+                    #[cfg(feature = "zenoh")]
+                    hosts: None,
                 }
             }
             #[cfg(feature = "zenoh")]
             Kind::Distributed => {
-                let endpoint = format!("tcp/127.0.0.1:{}", free_port());
-                let side = |host: &str, network: Network| {
-                    let mut table = Table {
-                        network: Network {
-                            host: host.into(),
-                            ..network
-                        },
-                        ..table.clone()
-                    };
-                    for channel in table.channels.values_mut() {
-                        channel.distributed = true;
-                        channel.congestion = tactnet_channel::Congestion::Block;
-                    }
-                    let hub = RunningHub::start(table.clone());
-                    (Bus::open(Domain::Host, &table).unwrap(), hub)
-                };
-                let listen = Network {
-                    listen: vec![endpoint.clone()],
-                    ..Network::default()
-                };
-                let connect = Network {
-                    connect: vec![endpoint],
-                    ..Network::default()
-                };
-                let (near, first) = side("a", listen);
-                let (far, second) = side("b", connect);
+                let (hosts, [near, far]) = Namespaces::with_hubs(&table);
                 Ends {
-                    near,
-                    far,
+                    near: Bus::open(Domain::Host, &near).unwrap(),
+                    far: Bus::open(Domain::Host, &far).unwrap(),
                     travel: Duration::from_millis(3000),
-                    hubs: vec![first, second],
+                    hubs: Vec::new(),
+                    hosts: Some(hosts),
                 }
             }
         }
     }
-}
-
-#[cfg(feature = "zenoh")]
-fn free_port() -> u16 {
-    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-    listener.local_addr().unwrap().port()
 }
