@@ -4,13 +4,71 @@ use serde::{Deserialize, Serialize};
 
 /// `log softmax(scores)` in `f64`, stable for any finite scores.
 pub fn log_softmax(scores: &[f32]) -> Vec<f64> {
+    let mut out = vec![0.0; scores.len()];
+    log_softmax_into(scores, &mut out);
+    out
+}
+
+/// As [`log_softmax`], without allocating.
+///
+/// # Panics
+/// If the lengths differ.
+pub fn log_softmax_into(scores: &[f32], out: &mut [f64]) {
+    assert_eq!(scores.len(), out.len(), "number of materials");
     let largest = scores.iter().copied().fold(f32::NEG_INFINITY, f32::max);
     let largest = f64::from(largest);
     let total: f64 = scores.iter().map(|s| (f64::from(*s) - largest).exp()).sum();
-    scores
+    let log_total = total.ln();
+    for (out, score) in out.iter_mut().zip(scores) {
+        *out = f64::from(*score) - largest - log_total;
+    }
+}
+
+/// `ln(mean over runs of exp)` for each material, normalised; stable however small a probability is.
+///
+/// - `runs`: `[runs][materials]` log-probabilities
+/// - `out`: `[materials]`
+///
+/// # Panics
+/// If the runs are not whole rows.
+pub fn log_mean_exp_into(runs: &[f64], out: &mut [f64]) {
+    let materials = out.len();
+    assert!(
+        !runs.is_empty() && runs.len().is_multiple_of(materials),
+        "whole runs of {materials} materials"
+    );
+    let number = (runs.len() / materials) as f64;
+    for (material, mean) in out.iter_mut().enumerate() {
+        let column = runs.iter().skip(material).step_by(materials);
+        let largest = column.clone().copied().fold(f64::NEG_INFINITY, f64::max);
+        let sum: f64 = column.map(|log_p| (log_p - largest).exp()).sum();
+        *mean = largest + (sum / number).ln();
+    }
+    let total: f64 = out.iter().map(|log_p| log_p.exp()).sum();
+    let log_total = total.ln();
+    out.iter_mut().for_each(|mean| *mean -= log_total);
+}
+
+/// Entropy of a distribution, nats.
+///
+/// - `log_p`: log-probabilities
+pub fn entropy(log_p: &[f64]) -> f64 {
+    -log_p
         .iter()
-        .map(|s| f64::from(*s) - largest - total.ln())
-        .collect()
+        .filter(|l| **l > f64::NEG_INFINITY)
+        .map(|l| l.exp() * l)
+        .sum::<f64>()
+}
+
+/// How much runs disagree: the mutual information of label and weights, entropy of the mean minus mean of the entropies, nats
+/// (Houlsby et al., 2011; Gal & Ghahramani, 2016).
+///
+/// - `runs`: `[runs][materials]` log-probabilities
+/// - `mean`: `[materials]`, see [`log_mean_exp_into`]
+pub fn mutual_information(runs: &[f64], mean: &[f64]) -> f64 {
+    let rows = runs.chunks_exact(mean.len());
+    let number = rows.len() as f64;
+    entropy(mean) - rows.map(entropy).sum::<f64>() / number
 }
 
 /// Probabilities of the materials given all sweeps fused so far, under a flat prior.
@@ -62,18 +120,33 @@ impl Belief {
 
     /// `[materials]`, sums to one.
     pub fn probabilities(&self) -> Vec<f64> {
+        let mut out = vec![0.0; self.log_likelihood.len()];
+        self.probabilities_into(&mut out);
+        out
+    }
+
+    /// As [`Belief::probabilities`], without allocating.
+    ///
+    /// # Panics
+    /// If the number of materials differs.
+    pub fn probabilities_into(&self, out: &mut [f64]) {
+        assert_eq!(out.len(), self.log_likelihood.len(), "number of materials");
         let largest = self
             .log_likelihood
             .iter()
             .copied()
             .fold(f64::NEG_INFINITY, f64::max);
-        let weights: Vec<f64> = self
-            .log_likelihood
-            .iter()
-            .map(|l| (l - largest).exp())
-            .collect();
-        let total: f64 = weights.iter().sum();
-        weights.iter().map(|w| w / total).collect()
+        for (out, l) in out.iter_mut().zip(&self.log_likelihood) {
+            *out = (l - largest).exp();
+        }
+        let total: f64 = out.iter().sum();
+        out.iter_mut().for_each(|p| *p /= total);
+    }
+
+    /// Forgets all sweeps.
+    pub fn reset(&mut self) {
+        self.log_likelihood.fill(0.0);
+        self.sweeps = 0;
     }
 
     /// The most probable label; the lowest among equals.
@@ -169,6 +242,38 @@ mod tests {
             belief.fuse(&[0.0, f64::NEG_INFINITY]);
         }
         assert_eq!(belief.label(), 0);
+    }
+
+    #[test]
+    fn runs_that_agree_tell_nothing_about_the_weights() {
+        let sure = log_softmax(&[0.0, 3.0]);
+        let unlike = log_softmax(&[3.0, 0.0]);
+        let information = |runs: &[f64]| {
+            let mut mean = [0.0; 2];
+            log_mean_exp_into(runs, &mut mean);
+            mutual_information(runs, &mean)
+        };
+        assert!(information(&[sure.clone(), sure.clone()].concat()).abs() < 1e-12);
+        let apart = information(&[sure.clone(), unlike].concat());
+        assert!((apart - (2.0_f64.ln() - entropy(&sure))).abs() < 1e-12);
+        assert!((entropy(&[0.0, f64::NEG_INFINITY])).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_mean_over_runs_survives_probabilities_below_f32() {
+        let mean = |runs: &[Vec<f64>]| {
+            let mut mean = [0.0; 2];
+            log_mean_exp_into(&runs.concat(), &mut mean);
+            mean
+        };
+        let found = mean(&[log_softmax(&[0.0, -300.0]), log_softmax(&[0.0, -310.0])]);
+        let expected = -300.0 + ((1.0 + (-10.0_f64).exp()) / 2.0).ln();
+        assert!((found[1] - expected).abs() < 1e-9, "{found:?}");
+        let even = mean(&[
+            vec![0.2_f64.ln(), 0.8_f64.ln()],
+            vec![0.6_f64.ln(), 0.4_f64.ln()],
+        ]);
+        assert!((even[0].exp() - 0.4).abs() < 1e-12 && (even[1].exp() - 0.6).abs() < 1e-12);
     }
 
     proptest! {

@@ -9,6 +9,7 @@ use rand::Rng;
 
 use crate::conv::{self, TrainedBlock};
 use crate::initial::{constant_parameter, uniform_parameter};
+use crate::weights::values;
 
 /// Added to the variance before the square root of every batch normalisation.
 pub(crate) const NORM_EPSILON: f64 = 1e-5;
@@ -163,6 +164,13 @@ impl ConvBlock {
         let mut options = MaxPoolOptions::new([self.pool, 1]);
         options.ceil_mode = !normalized.dims()[2].is_multiple_of(self.pool);
         max_pool2d(relu(normalized), options).permute([0, 2, 3, 1])
+    }
+
+    /// What the running statistics make of a convolution, `scale * map + shift`: both `[maps_out]`.
+    pub(crate) fn folded_norm(&self) -> (Vec<f32>, Vec<f32>) {
+        let scale = self.gamma.val() / (self.running_variance.clone() + NORM_EPSILON).sqrt();
+        let shift = self.beta.val() - self.running_mean.clone() * scale.clone();
+        (values(scale), values(shift))
     }
 
     pub(crate) fn follow(&mut self, batch: &BatchStatistics) {

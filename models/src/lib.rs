@@ -22,12 +22,16 @@ mod loss;
 mod mlp;
 mod ridge;
 mod siamese;
+mod streaming;
 mod svm;
 mod tactnet;
 mod temperature;
 mod weights;
 
-pub use belief::{Belief, first_largest, log_softmax, majority_vote};
+pub use belief::{
+    Belief, entropy, first_largest, log_mean_exp_into, log_softmax, log_softmax_into,
+    majority_vote, mutual_information,
+};
 pub use block::{BatchStatistics, BlockConfig, ConvBlock};
 pub use compute::Compute;
 pub use conv::runs_on as is_processor;
@@ -42,6 +46,7 @@ pub use loss::cross_entropy;
 pub use mlp::{DenseWeights, Mlp, matrix};
 pub use ridge::{Gram, Ridge, default_penalties};
 pub use siamese::{contrastive_loss, distance, probability_of_difference};
+pub use streaming::StreamingNet;
 pub use svm::{Pair, PlattSigmoids, Svm, SvmSettings, fit_platt};
 pub use tactnet::{
     Architecture, InputShape, TactNet, TactNetConfig, TrainingForward, default_pools,

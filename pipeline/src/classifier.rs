@@ -209,7 +209,7 @@ impl Classifier {
         Ok(self.scorer()?.net())
     }
 
-    fn scorer(&self) -> Result<&NetworkScorer, PipelineError> {
+    pub(crate) fn scorer(&self) -> Result<&NetworkScorer, PipelineError> {
         match &self.model {
             Model::Network(network) => Ok(network),
             Model::Baseline(_) => Err(PipelineError::Misfit {

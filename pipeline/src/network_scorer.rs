@@ -5,7 +5,8 @@ use std::sync::{Mutex, PoisonError};
 use burn::tensor::{Device, Tensor, TensorData};
 use tactnet_data::{Seed, SweepView};
 use tactnet_models::{
-    Features, TactNet, TactNetConfig, Weights, dropout_masks, log_softmax, matrix,
+    Features, StreamingNet, TactNet, TactNetConfig, Weights, dropout_masks, log_mean_exp_into,
+    log_softmax, log_softmax_into, matrix, mutual_information,
 };
 
 use crate::{Embedding, Normalizer, PipelineError, PredictionMethod, TactNetSetup};
@@ -91,21 +92,32 @@ impl NetworkScorer {
         }
     }
 
-    /// How much the dropout masks disagree about every sweep: the mutual information of label and weights, entropy of the mean
-    /// minus mean of the entropies, nats (Houlsby et al., 2011; Gal & Ghahramani, 2016).
+    /// How much the dropout masks disagree about every sweep, nats; see [`mutual_information`].
     pub fn mutual_information(&self, convolution: &Features, runs: usize) -> Vec<f64> {
         let masks = self.masks(runs);
-        let materials = self.network.materials();
+        let mut mean = vec![0.0; self.network.materials()];
         let features = matrix(convolution, &self.device);
         (0..convolution.len())
             .map(|sweep| {
-                let rows = features.clone().narrow(0, sweep, 1) * masks.clone();
-                let scores = values(self.net.head(rows));
-                let runs: Vec<Vec<f64>> = scores.chunks(materials).map(log_softmax).collect();
-                let own: f64 = runs.iter().map(|run| entropy(run)).sum();
-                entropy(&log_mean_exp(&runs)) - own / runs.len() as f64
+                let runs = self.run_log_probabilities(&features, sweep, &masks);
+                log_mean_exp_into(&runs, &mut mean);
+                mutual_information(&runs, &mean)
             })
             .collect()
+    }
+
+    /// The same network for one sweep as it happens, with `runs` masks.
+    pub fn streaming(&self, runs: usize) -> StreamingNet {
+        let masks = match runs {
+            0 => Vec::new(),
+            runs => values(self.masks(runs)),
+        };
+        StreamingNet::new(&self.net, &self.network, &masks)
+    }
+
+    /// What is done to a frame before.
+    pub fn normalizer(&self) -> &Normalizer {
+        &self.normalizer
     }
 
     /// The trained network.
@@ -152,44 +164,32 @@ impl NetworkScorer {
     /// Log of the mean softmax over all masks; the head runs once per sweep, on all masks together.
     fn monte_carlo(&self, features: Tensor<2>, masks: &Tensor<2>) -> Vec<Vec<f64>> {
         let [sweeps, _] = features.dims();
-        let materials = self.network.materials();
         (0..sweeps)
             .map(|sweep| {
-                let rows = features.clone().narrow(0, sweep, 1) * masks.clone();
-                let scores = values(self.net.head(rows));
-                let runs: Vec<Vec<f64>> = scores.chunks(materials).map(log_softmax).collect();
-                log_mean_exp(&runs)
+                let mut mean = vec![0.0; self.network.materials()];
+                let runs = self.run_log_probabilities(&features, sweep, masks);
+                log_mean_exp_into(&runs, &mut mean);
+                mean
             })
             .collect()
     }
-}
 
-/// Entropy of a distribution, nats.
-fn entropy(log_p: &[f64]) -> f64 {
-    -log_p
-        .iter()
-        .map(|l| {
-            if *l > f64::NEG_INFINITY {
-                l.exp() * l
-            } else {
-                0.0
-            }
-        })
-        .sum::<f64>()
-}
-
-/// `ln(mean over runs of exp)` for each material, normalised; stable however small a probability is.
-fn log_mean_exp(runs: &[Vec<f64>]) -> Vec<f64> {
-    let mean: Vec<f64> = (0..runs[0].len())
-        .map(|material| {
-            let column = runs.iter().map(|run| run[material]);
-            let largest = column.clone().fold(f64::NEG_INFINITY, f64::max);
-            let sum: f64 = column.map(|log_p| (log_p - largest).exp()).sum();
-            largest + (sum / runs.len() as f64).ln()
-        })
-        .collect();
-    let total: f64 = mean.iter().map(|log_p| log_p.exp()).sum();
-    mean.iter().map(|log_p| log_p - total.ln()).collect()
+    /// `[runs][materials]`
+    fn run_log_probabilities(
+        &self,
+        features: &Tensor<2>,
+        sweep: usize,
+        masks: &Tensor<2>,
+    ) -> Vec<f64> {
+        let materials = self.network.materials();
+        let rows = features.clone().narrow(0, sweep, 1) * masks.clone();
+        let scores = values(self.net.head(rows));
+        let mut runs = vec![0.0; scores.len()];
+        for (run, scores) in runs.chunks_mut(materials).zip(scores.chunks(materials)) {
+            log_softmax_into(scores, run);
+        }
+        runs
+    }
 }
 
 fn values(tensor: Tensor<2>) -> Vec<f32> {
@@ -197,36 +197,4 @@ fn values(tensor: Tensor<2>) -> Vec<f32> {
         .into_data_as::<f32>()
         .try_into_vec::<f32>()
         .unwrap_or_else(|error| panic!("scores were converted to f32: {error:?}"))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn runs_that_agree_tell_nothing_about_the_weights() {
-        let sure = log_softmax(&[0.0, 3.0]);
-        let unlike = log_softmax(&[3.0, 0.0]);
-        let information = |runs: &[Vec<f64>]| {
-            let own: f64 = runs.iter().map(|run| entropy(run)).sum();
-            entropy(&log_mean_exp(runs)) - own / runs.len() as f64
-        };
-        assert!(information(&[sure.clone(), sure.clone()]).abs() < 1e-12);
-        let apart = information(&[sure.clone(), unlike]);
-        assert!((apart - (2.0_f64.ln() - entropy(&sure))).abs() < 1e-12);
-        assert!((entropy(&[0.0, f64::NEG_INFINITY])).abs() < 1e-12);
-    }
-
-    #[test]
-    fn the_mean_over_runs_survives_probabilities_below_f32() {
-        let runs = [log_softmax(&[0.0, -300.0]), log_softmax(&[0.0, -310.0])];
-        let mean = log_mean_exp(&runs);
-        let expected = -300.0 + ((1.0 + (-10.0_f64).exp()) / 2.0).ln();
-        assert!((mean[1] - expected).abs() < 1e-9, "{mean:?}");
-        let even = log_mean_exp(&[
-            vec![0.2_f64.ln(), 0.8_f64.ln()],
-            vec![0.6_f64.ln(), 0.4_f64.ln()],
-        ]);
-        assert!((even[0].exp() - 0.4).abs() < 1e-12 && (even[1].exp() - 0.6).abs() < 1e-12);
-    }
 }

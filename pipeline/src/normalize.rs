@@ -55,10 +55,30 @@ impl Normalizer {
         assert_eq!(shape.taxels(), self.taxels(), "taxels of a frame");
         self.levels.apply(values, shape);
         for frame in values.chunks_exact_mut(self.taxels()) {
-            for ((value, offset), gain) in frame.iter_mut().zip(&self.offset).zip(&self.gain) {
-                *value = (*value - offset) * gain;
-            }
+            self.scale(frame);
         }
+    }
+
+    /// What is done to a frame after its sweep's levels were kept or removed.
+    fn scale(&self, frame: &mut [f32]) {
+        for ((value, offset), gain) in frame.iter_mut().zip(&self.offset).zip(&self.gain) {
+            *value = (*value - offset) * gain;
+        }
+    }
+
+    /// Scales one frame in place, `[taxels]` digits, while its sweep is still going on.
+    ///
+    /// # Panics
+    /// If it has another number of taxels, or needs the whole sweep ([`Normalizer::needs_whole_sweep`]).
+    pub fn apply_to_frame(&self, frame: &mut [f32]) {
+        assert_eq!(frame.len(), self.taxels(), "taxels of a frame");
+        assert!(!self.needs_whole_sweep(), "levels of a whole sweep");
+        self.scale(frame);
+    }
+
+    /// Whether it removes levels, which are known only after the last frame.
+    pub fn needs_whole_sweep(&self) -> bool {
+        !self.levels.are_kept()
     }
 }
 

@@ -10,7 +10,7 @@ use crate::{Classifier, Embedding, KnownSweeps, PipelineError};
 /// Share of the mean variance in the covariance of known sweeps.
 const SHRINKAGE: f64 = 0.3;
 /// Passes of Monte Carlo dropout.
-const RUNS: usize = 100;
+pub(crate) const RUNS: usize = 100;
 
 /// A score that is larger for stranger sweeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]

@@ -3,9 +3,24 @@
 //! Pure logic, no clock and no thread: a [`SweepWindow`] is pushed one [`tactnet_data::Frame`] at a time and neither
 //! allocates nor blocks after it was made.
 
+mod follow;
+mod line;
+mod measures;
+mod model;
+pub mod packets;
 mod percentile;
+mod serve_config;
+mod serve_error;
+mod service;
 pub mod stress;
 mod window;
+mod workshop;
 
+pub use follow::{Contact, FollowConfig, Followed, Reject, Segmentation, SweepFollower};
+pub use measures::Measures;
+pub use model::{ModelSource, ServedModel};
 pub use percentile::percentile;
+pub use serve_config::ServeConfig;
+pub use serve_error::ServeError;
+pub use service::Service;
 pub use window::{Push, SweepWindow, WindowConfig, WindowError};

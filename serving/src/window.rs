@@ -179,6 +179,22 @@ impl SweepWindow {
         self.is_complete().then_some(self.values.as_slice())
     }
 
+    /// Frames of the window so far, interpolated ones included.
+    pub fn kept(&self) -> usize {
+        let WindowConfig { skip, steps, .. } = self.config;
+        self.seen.saturating_sub(skip).min(steps)
+    }
+
+    /// `[taxels]` digits of a frame of the window.
+    ///
+    /// # Panics
+    /// If it has not come yet ([`SweepWindow::kept`]).
+    pub fn row(&self, number: usize) -> &[f32] {
+        assert!(number < self.kept(), "frame {number} of the window");
+        let taxels = self.config.taxels;
+        &self.values[number * taxels..(number + 1) * taxels]
+    }
+
     /// Frames of this motion that were interpolated.
     pub fn filled_in(&self) -> usize {
         self.filled_in

@@ -6,6 +6,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
+use tactnet_channel::{Table, remove_bus};
 use tempfile::TempDir;
 
 use crate::command::{expect, stderr, stdout, tactnet};
@@ -97,11 +98,7 @@ impl Robot {
 
 impl Drop for Robot {
     fn drop(&mut self) {
-        for entry in std::fs::read_dir("/dev/shm").unwrap().flatten() {
-            if entry.file_name().to_string_lossy().starts_with(&self.bus) {
-                let _ = std::fs::remove_file(entry.path());
-            }
-        }
+        remove_bus(&Table::new(&self.bus)).unwrap();
     }
 }
 

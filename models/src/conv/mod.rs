@@ -10,6 +10,7 @@
 //!    taxel  fft  product          transforms over taxels and time, products of spectra
 //!        pooling  norm            winners of every window, batch statistics, what they add to gradients
 //!            simd                 vectors of maps
+//!        stream  stream_head      the network row by row, for one sweep as it happens
 //! ```
 //!
 //! # Why it is fast
@@ -54,6 +55,8 @@ mod spectral;
 mod spectral_backward;
 mod spectral_plan;
 mod spectral_stages;
+mod stream;
+mod stream_head;
 mod taxel;
 #[cfg(test)]
 mod tests;
@@ -63,6 +66,8 @@ mod weight;
 
 pub use extension::runs_on;
 pub(crate) use extension::{TrainedBlock, block_eval, block_train};
+pub(crate) use stream::{StreamBlock, StreamShape};
+pub(crate) use stream_head::StreamHead;
 
 pub use block::{Block, Gradients, Saved, Trained};
 pub use shape::BlockShape;

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 use iceoryx2::prelude::*;
 use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
@@ -16,6 +17,9 @@ use crate::{
     ChannelConfig, ChannelError, ChannelId, ChannelState, GetPort, Packet, Priority, PutPort,
     Start, SyncGroup, Table,
 };
+
+/// How long the places of dead clients may take to become free.
+const CLEARING_UP: Duration = Duration::from_secs(2);
 
 /// Which components a bus connects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -278,14 +282,34 @@ pub(crate) fn service_name(id: ChannelId) -> Result<ServiceName, ChannelError> {
 
 /// Opens a channel of the hub.
 fn open<S: Service>(node: &Node<S>, id: ChannelId, bus: &str) -> Result<Channel<S>, ChannelError> {
-    node.service_builder(&service_name(id)?)
-        .publish_subscribe::<[Block]>()
-        .user_header::<Header>()
-        .open()
-        .map_err(|error| match error {
-            PublishSubscribeOpenError::DoesNotExist => ChannelError::NoHub { bus: bus.into() },
-            error => ChannelError::transport(id, format!("{error:?}")),
-        })
+    let begun = Instant::now();
+    loop {
+        let opened = node
+            .service_builder(&service_name(id)?)
+            .publish_subscribe::<[Block]>()
+            .user_header::<Header>()
+            .open();
+        match opened {
+            Ok(channel) => return Ok(channel),
+            // The places of clients that died are free again only after somebody has cleared up; the hub may be at it.
+            Err(PublishSubscribeOpenError::ExceedsMaxNumberOfNodes)
+                if begun.elapsed() < CLEARING_UP =>
+            {
+                node.blocking_cleanup_dead_nodes(Duration::from_millis(20));
+                std::thread::sleep(Duration::from_millis(10));
+            }
+            Err(PublishSubscribeOpenError::ExceedsMaxNumberOfNodes) => {
+                return Err(ChannelError::transport(
+                    id,
+                    "more clients than its ports allow",
+                ));
+            }
+            Err(PublishSubscribeOpenError::DoesNotExist) => {
+                return Err(ChannelError::NoHub { bus: bus.into() });
+            }
+            Err(error) => return Err(ChannelError::transport(id, format!("{error:?}"))),
+        }
+    }
 }
 
 /// Creates a channel, or opens it where it is as the table says.

@@ -129,6 +129,33 @@ impl Hub {
     }
 }
 
+/// Removes what a bus leaves in this host's shared memory, for a bus that will not be used again: bells, locks, what killed clients left.
+/// Whoever still uses it keeps the memory that it has, but meets nobody any more.
+///
+/// # Errors
+/// A file that cannot be removed.
+pub fn remove_bus(table: &Table) -> Result<(), ChannelError> {
+    let prefix = format!("{}_", table.local_name());
+    let folder = PathBuf::from(SHARED_MEMORY);
+    let failed = |source| ChannelError::Io {
+        path: folder.clone(),
+        action: "clear up",
+        source,
+    };
+    for entry in std::fs::read_dir(&folder).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        if entry.file_name().to_string_lossy().starts_with(&prefix) {
+            match std::fs::remove_file(entry.path()) {
+                Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                    return Err(failed(error));
+                }
+                _ => {}
+            }
+        }
+    }
+    Ok(())
+}
+
 fn lock(bus: &str) -> Result<File, ChannelError> {
     let path = PathBuf::from(format!("{SHARED_MEMORY}/{bus}_hub"));
     let failed = |source| ChannelError::Io {
@@ -153,16 +180,16 @@ fn lock(bus: &str) -> Result<File, ChannelError> {
 }
 
 /// Removes what a hub left that was killed while it created a channel: a service's description that is not yet closed to writing, or its
-/// state that is not yet open to reading. Iceoryx2 can neither open nor create nor clean up such a service. Only a hub creates channels, and
+/// state (or the bus's) that is not yet open to reading. Iceoryx2 can neither open nor create nor clean up such a service. Only a hub creates channels, and
 /// there is no other.
 fn remove_unfinished(config: &Config) -> Result<(), ChannelError> {
     let services = config.global.service_dir().to_string();
     let prefix = config.global.prefix.to_string();
-    let state = config
-        .global
-        .service
-        .dynamic_config_storage_suffix
-        .to_string();
+    let states = [
+        config.global.service.dynamic_config_storage_suffix,
+        config.global.node.global_mgmt_suffix,
+    ]
+    .map(|suffix| suffix.to_string());
     for folder in [services.as_str(), SHARED_MEMORY] {
         let failed = |source| ChannelError::Io {
             path: PathBuf::from(folder),
@@ -178,7 +205,8 @@ fn remove_unfinished(config: &Config) -> Result<(), ChannelError> {
             // Another bus may remove its own meanwhile.
             let Ok(file) = entry.metadata() else { continue };
             let unfinished = if folder == SHARED_MEMORY {
-                name.ends_with(&state) && file.permissions().mode() & 0o400 == 0
+                states.iter().any(|state| name.ends_with(state))
+                    && file.permissions().mode() & 0o400 == 0
             } else {
                 !file.permissions().readonly()
             };

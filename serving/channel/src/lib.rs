@@ -26,7 +26,7 @@ mod transport;
 pub use bus::{AsChannelId, Bus, Domain};
 pub use error::ChannelError;
 pub use get::{GetPort, GetSide, Received, Start, Wait};
-pub use hub::{ChannelState, Hub};
+pub use hub::{ChannelState, Hub, remove_bus};
 pub use hub_thread::HubThread;
 pub use packet::{ChannelId, Header, Packet, Priority};
 pub use put::{Loan, PutPort, now_ns};

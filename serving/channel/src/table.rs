@@ -32,6 +32,9 @@ pub struct Table {
     pub network: Network,
     /// By id.
     pub channels: BTreeMap<String, ChannelConfig>,
+    /// Settings of components, by their names; the bus itself does not read them.
+    #[serde(default, skip_serializing_if = "toml::Table::is_empty")]
+    pub components: toml::Table,
 }
 
 /// Endpoints of the hub, like `tcp/10.0.0.2:7447`.
@@ -187,6 +190,7 @@ impl Table {
             bus: bus.into(),
             network: Network::default(),
             channels: BTreeMap::new(),
+            components: toml::Table::new(),
         }
     }
 

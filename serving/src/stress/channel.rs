@@ -5,7 +5,7 @@ use std::time::Duration;
 use bytemuck::{Pod, Zeroable};
 use tactnet_channel::{
     Bus, ChannelConfig, Congestion, Domain, GetPort, GetSide, Hub, HubThread, Network, Packet,
-    Priority, PutPort, Start, SyncGroup, Table, Wait,
+    Priority, PutPort, Start, SyncGroup, Table, Wait, remove_bus,
 };
 
 use super::plan::{Cell, Configuration, StressDomain};
@@ -86,16 +86,35 @@ fn host_of(cell: &Cell, client: usize) -> usize {
     }
 }
 
-/// The hubs that a cell needs: none in a process, one on a host, three for a master and clients on two other hosts.
-pub(super) fn hubs(cell: &Cell, name: &str) -> Result<Vec<HubThread>, Failure> {
-    let hosts = match cell.domain {
-        StressDomain::Process => 0,
-        StressDomain::Host => 1,
-        StressDomain::Distributed => 3,
-    };
-    (0..hosts)
-        .map(|host| Ok(Hub::spawn(&table(cell, name, host))?))
-        .collect()
+/// The hubs of a cell; nothing of them stays behind.
+pub(super) struct Hubs(Vec<(Table, HubThread)>);
+
+impl Hubs {
+    /// None in a process, one on a host, three for a master and clients on two other hosts.
+    pub(super) fn start(cell: &Cell, name: &str) -> Result<Self, Failure> {
+        let hosts = match cell.domain {
+            StressDomain::Process => 0,
+            StressDomain::Host => 1,
+            StressDomain::Distributed => 3,
+        };
+        let mut hubs = Self(Vec::new());
+        for host in 0..hosts {
+            let table = table(cell, name, host);
+            let hub = Hub::spawn(&table)?;
+            hubs.0.push((table, hub));
+        }
+        Ok(hubs)
+    }
+}
+
+impl Drop for Hubs {
+    fn drop(&mut self) {
+        for (table, hub) in self.0.drain(..) {
+            drop(hub);
+            // The next cell does not mind what could not be removed.
+            let _ = remove_bus(&table);
+        }
+    }
 }
 
 fn open_bus(cell: &Cell, name: &str, host: usize) -> Result<Bus, Failure> {

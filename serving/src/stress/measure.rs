@@ -158,15 +158,15 @@ struct Opened {
     master: Box<dyn Master>,
     /// The bus that threads share.
     bus: Option<tactnet_channel::Bus>,
-    _hubs: Vec<tactnet_channel::HubThread>,
+    _hubs: Option<channel::Hubs>,
 }
 
 impl Opened {
     fn open(cell: &Cell, name: &str) -> Result<Self, Failure> {
-        let (mut bus, mut hubs) = (None, Vec::new());
+        let (mut bus, mut hubs) = (None, None);
         let master: Box<dyn Master> = match cell.transport {
             Transport::Tactnet => {
-                hubs = channel::hubs(cell, name)?;
+                hubs = Some(channel::Hubs::start(cell, name)?);
                 let master = channel::ChannelMaster::open(cell, name)?;
                 bus = Some(master.bus());
                 Box::new(master)

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
-use tactnet_channel::{Bus, ChannelConfig, Domain, Hub, HubThread, Table, Wait};
+use tactnet_channel::{Bus, ChannelConfig, Domain, Hub, HubThread, Table, Wait, remove_bus};
 
 #[cfg(feature = "zenoh")]
 use super::namespaces::Namespaces;
@@ -40,15 +40,8 @@ impl Drop for Ends {
         self.hubs.clear();
         #[cfg(feature = "zenoh")]
         drop(self.hosts.take());
-        let own = &self.near.table().bus;
-        for entry in std::fs::read_dir("/dev/shm").unwrap().flatten() {
-            if entry
-                .file_name()
-                .to_string_lossy()
-                .starts_with(own.as_str())
-            {
-                let _ = std::fs::remove_file(entry.path());
-            }
+        for bus in [&self.near, &self.far] {
+            remove_bus(bus.table()).unwrap();
         }
     }
 }

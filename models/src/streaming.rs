@@ -1,0 +1,304 @@
+//! TactNet-II that follows a sweep frame by frame.
+
+use crate::conv::{StreamBlock, StreamHead, StreamShape};
+use crate::weights::values;
+use crate::{TactNet, TactNetConfig};
+
+/// A trained network with frozen statistics that takes one sweep, frame by frame.
+///
+/// The convolutions advance with every frame; after the last one only what SAME padding closes is left. At any time [`StreamingNet::features`]
+/// are those of the frames so far: the features that [`TactNet::features`] gives for a sweep of that many steps, with zeros for pooled steps that
+/// have not begun. Nothing allocates after [`StreamingNet::new`].
+#[derive(Debug)]
+pub struct StreamingNet {
+    blocks: Vec<StreamBlock>,
+    /// To finish what `blocks` has begun without losing it.
+    ends: Vec<StreamBlock>,
+    features: FeatureRows,
+    /// As `features`, with what the ends add.
+    ended: FeatureRows,
+    head: StreamHead,
+    steps: usize,
+    frames: usize,
+    /// Rows of a whole sweep that each block sees.
+    rows: Vec<usize>,
+    pools: Vec<usize>,
+    /// Rows of the sweep so far that each block sees.
+    rows_now: Vec<usize>,
+}
+
+/// `[maps][pooled steps][taxels]`, filled row by row.
+#[derive(Debug, Clone)]
+struct FeatureRows {
+    values: Vec<f32>,
+    rows: usize,
+    taxels: usize,
+    filled: usize,
+}
+
+impl FeatureRows {
+    /// - `row`: `[taxels][maps]`
+    fn push(&mut self, row: &[f32]) {
+        let maps = row.len() / self.taxels;
+        for (taxel, values) in row.chunks_exact(maps).enumerate() {
+            for (map, value) in values.iter().enumerate() {
+                self.values[(map * self.rows + self.filled) * self.taxels + taxel] = *value;
+            }
+        }
+        self.filled += 1;
+    }
+}
+
+impl StreamingNet {
+    /// Copies the weights of `net`.
+    ///
+    /// - `masks`: `[runs][features]`, see [`crate::dropout_masks`]; may be empty
+    ///
+    /// # Panics
+    /// If `config` does not describe `net`, or the masks are not whole rows.
+    pub fn new(net: &TactNet, config: &TactNetConfig, masks: &[f32]) -> Self {
+        let input = config.input();
+        let features = config.features();
+        assert_eq!(masks.len() % features, 0, "masks of {features} features");
+        let blocks: Vec<StreamBlock> = net
+            .blocks
+            .iter()
+            .map(|block| {
+                let [maps_out, maps_in, time, wide] = block.weight.dims();
+                let shape = StreamShape {
+                    taxels: input.taxels,
+                    maps_in,
+                    maps_out,
+                    kernel: [time, wide],
+                    pool: block.pool,
+                };
+                let (scale, shift) = block.folded_norm();
+                StreamBlock::new(shape, &values(block.weight.val()), &scale, &shift)
+            })
+            .collect();
+        let hidden = net.hidden.folded();
+        let output = [
+            values(net.output_weight.val()),
+            values(net.output_bias.val()),
+        ];
+        let mut rows = vec![input.steps];
+        for pool in config.pools() {
+            rows.push(rows[rows.len() - 1].div_ceil(*pool));
+        }
+        let features = FeatureRows {
+            values: vec![0.0; features],
+            rows: rows[config.pools().len()],
+            taxels: input.taxels,
+            filled: 0,
+        };
+        Self {
+            ends: blocks.clone(),
+            blocks,
+            ended: features.clone(),
+            features,
+            head: StreamHead::new(
+                [&hidden.weight, &hidden.bias],
+                [&output[0], &output[1]],
+                masks,
+            ),
+            steps: input.steps,
+            frames: 0,
+            rows_now: rows.clone(),
+            rows,
+            pools: config.pools().to_vec(),
+        }
+    }
+
+    /// Forgets the sweep; the next frame is the first of a new one.
+    pub fn restart(&mut self) {
+        self.blocks.iter_mut().for_each(StreamBlock::restart);
+        self.features.values.fill(0.0);
+        self.features.filled = 0;
+        self.frames = 0;
+    }
+
+    /// Frames so far.
+    pub fn frames(&self) -> usize {
+        self.frames
+    }
+
+    /// Whether the sweep is whole.
+    pub fn is_complete(&self) -> bool {
+        self.frames == self.steps
+    }
+
+    /// Takes the next frame.
+    ///
+    /// - `frame`: `[taxels]`, normalised
+    ///
+    /// # Panics
+    /// If the sweep is complete.
+    pub fn push(&mut self, frame: &[f32]) {
+        assert!(!self.is_complete(), "a sweep has {} frames", self.steps);
+        self.frames += 1;
+        push(&mut self.blocks, &self.rows, frame, &mut self.features);
+    }
+
+    /// What the dense layer sees of the frames so far, `[maps x pooled steps x taxels]`.
+    fn end(&mut self) {
+        for (end, block) in self.ends.iter_mut().zip(&self.blocks) {
+            end.copy_from(block);
+        }
+        self.ended.values.copy_from_slice(&self.features.values);
+        self.ended.filled = self.features.filled;
+        self.rows_now[0] = self.frames;
+        for (block, pool) in self.pools.iter().enumerate() {
+            self.rows_now[block + 1] = self.rows_now[block].div_ceil(*pool);
+        }
+        for block in 0..self.ends.len() {
+            let (this, next) = self.ends[block..].split_at_mut(1);
+            while let Some(row) = this[0].end() {
+                push(next, &self.rows_now[block + 1..], row, &mut self.ended);
+            }
+        }
+    }
+
+    /// Features of the frames so far, in the order of [`TactNet::features`].
+    pub fn features(&mut self) -> &[f32] {
+        self.end();
+        &self.ended.values
+    }
+
+    /// Calls `visit` with the scores `[materials]` of the frames so far.
+    ///
+    /// # Panics
+    /// Before the first frame.
+    pub fn scores(&mut self, visit: impl FnMut(&[f32])) {
+        assert!(self.frames > 0, "scores need a frame");
+        self.end();
+        self.head.plain(&self.ended.values, visit);
+    }
+
+    /// As [`StreamingNet::scores`], once for every dropout mask.
+    ///
+    /// # Panics
+    /// Before the first frame.
+    pub fn monte_carlo_scores(&mut self, visit: impl FnMut(&[f32])) {
+        assert!(self.frames > 0, "scores need a frame");
+        self.end();
+        self.head.monte_carlo(&self.ended.values, visit);
+    }
+
+    /// Number of dropout masks.
+    pub fn runs(&self) -> usize {
+        self.head.runs()
+    }
+}
+
+/// Takes a row through the blocks as far as it leads.
+fn push(blocks: &mut [StreamBlock], rows: &[usize], row: &[f32], features: &mut FeatureRows) {
+    let [first, rest @ ..] = blocks else {
+        features.push(row);
+        return;
+    };
+    if let Some(pooled) = first.push(row, rows[0]) {
+        push(rest, &rows[1..], pooled, features);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use burn::tensor::{Device, Tensor, TensorData};
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+    use crate::{Architecture, InputShape, dropout_masks};
+
+    fn network(steps: usize, taxels: usize, pools: Vec<usize>) -> (TactNet, TactNetConfig) {
+        let architecture = Architecture {
+            maps: vec![5, 9, 6],
+            hidden: 11,
+            pools: Some(pools),
+            ..Architecture::default()
+        };
+        let config = TactNetConfig::new(architecture, InputShape { steps, taxels }, 4).unwrap();
+        let mut rng = ChaCha8Rng::seed_from_u64(7);
+        let mut net = TactNet::init(&config, &Device::flex(), &mut rng);
+        // Statistics that are not those of a fresh network.
+        let sweeps = noise(6 * steps * taxels, 8);
+        let sweeps = Tensor::from_data(
+            TensorData::new(sweeps, [6, 1, steps, taxels]),
+            &Device::flex(),
+        );
+        let mask = dropout_masks(6, config.features(), 0.8, &Device::flex(), &mut rng);
+        let trained = net.forward_train(sweeps, mask);
+        net.follow(&trained.statistics);
+        (net, config)
+    }
+
+    fn noise(len: usize, seed: u64) -> Vec<f32> {
+        use rand::RngExt;
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        (0..len).map(|_| rng.random_range(-2.0..2.0)).collect()
+    }
+
+    fn close(found: &[f32], expected: &[f32]) {
+        assert_eq!(found.len(), expected.len());
+        for (found, expected) in found.iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-4, "{found} {expected}");
+        }
+    }
+
+    #[test]
+    fn at_any_frame_the_features_are_those_of_a_shorter_sweep() {
+        let (steps, taxels, pools) = (173, 5, vec![7, 4, 3]);
+        let (net, config) = network(steps, taxels, pools.clone());
+        let sweep = noise(steps * taxels, 9);
+        let mut streaming = StreamingNet::new(&net, &config, &[]);
+        for _ in 0..2 {
+            streaming.restart();
+            for (frame, taxel_values) in sweep.chunks_exact(taxels).enumerate() {
+                streaming.push(taxel_values);
+                let now = frame + 1;
+                if ![1, 6, 7, 8, 40, 100, 172, 173].contains(&now) {
+                    continue;
+                }
+                let data = TensorData::new(sweep[..now * taxels].to_vec(), [1, 1, now, taxels]);
+                let short = net.features(Tensor::from_data(data, &Device::flex()));
+                // Rows of pooled steps that have not begun are zero.
+                let rows = |steps: usize| pools.iter().fold(steps, |s, pool| s.div_ceil(*pool));
+                let mut expected = vec![0.0; config.features()];
+                let maps = short.dims()[1] / rows(now) / taxels;
+                let short = values(short);
+                for map in 0..maps {
+                    let from = &short[map * rows(now) * taxels..][..rows(now) * taxels];
+                    expected[map * rows(steps) * taxels..][..from.len()].copy_from_slice(from);
+                }
+                close(streaming.features(), &expected);
+            }
+        }
+    }
+
+    #[test]
+    fn scores_are_those_of_the_network_plainly_and_with_masks() {
+        let (steps, taxels) = (100, 16);
+        let (net, config) = network(steps, taxels, vec![10, 10, 1]);
+        let sweep = noise(steps * taxels, 3);
+        let device = Device::flex();
+        let masks = dropout_masks(
+            5,
+            config.features(),
+            0.8,
+            &device,
+            &mut ChaCha8Rng::seed_from_u64(2),
+        );
+        let mut streaming = StreamingNet::new(&net, &config, &values(masks.clone()));
+        sweep
+            .chunks_exact(taxels)
+            .for_each(|frame| streaming.push(frame));
+        assert!(streaming.is_complete() && streaming.runs() == 5);
+        let data = TensorData::new(sweep, [1, 1, steps, taxels]);
+        let features = net.features(Tensor::from_data(data, &device));
+        let (mut plain, mut runs) = (Vec::new(), Vec::new());
+        streaming.scores(|scores| plain.extend_from_slice(scores));
+        streaming.monte_carlo_scores(|scores| runs.extend_from_slice(scores));
+        close(&plain, &values(net.head(features.clone())));
+        close(&runs, &values(net.head(features.repeat_dim(0, 5) * masks)));
+    }
+}

@@ -1,0 +1,498 @@
+//! Where sweeps begin and end in the stream of frames, and which of them can be used.
+//!
+//! Pure logic: a [`SweepFollower`] is told of frames and commands of one finger and says what they mean. Every fault of the sensor or of the motion
+//! controller ends in a [`Reject`] with its reason; a rejected sweep gives no belief.
+
+use serde::{Deserialize, Serialize};
+use tactnet_data::Frame;
+
+use crate::{Push, SweepWindow, WindowConfig, WindowError};
+
+/// How sweeps are found, and what spoils them.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FollowConfig {
+    /// Who says when a sweep begins.
+    pub segmentation: Segmentation,
+    /// Frames skipped after the motion starts: at 750 Hz the middle 1000 of 1500 frames begin after 250 (thesis, section 4.3.2).
+    pub skip: usize,
+    /// Lost frames in a row that are filled in by linear interpolation.
+    pub longest_gap: usize,
+    /// Share of a frame's period that the sensor's clock may be off between two frames.
+    pub clock_tolerance: f64,
+    /// A taxel that shows the same digit, other than zero, for so many frames of a window is stalled.
+    pub stalled_frames: usize,
+    /// Digit of a saturated taxel.
+    pub full_scale: f32,
+    /// A taxel at full scale for so many frames of a window in a row is saturated.
+    pub saturated_frames: usize,
+}
+
+impl Default for FollowConfig {
+    fn default() -> Self {
+        Self {
+            segmentation: Segmentation::Command,
+            skip: 250,
+            longest_gap: 3,
+            clock_tolerance: 0.5,
+            stalled_frames: 750,
+            full_scale: 255.0,
+            saturated_frames: 100,
+        }
+    }
+}
+
+/// Who says when a sweep begins.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Segmentation {
+    /// The motion controller.
+    #[default]
+    Command,
+    /// The skin itself.
+    Contact(Contact),
+}
+
+/// A contact, by the mean digit of a frame, with hysteresis.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Contact {
+    /// It begins when the mean digit is at least this.
+    pub begins: f32,
+    /// It ends when the mean digit is below this.
+    pub ends: f32,
+    /// For so many frames in a row.
+    pub frames: usize,
+}
+
+impl Default for Contact {
+    fn default() -> Self {
+        Self {
+            begins: 10.0,
+            ends: 5.0,
+            frames: 8,
+        }
+    }
+}
+
+/// What a frame or a command did.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Followed {
+    /// Nothing to do.
+    Nothing,
+    /// A sweep began.
+    Begun,
+    /// The window has new rows.
+    Grown,
+    /// The window is whole.
+    Complete,
+    /// The sweep cannot be used.
+    Rejected(Reject),
+    /// The sweep cannot be used, and the next one began.
+    RejectedAndBegun(Reject),
+}
+
+/// Why a sweep cannot be used.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum Reject {
+    /// Lost, repeated or foreign frames, values that are no number.
+    #[error(transparent)]
+    Window(#[from] WindowError),
+    /// The sensor's clock does not go with its frames.
+    #[error("frame {sequence}: {found_ns} ns after the frame before, expected {expected_ns}")]
+    Clock {
+        /// The frame.
+        sequence: u64,
+        /// By the sensor's clock.
+        found_ns: i64,
+        /// By the rate and the frames' numbers.
+        expected_ns: i64,
+    },
+    /// A taxel that does not change.
+    #[error("taxel {taxel} shows {digit} for {frames} frames")]
+    Stalled {
+        /// The taxel.
+        taxel: usize,
+        /// What it shows.
+        digit: f32,
+        /// For how long.
+        frames: usize,
+    },
+    /// A taxel at its limit.
+    #[error("taxel {taxel} is saturated for {frames} frames")]
+    Saturated {
+        /// The taxel.
+        taxel: usize,
+        /// For how long.
+        frames: usize,
+    },
+    /// The motion ended before the window was whole.
+    #[error("it ended after {found} of {expected} frames")]
+    Short {
+        /// Frames of the window that came.
+        found: usize,
+        /// Frames of a window.
+        expected: usize,
+    },
+    /// Another sweep was started before this one was whole.
+    #[error("another sweep was started after {found} of {expected} frames")]
+    SecondStart {
+        /// Frames of the window that came.
+        found: usize,
+        /// Frames of a window.
+        expected: usize,
+    },
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum State {
+    Idle,
+    /// The window fills.
+    Sweeping,
+    /// The window is whole or spoiled; the motion goes on.
+    Over,
+}
+
+/// Follows the frames of one finger.
+#[derive(Debug, Clone)]
+pub struct SweepFollower {
+    config: FollowConfig,
+    steps: usize,
+    period_ns: f64,
+    window: SweepWindow,
+    state: State,
+    /// Sequence and sensor time of the newest frame of the sweep.
+    newest: Option<(u64, u64)>,
+    /// Frames in a row that speak for the other state of contact.
+    turning: usize,
+    /// `[taxels]`: digit, how often in a row, how often in a row at full scale
+    health: Vec<(f32, usize, usize)>,
+    /// Rows of the window whose health was looked at.
+    examined: usize,
+}
+
+impl SweepFollower {
+    /// Allocates everything it will ever need.
+    ///
+    /// - `steps`: frames of a window
+    /// - `rate_hz`: frames per second
+    pub fn new(config: FollowConfig, steps: usize, taxels: usize, rate_hz: f64) -> Self {
+        let window = SweepWindow::new(WindowConfig {
+            taxels,
+            skip: config.skip,
+            steps,
+            longest_gap: config.longest_gap,
+        });
+        Self {
+            config,
+            steps,
+            period_ns: 1e9 / rate_hz,
+            window,
+            state: State::Idle,
+            newest: None,
+            turning: 0,
+            health: vec![(0.0, 0, 0); taxels],
+            examined: 0,
+        }
+    }
+
+    /// The window of the sweep that is going on, or of the last one.
+    pub fn window(&self) -> &SweepWindow {
+        &self.window
+    }
+
+    /// Whether a window fills.
+    pub fn is_sweeping(&self) -> bool {
+        self.state == State::Sweeping
+    }
+
+    /// The motion controller starts a sweep.
+    pub fn start(&mut self) -> Followed {
+        let before = self.state;
+        let found = self.window.kept();
+        self.begin();
+        if before == State::Sweeping {
+            return Followed::RejectedAndBegun(Reject::SecondStart {
+                found,
+                expected: self.steps,
+            });
+        }
+        Followed::Begun
+    }
+
+    /// The motion controller has stopped.
+    pub fn stop(&mut self) -> Followed {
+        let before = self.state;
+        self.state = State::Idle;
+        if before == State::Sweeping {
+            return Followed::Rejected(Reject::Short {
+                found: self.window.kept(),
+                expected: self.steps,
+            });
+        }
+        Followed::Nothing
+    }
+
+    fn begin(&mut self) {
+        self.window.restart();
+        self.state = State::Sweeping;
+        self.newest = None;
+        self.turning = 0;
+        self.examined = 0;
+        self.health.fill((0.0, 0, 0));
+    }
+
+    /// The next frame of the finger.
+    pub fn push(&mut self, frame: &Frame<'_>) -> Followed {
+        let contact = match self.config.segmentation {
+            Segmentation::Command => Followed::Nothing,
+            Segmentation::Contact(contact) => self.feel(contact, frame.taxels),
+        };
+        if contact != Followed::Nothing || self.state != State::Sweeping {
+            return contact;
+        }
+        match self.take(frame) {
+            Ok(Push::Taken) => Followed::Grown,
+            Ok(Push::Complete) => {
+                self.state = State::Over;
+                Followed::Complete
+            }
+            Ok(Push::Ignored) => Followed::Nothing,
+            Err(reject) => {
+                self.state = State::Over;
+                Followed::Rejected(reject)
+            }
+        }
+    }
+
+    /// Whether a contact begins or ends with this frame.
+    fn feel(&mut self, contact: Contact, taxels: &[f32]) -> Followed {
+        let mean = taxels.iter().sum::<f32>() / taxels.len().max(1) as f32;
+        let touching = self.state != State::Idle;
+        let turns = match touching {
+            true => mean < contact.ends,
+            false => mean >= contact.begins,
+        };
+        self.turning = if turns { self.turning + 1 } else { 0 };
+        if self.turning < contact.frames {
+            return Followed::Nothing;
+        }
+        self.turning = 0;
+        if touching { self.stop() } else { self.start() }
+    }
+
+    fn take(&mut self, frame: &Frame<'_>) -> Result<Push, Reject> {
+        if let Some((sequence, time)) = self.newest
+            && frame.sequence > sequence
+        {
+            let expected = (frame.sequence - sequence) as f64 * self.period_ns;
+            let found = frame.sensor_time_nanos as f64 - time as f64;
+            if (found - expected).abs() > self.config.clock_tolerance * self.period_ns {
+                return Err(Reject::Clock {
+                    sequence: frame.sequence,
+                    found_ns: found as i64,
+                    expected_ns: expected as i64,
+                });
+            }
+        }
+        let pushed = self.window.push(frame)?;
+        self.newest = Some((frame.sequence, frame.sensor_time_nanos));
+        for row in self.examined..self.window.kept() {
+            examine(&self.config, &mut self.health, self.window.row(row))?;
+        }
+        self.examined = self.window.kept();
+        Ok(pushed)
+    }
+}
+
+/// Looks for stalled and saturated taxels.
+fn examine(
+    config: &FollowConfig,
+    health: &mut [(f32, usize, usize)],
+    row: &[f32],
+) -> Result<(), Reject> {
+    for (taxel, ((last, same, full), digit)) in health.iter_mut().zip(row).enumerate() {
+        *same = if digit == last && *digit != 0.0 {
+            *same + 1
+        } else {
+            1
+        };
+        *last = *digit;
+        *full = if *digit >= config.full_scale {
+            *full + 1
+        } else {
+            0
+        };
+        if *full >= config.saturated_frames {
+            return Err(Reject::Saturated {
+                taxel,
+                frames: *full,
+            });
+        }
+        if *same >= config.stalled_frames {
+            return Err(Reject::Stalled {
+                taxel,
+                digit: *digit,
+                frames: *same,
+            });
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PERIOD: u64 = 1_000_000;
+
+    fn config() -> FollowConfig {
+        FollowConfig {
+            skip: 2,
+            longest_gap: 1,
+            stalled_frames: 5,
+            saturated_frames: 3,
+            ..FollowConfig::default()
+        }
+    }
+
+    fn follower(config: FollowConfig) -> SweepFollower {
+        SweepFollower::new(config, 6, 2, 1e9 / PERIOD as f64)
+    }
+
+    /// A frame on time whose digits change.
+    fn good(follower: &mut SweepFollower, sequence: u64) -> Followed {
+        let digits = [20.0 + (sequence % 3) as f32, 30.0 + (sequence % 2) as f32];
+        push(follower, sequence, sequence * PERIOD, digits)
+    }
+
+    fn push(follower: &mut SweepFollower, sequence: u64, time: u64, digits: [f32; 2]) -> Followed {
+        follower.push(&Frame {
+            sequence,
+            sensor_time_nanos: time,
+            taxels: &digits,
+        })
+    }
+
+    #[test]
+    fn a_commanded_sweep_completes_once() {
+        let mut follower = follower(config());
+        assert_eq!(good(&mut follower, 4), Followed::Nothing);
+        assert_eq!(follower.start(), Followed::Begun);
+        for sequence in 5..12 {
+            assert_eq!(good(&mut follower, sequence), Followed::Grown);
+        }
+        assert_eq!(good(&mut follower, 12), Followed::Complete);
+        assert_eq!(follower.window().kept(), 6);
+        assert_eq!(good(&mut follower, 13), Followed::Nothing);
+        assert_eq!(follower.stop(), Followed::Nothing);
+        assert_eq!(good(&mut follower, 14), Followed::Nothing);
+        assert_eq!(follower.start(), Followed::Begun);
+    }
+
+    #[test]
+    fn every_fault_has_its_outcome() {
+        let begun = || {
+            let mut follower = follower(config());
+            follower.start();
+            (0..4).for_each(|sequence| {
+                good(&mut follower, sequence);
+            });
+            follower
+        };
+        // One lost frame is filled in, two are too many.
+        let mut lost = begun();
+        assert_eq!(good(&mut lost, 5), Followed::Grown);
+        assert_eq!(lost.window().filled_in(), 1);
+        let rejected = good(&mut begun(), 6);
+        assert!(matches!(
+            rejected,
+            Followed::Rejected(Reject::Window(WindowError::Gap { lost: 2, .. }))
+        ));
+        let repeated = good(&mut begun(), 3);
+        assert!(matches!(
+            repeated,
+            Followed::Rejected(Reject::Window(WindowError::Order { .. }))
+        ));
+        for time in [4 * PERIOD + 600_000, 3 * PERIOD, 0] {
+            let jumped = push(&mut begun(), 4, time, [1.0, 2.0]);
+            assert!(matches!(jumped, Followed::Rejected(Reject::Clock { .. })));
+        }
+        let mut late = begun();
+        assert_eq!(
+            push(&mut late, 4, 4 * PERIOD + 400_000, [1.0, 2.0]),
+            Followed::Grown
+        );
+        let mut short = begun();
+        let expected = Reject::Short {
+            found: 2,
+            expected: 6,
+        };
+        assert_eq!(short.stop(), Followed::Rejected(expected));
+        let second = Reject::SecondStart {
+            found: 2,
+            expected: 6,
+        };
+        let mut twice = begun();
+        assert_eq!(twice.start(), Followed::RejectedAndBegun(second));
+        assert_eq!(twice.window().kept(), 0);
+        assert_eq!(good(&mut twice, 50), Followed::Grown);
+    }
+
+    #[test]
+    fn stalled_and_saturated_taxels_are_found_and_silent_ones_are_not() {
+        let sweep = |digits: &dyn Fn(u64) -> [f32; 2]| {
+            let mut follower = follower(config());
+            follower.start();
+            (0..8)
+                .map(|sequence| push(&mut follower, sequence, sequence * PERIOD, digits(sequence)))
+                .find(|followed| *followed != Followed::Grown)
+                .unwrap()
+        };
+        let stalled = Reject::Stalled {
+            taxel: 1,
+            digit: 7.0,
+            frames: 5,
+        };
+        assert_eq!(sweep(&|n| [n as f32, 7.0]), Followed::Rejected(stalled));
+        assert_eq!(sweep(&|n| [n as f32, 0.0]), Followed::Complete);
+        let saturated = Reject::Saturated {
+            taxel: 0,
+            frames: 3,
+        };
+        assert_eq!(sweep(&|n| [255.0, n as f32]), Followed::Rejected(saturated));
+    }
+
+    #[test]
+    fn contact_begins_and_ends_with_hysteresis() {
+        let contact = Contact {
+            begins: 10.0,
+            ends: 5.0,
+            frames: 2,
+        };
+        let mut follower = follower(FollowConfig {
+            segmentation: Segmentation::Contact(contact),
+            skip: 0,
+            ..config()
+        });
+        let mut sequence = 0;
+        let mut touch = |mean: f32| {
+            sequence += 1;
+            let digits = [mean + (sequence % 2) as f32 * 0.1, mean];
+            push(&mut follower, sequence, sequence * PERIOD, digits)
+        };
+        assert_eq!(touch(12.0), Followed::Nothing);
+        assert_eq!(touch(8.0), Followed::Nothing, "one frame is no contact");
+        assert_eq!(touch(12.0), Followed::Nothing);
+        assert_eq!(touch(12.0), Followed::Begun);
+        for mean in [11.0, 4.0, 8.0, 7.0, 4.0] {
+            assert_eq!(touch(mean), Followed::Grown, "{mean}");
+        }
+        let short = Reject::Short {
+            found: 5,
+            expected: 6,
+        };
+        assert_eq!(touch(4.0), Followed::Rejected(short));
+        assert_eq!(touch(0.0), Followed::Nothing);
+    }
+}

@@ -1,0 +1,241 @@
+//! The model that serves: loaded from a run directory, checked against the skin, made anew when a material is learnt.
+
+use std::path::{Path, PathBuf};
+
+use sha2::{Digest, Sha256};
+use tactnet_data::{Dataset, LabelSet, Samples, SweepRecord, SweepView};
+use tactnet_models::Compute;
+use tactnet_pipeline::{
+    Calibration, Classifier, EnrolledMaterial, KnownSweeps, OnlineClassifier, PipelineError,
+    RunDir, enroll,
+};
+
+use crate::ServeError;
+use crate::packets::{MOST_MATERIALS, MOST_TAXELS, ModelNames, Text};
+
+/// Where models come from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum ModelSource {
+    /// One run directory.
+    Run(PathBuf),
+    /// A folder of run directories with numbers for names; the largest serves, also when it lands while another one does.
+    Versions(PathBuf),
+}
+
+impl ModelSource {
+    /// The newest version and its run directory; a single run is version 0.
+    ///
+    /// # Errors
+    /// No version there.
+    pub fn newest(&self) -> Result<(u64, PathBuf), ServeError> {
+        match self {
+            Self::Run(path) => Ok((0, path.clone())),
+            Self::Versions(folder) => {
+                let failed = |source| ServeError::Io {
+                    path: folder.clone(),
+                    source,
+                };
+                let mut newest = None;
+                for entry in std::fs::read_dir(folder).map_err(failed)? {
+                    let entry = entry.map_err(failed)?;
+                    let Some(version) = entry.file_name().to_str().and_then(|n| n.parse().ok())
+                    else {
+                        continue;
+                    };
+                    // Weights are written last, so a run without is still on its way.
+                    let landed =
+                        RunDir::open(&entry.path()).is_ok_and(|run| run.has_final_weights());
+                    if landed && newest.as_ref().is_none_or(|(known, _)| *known < version) {
+                        newest = Some((version, entry.path()));
+                    }
+                }
+                newest.ok_or_else(|| ServeError::NoVersion {
+                    folder: folder.clone(),
+                })
+            }
+        }
+    }
+}
+
+/// A trained network that can serve.
+pub struct ServedModel {
+    version: u64,
+    run: RunDir,
+    classifier: Classifier,
+    /// What enrolment needs.
+    known: Option<KnownSweeps>,
+    calibration: Option<Calibration>,
+}
+
+impl ServedModel {
+    /// Loads a run directory.
+    ///
+    /// # Errors
+    /// A run that has not ended or cannot be read; more taxels or materials than packets hold.
+    pub fn load(path: &Path, version: u64) -> Result<Self, ServeError> {
+        let run = RunDir::open(path)?;
+        let config = run.config()?.classifier;
+        let unfit = |what, most: usize, found: usize| ServeError::Unfit {
+            path: path.into(),
+            reason: format!("{found} {what}, packets hold {most}"),
+        };
+        if !run.has_final_weights() {
+            return Err(ServeError::Unfit {
+                path: path.into(),
+                reason: "its training has not ended".into(),
+            });
+        }
+        if config.labels.len() > MOST_MATERIALS {
+            return Err(unfit("materials", MOST_MATERIALS, config.labels.len()));
+        }
+        if config.shape.taxels() > MOST_TAXELS {
+            return Err(unfit("taxels", MOST_TAXELS, config.shape.taxels()));
+        }
+        let weights = run.weights()?;
+        let classifier = Classifier::new(config, &weights, &Compute::Cpu.open()?)?;
+        Ok(Self {
+            version,
+            known: run.known_sweeps().ok(),
+            calibration: run.calibration()?,
+            classifier,
+            run,
+        })
+    }
+
+    /// Its number.
+    pub fn version(&self) -> u64 {
+        self.version
+    }
+
+    /// Its run directory.
+    pub fn path(&self) -> &Path {
+        self.run.path()
+    }
+
+    /// The offline classifier.
+    pub fn classifier(&self) -> &Classifier {
+        &self.classifier
+    }
+
+    /// Whether it can tell unknown materials.
+    pub fn is_calibrated(&self) -> bool {
+        self.calibration.is_some()
+    }
+
+    /// A classifier for the frames of one finger.
+    ///
+    /// - `runs`: Monte Carlo dropout masks
+    ///
+    /// # Errors
+    /// A model that needs whole sweeps.
+    pub fn online(&self, runs: usize) -> Result<OnlineClassifier, ServeError> {
+        Ok(OnlineClassifier::new(
+            &self.classifier,
+            self.calibration.clone(),
+            runs,
+        )?)
+    }
+
+    /// Refuses a model for another skin.
+    ///
+    /// # Errors
+    /// Another shape or rate than `serving`'s, or materials that are not its own in their order and perhaps more.
+    pub fn check_replaces(&self, serving: &Self) -> Result<(), ServeError> {
+        let (new, old) = (self.classifier.config(), serving.classifier.config());
+        let unfit = |reason: String| {
+            Err(ServeError::Unfit {
+                path: self.path().into(),
+                reason,
+            })
+        };
+        if new.shape != old.shape {
+            return unfit(format!("sweeps of {}, served are {}", new.shape, old.shape));
+        }
+        if (new.sample_rate_hz - old.sample_rate_hz).abs() > 1e-6 * old.sample_rate_hz {
+            return unfit(format!(
+                "{} Hz, served are {} Hz",
+                new.sample_rate_hz, old.sample_rate_hz
+            ));
+        }
+        let mut names = new.labels.names();
+        if let Some(missing) = old.labels.names().find(|name| names.next() != Some(name)) {
+            return unfit(format!(
+                "material `{missing}` is missing or has another label"
+            ));
+        }
+        Ok(())
+    }
+
+    /// What onlookers are told.
+    pub fn names(&self, runs: usize) -> ModelNames {
+        let config = self.classifier.config();
+        let mut names = [Text::default(); MOST_MATERIALS];
+        for (text, name) in names.iter_mut().zip(config.labels.names()) {
+            *text = Text::new(name);
+        }
+        ModelNames {
+            version: self.version,
+            sample_rate_hz: config.sample_rate_hz,
+            steps: config.shape.steps as u32,
+            rows: config.shape.rows as u32,
+            cols: config.shape.cols as u32,
+            runs: runs as u32,
+            materials: config.labels.len() as u32,
+            reserved: 0,
+            names,
+        }
+    }
+
+    /// Learns a material from sweeps that were just recorded, and writes the result as a run directory of its own.
+    ///
+    /// - `digits`: `[sweeps][steps][taxels]`
+    /// - `path`: of the new run directory
+    ///
+    /// # Errors
+    /// A name that is known; no embeddings of the training sweeps; a folder that cannot be written.
+    pub fn enroll(
+        &self,
+        material: &str,
+        digits: Vec<f32>,
+        path: &Path,
+        version: u64,
+        git: &str,
+    ) -> Result<Self, ServeError> {
+        let known = match &self.known {
+            Some(known) => known,
+            // Says what is missing.
+            None => &self.run.known_sweeps()?,
+        };
+        let config = self.classifier.config();
+        let sweeps = digits.len() / config.shape.values();
+        let records = (0..sweeps).map(|sweep| SweepRecord {
+            label: 0,
+            sweep,
+            block: None,
+            test: None,
+        });
+        let dataset = Dataset::new(
+            "live",
+            config.sample_rate_hz,
+            config.shape,
+            LabelSet::new([material]).map_err(PipelineError::from)?,
+            records.collect(),
+            Samples::F32(digits),
+        )
+        .map_err(PipelineError::from)?;
+        let view = SweepView::new(&dataset, (0..sweeps).collect());
+        let enrolled = enroll(&self.classifier, known, &view, material)?;
+        let before = self.run.weights()?;
+        let digest = Sha256::digest(before.to_safetensors(std::collections::BTreeMap::new())?);
+        let record = EnrolledMaterial {
+            material: material.into(),
+            data: dataset.name().into(),
+            data_sha256: dataset.sha256().into(),
+            sweeps: (0..sweeps).collect(),
+            weights_sha256: digest.iter().map(|byte| format!("{byte:02x}")).collect(),
+            git: git.into(),
+        };
+        self.run.create_enrolled(path, &enrolled, record)?;
+        Self::load(path, version)
+    }
+}

@@ -1,0 +1,167 @@
+//! How the classifier serves: a component's section of the table of channels.
+
+use serde::{Deserialize, Serialize};
+use tactnet_channel::{ChannelConfig, Table};
+
+use crate::packets::{ModelNames, SkinFrame, SweepCommand, TactileBelief, TactileStatus};
+use crate::{FollowConfig, ServeError};
+
+/// Name of the section, `[components.tactnet]`.
+const SECTION: &str = "tactnet";
+
+/// Names, rates and promises.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ServeConfig {
+    /// Channels of skin frames; a finger's number is its place here.
+    pub fingers: Vec<String>,
+    /// Channel of commands.
+    pub command: String,
+    /// Channel of beliefs.
+    pub belief: String,
+    /// Channel of events and counters.
+    pub status: String,
+    /// Channel of the model's names.
+    pub model: String,
+    /// Time between beliefs while a sweep goes on, milliseconds; 0: none.
+    pub anytime_ms: f64,
+    /// Monte Carlo dropout masks; 0: plain judgements only.
+    pub runs: usize,
+    /// Promised time from a sweep's last frame to its plain belief, milliseconds.
+    pub plain_deadline_ms: f64,
+    /// Promised time from a sweep's last frame to its Monte Carlo belief, milliseconds.
+    pub dropout_deadline_ms: f64,
+    /// How sweeps are found, and what spoils them.
+    pub follow: FollowConfig,
+}
+
+impl Default for ServeConfig {
+    fn default() -> Self {
+        Self {
+            fingers: vec!["skin/right".into()],
+            command: "sweep/command".into(),
+            belief: "tactile/belief".into(),
+            status: "tactile/status".into(),
+            model: "tactile/model".into(),
+            anytime_ms: 50.0,
+            runs: 100,
+            plain_deadline_ms: 1.333,
+            dropout_deadline_ms: 4.0,
+            follow: FollowConfig::default(),
+        }
+    }
+}
+
+impl ServeConfig {
+    /// The section of `table`, or the defaults where it has none.
+    ///
+    /// # Errors
+    /// Unknown settings or values out of range.
+    pub fn of(table: &Table) -> Result<Self, ServeError> {
+        let config: Self = match table.components.get(SECTION) {
+            Some(section) => section.clone().try_into().map_err(|error| {
+                ServeError::Config(format!("[components.{SECTION}]: {error}").trim_end().into())
+            })?,
+            None => Self::default(),
+        };
+        let wrong = |setting: &str, reason: &str| {
+            Err(ServeError::Config(format!(
+                "[components.{SECTION}]: `{setting}`: {reason}"
+            )))
+        };
+        if config.fingers.is_empty() {
+            return wrong("fingers", "names no channel of skin frames");
+        }
+        if !(config.anytime_ms.is_finite() && config.anytime_ms >= 0.0) {
+            return wrong("anytime_ms", "expected a time, or 0");
+        }
+        for (setting, time) in [
+            ("plain_deadline_ms", config.plain_deadline_ms),
+            ("dropout_deadline_ms", config.dropout_deadline_ms),
+            ("follow.clock_tolerance", config.follow.clock_tolerance),
+        ] {
+            if !(time.is_finite() && time > 0.0) {
+                return wrong(setting, "expected more than 0");
+            }
+        }
+        Ok(config)
+    }
+
+    /// A table with all channels of these names and this section.
+    pub fn table(&self, bus: &str) -> Table {
+        let frames = ChannelConfig {
+            depth: 256,
+            ..ChannelConfig::of::<SkinFrame>(1)
+        };
+        let mut table = Table::new(bus);
+        for finger in &self.fingers {
+            table = table.with(finger, frames.clone());
+        }
+        let mut table = table
+            .with(
+                &self.command,
+                ChannelConfig {
+                    put_ports: 4,
+                    ..ChannelConfig::of::<SweepCommand>(1)
+                },
+            )
+            .with(
+                &self.belief,
+                ChannelConfig {
+                    depth: 64,
+                    ..ChannelConfig::of::<TactileBelief>(1)
+                },
+            )
+            .with(
+                &self.status,
+                ChannelConfig {
+                    depth: 64,
+                    ..ChannelConfig::of::<TactileStatus>(1)
+                },
+            )
+            .with(
+                &self.model,
+                ChannelConfig {
+                    history: 1,
+                    ..ChannelConfig::of::<ModelNames>(1)
+                },
+            );
+        let section = toml::Value::try_from(self)
+            .unwrap_or_else(|error| panic!("settings are plain values: {error}"));
+        table.components.insert(SECTION.into(), section);
+        table
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_keeps_the_section_and_wrong_settings_are_named() {
+        let config = ServeConfig {
+            fingers: vec!["skin/a".into(), "skin/b".into()],
+            runs: 0,
+            ..ServeConfig::default()
+        };
+        let text = toml::to_string(&config.table("justin")).unwrap();
+        let table = Table::parse(&text).unwrap();
+        assert_eq!(ServeConfig::of(&table).unwrap(), config);
+        assert_eq!(table.channels.len(), 6);
+        assert_eq!(
+            ServeConfig::of(&Table::new("empty")).unwrap(),
+            ServeConfig::default()
+        );
+        let error = |section: &str| {
+            let text = format!("bus = \"a\"\n[channels]\n[components.tactnet]\n{section}");
+            let table = Table::parse(&text).unwrap();
+            ServeConfig::of(&table).unwrap_err().to_string()
+        };
+        assert!(error("finger = 1").contains("finger"));
+        assert!(error("fingers = []").contains("names no channel"));
+        assert!(error("anytime_ms = -1.0").contains("anytime_ms"));
+        assert!(
+            error("[components.tactnet.follow]\nclock_tolerance = 0.0").contains("clock_tolerance")
+        );
+    }
+}

@@ -1,0 +1,257 @@
+//! What must not keep a frame waiting: loading models, learning materials, letting go of memory. A thread of its own does it.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use tactnet_pipeline::OnlineClassifier;
+
+use crate::model::{ModelSource, ServedModel};
+use crate::packets::{Event, ModelNames, Text};
+use crate::{ServeConfig, ServeError};
+
+/// How often it looks for a new version.
+const LOOK_EVERY: Duration = Duration::from_millis(500);
+
+/// What the service asks for.
+pub(crate) enum Job {
+    /// Learn `material` from `[sweeps][steps][taxels]` digits.
+    Enroll {
+        material: Text<56>,
+        digits: Vec<f32>,
+    },
+    /// Drop these: freeing memory takes its time.
+    Retire(Vec<OnlineClassifier>),
+}
+
+/// What the workshop tells the service.
+pub(crate) enum News {
+    /// Another model is ready.
+    Ready {
+        classifiers: Vec<OnlineClassifier>,
+        names: Box<ModelNames>,
+        event: Event,
+        text: Text<192>,
+    },
+    /// Something did not work out.
+    Failed { event: Event, text: Text<192> },
+}
+
+/// The service's end.
+pub(crate) struct Workshop {
+    jobs: Option<SyncSender<Job>>,
+    news: Receiver<News>,
+    /// Set when there is news, so that the service looks into the channel only then.
+    has_news: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Workshop {
+    /// Starts the thread with the model that serves.
+    pub(crate) fn start(
+        model: ServedModel,
+        source: ModelSource,
+        config: &ServeConfig,
+        git: &'static str,
+    ) -> Result<Self, ServeError> {
+        let (jobs, wanted) = sync_channel(4);
+        let (tell, news) = sync_channel(4);
+        let has_news = Arc::new(AtomicBool::new(false));
+        let mut worker = Worker {
+            refused: None,
+            model,
+            source,
+            fingers: config.fingers.len(),
+            runs: config.runs,
+            git,
+            tell,
+            has_news: has_news.clone(),
+            scratch: None,
+        };
+        let thread = std::thread::Builder::new()
+            .name("workshop".into())
+            .spawn(move || worker.run(&wanted))
+            .map_err(|source| ServeError::Io {
+                path: "workshop".into(),
+                source,
+            })?;
+        Ok(Self {
+            jobs: Some(jobs),
+            news,
+            has_news,
+            thread: Some(thread),
+        })
+    }
+
+    /// Hands a job over; gives it back if the workshop is busy.
+    pub(crate) fn ask(&self, job: Job) -> Result<(), Job> {
+        match &self.jobs {
+            Some(jobs) => jobs.try_send(job).map_err(|error| match error {
+                TrySendError::Full(job) | TrySendError::Disconnected(job) => job,
+            }),
+            None => Err(job),
+        }
+    }
+
+    /// What has happened since.
+    pub(crate) fn news(&self) -> Option<News> {
+        // Without news this is one read of memory.
+        if !self.has_news.load(Ordering::Acquire) {
+            return None;
+        }
+        match self.news.try_recv() {
+            Ok(news) => Some(news),
+            Err(_) => {
+                self.has_news.store(false, Ordering::Release);
+                // What was told between the two lines is found next time.
+                let late = self.news.try_recv().ok();
+                if late.is_some() {
+                    self.has_news.store(true, Ordering::Release);
+                }
+                late
+            }
+        }
+    }
+}
+
+impl Drop for Workshop {
+    fn drop(&mut self) {
+        drop(self.jobs.take());
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+struct Worker {
+    model: ServedModel,
+    source: ModelSource,
+    fingers: usize,
+    runs: usize,
+    git: &'static str,
+    tell: SyncSender<News>,
+    has_news: Arc<AtomicBool>,
+    /// A version that cannot serve is said once.
+    refused: Option<u64>,
+    /// Holds what is learnt while a single run serves.
+    scratch: Option<tempfile::TempDir>,
+}
+
+impl Worker {
+    fn run(&mut self, wanted: &Receiver<Job>) {
+        let mut looked = Instant::now();
+        loop {
+            match wanted.recv_timeout(LOOK_EVERY) {
+                Ok(Job::Retire(classifiers)) => drop(classifiers),
+                Ok(Job::Enroll { material, digits }) => self.enroll(material.as_str(), digits),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return,
+            }
+            if looked.elapsed() >= LOOK_EVERY {
+                self.look();
+                looked = Instant::now();
+            }
+        }
+    }
+
+    fn say(&self, news: News) {
+        // Nobody to tell: the service ends.
+        let _ = self.tell.send(news);
+        self.has_news.store(true, Ordering::Release);
+    }
+
+    fn fail(&self, event: Event, error: &ServeError) {
+        self.say(News::Failed {
+            event,
+            text: Text::new(&error.to_string()),
+        });
+    }
+
+    /// Looks for a newer version.
+    fn look(&mut self) {
+        if self.source == ModelSource::Run(self.model.path().into()) || self.scratch.is_some() {
+            return;
+        }
+        let Ok((version, path)) = self.source.newest() else {
+            return;
+        };
+        if version <= self.model.version() || self.refused == Some(version) {
+            return;
+        }
+        let loaded = ServedModel::load(&path, version).and_then(|model| {
+            model.check_replaces(&self.model)?;
+            Ok(model)
+        });
+        match loaded {
+            Ok(model) => self.offer(model, Event::Swapped, &format!("version {version} serves")),
+            Err(error) => {
+                self.refused = Some(version);
+                self.fail(Event::ModelRejected, &error);
+            }
+        }
+    }
+
+    fn enroll(&mut self, material: &str, digits: Vec<f32>) {
+        let begun = Instant::now();
+        let learnt = self.place().and_then(|(path, version)| {
+            self.model
+                .enroll(material, digits, &path, version, self.git)
+        });
+        match learnt {
+            Ok(model) => {
+                let text = format!(
+                    "`{material}` learnt in {:.2} s",
+                    begun.elapsed().as_secs_f64()
+                );
+                self.offer(model, Event::Enrolled, &text);
+            }
+            Err(error) => self.fail(Event::Refused, &error),
+        }
+    }
+
+    /// Where a classifier with one more material goes.
+    fn place(&mut self) -> Result<(PathBuf, u64), ServeError> {
+        match &self.source {
+            ModelSource::Versions(folder) => {
+                let version = self.source.newest()?.0.max(self.model.version()) + 1;
+                Ok((folder.join(version.to_string()), version))
+            }
+            ModelSource::Run(path) => {
+                let version = self.model.version() + 1;
+                let failed = |source| ServeError::Io {
+                    path: path.clone(),
+                    source,
+                };
+                if self.scratch.is_none() {
+                    self.scratch = Some(tempfile::tempdir().map_err(failed)?);
+                }
+                let folder = self.scratch.as_ref().map(|folder| folder.path());
+                let folder = folder.unwrap_or(path);
+                Ok((folder.join(version.to_string()), version))
+            }
+        }
+    }
+
+    fn offer(&mut self, model: ServedModel, event: Event, text: &str) {
+        let classifiers: Result<Vec<_>, _> =
+            (0..self.fingers).map(|_| model.online(self.runs)).collect();
+        match classifiers {
+            Ok(classifiers) => {
+                self.say(News::Ready {
+                    classifiers,
+                    names: Box::new(model.names(self.runs)),
+                    event,
+                    text: Text::new(text),
+                });
+                self.model = model;
+            }
+            Err(error) => {
+                self.refused = Some(model.version());
+                self.fail(Event::ModelRejected, &error);
+            }
+        }
+    }
+}
