@@ -1,20 +1,30 @@
 //! The `tactnet` command line: one verb a subcommand, results on stdout, everything else on stderr.
 
+mod allocations;
 mod channel;
+mod dashboard;
 mod data;
+mod demo;
 mod enroll;
 mod eval;
 mod experiment;
 mod failure;
+mod notify;
 mod output;
 mod report;
+mod serve;
+mod simulate;
 mod source;
 mod stop;
 mod study;
 mod train;
+mod web;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
+
+#[global_allocator]
+static ALLOCATOR: allocations::Counting = allocations::Counting;
 
 /// The commit this binary was built from.
 const GIT: &str = env!("TACTNET_GIT");
@@ -28,6 +38,7 @@ const GIT: &str = env!("TACTNET_GIT");
     disable_help_subcommand = true,
     after_help = "Examples:\n  \
         tactnet train                                train on the synthetic TactMat twin\n  \
+        tactnet demo                                 a simulated fingertip, classified live in the browser\n  \
         tactnet train --data sweeps.h5               train on recorded sweeps\n  \
         tactnet eval runs/twin-fast-fold0-1          judge a trained classifier again\n  \
         tactnet enroll runs/twin-fast-fold0-1 --data new.h5 --material felt --out runs/with-felt\n  \
@@ -60,6 +71,15 @@ enum Command {
     /// Hold, look at and measure the channels between robot components
     #[command(subcommand)]
     Channel(channel::ChannelCommand),
+    /// Classify sweeps on the robot's channels as they happen
+    Serve(serve::ServeArgs),
+    /// Look on in a browser while it serves
+    Dashboard(dashboard::DashboardArgs),
+    /// Put what a robot would on the channels: skin, catching stack, or everything at once
+    #[command(subcommand)]
+    Simulate(simulate::SimulateCommand),
+    /// Hub, simulated skin, classifier and dashboard together, for a first look
+    Demo(demo::DemoArgs),
 }
 
 fn main() -> ExitCode {
@@ -79,6 +99,10 @@ fn main() -> ExitCode {
         Command::Study(arguments) => study::run(&arguments),
         Command::Data(command) => data::run(command),
         Command::Channel(command) => channel::run(command),
+        Command::Serve(arguments) => serve::run(&arguments),
+        Command::Dashboard(arguments) => dashboard::run(&arguments),
+        Command::Simulate(command) => simulate::run(command),
+        Command::Demo(arguments) => demo::run(&arguments),
     };
     outcome.unwrap_or_else(|error| failure::report(&error))
 }

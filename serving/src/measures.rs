@@ -1,6 +1,7 @@
 //! Counters and times of the service for other threads, and as Prometheus reads them.
 
 use std::fmt::Write;
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::packets::{Counters, Stage};
@@ -20,6 +21,8 @@ pub struct Measures {
     deadline_misses: AtomicU64,
     worst_delay_ns: AtomicU64,
     compute: [Histogram; 3],
+    version: AtomicU64,
+    model: OnceLock<String>,
 }
 
 /// Computing times of one kind of judgement.
@@ -49,6 +52,14 @@ impl Measures {
         }
     }
 
+    /// - `model`: where it comes from; the first one counts
+    pub(crate) fn serve(&self, model: Option<&str>, version: u64) {
+        self.version.store(version, Ordering::Relaxed);
+        if let Some(model) = model {
+            self.model.get_or_init(|| model.into());
+        }
+    }
+
     pub(crate) fn judged(&self, stage: Stage, compute_ns: u64) {
         let histogram = &self.compute[stage as usize - 1];
         let bucket = BOUNDS_US.partition_point(|bound| bound * 1000 < compute_ns);
@@ -57,9 +68,7 @@ impl Measures {
     }
 
     /// Prometheus's text format, version 0.0.4.
-    ///
-    /// - `model`: path or name of the model, `version`: its version
-    pub fn prometheus(&self, model: &str, version: u64) -> String {
+    pub fn prometheus(&self) -> String {
         let read = |value: &AtomicU64| value.load(Ordering::Relaxed);
         let mut out = String::new();
         let mut add = |line: std::fmt::Arguments<'_>| {
@@ -136,6 +145,8 @@ impl Measures {
             "# HELP tactnet_model_info The model that serves."
         ));
         add(format_args!("# TYPE tactnet_model_info gauge"));
+        let version = read(&self.version);
+        let model = self.model.get().map_or("", String::as_str);
         let model = model.replace('\\', "\\\\").replace('"', "\\\"");
         add(format_args!(
             "tactnet_model_info{{model=\"{model}\",version=\"{version}\"}} 1"
@@ -158,7 +169,8 @@ mod tests {
             deadline_misses: 2,
             ..Counters::default()
         });
-        let text = measures.prometheus("a \"b\"", 3);
+        measures.serve(Some("a \"b\""), 3);
+        let text = measures.prometheus();
         for line in [
             "tactnet_inference_total{stage=\"plain\"} 3",
             "tactnet_compute_seconds_bucket{stage=\"plain\",le=\"0.0001\"} 0",

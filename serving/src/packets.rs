@@ -202,7 +202,7 @@ pub enum Verdict {
     Unknown = 2,
 }
 
-/// What happens, and how well, 288 bytes.
+/// What happens, and how well, 296 bytes.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct TactileStatus {
@@ -218,11 +218,11 @@ pub struct TactileStatus {
     pub model_version: u64,
     /// 32: since the service started.
     pub counters: Counters,
-    /// 96: for people, one line.
+    /// 104: for people, one line.
     pub text: Text<192>,
 }
 
-/// What the service counts, 64 bytes.
+/// What the service counts, 72 bytes.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct Counters {
@@ -242,6 +242,8 @@ pub struct Counters {
     pub deadline_misses: u64,
     /// 56: longest time from a frame's put until the service had dealt with it, nanoseconds.
     pub worst_delay_ns: u64,
+    /// 64: allocations of the thread that follows frames, while it followed them.
+    pub allocations: u64,
 }
 
 /// What happened.
@@ -313,8 +315,8 @@ mod tests {
         assert_eq!(size_of::<SkinFrame>(), 152);
         assert_eq!(size_of::<SweepCommand>(), 80);
         assert_eq!(size_of::<TactileBelief>(), 632);
-        assert_eq!(size_of::<TactileStatus>(), 288);
-        assert_eq!(size_of::<Counters>(), 64);
+        assert_eq!(size_of::<TactileStatus>(), 296);
+        assert_eq!(size_of::<Counters>(), 72);
         assert_eq!(size_of::<ModelNames>(), 40 + 64 * 64);
         let documented = include_str!("packets.rs");
         // Every `/// N: ...` stands before `pub name:` of the packet that is open.
@@ -345,7 +347,7 @@ mod tests {
             TactileBelief { sweep motion model_version last_frame latency_ns stage finger frames filled_in materials label verdict
                 entropy strangeness threshold fused_sweeps fused_label fused_entropy reserved posterior fused reserved_end }
             TactileStatus { event finger sweep motion model_version counters text }
-            Counters { frames dropped_frames beliefs sweeps rejected unknown deadline_misses worst_delay_ns }
+            Counters { frames dropped_frames beliefs sweeps rejected unknown deadline_misses worst_delay_ns allocations }
             ModelNames { version sample_rate_hz steps rows cols runs materials reserved names }
         };
         assert_eq!(found, compiled);

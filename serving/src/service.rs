@@ -52,10 +52,13 @@ pub struct Service {
     waiting: VecDeque<(u64, SweepCommand)>,
     counters: Counters,
     measures: Arc<Measures>,
+    calibrated: bool,
     sweeps: u64,
     alive_ns: u64,
     workshop: Workshop,
     news: Option<News>,
+    /// Allocations of this thread so far.
+    allocations: fn() -> u64,
 }
 
 struct Finger {
@@ -67,6 +70,8 @@ struct Finger {
     taken: usize,
     /// Rows after which the next belief is due.
     next_belief: usize,
+    /// First and newest frame.
+    sequences: Option<(u64, u64)>,
     recent: RecentSweeps,
 }
 
@@ -123,6 +128,9 @@ impl Service {
         let (version, path) = source.newest()?;
         let served = ServedModel::load(&path, version)?;
         let names = Box::new(served.names(config.runs));
+        let calibrated = served.is_calibrated();
+        let measures = Arc::<Measures>::default();
+        measures.serve(Some(&path.display().to_string()), version);
         let shape = served.classifier().config().shape;
         let fingers = config.fingers.iter().map(|_| {
             Ok(Finger {
@@ -137,6 +145,7 @@ impl Service {
                 motion: 0,
                 taken: 0,
                 next_belief: 0,
+                sequences: None,
                 recent: RecentSweeps::new(shape.values()),
             })
         });
@@ -161,16 +170,25 @@ impl Service {
             fingers,
             waiting: VecDeque::with_capacity(WAITING),
             counters: Counters::default(),
-            measures: Arc::default(),
+            measures,
+            calibrated,
             sweeps: 0,
             alive_ns: 0,
             workshop: Workshop::start(served, source, &config, git)?,
             news: None,
+            allocations: || 0,
             config,
         };
         service.model.put_copy(&[*service.names])?;
         service.tell(Event::Swapped, 0, format_args!("version {version} serves"))?;
         Ok(service)
+    }
+
+    /// Counts allocations while frames are followed.
+    ///
+    /// - `allocations`: of the calling thread, since it began
+    pub fn count_allocations(&mut self, allocations: fn() -> u64) {
+        self.allocations = allocations;
     }
 
     /// What it counts, to be read from other threads.
@@ -181,6 +199,16 @@ impl Service {
     /// The model that serves.
     pub fn names(&self) -> &ModelNames {
         &self.names
+    }
+
+    /// Whether the model that it began with can tell unknown materials.
+    pub fn is_calibrated(&self) -> bool {
+        self.calibrated
+    }
+
+    /// Sequence of the first and the newest frame of every finger.
+    pub fn sequences(&self) -> Vec<Option<(u64, u64)>> {
+        self.fingers.iter().map(|finger| finger.sequences).collect()
     }
 
     /// Counters since the start.
@@ -199,11 +227,13 @@ impl Service {
         if let Some(finger) = ready
             && finger < self.fingers.len()
         {
+            let before = (self.allocations)();
             while let Some(frame) = self.skins[finger].try_get()? {
                 self.receive_commands()?;
                 self.follow_waiting(frame.header().put_ns)?;
                 self.frame(finger, &frame)?;
             }
+            self.counters.allocations += (self.allocations)() - before;
         } else if ready.is_none() {
             // The skin is silent: nothing that a command could come too early for.
             self.follow_waiting(u64::MAX)?;
@@ -315,7 +345,10 @@ impl Service {
             return Ok(());
         };
         let put_ns = packet.header().put_ns;
-        let followed = self.fingers[number].follower.push(&Frame {
+        let finger = &mut self.fingers[number];
+        let first = finger.sequences.map_or(frame.sequence, |(first, _)| first);
+        finger.sequences = Some((first, frame.sequence));
+        let followed = finger.follower.push(&Frame {
             sequence: frame.sequence,
             sensor_time_nanos: frame.sensor_time_ns,
             taxels: frame.values(),
@@ -492,6 +525,7 @@ impl Service {
                     std::mem::swap(&mut finger.classifier, classifier);
                 }
                 self.names = names;
+                self.measures.serve(None, self.names.version);
                 if let Err(Job::Retire(classifiers)) = self.workshop.ask(Job::Retire(classifiers)) {
                     // The workshop is busy; freeing them here costs a little time between sweeps.
                     drop(classifiers);

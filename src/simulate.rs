@@ -1,0 +1,237 @@
+//! `tactnet simulate`: what a robot would put on the channels, for people without one.
+
+pub(crate) mod soak;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use anyhow::{Context, bail};
+use clap::{Args, Subcommand, ValueEnum};
+use rand::seq::SliceRandom;
+use tactnet_channel::{Bus, Domain, Priority, Table};
+use tactnet_data::{Dataset, Seed};
+use tactnet_serving::ServeConfig;
+use tactnet_serving::packets::{SkinFrame, SweepCommand};
+use tactnet_serving::simulate::{CatchingRole, SkinSimulator, Ticker, catching_table, run_role};
+
+use crate::stop::Stop;
+use crate::{output, source};
+
+/// Frames without contact between two motions, at 750 Hz half a second.
+const REST: usize = 375;
+
+#[derive(Subcommand)]
+#[command(after_help = "Examples:\n  \
+    tactnet simulate skin --table robot.toml --materials wood,cork     sweeps over wood and cork, in turns, in real time\n  \
+    tactnet simulate catching --table robot.toml --seconds 10          cameras, tracker, planner and the 1 kHz loop beside it\n  \
+    tactnet simulate soak --seconds 30 --run runs/a --json             all of it at once, measured")]
+pub enum SimulateCommand {
+    /// Put sweeps of a data set on the skin's channel in real time, with commands
+    Skin(SkinArgs),
+    /// Run the load of the ball catching stack (thesis, figure 3.2) and measure its 1 kHz loop
+    Catching(CatchingArgs),
+    /// Run hub, skin, catching stack, classifier and dashboard together and measure what they do to each other
+    Soak(soak::SoakArgs),
+}
+
+/// Runs the command.
+pub fn run(command: SimulateCommand) -> anyhow::Result<ExitCode> {
+    match command {
+        SimulateCommand::Skin(arguments) => skin(&arguments),
+        SimulateCommand::Catching(arguments) => catching(&arguments),
+        SimulateCommand::Soak(arguments) => soak::run(&arguments),
+    }
+}
+
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    tactnet simulate skin --table robot.toml                             all materials of the twin at random\n  \
+    tactnet simulate skin --table robot.toml --data sweeps.h5 --sweeps 5 five sweeps of a recorded data set")]
+pub struct SkinArgs {
+    /// The table of channels
+    #[arg(long, value_name = "FILE")]
+    table: PathBuf,
+    /// Whose sweeps
+    #[arg(long, value_name = "FILE|twin", default_value = "twin")]
+    data: String,
+    /// Only these materials, in turns
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    materials: Vec<String>,
+    /// End after N sweeps [default: go on]
+    #[arg(long, value_name = "N")]
+    sweeps: Option<u64>,
+    /// Decides the order of the sweeps
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+}
+
+/// Sweeps of the materials in turns, each material's in random order.
+pub(crate) fn order_of(
+    dataset: &Dataset,
+    materials: &[String],
+    seed: Seed,
+) -> anyhow::Result<Vec<usize>> {
+    let names: Vec<&str> = dataset.labels().names().collect();
+    let labels: Vec<usize> = if materials.is_empty() {
+        (0..names.len()).collect()
+    } else {
+        materials
+            .iter()
+            .map(|material| {
+                names
+                    .iter()
+                    .position(|name| name == material)
+                    .with_context(|| {
+                        format!("no material `{material}`; there are {}", names.join(", "))
+                    })
+            })
+            .collect::<anyhow::Result<_>>()?
+    };
+    let mut sweeps: Vec<Vec<usize>> = labels
+        .iter()
+        .map(|label| {
+            let own = 0..dataset.len();
+            own.filter(|sweep| dataset.records()[*sweep].label == *label)
+                .collect()
+        })
+        .collect();
+    for (sweeps, label) in sweeps.iter_mut().zip(&labels) {
+        sweeps.shuffle(&mut seed.rng(("simulated sweeps", *label)));
+    }
+    let rounds = sweeps.iter().map(Vec::len).min().unwrap_or(0);
+    if rounds == 0 {
+        bail!("a material without a sweep");
+    }
+    let mut order = Vec::with_capacity(rounds * labels.len());
+    for round in 0..rounds {
+        let mut turn: Vec<usize> = sweeps.iter().map(|sweeps| sweeps[round]).collect();
+        if materials.is_empty() {
+            turn.shuffle(&mut seed.rng(("simulated round", round)));
+        }
+        order.extend(turn);
+    }
+    Ok(order)
+}
+
+fn skin(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
+    let stop = Stop::listen_saying("stopping")?;
+    let table = Table::load(&arguments.table)?;
+    let config = ServeConfig::of(&table)?;
+    let dataset = source::load(&arguments.data)?;
+    let order = order_of(&dataset, &arguments.materials, Seed(arguments.seed))?;
+    let bus = Bus::open(Domain::Host, &table)?;
+    let frames = bus.put_port::<SkinFrame>(config.fingers[0].as_str(), Priority::High)?;
+    let commands = bus.put_port::<SweepCommand>(config.command.as_str(), Priority::High)?;
+    let mut skin = SkinSimulator::new(&dataset, order, config.follow.skip, REST);
+    eprintln!(
+        "putting {} frames a second on {}; Ctrl-C ends",
+        dataset.sample_rate_hz(),
+        config.fingers[0]
+    );
+    output::print(format_args!("ready"))?;
+    let mut ticker = Ticker::new(dataset.sample_rate_hz());
+    while !stop.asked() {
+        ticker.wait();
+        let step = skin.step();
+        if let Some(command) = step.command {
+            commands.put_copy(&[command])?;
+            let motion = skin.motions();
+            let over = arguments.sweeps.is_some_and(|sweeps| motion == sweeps);
+            if command.command() == Some(tactnet_serving::packets::Command::Start) {
+                let label = dataset.records()[skin.sweep_of(motion)].label;
+                eprintln!("motion {motion}: {}", dataset.labels().name(label));
+            } else if over {
+                break;
+            }
+        }
+        frames.put_copy(&[step.frame])?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+#[derive(Args)]
+pub struct CatchingArgs {
+    /// The table of channels; the stack's own are those of `--print-table`
+    #[arg(long, value_name = "FILE", required_unless_present = "print_table")]
+    table: Option<PathBuf>,
+    /// End after so many seconds [default: go on]
+    #[arg(long, value_name = "S")]
+    seconds: Option<f64>,
+    /// Run one process of the stack only
+    #[arg(long, value_enum, hide = true)]
+    role: Option<RoleChoice>,
+    /// Print a table with the stack's channels and the classifier's, and end
+    #[arg(long)]
+    print_table: bool,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+pub enum RoleChoice {
+    Sensors,
+    Tracker,
+    Planner,
+    Drives,
+    Controller,
+}
+
+impl RoleChoice {
+    fn role(self) -> CatchingRole {
+        match self {
+            Self::Sensors => CatchingRole::Sensors,
+            Self::Tracker => CatchingRole::Tracker,
+            Self::Planner => CatchingRole::Planner,
+            Self::Drives => CatchingRole::Drives,
+            Self::Controller => CatchingRole::Controller,
+        }
+    }
+}
+
+fn catching(arguments: &CatchingArgs) -> anyhow::Result<ExitCode> {
+    let Some(path) = &arguments.table else {
+        let table = catching_table(ServeConfig::default().table("robot"));
+        output::print(format_args!("{}", toml::to_string(&table)?.trim_end()))?;
+        return Ok(ExitCode::SUCCESS);
+    };
+    let stop = Stop::listen_saying("stopping")?;
+    if let Some(role) = arguments.role {
+        let bus = Bus::open(Domain::Host, &Table::load(path)?)?;
+        let asked = Arc::new(AtomicBool::new(false));
+        let flag = asked.clone();
+        std::thread::spawn(move || {
+            while !stop.asked() {
+                std::thread::sleep(std::time::Duration::from_millis(20));
+            }
+            flag.store(true, Ordering::Relaxed);
+        });
+        output::print(format_args!("ready"))?;
+        let report = run_role(role.role(), &bus, &asked)?;
+        output::print_json(&report)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let stack = soak::Stack::start(path)?;
+    let begun = tactnet_channel::now_ns();
+    let time = std::time::Instant::now();
+    while !stop.asked()
+        && arguments
+            .seconds
+            .is_none_or(|s| time.elapsed().as_secs_f64() < s)
+    {
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    let reports = stack.end()?;
+    let seen = soak::Loop::of(&reports, &[(begun, u64::MAX)])?;
+    if arguments.json {
+        output::print_json(&seen)?;
+    } else {
+        output::print(format_args!(
+            "1 kHz loop: {:.0} us, 99 % below {:.0}, 99.9 % below {:.0}; {} packets lost",
+            seen.p50_us, seen.p99_us, seen.p999_us, seen.lost
+        ))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}

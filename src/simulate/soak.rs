@@ -1,0 +1,463 @@
+//! Everything at once: does the classifier keep up, and does the 1 kHz loop notice it?
+
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitCode, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail};
+use clap::Args;
+use serde::Serialize;
+use serde_json::Value;
+use tactnet_channel::{Bus, Domain, Hub, Priority, Start, Table, Wait, now_ns, remove_bus};
+use tactnet_data::{Dataset, Seed};
+use tactnet_serving::packets::{SkinFrame, Stage, SweepCommand, TactileBelief};
+use tactnet_serving::simulate::{
+    CatchingReport, CatchingRole, SkinSimulator, Ticker, catching_table,
+};
+use tactnet_serving::{Realtime, ServeConfig, percentile};
+
+use super::{REST, order_of};
+use crate::stop::Stop;
+use crate::{GIT, output, source};
+
+/// Time with the classifier attached, or without, seconds.
+const WINDOW: f64 = 10.0;
+/// Left out at the beginning of each window: processes start and end there.
+const SETTLE: Duration = Duration::from_millis(500);
+
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    tactnet simulate soak --seconds 30 --json                          a small network is trained first\n  \
+    tactnet simulate soak --seconds 600 --run runs/twin-fast-fold0-1   ten minutes with a trained network")]
+pub struct SoakArgs {
+    /// Time with the classifier attached; as long again without it, in turns of ten seconds
+    #[arg(long, value_name = "S", default_value_t = 30.0)]
+    seconds: f64,
+    /// Run directory of a trained network [default: a small one is trained]
+    #[arg(long, value_name = "DIR")]
+    run: Option<PathBuf>,
+    /// Whose sweeps
+    #[arg(long, value_name = "FILE|twin", default_value = "twin")]
+    data: String,
+    /// Run the 1 kHz loop, the skin and the classifier under SCHED_FIFO, the loop above the others
+    #[arg(long)]
+    fifo: bool,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+/// The 1 kHz loop over some time.
+#[derive(Serialize)]
+pub(super) struct Loop {
+    pub(super) rounds: usize,
+    pub(super) p50_us: f64,
+    pub(super) p99_us: f64,
+    pub(super) p999_us: f64,
+    pub(super) lost: u64,
+}
+
+impl Loop {
+    /// - `windows`: from and to, nanoseconds of the host's monotonic clock
+    pub(super) fn of(reports: &[CatchingReport], windows: &[(u64, u64)]) -> anyhow::Result<Self> {
+        let controller = reports
+            .iter()
+            .find(|report| report.role == CatchingRole::Controller)
+            .context("the controller said nothing")?;
+        let [p50_us, p99_us, p999_us] = controller.round_us(windows, &[0.5, 0.99, 0.999])[..]
+        else {
+            bail!("three percentiles")
+        };
+        let inside = |at: u64| windows.iter().any(|(from, to)| (*from..*to).contains(&at));
+        Ok(Self {
+            rounds: controller
+                .trips
+                .iter()
+                .filter(|trip| inside(trip.at_ns))
+                .count(),
+            p50_us,
+            p99_us,
+            p999_us,
+            lost: reports.iter().map(|report| report.lost).sum(),
+        })
+    }
+}
+
+/// The processes of the catching stack.
+pub(super) struct Stack(Vec<Child>);
+
+impl Stack {
+    /// Starts them one after the other and waits until each is ready.
+    pub(super) fn start(table: &Path) -> anyhow::Result<Self> {
+        let mut stack = Self(Vec::new());
+        for role in CatchingRole::ALL {
+            let arguments = ["simulate", "catching", "--role", role.name(), "--table"];
+            stack.0.push(start(&arguments, table, role.name())?);
+        }
+        Ok(stack)
+    }
+
+    /// Ends them and gathers what they saw.
+    pub(super) fn end(mut self) -> anyhow::Result<Vec<CatchingReport>> {
+        let children = std::mem::take(&mut self.0);
+        children
+            .into_iter()
+            .rev()
+            .map(|child| Ok(serde_json::from_str(&end(child)?)?))
+            .collect()
+    }
+}
+
+impl Drop for Stack {
+    fn drop(&mut self) {
+        for child in &mut self.0 {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+/// Starts this program again and waits until it says `ready`.
+pub(crate) fn start(arguments: &[&str], table: &Path, what: &str) -> anyhow::Result<Child> {
+    let mut child = Command::new(std::env::current_exe()?)
+        .args(arguments)
+        .arg(table)
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .with_context(|| format!("cannot start the {what}"))?;
+    let out = child.stdout.as_mut().context("its output")?;
+    // Read byte by byte, so that nothing of what comes later is swallowed.
+    let mut line = Vec::new();
+    let mut byte = [0];
+    while out.read(&mut byte)? == 1 && byte[0] != b'\n' {
+        line.push(byte[0]);
+    }
+    if line != b"ready" {
+        let mut said = String::new();
+        if let Some(errors) = child.stderr.as_mut() {
+            let _ = BufReader::new(errors).read_line(&mut said);
+        }
+        let _ = child.kill();
+        let _ = child.wait();
+        bail!("the {what} did not start: {}", said.trim());
+    }
+    // Nobody must wait because we do not listen.
+    if let Some(mut errors) = child.stderr.take() {
+        std::thread::spawn(move || std::io::copy(&mut errors, &mut std::io::sink()));
+    }
+    Ok(child)
+}
+
+/// Asks a process to end and gives what it printed.
+pub(crate) fn end(mut child: Child) -> anyhow::Result<String> {
+    // SAFETY: the process is our child and has not been waited for.
+    unsafe { libc::kill(child.id() as libc::pid_t, libc::SIGTERM) };
+    let mut said = String::new();
+    if let Some(out) = child.stdout.as_mut() {
+        out.read_to_string(&mut said)?;
+    }
+    let status = child.wait()?;
+    if !status.success() {
+        bail!("a process ended with {status}");
+    }
+    Ok(said)
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Soaked {
+    schema_version: u32,
+    git: &'static str,
+    seconds: f64,
+    frames_sent: u64,
+    frames_lost: u64,
+    sweeps: u64,
+    rejected: u64,
+    /// Whole sweeps whose most probable material was the true one.
+    correct: u64,
+    judged: u64,
+    beliefs: u64,
+    /// From a sweep's last frame to its plain belief.
+    belief_latency_p50_us: f64,
+    belief_latency_p99_us: f64,
+    belief_latency_max_us: f64,
+    /// From a sweep's last frame to its Monte Carlo belief.
+    dropout_latency_p50_us: f64,
+    dropout_latency_p99_us: f64,
+    dropout_latency_max_us: f64,
+    /// Of a sweep that is going on.
+    anytime_latency_p50_us: f64,
+    anytime_latency_p99_us: f64,
+    allocations_per_frame: f64,
+    deadline_misses: u64,
+    worst_delay_us: f64,
+    loop_with: Loop,
+    loop_without: Loop,
+    /// The loop's 99th percentile with the classifier and the dashboard over the one without.
+    loop_p99_ratio: f64,
+    /// Latencies of plain beliefs, number below each bound.
+    histogram: Vec<(f64, usize)>,
+}
+
+/// Beliefs that came, with the truth.
+#[derive(Default)]
+struct Heard {
+    latency_us: [Vec<f64>; 3],
+    judged: u64,
+    correct: u64,
+}
+
+/// Runs the command.
+pub fn run(arguments: &SoakArgs) -> anyhow::Result<ExitCode> {
+    let stop = Stop::listen_saying("stopping")?;
+    let folder = tempfile::tempdir()?;
+    let run = match &arguments.run {
+        Some(run) => run.clone(),
+        None => crate::demo::small_network(folder.path())?,
+    };
+    let dataset = source::load(&arguments.data)?;
+    let config = ServeConfig::default();
+    let table = catching_table(config.table(&format!("soak{}", std::process::id())));
+    let path = folder.path().join("robot.toml");
+    std::fs::write(&path, toml::to_string(&table)?)?;
+    let hub = Hub::spawn(&table)?;
+    let outcome = soak(arguments, &stop, &run, &dataset, &table, &path);
+    drop(hub);
+    remove_bus(&table)?;
+    let soaked = outcome?;
+    if arguments.json {
+        output::print_json(&soaked)?;
+    } else {
+        output::print(format_args!(
+            "{} frames, {} lost; {} beliefs; after the last frame {:.0} us, 99 % below {:.0} (dropout {:.0}, {:.0}); \
+             {} deadlines missed; {} allocations a frame; 1 kHz loop with/without: {:.3}",
+            soaked.frames_sent,
+            soaked.frames_lost,
+            soaked.beliefs,
+            soaked.belief_latency_p50_us,
+            soaked.belief_latency_p99_us,
+            soaked.dropout_latency_p50_us,
+            soaked.dropout_latency_p99_us,
+            soaked.deadline_misses,
+            soaked.allocations_per_frame,
+            soaked.loop_p99_ratio
+        ))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn soak(
+    arguments: &SoakArgs,
+    stop: &Stop,
+    run: &Path,
+    dataset: &Dataset,
+    table: &Table,
+    path: &Path,
+) -> anyhow::Result<Soaked> {
+    let bus = Bus::open(Domain::Host, table)?;
+    let stack = Stack::start(path)?;
+    let over = Arc::new(AtomicBool::new(false));
+    let config = ServeConfig::of(table)?;
+    let order = order_of(dataset, &[], Seed(1))?;
+    let turns = (arguments.seconds / WINDOW).ceil().max(1.0) as usize;
+    let window = Duration::from_secs_f64(arguments.seconds / turns as f64);
+    let mut with = Vec::new();
+    let mut without = Vec::new();
+    let mut served = Vec::new();
+    let heard = std::thread::scope(|scope| -> anyhow::Result<Heard> {
+        let over_now = Ender(&over);
+        let skin = scope.spawn(|| skin(&bus, &config, dataset, &order, &over, arguments.fifo));
+        let heard = scope.spawn(|| listen(&bus, &config, dataset, &order, &over));
+        for turn in 0..turns {
+            if stop.asked() {
+                break;
+            }
+            eprintln!("turn {} of {turns}", turn + 1);
+            without.push(rest(window, stop));
+            let run = run.display().to_string();
+            let mut serve = vec!["serve", "--json", "--metrics", "off", "--run", &run];
+            if arguments.fifo {
+                serve.extend(["--priority", "60", "--lock-memory"]);
+            }
+            serve.push("--table");
+            let classifier = start(&serve, path, "classifier")?;
+            let page = ["dashboard", "--listen", "127.0.0.1:0", "--table"];
+            let dashboard = start(&page, path, "dashboard")?;
+            with.push(rest(window, stop));
+            served.push(serde_json::from_str::<Value>(&end(classifier)?)?);
+            end(dashboard)?;
+        }
+        drop(over_now);
+        skin.join()
+            .unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
+        heard
+            .join()
+            .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    })?;
+    let reports = stack.end()?;
+    if with.is_empty() {
+        bail!("stopped before anything was measured");
+    }
+    let sum = |name: &str| -> u64 {
+        served
+            .iter()
+            .filter_map(|served| served[name].as_u64())
+            .sum()
+    };
+    // Between the first and the last frame of every time that it served.
+    let sent: u64 = served
+        .iter()
+        .filter_map(|served| {
+            let ends = &served["sequences"][0];
+            Some(ends[1].as_u64()? - ends[0].as_u64()? + 1)
+        })
+        .sum();
+    let loop_with = Loop::of(&reports, &with)?;
+    let loop_without = Loop::of(&reports, &without)?;
+    let Heard {
+        mut latency_us,
+        judged,
+        correct,
+    } = heard;
+    latency_us
+        .iter_mut()
+        .for_each(|l| l.sort_by(f64::total_cmp));
+    let at =
+        |stage: Stage, share| percentile(&latency_us[stage as usize - 1], share).unwrap_or(0.0);
+    let histogram = [
+        100.0,
+        200.0,
+        300.0,
+        400.0,
+        500.0,
+        750.0,
+        1000.0,
+        1333.0,
+        2000.0,
+        4000.0,
+        f64::MAX,
+    ]
+    .map(|bound| {
+        let plain = &latency_us[Stage::Plain as usize - 1];
+        (bound, plain.partition_point(|latency| *latency <= bound))
+    });
+    Ok(Soaked {
+        schema_version: 1,
+        git: GIT,
+        seconds: window.as_secs_f64() * with.len() as f64,
+        frames_sent: sent,
+        frames_lost: sent.saturating_sub(sum("frames")),
+        sweeps: sum("sweeps"),
+        rejected: sum("rejected"),
+        correct,
+        judged,
+        beliefs: sum("beliefs"),
+        belief_latency_p50_us: at(Stage::Plain, 0.5),
+        belief_latency_p99_us: at(Stage::Plain, 0.99),
+        belief_latency_max_us: at(Stage::Plain, 1.0),
+        dropout_latency_p50_us: at(Stage::Dropout, 0.5),
+        dropout_latency_p99_us: at(Stage::Dropout, 0.99),
+        dropout_latency_max_us: at(Stage::Dropout, 1.0),
+        anytime_latency_p50_us: at(Stage::Anytime, 0.5),
+        anytime_latency_p99_us: at(Stage::Anytime, 0.99),
+        allocations_per_frame: sum("allocations") as f64 / sum("frames").max(1) as f64,
+        deadline_misses: sum("deadline_misses"),
+        worst_delay_us: served
+            .iter()
+            .filter_map(|served| served["worst_delay_us"].as_f64())
+            .fold(0.0, f64::max),
+        loop_p99_ratio: loop_with.p99_us / loop_without.p99_us,
+        loop_with,
+        loop_without,
+        histogram: histogram.to_vec(),
+    })
+}
+
+/// Says that it is over, also when something went wrong.
+struct Ender<'a>(&'a AtomicBool);
+
+impl Drop for Ender<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Lets everything run; gives from when to when it is measured.
+fn rest(time: Duration, stop: &Stop) -> (u64, u64) {
+    std::thread::sleep(SETTLE);
+    let (from, begun) = (now_ns(), Instant::now());
+    while begun.elapsed() < time && !stop.asked() {
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    (from, now_ns())
+}
+
+fn skin(
+    bus: &Bus,
+    config: &ServeConfig,
+    dataset: &Dataset,
+    order: &[usize],
+    over: &AtomicBool,
+    fifo: bool,
+) -> anyhow::Result<()> {
+    let frames = bus.put_port::<SkinFrame>(config.fingers[0].as_str(), Priority::High)?;
+    let commands = bus.put_port::<SweepCommand>(config.command.as_str(), Priority::High)?;
+    if fifo {
+        Realtime {
+            priority: Some(70),
+            ..Realtime::default()
+        }
+        .apply();
+    }
+    let mut skin = SkinSimulator::new(dataset, order.to_vec(), config.follow.skip, REST);
+    let mut ticker = Ticker::new(dataset.sample_rate_hz());
+    while !over.load(Ordering::Relaxed) {
+        ticker.wait();
+        let step = skin.step();
+        if let Some(command) = step.command {
+            commands.put_copy(&[command])?;
+        }
+        frames.put_copy(&[step.frame])?;
+    }
+    Ok(())
+}
+
+fn listen(
+    bus: &Bus,
+    config: &ServeConfig,
+    dataset: &Dataset,
+    order: &[usize],
+    over: &AtomicBool,
+) -> anyhow::Result<Heard> {
+    let beliefs = bus.get_port::<TactileBelief>(config.belief.as_str(), Start::Now)?;
+    let patience = Wait::Block {
+        timeout: Duration::from_millis(100),
+    };
+    let mut heard = Heard::default();
+    while !over.load(Ordering::Relaxed) {
+        let Some(belief) = beliefs.get(patience)? else {
+            continue;
+        };
+        let Some(belief) = belief.first() else {
+            continue;
+        };
+        let Some(latencies) = heard
+            .latency_us
+            .get_mut((belief.stage as usize).wrapping_sub(1))
+        else {
+            continue;
+        };
+        latencies.push(belief.latency_ns as f64 / 1e3);
+        if belief.stage == Stage::Dropout as u32 && belief.motion > 0 {
+            let sweep = order[(belief.motion - 1) as usize % order.len()];
+            heard.judged += 1;
+            heard.correct += u64::from(belief.label as usize == dataset.records()[sweep].label);
+        }
+    }
+    Ok(heard)
+}
