@@ -12,7 +12,7 @@ use serde::Serialize;
 use tactnet_channel::{Bus, Domain, GetPort, Priority, PutPort, Start, Table, Wait};
 use tactnet_serving::ServeConfig;
 use tactnet_serving::packets::{
-    Command, ModelNames, SkinFrame, Stage, SweepCommand, TactileBelief, TactileStatus, Text,
+    Command, Event, ModelNames, SkinFrame, Stage, SweepCommand, TactileBelief, TactileStatus, Text,
     Verdict,
 };
 use tokio::sync::watch;
@@ -204,7 +204,17 @@ impl View {
                 (counters.worst_delay_ns as f64 / 1e4).round() / 100.0,
             ),
         ];
-        let text = status.text.as_str();
+        let judged = match self.posterior.first() {
+            Some((name, p)) if status.event == Event::Judged as u32 => match self.verdict {
+                "unknown" => "unknown material".to_string(),
+                _ => format!("{name}, {:.0} %", 100.0 * p),
+            },
+            _ => String::new(),
+        };
+        let text = match status.text.as_str() {
+            "" => judged.as_str(),
+            text => text,
+        };
         if !text.is_empty() {
             self.events
                 .push_front(format!("sweep {}: {text}", status.sweep));

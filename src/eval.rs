@@ -1,5 +1,6 @@
 //! `tactnet eval`: judges a trained classifier again, on its own test sweeps or on another data set.
 
+mod runtime;
 mod verdicts;
 
 use std::collections::BTreeMap;
@@ -16,13 +17,15 @@ use tactnet_pipeline::{
 
 use crate::train::DeviceChoice;
 use crate::{GIT, output, report, source};
+use runtime::{Compared, RuntimeChoice, online};
 use verdicts::{Verdicts, by_known_material};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     tactnet eval runs/twin-fast-fold0-1                       its own test sweeps\n  \
     tactnet eval runs/twin-fast-fold0-1 --sweeps 5 --mc 500   five sweeps fused, 500 Monte Carlo runs\n  \
-    tactnet eval runs/a --data other.h5                  every sweep of another data set")]
+    tactnet eval runs/a --data other.h5                  every sweep of another data set\n  \
+    tactnet eval runs/a --runtime online                  frame by frame, as `tactnet serve` does")]
 pub struct EvalArgs {
     /// A run directory
     #[arg(value_name = "DIR")]
@@ -37,6 +40,9 @@ pub struct EvalArgs {
     /// Runs of Monte Carlo dropout [default: the recipe's, or 100]
     #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..))]
     mc: Option<u32>,
+    /// What computes the scores; others than Burn are compared with it
+    #[arg(long, value_enum, default_value_t)]
+    runtime: RuntimeChoice,
     /// Where to compute
     #[arg(long, value_enum, default_value_t)]
     device: DeviceChoice,
@@ -60,6 +66,9 @@ struct EvalResult {
     tested: String,
     n_test: usize,
     evaluations: BTreeMap<String, Evaluation>,
+    /// By way of predicting; only with another runtime than Burn.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    runtimes: BTreeMap<String, Compared>,
     /// Only after `train --calibrate`.
     #[serde(skip_serializing_if = "Option::is_none")]
     verdicts: Option<Verdicts>,
@@ -117,13 +126,24 @@ pub fn run(arguments: EvalArgs) -> anyhow::Result<ExitCode> {
     let verdicts = Verdicts::of(&run, &classifier, &known, &unknown)?;
     // Materials that it does not know are an error unless it can say so.
     let judged = if verdicts.is_some() { &known } else { &view };
+    let mut runtimes = BTreeMap::new();
     let evaluations = if judged.is_empty() {
         BTreeMap::new()
     } else {
         evaluate_all_ways(&classifier, judged, runs, sweeps, config.seed)?
             .into_iter()
-            .map(|(name, _, evaluation)| (name.to_string(), evaluation))
-            .collect()
+            .map(|(name, burn, evaluation)| {
+                let evaluation = match arguments.runtime {
+                    RuntimeChoice::Burn => evaluation,
+                    RuntimeChoice::Online => {
+                        let (found, compared) = online(&classifier, judged, &burn)?;
+                        runtimes.insert(name.to_string(), compared);
+                        Evaluation::of(&found, sweeps, config.seed)
+                    }
+                };
+                Ok((name.to_string(), evaluation))
+            })
+            .collect::<anyhow::Result<_>>()?
     };
     let result = EvalResult {
         schema_version: 1,
@@ -137,6 +157,7 @@ pub fn run(arguments: EvalArgs) -> anyhow::Result<ExitCode> {
         tested,
         n_test: view.len(),
         evaluations,
+        runtimes,
         verdicts,
     };
     if arguments.json {
@@ -147,6 +168,9 @@ pub fn run(arguments: EvalArgs) -> anyhow::Result<ExitCode> {
             result.data, result.tested, result.n_test
         ))?;
         report::print_evaluations(&result.evaluations)?;
+        for (way, compared) in &result.runtimes {
+            output::print(format_args!("{way}: {compared}"))?;
+        }
         if let Some(verdicts) = &result.verdicts {
             verdicts.print()?;
         }

@@ -140,8 +140,9 @@ fn skin(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
             let motion = skin.motions();
             let over = arguments.sweeps.is_some_and(|sweeps| motion == sweeps);
             if command.command() == Some(tactnet_serving::packets::Command::Start) {
-                let label = dataset.records()[skin.sweep_of(motion)].label;
-                eprintln!("motion {motion}: {}", dataset.labels().name(label));
+                let sweep = skin.sweep_of(motion);
+                let material = dataset.labels().name(dataset.records()[sweep].label);
+                output::print(format_args!("motion {motion}: sweep {sweep}, {material}"))?;
             } else if over {
                 break;
             }

@@ -234,6 +234,9 @@ impl Service {
                 self.frame(finger, &frame)?;
             }
             self.counters.allocations += (self.allocations)() - before;
+            // Who looks on since this frame is met now, not when the next belief is due.
+            self.beliefs.meet()?;
+            self.status.meet()?;
         } else if ready.is_none() {
             // The skin is silent: nothing that a command could come too early for.
             self.follow_waiting(u64::MAX)?;

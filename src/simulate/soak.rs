@@ -12,7 +12,9 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 use tactnet_channel::{Bus, Domain, Hub, Priority, Start, Table, Wait, now_ns, remove_bus};
-use tactnet_data::{Dataset, Seed};
+use tactnet_data::twin::{self, TwinConfig};
+use tactnet_data::{Dataset, LabelSet, Seed};
+use tactnet_pipeline::RunDir;
 use tactnet_serving::packets::{SkinFrame, Stage, SweepCommand, TactileBelief};
 use tactnet_serving::simulate::{
     CatchingReport, CatchingRole, SkinSimulator, Ticker, catching_table,
@@ -39,7 +41,7 @@ pub struct SoakArgs {
     /// Run directory of a trained network [default: a small one is trained]
     #[arg(long, value_name = "DIR")]
     run: Option<PathBuf>,
-    /// Whose sweeps
+    /// Whose sweeps; `twin`: of a twin that no network was trained on
     #[arg(long, value_name = "FILE|twin", default_value = "twin")]
     data: String,
     /// Run the 1 kHz loop, the skin and the classifier under SCHED_FIFO, the loop above the others
@@ -220,13 +222,23 @@ pub fn run(arguments: &SoakArgs) -> anyhow::Result<ExitCode> {
         Some(run) => run.clone(),
         None => crate::demo::small_network(folder.path())?,
     };
-    let dataset = source::load(&arguments.data)?;
+    let dataset = if arguments.data == source::TWIN {
+        twin::generate(&TwinConfig {
+            seed: 2,
+            sweeps: 10,
+            ..TwinConfig::default()
+        })?
+    } else {
+        source::load(&arguments.data)?
+    };
+    let known = RunDir::open(&run)?.config()?.classifier.labels;
     let config = ServeConfig::default();
     let table = catching_table(config.table(&format!("soak{}", std::process::id())));
     let path = folder.path().join("robot.toml");
     std::fs::write(&path, toml::to_string(&table)?)?;
     let hub = Hub::spawn(&table)?;
-    let outcome = soak(arguments, &stop, &run, &dataset, &table, &path);
+    let played = Played::new(&dataset, &known)?;
+    let outcome = soak(arguments, &stop, &run, &played, &table, &path);
     drop(hub);
     remove_bus(&table)?;
     let soaked = outcome?;
@@ -255,7 +267,7 @@ fn soak(
     arguments: &SoakArgs,
     stop: &Stop,
     run: &Path,
-    dataset: &Dataset,
+    played: &Played<'_>,
     table: &Table,
     path: &Path,
 ) -> anyhow::Result<Soaked> {
@@ -263,7 +275,6 @@ fn soak(
     let stack = Stack::start(path)?;
     let over = Arc::new(AtomicBool::new(false));
     let config = ServeConfig::of(table)?;
-    let order = order_of(dataset, &[], Seed(1))?;
     let turns = (arguments.seconds / WINDOW).ceil().max(1.0) as usize;
     let window = Duration::from_secs_f64(arguments.seconds / turns as f64);
     let mut with = Vec::new();
@@ -271,8 +282,8 @@ fn soak(
     let mut served = Vec::new();
     let heard = std::thread::scope(|scope| -> anyhow::Result<Heard> {
         let over_now = Ender(&over);
-        let skin = scope.spawn(|| skin(&bus, &config, dataset, &order, &over, arguments.fifo));
-        let heard = scope.spawn(|| listen(&bus, &config, dataset, &order, &over));
+        let skin = scope.spawn(|| skin(&bus, &config, played, &over, arguments.fifo));
+        let heard = scope.spawn(|| listen(&bus, &config, played, &over));
         for turn in 0..turns {
             if stop.asked() {
                 break;
@@ -378,6 +389,49 @@ fn soak(
     })
 }
 
+/// The sweeps that the skin plays, and what the classifier calls them.
+struct Played<'a> {
+    dataset: &'a Dataset,
+    order: Vec<usize>,
+    /// The classifier's label of each of the data set's.
+    labels: Vec<usize>,
+}
+
+impl<'a> Played<'a> {
+    /// Those of materials that are known.
+    fn new(dataset: &'a Dataset, known: &LabelSet) -> anyhow::Result<Self> {
+        let known: Vec<&str> = known.names().collect();
+        let names: Vec<&str> = dataset.labels().names().collect();
+        let labels: Vec<usize> = names
+            .iter()
+            .map(|name| {
+                known
+                    .iter()
+                    .position(|known| known == name)
+                    .unwrap_or(usize::MAX)
+            })
+            .collect();
+        let materials: Vec<String> = names
+            .iter()
+            .filter(|name| known.contains(name))
+            .map(ToString::to_string)
+            .collect();
+        if materials.is_empty() {
+            bail!("{}: no material that the network knows", dataset.name());
+        }
+        Ok(Self {
+            order: order_of(dataset, &materials, Seed(1))?,
+            dataset,
+            labels,
+        })
+    }
+
+    fn label_of(&self, motion: u64) -> usize {
+        let sweep = self.order[(motion - 1) as usize % self.order.len()];
+        self.labels[self.dataset.records()[sweep].label]
+    }
+}
+
 /// Says that it is over, also when something went wrong.
 struct Ender<'a>(&'a AtomicBool);
 
@@ -400,8 +454,7 @@ fn rest(time: Duration, stop: &Stop) -> (u64, u64) {
 fn skin(
     bus: &Bus,
     config: &ServeConfig,
-    dataset: &Dataset,
-    order: &[usize],
+    played: &Played<'_>,
     over: &AtomicBool,
     fifo: bool,
 ) -> anyhow::Result<()> {
@@ -414,7 +467,8 @@ fn skin(
         }
         .apply();
     }
-    let mut skin = SkinSimulator::new(dataset, order.to_vec(), config.follow.skip, REST);
+    let dataset = played.dataset;
+    let mut skin = SkinSimulator::new(dataset, played.order.clone(), config.follow.skip, REST);
     let mut ticker = Ticker::new(dataset.sample_rate_hz());
     while !over.load(Ordering::Relaxed) {
         ticker.wait();
@@ -430,8 +484,7 @@ fn skin(
 fn listen(
     bus: &Bus,
     config: &ServeConfig,
-    dataset: &Dataset,
-    order: &[usize],
+    played: &Played<'_>,
     over: &AtomicBool,
 ) -> anyhow::Result<Heard> {
     let beliefs = bus.get_port::<TactileBelief>(config.belief.as_str(), Start::Now)?;
@@ -454,9 +507,8 @@ fn listen(
         };
         latencies.push(belief.latency_ns as f64 / 1e3);
         if belief.stage == Stage::Dropout as u32 && belief.motion > 0 {
-            let sweep = order[(belief.motion - 1) as usize % order.len()];
             heard.judged += 1;
-            heard.correct += u64::from(belief.label as usize == dataset.records()[sweep].label);
+            heard.correct += u64::from(belief.label as usize == played.label_of(belief.motion));
         }
     }
     Ok(heard)

@@ -14,6 +14,7 @@ mod data_command;
 mod enroll;
 mod experiment;
 mod golden;
+mod serve;
 mod study;
 mod training;
 #[cfg(feature = "vulkan")]

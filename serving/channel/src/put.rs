@@ -218,13 +218,22 @@ impl<T: Packet> PutPort<T> {
         self.put(loan)
     }
 
+    /// Maps the memory of getters that came since the last packet, at a time of the caller's choice; else the next put does it, which then allocates.
+    /// Without new getters it costs next to nothing.
+    ///
+    /// # Errors
+    /// The transport has broken down.
+    pub fn meet(&self) -> Result<(), ChannelError> {
+        both!(&self.publisher, publisher => publisher.update_connections())
+            .map_err(|error| ChannelError::transport(self.id, error))
+    }
+
     /// Gives its history to getters that came since the last packet, which a put does, too.
     ///
     /// # Errors
     /// The transport has broken down.
     pub fn welcome(&self) -> Result<(), ChannelError> {
-        both!(&self.publisher, publisher => publisher.update_connections())
-            .map_err(|error| ChannelError::transport(self.id, error))?;
+        self.meet()?;
         self.bell.ring();
         self.crowd.ring_sleepers();
         Ok(())

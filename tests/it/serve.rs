@@ -1,0 +1,348 @@
+//! The online classifier with hub, skin and service as processes of their own.
+
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+use tactnet_channel::{Bus, Domain, GetPort, Priority, PutPort, Start, Wait, remove_bus};
+use tactnet_data::SweepView;
+use tactnet_models::Compute;
+use tactnet_pipeline::{Classifier, PredictionMethod, RunDir};
+use tactnet_serving::packets::{
+    Command as Wish, Event, ModelNames, Stage, SweepCommand, TactileBelief, TactileStatus, Text,
+};
+use tactnet_serving::{FollowConfig, ServeConfig};
+
+use crate::command::{Lab, RecipeChange, expect, stderr, stdout, tactnet};
+
+const STEPS: usize = 120;
+const SOON: Wait = Wait::Block {
+    timeout: Duration::from_secs(20),
+};
+
+/// A bus, a small network, and the data set that it was trained on.
+struct Robot {
+    lab: Lab,
+    table: tactnet_channel::Table,
+}
+
+/// A process that is killed, as by `kill -9`, when it is dropped.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+impl Running {
+    /// Starts a process and waits until it says `ready`.
+    fn start(mut command: Command) -> Self {
+        let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
+        let out = child.stdout.as_mut().unwrap();
+        let mut said = Vec::new();
+        while !said.ends_with(b"ready\n") {
+            let mut byte = [0];
+            assert_eq!(out.read(&mut byte).unwrap(), 1, "{command:?} ended");
+            said.push(byte[0]);
+        }
+        Self(child)
+    }
+
+    /// Asks it to end, and gives what it printed.
+    fn end(mut self) -> String {
+        let killed = Command::new("kill")
+            .args(["-TERM", &self.0.id().to_string()])
+            .status();
+        assert!(killed.unwrap().success());
+        let mut said = String::new();
+        let mut out = BufReader::new(self.0.stdout.take().unwrap());
+        out.read_to_string(&mut said).unwrap();
+        assert!(self.0.wait().unwrap().success());
+        said
+    }
+}
+
+impl Robot {
+    fn new(name: &str) -> Self {
+        let lab = Lab::new();
+        let recipe = lab.recipe(RecipeChange {
+            epochs: Some(4),
+            ..RecipeChange::default()
+        });
+        let mut twin = tactnet(["data", "twin", "--materials", "4", "--sweeps", "40"]);
+        twin.args(["--steps", &STEPS.to_string(), "--out"]);
+        twin.arg(lab.path("data.h5"));
+        expect(0, twin);
+        let mut train = tactnet(["train", "--calibrate", "--data"]);
+        train.arg(lab.path("data.h5")).arg("--recipe").arg(&recipe);
+        train.arg("--out").arg(lab.path("models/1"));
+        expect(0, train);
+        let config = ServeConfig {
+            anytime_ms: 40.0,
+            follow: FollowConfig {
+                skip: 20,
+                ..FollowConfig::default()
+            },
+            ..ServeConfig::default()
+        };
+        let table = config.table(&format!("{name}{}", std::process::id()));
+        std::fs::write(lab.path("robot.toml"), toml::to_string(&table).unwrap()).unwrap();
+        Self { lab, table }
+    }
+
+    fn start(&self, arguments: &[&str]) -> Running {
+        let mut command = tactnet(arguments);
+        command.arg("--table").arg(self.lab.path("robot.toml"));
+        Running::start(command)
+    }
+
+    fn serve(&self, model: &str) -> Running {
+        let path = self.lab.path(model).display().to_string();
+        let which = if model == "models" {
+            "--models"
+        } else {
+            "--run"
+        };
+        self.start(&["serve", "--json", "--metrics", "off", which, &path])
+    }
+
+    fn skin(&self, sweeps: &str) -> Running {
+        let data = self.lab.path("data.h5").display().to_string();
+        self.start(&["simulate", "skin", "--data", &data, "--sweeps", sweeps])
+    }
+
+    fn bus(&self) -> Bus {
+        Bus::open(Domain::Host, &self.table).unwrap()
+    }
+}
+
+impl Drop for Robot {
+    fn drop(&mut self) {
+        remove_bus(&self.table).unwrap();
+    }
+}
+
+/// The next packet that `wanted` says yes to.
+fn next<T: tactnet_channel::Packet>(port: &GetPort<T>, mut wanted: impl FnMut(&T) -> bool) -> T {
+    let begun = Instant::now();
+    loop {
+        let packet = port.get(SOON).unwrap().expect("a packet within 20 s");
+        if wanted(&packet[0]) {
+            return packet[0];
+        }
+        assert!(
+            begun.elapsed() < Duration::from_secs(60),
+            "not among the packets"
+        );
+    }
+}
+
+fn wish(commands: &PutPort<SweepCommand>, kind: Wish, material: &str, sweeps: u32) {
+    let command = SweepCommand {
+        kind: kind as u32,
+        finger: 0,
+        motion: 0,
+        sweeps,
+        reserved: 0,
+        material: Text::new(material),
+    };
+    commands.put_copy(&[command]).unwrap();
+}
+
+#[test]
+fn beliefs_of_live_sweeps_are_those_of_the_offline_classifier() {
+    let robot = Robot::new("live");
+    let _hub = robot.start(&["channel", "hub"]);
+    let service = robot.serve("models/1");
+    let bus = robot.bus();
+    let beliefs = bus
+        .get_port::<TactileBelief>("tactile/belief", Start::Now)
+        .unwrap();
+    let mut dashboard = robot.start(&["dashboard", "--listen", "127.0.0.1:0"]);
+    let mut skin = robot.skin("5");
+    let mut seen: Vec<TactileBelief> = Vec::new();
+    while seen
+        .iter()
+        .filter(|b| b.stage == Stage::Dropout as u32)
+        .count()
+        < 5
+    {
+        seen.push(next(&beliefs, |_| true));
+        if seen.len() == 4 {
+            // Nobody misses it.
+            dashboard.0.kill().unwrap();
+        }
+    }
+    assert!(skin.0.wait().unwrap().success());
+    let played: Vec<usize> = BufReader::new(skin.0.stdout.take().unwrap())
+        .lines()
+        .map(|line| line.unwrap())
+        .filter_map(|line| {
+            Some(
+                line.split_once("sweep ")?
+                    .1
+                    .split(',')
+                    .next()?
+                    .parse()
+                    .unwrap(),
+            )
+        })
+        .collect();
+    assert_eq!(played.len(), 5);
+
+    let run = RunDir::open(&robot.lab.path("models/1")).unwrap();
+    let classifier = Classifier::new(
+        run.config().unwrap().classifier,
+        &run.weights().unwrap(),
+        &Compute::Cpu.open().unwrap(),
+    )
+    .unwrap();
+    let dataset = tactnet_data::format::read(&robot.lab.path("data.h5")).unwrap();
+    let view = SweepView::new(&dataset, played.clone());
+    for (stage, method) in [
+        (Stage::Plain, PredictionMethod::Plain),
+        (Stage::Dropout, PredictionMethod::McDropout { runs: 100 }),
+    ] {
+        let offline = classifier.predict(&view, method).unwrap();
+        let live: Vec<&TactileBelief> = seen.iter().filter(|b| b.stage == stage as u32).collect();
+        assert_eq!(live.len(), 5);
+        for (number, (live, sweep)) in live.iter().zip(&played).enumerate() {
+            let offline = offline.sweeps.iter().find(|o| o.index == *sweep).unwrap();
+            assert_eq!(
+                (live.motion, live.frames, live.filled_in),
+                (number as u64 + 1, STEPS as u32, 0)
+            );
+            for (live, offline) in live.posterior.iter().zip(&offline.log_probability) {
+                assert!(
+                    (f64::from(*live) - offline.exp()).abs() < 1e-4,
+                    "{live} {}",
+                    offline.exp()
+                );
+            }
+        }
+    }
+    // 40 ms are 30 frames, so three of 120 frames' beliefs come before the last.
+    let anytime = seen
+        .iter()
+        .filter(|b| b.stage == Stage::Anytime as u32)
+        .count();
+    assert_eq!(anytime, 3 * 5);
+    let last = seen.last().unwrap();
+    assert!(last.fused_sweeps <= 5);
+    let total: f32 = last.fused.iter().sum();
+    assert!((total - 1.0).abs() < 1e-4);
+
+    let served: Value = serde_json::from_str(&service.end()).unwrap();
+    assert_eq!(served["sweeps"], 5, "{served}");
+    assert_eq!(served["dropped_frames"], 0, "{served}");
+    assert_eq!(served["rejected"], 0, "{served}");
+    assert_eq!(served["allocations"], 0, "{served}");
+    let ends = &served["sequences"][0];
+    let sent = ends[1].as_u64().unwrap() - ends[0].as_u64().unwrap() + 1;
+    assert_eq!(served["frames"], sent, "{served}");
+}
+
+#[test]
+fn a_material_is_learnt_while_it_serves_and_a_wrong_model_is_refused() {
+    let robot = Robot::new("learn");
+    let _hub = robot.start(&["channel", "hub"]);
+    let service = robot.serve("models");
+    let bus = robot.bus();
+    let status = bus
+        .get_port::<TactileStatus>("tactile/status", Start::Now)
+        .unwrap();
+    let model = bus
+        .get_port::<ModelNames>("tactile/model", Start::History(1))
+        .unwrap();
+    let commands = bus
+        .put_port::<SweepCommand>("sweep/command", Priority::High)
+        .unwrap();
+    assert_eq!(next(&model, |_| true).materials, 4);
+    wish(&commands, Wish::Enroll, "felt", 2);
+    let refused = next(&status, |s| s.event == Event::Refused as u32);
+    assert!(
+        refused
+            .text
+            .as_str()
+            .contains("2 sweeps asked for, 0 are kept"),
+        "{:?}",
+        refused.text
+    );
+
+    let _skin = robot.skin("1000");
+    for _ in 0..2 {
+        next(&status, |s| s.event == Event::Judged as u32);
+    }
+    wish(&commands, Wish::Enroll, "felt", 2);
+    let learnt = next(&status, |s| s.event == Event::Enrolled as u32);
+    assert!(
+        learnt.text.as_str().starts_with("`felt` learnt in 0."),
+        "{:?}",
+        learnt.text
+    );
+    let names = next(&model, |_| true);
+    assert_eq!((names.version, names.materials), (2, 5));
+    assert_eq!(names.names[4].as_str(), "felt");
+    assert!(robot.lab.path("models/2/enrolled.json").exists());
+    wish(&commands, Wish::Enroll, "felt", 1);
+    let twice = next(&status, |s| s.event == Event::Refused as u32);
+    assert!(
+        twice
+            .text
+            .as_str()
+            .contains("knows a material of this name"),
+        "{:?}",
+        twice.text
+    );
+
+    // A version without the materials that are served.
+    copy(&robot.lab.path("models/1"), &robot.lab.path("models/.3"));
+    std::fs::rename(robot.lab.path("models/.3"), robot.lab.path("models/3")).unwrap();
+    let wrong = next(&status, |s| s.event == Event::ModelRejected as u32);
+    assert!(
+        wrong.text.as_str().contains("material `felt` is missing"),
+        "{:?}",
+        wrong.text
+    );
+    // One that fits.
+    copy(&robot.lab.path("models/2"), &robot.lab.path("models/.7"));
+    std::fs::rename(robot.lab.path("models/.7"), robot.lab.path("models/7")).unwrap();
+    let swapped = next(&status, |s| s.event == Event::Swapped as u32);
+    assert_eq!(swapped.model_version, 7);
+    let judged = next(&status, |s| s.event == Event::Judged as u32);
+    assert_eq!(judged.model_version, 7);
+    assert_eq!(judged.counters.dropped_frames, 0);
+    assert_eq!(judged.counters.rejected, 0);
+    wish(&commands, Wish::Reset, "", 0);
+    next(&status, |s| s.event == Event::Reset as u32);
+    service.end();
+}
+
+#[test]
+fn what_is_missing_is_said_in_one_line() {
+    let line = |arguments: &[&str]| stderr(&expect(2, tactnet(arguments)));
+    assert!(line(&["serve"]).contains("name a run with `--run`"));
+    assert!(line(&["serve", "--run", "nowhere"]).contains("name a table with `--table`"));
+    let table = stdout(&expect(0, tactnet(["serve", "--print-table"])));
+    let lab = Lab::new();
+    std::fs::write(
+        lab.path("robot.toml"),
+        table.replace("\"robot\"", "\"nohub\""),
+    )
+    .unwrap();
+    let mut serve = tactnet(["serve", "--run", "nowhere", "--table"]);
+    serve.arg(lab.path("robot.toml"));
+    let none = stderr(&expect(2, serve));
+    assert!(none.contains("no hub of bus `nohub`"), "{none}");
+}
+
+fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap().flatten() {
+        std::fs::copy(entry.path(), to.join(entry.file_name())).unwrap();
+    }
+}
