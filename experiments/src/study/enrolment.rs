@@ -32,12 +32,14 @@ pub(super) fn enrolment(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, E
     let before = right(&head, &test.hidden, &test.labels);
     let known = split.known.labels().len();
     let knowledge = WeightPrior::of_knowledge(&head);
+    let tenth = knowledge.weaker(10.0);
     let decay = WeightPrior {
         strength: WeightPrior::weight_decay(0, bench.recipe.training.l2, seen.len()).strength,
         ..knowledge.clone()
     };
     let priors = [
         ("knowledge prior", &knowledge),
+        ("knowledge prior, a tenth", &tenth),
         ("knowledge mean, weak", &decay),
     ];
     let mut measurements = Vec::new();

@@ -64,6 +64,14 @@ impl WeightPrior {
         }
     }
 
+    /// The same mean, less of it: an n-th of the strength.
+    pub fn weaker(&self, times: f64) -> Self {
+        Self {
+            strength: self.strength / times,
+            ..self.clone()
+        }
+    }
+
     /// Centred at zero: the penalty that training a network with this L2 puts on the sum of the losses of `sweeps` sweeps. Adding
     /// `l2 * w` to the gradient of their mean is a penalty of `sweeps * l2 / 2` on their sum.
     pub fn weight_decay(width: usize, l2: f64, sweeps: usize) -> Self {

@@ -92,8 +92,8 @@ const TERMS: [(Option<Study>, &str, &str); 18] = [
     ),
     (
         Some(Study::Enrolment),
-        "Knowledge prior; knowledge mean, weak",
-        "The new row is drawn towards the mean of the known rows, as tactnet enroll does; the same mean with the strength of the network's own L2.",
+        "Knowledge prior; a tenth of it; knowledge mean, weak",
+        "The new row is drawn towards the mean of the known rows, with the precision of their spread; with a tenth of that precision; with the strength of the network's own L2.",
     ),
 ];
 
