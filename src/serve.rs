@@ -139,6 +139,7 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
     if !service.is_calibrated() {
         eprintln!("unknown materials are not told: the run was trained without `--calibrate`");
     }
+    service.forget_backlog()?;
     output::print(format_args!("ready"))?;
     let mut system = notify::System::from_environment();
     system.say("READY=1");

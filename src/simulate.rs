@@ -12,9 +12,9 @@ use clap::{Args, Subcommand, ValueEnum};
 use rand::seq::SliceRandom;
 use tactnet_channel::{Bus, Domain, Priority, Table};
 use tactnet_data::{Dataset, Seed};
-use tactnet_serving::ServeConfig;
 use tactnet_serving::packets::{SkinFrame, SweepCommand};
 use tactnet_serving::simulate::{CatchingRole, SkinSimulator, Ticker, catching_table, run_role};
+use tactnet_serving::{Realtime, ServeConfig};
 
 use crate::stop::Stop;
 use crate::{output, source};
@@ -163,6 +163,9 @@ pub struct CatchingArgs {
     /// Run one process of the stack only
     #[arg(long, value_enum, hide = true)]
     role: Option<RoleChoice>,
+    /// Run that process under SCHED_FIFO with this priority
+    #[arg(long, hide = true, value_parser = clap::value_parser!(u8).range(1..=99))]
+    priority: Option<u8>,
     /// Print a table with the stack's channels and the classifier's, and end
     #[arg(long)]
     print_table: bool,
@@ -209,12 +212,19 @@ fn catching(arguments: &CatchingArgs) -> anyhow::Result<ExitCode> {
             }
             flag.store(true, Ordering::Relaxed);
         });
+        let realtime = Realtime {
+            priority: arguments.priority,
+            ..Realtime::default()
+        };
+        for line in realtime.apply() {
+            eprintln!("{line}; going on without");
+        }
         output::print(format_args!("ready"))?;
         let report = run_role(role.role(), &bus, &asked)?;
         output::print_json(&report)?;
         return Ok(ExitCode::SUCCESS);
     }
-    let stack = soak::Stack::start(path)?;
+    let stack = soak::Stack::start(path, false)?;
     let begun = tactnet_channel::now_ns();
     let time = std::time::Instant::now();
     while !stop.asked()

@@ -191,6 +191,17 @@ impl Service {
         self.allocations = allocations;
     }
 
+    /// Drops the frames that came while the thread was being prepared, so that it begins with what happens now.
+    ///
+    /// # Errors
+    /// The channels have broken down.
+    pub fn forget_backlog(&mut self) -> Result<(), ServeError> {
+        for skin in &self.skins {
+            while skin.try_get()?.is_some() {}
+        }
+        Ok(())
+    }
+
     /// What it counts, to be read from other threads.
     pub fn measures(&self) -> Arc<Measures> {
         self.measures.clone()

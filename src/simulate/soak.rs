@@ -27,6 +27,10 @@ use crate::{GIT, output, source};
 
 /// Time with the classifier attached, or without, seconds.
 const WINDOW: f64 = 10.0;
+/// Of the histogram, microseconds.
+const BOUNDS_US: [f64; 10] = [
+    300.0, 400.0, 500.0, 600.0, 800.0, 1000.0, 1333.0, 2000.0, 4000.0, 8000.0,
+];
 /// Left out at the beginning of each window: processes start and end there.
 const SETTLE: Duration = Duration::from_millis(500);
 
@@ -93,10 +97,16 @@ pub(super) struct Stack(Vec<Child>);
 
 impl Stack {
     /// Starts them one after the other and waits until each is ready.
-    pub(super) fn start(table: &Path) -> anyhow::Result<Self> {
+    ///
+    /// - `fifo`: the 1 kHz loop under SCHED_FIFO, above the classifier
+    pub(super) fn start(table: &Path, fifo: bool) -> anyhow::Result<Self> {
         let mut stack = Self(Vec::new());
         for role in CatchingRole::ALL {
-            let arguments = ["simulate", "catching", "--role", role.name(), "--table"];
+            let mut arguments = vec!["simulate", "catching", "--role", role.name()];
+            if fifo && matches!(role, CatchingRole::Controller | CatchingRole::Drives) {
+                arguments.extend(["--priority", "80"]);
+            }
+            arguments.push("--table");
             stack.0.push(start(&arguments, table, role.name())?);
         }
         Ok(stack)
@@ -202,8 +212,15 @@ struct Soaked {
     loop_without: Loop,
     /// The loop's 99th percentile with the classifier and the dashboard over the one without.
     loop_p99_ratio: f64,
-    /// Latencies of plain beliefs, number below each bound.
-    histogram: Vec<(f64, usize)>,
+    histogram: Vec<Bucket>,
+}
+
+/// Plain beliefs that came within some time of their last frame.
+#[derive(Serialize)]
+struct Bucket {
+    /// Microseconds; `null`: any time.
+    below_us: f64,
+    beliefs: usize,
 }
 
 /// Beliefs that came, with the truth.
@@ -272,7 +289,7 @@ fn soak(
     path: &Path,
 ) -> anyhow::Result<Soaked> {
     let bus = Bus::open(Domain::Host, table)?;
-    let stack = Stack::start(path)?;
+    let stack = Stack::start(path, arguments.fifo)?;
     let over = Arc::new(AtomicBool::new(false));
     let config = ServeConfig::of(table)?;
     let turns = (arguments.seconds / WINDOW).ceil().max(1.0) as usize;
@@ -340,23 +357,13 @@ fn soak(
         .for_each(|l| l.sort_by(f64::total_cmp));
     let at =
         |stage: Stage, share| percentile(&latency_us[stage as usize - 1], share).unwrap_or(0.0);
-    let histogram = [
-        100.0,
-        200.0,
-        300.0,
-        400.0,
-        500.0,
-        750.0,
-        1000.0,
-        1333.0,
-        2000.0,
-        4000.0,
-        f64::MAX,
-    ]
-    .map(|bound| {
-        let plain = &latency_us[Stage::Plain as usize - 1];
-        (bound, plain.partition_point(|latency| *latency <= bound))
-    });
+    let plain = &latency_us[Stage::Plain as usize - 1];
+    let histogram = BOUNDS_US
+        .iter()
+        .map(|bound| (*bound, plain.partition_point(|latency| latency <= bound)))
+        .chain([(f64::INFINITY, plain.len())])
+        .map(|(below_us, beliefs)| Bucket { below_us, beliefs })
+        .collect();
     Ok(Soaked {
         schema_version: 1,
         git: GIT,
@@ -385,7 +392,7 @@ fn soak(
         loop_p99_ratio: loop_with.p99_us / loop_without.p99_us,
         loop_with,
         loop_without,
-        histogram: histogram.to_vec(),
+        histogram,
     })
 }
 

@@ -1,6 +1,8 @@
 //! The online classifier with hub, skin and service as processes of their own.
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::os::unix::net::UnixDatagram;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -244,6 +246,83 @@ fn beliefs_of_live_sweeps_are_those_of_the_offline_classifier() {
     let ends = &served["sequences"][0];
     let sent = ends[1].as_u64().unwrap() - ends[0].as_u64().unwrap() + 1;
     assert_eq!(served["frames"], sent, "{served}");
+}
+
+#[test]
+fn systemd_and_prometheus_are_told() {
+    let robot = Robot::new("told");
+    let _hub = robot.start(&["channel", "hub"]);
+    let socket = robot.lab.path("notify");
+    let manager = UnixDatagram::bind(&socket).unwrap();
+    manager
+        .set_read_timeout(Some(Duration::from_secs(20)))
+        .unwrap();
+    let port = TcpListener::bind("127.0.0.1:0")
+        .unwrap()
+        .local_addr()
+        .unwrap();
+    let mut serve = tactnet(["serve", "--run"]);
+    serve.arg(robot.lab.path("models/1"));
+    serve.args(["--metrics", &port.to_string(), "--cpu", "100000", "--table"]);
+    serve.arg(robot.lab.path("robot.toml"));
+    serve.env("NOTIFY_SOCKET", &socket);
+    serve.env("WATCHDOG_USEC", "200000");
+    serve.stderr(Stdio::piped());
+    let mut service = Running::start(serve);
+    let mut told = [0; 64];
+    let mut next_word = || {
+        let length = manager.recv(&mut told).unwrap();
+        String::from_utf8(told[..length].to_vec()).unwrap()
+    };
+    assert_eq!(next_word(), "READY=1");
+    assert_eq!(next_word(), "WATCHDOG=1");
+    assert_eq!(next_word(), "WATCHDOG=1");
+    let mut skin = robot.skin("1");
+    assert!(skin.0.wait().unwrap().success());
+    let mut http = TcpStream::connect(port).unwrap();
+    http.write_all(b"GET /metrics HTTP/1.0\r\n\r\n").unwrap();
+    let mut answer = String::new();
+    http.read_to_string(&mut answer).unwrap();
+    assert!(answer.contains("text/plain; version=0.0.4"), "{answer}");
+    for line in [
+        "tactnet_inference_total{stage=\"plain\"} 1",
+        "tactnet_inference_total{stage=\"dropout\"} 1",
+        "tactnet_compute_seconds_count{stage=\"plain\"} 1",
+        "tactnet_dropped_frames_total 0",
+    ] {
+        assert!(
+            answer.lines().any(|found| found == line),
+            "{line}\n{answer}"
+        );
+    }
+    let mut said = service.0.stderr.take().unwrap();
+    service.end();
+    let mut last = String::new();
+    while last != "STOPPING=1" {
+        last = next_word();
+        assert!(
+            ["WATCHDOG=1", "STOPPING=1"].contains(&last.as_str()),
+            "{last}"
+        );
+    }
+    let mut lines = String::new();
+    said.read_to_string(&mut lines).unwrap();
+    assert!(lines.contains("cannot stay on core 100000"), "{lines}");
+}
+
+#[test]
+fn every_sweep_of_a_data_set_is_judged_alike_frame_by_frame() {
+    let robot = Robot::new("alike");
+    let mut eval = tactnet(["eval", "--json", "--runtime", "online", "--data"]);
+    eval.arg(robot.lab.path("data.h5"))
+        .arg(robot.lab.path("models/1"));
+    let found: Value = serde_json::from_str(&stdout(&expect(0, eval))).unwrap();
+    for way in ["plain", "mc_dropout"] {
+        let compared = &found["runtimes"][way];
+        let apart = compared["largest_difference"].as_f64().unwrap();
+        assert!(apart < 1e-4, "{found}");
+        assert!(compared["p50_us"].as_f64().unwrap() > 0.0);
+    }
 }
 
 #[test]
