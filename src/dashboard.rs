@@ -20,7 +20,7 @@ use tokio::sync::watch;
 use crate::stop::Stop;
 use crate::{output, web};
 
-/// The page, which needs nothing else.
+/// The page, which needs nothing else. It shows the first finger.
 const PAGE: &str = include_str!("dashboard.html");
 const EVERY: Duration = Duration::from_millis(50);
 /// Every so many frames one is drawn.
@@ -120,7 +120,9 @@ pub fn run(arguments: &DashboardArgs) -> anyhow::Result<ExitCode> {
             }
         }
         while let Some(belief) = ports.beliefs.try_get()? {
-            if let Some(belief) = belief.first() {
+            if let Some(belief) = belief.first()
+                && belief.finger == 0
+            {
                 view.take_belief(belief, &names);
             }
         }

@@ -2,15 +2,14 @@
 
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitCode, Stdio};
+use std::process::{Command, ExitCode, Stdio};
 use std::time::Duration;
 
 use anyhow::{Context, bail};
 use clap::Args;
-use tactnet_channel::remove_bus;
 use tactnet_serving::ServeConfig;
 
-use crate::simulate::soak::{end, start};
+use crate::part::{OwnBus, Part};
 use crate::stop::Stop;
 
 /// Materials of the small network; the simulated skin touches two more, which are unknown to it.
@@ -49,7 +48,8 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
     std::fs::write(&path, toml::to_string(&table)?)?;
     let (run, sweeps) = (run.display().to_string(), sweeps.display().to_string());
     let listen = arguments.listen.to_string();
-    let mut parts = Parts(Vec::new());
+    let _own = OwnBus(&table);
+    let mut parts = Vec::new();
     for (name, command) in [
         ("hub", vec!["channel", "hub", "--table"]),
         (
@@ -65,7 +65,7 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
             vec!["simulate", "skin", "--data", &sweeps, "--table"],
         ),
     ] {
-        parts.0.push((name, start(&command, &path, name)?));
+        parts.push(Part::start(name, &command, &path)?);
     }
     eprintln!(
         "a simulated fingertip sweeps over {materials} materials; open http://{listen} in a browser; Ctrl-C ends"
@@ -73,44 +73,17 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
     crate::output::print(format_args!("ready"))?;
     while !stop.asked() {
         std::thread::sleep(Duration::from_millis(50));
-        if let Some((name, status)) = parts.ended()? {
-            bail!("the {name} ended: {status}");
-        }
-    }
-    parts.end()?;
-    remove_bus(&table)?;
-    Ok(ExitCode::SUCCESS)
-}
-
-/// Running processes; they do not outlive this one.
-struct Parts(Vec<(&'static str, Child)>);
-
-impl Parts {
-    fn ended(&mut self) -> anyhow::Result<Option<(&'static str, std::process::ExitStatus)>> {
-        for (name, child) in &mut self.0 {
-            if let Some(status) = child.try_wait()? {
-                return Ok(Some((name, status)));
+        for part in &mut parts {
+            if let Some(status) = part.ended()? {
+                bail!("the {} ended: {status}", part.name());
             }
         }
-        Ok(None)
     }
-
-    /// The hub last.
-    fn end(mut self) -> anyhow::Result<()> {
-        for (_, child) in std::mem::take(&mut self.0).into_iter().rev() {
-            end(child)?;
-        }
-        Ok(())
+    // The hub last.
+    while let Some(part) = parts.pop() {
+        part.end()?;
     }
-}
-
-impl Drop for Parts {
-    fn drop(&mut self) {
-        for (_, child) in &mut self.0 {
-            let _ = child.kill();
-            let _ = child.wait();
-        }
-    }
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Trains a network on a small twin, for people who have none yet.

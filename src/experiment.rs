@@ -230,7 +230,9 @@ fn command_line(arguments: &RunArgs) -> String {
     let mut line = format!("tactnet experiment run {}", name(&arguments.recipe));
     for setting in &arguments.settings {
         let shown = match setting.split_once('=') {
-            Some(("data", value)) if !value.starts_with(['[', '"']) => format!("data={}", name(value)),
+            Some(("data", value)) if !value.starts_with(['[', '"']) => {
+                format!("data={}", name(value))
+            }
             _ => setting
                 .split('"')
                 .map(|part| {

@@ -11,6 +11,7 @@ mod experiment;
 mod failure;
 mod notify;
 mod output;
+mod part;
 mod report;
 mod serve;
 mod simulate;

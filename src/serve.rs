@@ -136,8 +136,10 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
         "serving {} materials, {} frames of {} x {} taxels at {} Hz, {} dropout masks; Ctrl-C ends",
         names.materials, names.steps, names.rows, names.cols, names.sample_rate_hz, names.runs
     );
-    if !service.is_calibrated() {
-        eprintln!("unknown materials are not told: the run was trained without `--calibrate`");
+    if !service.tells_unknown() {
+        eprintln!(
+            "unknown materials are not told: the run was trained without `--calibrate`, or there are no dropout masks"
+        );
     }
     service.forget_backlog()?;
     output::print(format_args!("ready"))?;

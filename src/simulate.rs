@@ -1,6 +1,6 @@
 //! `tactnet simulate`: what a robot would put on the channels, for people without one.
 
-pub(crate) mod soak;
+mod soak;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -60,7 +60,7 @@ pub struct SkinArgs {
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     materials: Vec<String>,
     /// End after N sweeps [default: go on]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     sweeps: Option<u64>,
     /// Decides the order of the sweeps
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -224,7 +224,7 @@ fn catching(arguments: &CatchingArgs) -> anyhow::Result<ExitCode> {
         output::print_json(&report)?;
         return Ok(ExitCode::SUCCESS);
     }
-    let stack = soak::Stack::start(path, false)?;
+    let stack = soak::Stack::start(path, soak::Scheduling::Usual)?;
     let begun = tactnet_channel::now_ns();
     let time = std::time::Instant::now();
     while !stop.asked()
@@ -241,7 +241,10 @@ fn catching(arguments: &CatchingArgs) -> anyhow::Result<ExitCode> {
     } else {
         output::print(format_args!(
             "1 kHz loop: {:.0} us, 99 % below {:.0}, 99.9 % below {:.0}; {} packets lost",
-            seen.p50_us, seen.p99_us, seen.p999_us, seen.lost
+            seen.p50_us,
+            seen.p99_us,
+            seen.p999_us,
+            reports.iter().map(|report| report.lost).sum::<u64>()
         ))?;
     }
     Ok(ExitCode::SUCCESS)

@@ -7,7 +7,8 @@ use std::thread::JoinHandle;
 
 use anyhow::Context;
 use axum::Router;
-use axum::http::header::CONTENT_TYPE;
+use axum::http::StatusCode;
+use axum::http::header::{CONTENT_TYPE, HeaderMap};
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{Html, IntoResponse};
 use axum::routing::{get, post};
@@ -65,9 +66,19 @@ pub fn dashboard(
             Sse::new(events).keep_alive(KeepAlive::default())
         }
     };
-    let reset = move || {
-        reset();
-        async { "ok" }
+    // A header of our own: pages of other sites cannot send it without being asked first.
+    let reset = move |headers: HeaderMap| {
+        let own = headers.contains_key("x-tactnet");
+        if own {
+            reset();
+        }
+        async move {
+            if own {
+                StatusCode::OK
+            } else {
+                StatusCode::FORBIDDEN
+            }
+        }
     };
     serve(
         address,

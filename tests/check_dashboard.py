@@ -80,7 +80,12 @@ try:
     if demo.wait(20) != 0:
         wrong.append(f"the demo ended with {demo.returncode}")
 finally:
-    demo.kill()
+    # Killed at once it could not end its parts.
+    demo.terminate()
+    try:
+        demo.wait(20)
+    except subprocess.TimeoutExpired:
+        demo.kill()
 if wrong:
     sys.exit("\n".join(wrong))
 print(f"the dashboard is sound; screenshots in {folder}")

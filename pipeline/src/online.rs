@@ -31,6 +31,8 @@ pub struct OnlineClassifier {
     runs: Vec<f64>,
     /// Minus the energy of the newest judgement.
     log_total: f64,
+    /// Strangeness by the plain scores of this sweep.
+    plain_strangeness: Option<f64>,
     fused: Belief,
 }
 
@@ -100,6 +102,7 @@ impl OnlineClassifier {
             log_probability: vec![0.0; materials],
             runs: vec![0.0; runs * materials],
             log_total: 0.0,
+            plain_strangeness: None,
             fused: Belief::flat(materials),
             normalizer,
             calibration,
@@ -119,6 +122,7 @@ impl OnlineClassifier {
 
     /// Forgets the sweep that is going on; the next frame is the first of a new one.
     pub fn begin(&mut self) {
+        self.plain_strangeness = None;
         self.net.restart();
     }
 
@@ -159,6 +163,13 @@ impl OnlineClassifier {
             log_softmax_into(scores, log_probability);
             *log_total = f64::from(scores[0]) - log_probability[0];
         });
+        let largest = self.log_probability.iter().copied();
+        let largest = largest.fold(f64::NEG_INFINITY, f64::max);
+        self.plain_strangeness = match self.calibration.as_ref().map(|c| c.score) {
+            Some(StrangenessScore::Energy) => Some(-self.log_total),
+            Some(StrangenessScore::LargestProbability) => Some(-largest),
+            _ => None,
+        };
         self.belief(None)
     }
 
@@ -181,16 +192,11 @@ impl OnlineClassifier {
 
     fn belief(&self, information: Option<f64>) -> SweepBelief<'_> {
         let log_p = &self.log_probability;
-        let largest = log_p.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let strangeness = self.calibration.as_ref().and_then(|calibration| {
-            // All but the mutual information are defined on the plain scores.
-            match (calibration.score, information) {
-                (StrangenessScore::MutualInformation, information) => information,
-                (StrangenessScore::Energy, None) => Some(-self.log_total),
-                (StrangenessScore::LargestProbability, None) => Some(-largest),
-                _ => None,
-            }
-        });
+        // All but the mutual information are defined on the plain scores, and hold for the sweep.
+        let strangeness = match self.calibration.as_ref().map(|c| c.score) {
+            Some(StrangenessScore::MutualInformation) => information,
+            _ => self.plain_strangeness,
+        };
         let threshold = self.calibration.as_ref().map(|c| c.threshold);
         SweepBelief {
             log_probability: log_p,
@@ -206,6 +212,22 @@ impl OnlineClassifier {
     /// Adds the newest judgement to what former sweeps of the same object said.
     pub fn fuse(&mut self) {
         self.fused.fuse(&self.log_probability);
+    }
+
+    /// Whether it can tell unknown materials.
+    pub fn tells_unknown(&self) -> bool {
+        self.calibration.as_ref().is_some_and(|calibration| {
+            calibration.score != StrangenessScore::MutualInformation || self.runs() > 0
+        })
+    }
+
+    /// Takes over what was fused, where the materials are the same; gives whether that was possible.
+    pub fn take_fused(&mut self, former: &Self) -> bool {
+        let same = self.config.labels == former.config.labels;
+        if same {
+            self.fused = former.fused.clone();
+        }
+        same
     }
 
     /// What the fused sweeps say together.

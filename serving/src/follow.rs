@@ -1,7 +1,7 @@
 //! Where sweeps begin and end in the stream of frames, and which of them can be used.
 //!
 //! Pure logic: a [`SweepFollower`] is told of frames and commands of one finger and says what they mean. Every fault of the sensor or of the motion
-//! controller ends in a [`Reject`] with its reason; a rejected sweep gives no belief.
+//! controller ends in a [`Reject`] with its reason; a rejected sweep gives no final belief, whatever was said of its beginning.
 
 use serde::{Deserialize, Serialize};
 use tactnet_data::Frame;
@@ -18,11 +18,15 @@ pub struct FollowConfig {
     pub skip: usize,
     /// Lost frames in a row that are filled in by linear interpolation.
     pub longest_gap: usize,
+    /// Frames of a window that may be interpolated altogether.
+    pub most_filled_in: usize,
     /// Share of a frame's period that the sensor's clock may be off between two frames.
     pub clock_tolerance: f64,
-    /// A taxel that shows the same digit, other than zero, for so many frames of a window is stalled.
+    /// Periods that it may be off over a sweep.
+    pub clock_drift: f64,
+    /// A taxel that shows the same digit, other than zero, for so many frames of a window in a row is stalled; three quarters of a shorter window.
     pub stalled_frames: usize,
-    /// Digit of a saturated taxel.
+    /// Digit of a saturated taxel; digits below zero or above this are none of the sensor's.
     pub full_scale: f32,
     /// A taxel at full scale for so many frames of a window in a row is saturated.
     pub saturated_frames: usize,
@@ -34,7 +38,9 @@ impl Default for FollowConfig {
             segmentation: Segmentation::Command,
             skip: 250,
             longest_gap: 3,
+            most_filled_in: 20,
             clock_tolerance: 0.5,
+            clock_drift: 5.0,
             stalled_frames: 750,
             full_scale: 255.0,
             saturated_frames: 100,
@@ -99,7 +105,7 @@ pub enum Reject {
     #[error(transparent)]
     Window(#[from] WindowError),
     /// The sensor's clock does not go with its frames.
-    #[error("frame {sequence}: {found_ns} ns after the frame before, expected {expected_ns}")]
+    #[error("frame {sequence}: {found_ns} ns after an earlier frame, expected {expected_ns}")]
     Clock {
         /// The frame.
         sequence: u64,
@@ -107,6 +113,26 @@ pub enum Reject {
         found_ns: i64,
         /// By the rate and the frames' numbers.
         expected_ns: i64,
+    },
+    /// Too many frames lost, here and there.
+    #[error("{found} frames lost, at most {allowed} can be filled in")]
+    Losses {
+        /// Frames of the window that were interpolated.
+        found: usize,
+        /// What is forgiven.
+        allowed: usize,
+    },
+    /// A digit that the sensor cannot give.
+    #[error("frame {sequence}: taxel {taxel} shows {digit}, expected 0 to {full_scale}")]
+    Range {
+        /// The frame.
+        sequence: u64,
+        /// The taxel.
+        taxel: usize,
+        /// What it shows.
+        digit: f32,
+        /// The largest digit.
+        full_scale: f32,
     },
     /// A taxel that does not change.
     #[error("taxel {taxel} shows {digit} for {frames} frames")]
@@ -161,8 +187,9 @@ pub struct SweepFollower {
     period_ns: f64,
     window: SweepWindow,
     state: State,
-    /// Sequence and sensor time of the newest frame of the sweep.
+    /// Sequence and sensor time of the newest frame, and of the one that the sweep's clock is compared with.
     newest: Option<(u64, u64)>,
+    first: Option<(u64, u64)>,
     /// Frames in a row that speak for the other state of contact.
     turning: usize,
     /// `[taxels]`: digit, how often in a row, how often in a row at full scale
@@ -176,7 +203,9 @@ impl SweepFollower {
     ///
     /// - `steps`: frames of a window
     /// - `rate_hz`: frames per second
-    pub fn new(config: FollowConfig, steps: usize, taxels: usize, rate_hz: f64) -> Self {
+    pub fn new(mut config: FollowConfig, steps: usize, taxels: usize, rate_hz: f64) -> Self {
+        config.stalled_frames = config.stalled_frames.min((steps * 3 / 4).max(2));
+        config.saturated_frames = config.saturated_frames.min(steps);
         let window = SweepWindow::new(WindowConfig {
             taxels,
             skip: config.skip,
@@ -190,6 +219,7 @@ impl SweepFollower {
             window,
             state: State::Idle,
             newest: None,
+            first: None,
             turning: 0,
             health: vec![(0.0, 0, 0); taxels],
             examined: 0,
@@ -234,9 +264,10 @@ impl SweepFollower {
     }
 
     fn begin(&mut self) {
-        self.window.restart();
+        // Frames that were lost just before count, too.
+        self.window.restart_here();
         self.state = State::Sweeping;
-        self.newest = None;
+        self.first = self.newest;
         self.turning = 0;
         self.examined = 0;
         self.health.fill((0.0, 0, 0));
@@ -249,9 +280,13 @@ impl SweepFollower {
             Segmentation::Contact(contact) => self.feel(contact, frame.taxels),
         };
         if contact != Followed::Nothing || self.state != State::Sweeping {
+            self.window.see(frame);
+            self.newest = Some((frame.sequence, frame.sensor_time_nanos));
             return contact;
         }
-        match self.take(frame) {
+        let taken = self.take(frame);
+        self.newest = Some((frame.sequence, frame.sensor_time_nanos));
+        match taken {
             Ok(Push::Taken) => Followed::Grown,
             Ok(Push::Complete) => {
                 self.state = State::Over;
@@ -268,6 +303,8 @@ impl SweepFollower {
     /// Whether a contact begins or ends with this frame.
     fn feel(&mut self, contact: Contact, taxels: &[f32]) -> Followed {
         let mean = taxels.iter().sum::<f32>() / taxels.len().max(1) as f32;
+        // A broken taxel must not keep a contact for ever.
+        let mean = if mean.is_finite() { mean } else { 0.0 };
         let touching = self.state != State::Idle;
         let turns = match touching {
             true => mean < contact.ends,
@@ -282,26 +319,68 @@ impl SweepFollower {
     }
 
     fn take(&mut self, frame: &Frame<'_>) -> Result<Push, Reject> {
-        if let Some((sequence, time)) = self.newest
-            && frame.sequence > sequence
-        {
-            let expected = (frame.sequence - sequence) as f64 * self.period_ns;
-            let found = frame.sensor_time_nanos as f64 - time as f64;
-            if (found - expected).abs() > self.config.clock_tolerance * self.period_ns {
-                return Err(Reject::Clock {
-                    sequence: frame.sequence,
-                    found_ns: found as i64,
-                    expected_ns: expected as i64,
-                });
-            }
+        let off = frame
+            .taxels
+            .iter()
+            .position(|digit| *digit < 0.0 || *digit > self.config.full_scale);
+        if let Some(taxel) = off {
+            return Err(Reject::Range {
+                sequence: frame.sequence,
+                taxel,
+                digit: frame.taxels[taxel],
+                full_scale: self.config.full_scale,
+            });
+        }
+        for (since, tolerance) in [
+            (self.newest, self.config.clock_tolerance),
+            (self.first, self.config.clock_drift),
+        ] {
+            self.check_clock(since, tolerance, frame)?;
         }
         let pushed = self.window.push(frame)?;
-        self.newest = Some((frame.sequence, frame.sensor_time_nanos));
+        if self.first.is_none() {
+            self.first = Some((frame.sequence, frame.sensor_time_nanos));
+        }
+        if self.window.filled_in() > self.config.most_filled_in {
+            return Err(Reject::Losses {
+                found: self.window.filled_in(),
+                allowed: self.config.most_filled_in,
+            });
+        }
         for row in self.examined..self.window.kept() {
             examine(&self.config, &mut self.health, self.window.row(row))?;
         }
         self.examined = self.window.kept();
         Ok(pushed)
+    }
+}
+
+impl SweepFollower {
+    /// - `since`: sequence and sensor time of an earlier frame
+    /// - `tolerance`: periods
+    fn check_clock(
+        &self,
+        since: Option<(u64, u64)>,
+        tolerance: f64,
+        frame: &Frame<'_>,
+    ) -> Result<(), Reject> {
+        let Some((sequence, time)) = since else {
+            return Ok(());
+        };
+        if frame.sequence <= sequence {
+            // The window says so itself.
+            return Ok(());
+        }
+        let expected = (frame.sequence - sequence) as f64 * self.period_ns;
+        let found = frame.sensor_time_nanos as f64 - time as f64;
+        if (found - expected).abs() > tolerance * self.period_ns {
+            return Err(Reject::Clock {
+                sequence: frame.sequence,
+                found_ns: found as i64,
+                expected_ns: expected as i64,
+            });
+        }
+        Ok(())
     }
 }
 
@@ -350,7 +429,7 @@ mod tests {
         FollowConfig {
             skip: 2,
             longest_gap: 1,
-            stalled_frames: 5,
+            stalled_frames: 4,
             saturated_frames: 3,
             ..FollowConfig::default()
         }
@@ -436,7 +515,58 @@ mod tests {
         let mut twice = begun();
         assert_eq!(twice.start(), Followed::RejectedAndBegun(second));
         assert_eq!(twice.window().kept(), 0);
-        assert_eq!(good(&mut twice, 50), Followed::Grown);
+        assert_eq!(good(&mut twice, 4), Followed::Grown);
+    }
+
+    #[test]
+    fn losses_just_before_the_first_frame_count_and_clocks_may_not_drift() {
+        let mut late = follower(config());
+        good(&mut late, 3);
+        late.start();
+        let gap = good(&mut late, 9);
+        assert!(matches!(
+            gap,
+            Followed::Rejected(Reject::Window(WindowError::Gap { lost: 5, .. }))
+        ));
+        // A sensor that restarts is followed from its new beginning on.
+        late.stop();
+        good(&mut late, 0);
+        late.start();
+        assert_eq!(good(&mut late, 1), Followed::Grown);
+
+        // Each frame is in time, all together are not.
+        let mut slow = follower(FollowConfig {
+            clock_drift: 2.0,
+            ..config()
+        });
+        slow.start();
+        let mut outcomes = (0..8).map(|sequence| {
+            let digits = [20.0 + (sequence % 3) as f32, 30.0 + (sequence % 2) as f32];
+            push(&mut slow, sequence, sequence * PERIOD * 14 / 10, digits)
+        });
+        assert!(outcomes.any(|o| matches!(o, Followed::Rejected(Reject::Clock { .. }))));
+
+        let mut holes = follower(FollowConfig {
+            most_filled_in: 1,
+            skip: 0,
+            ..config()
+        });
+        holes.start();
+        good(&mut holes, 0);
+        assert_eq!(good(&mut holes, 2), Followed::Grown);
+        let losses = Reject::Losses {
+            found: 2,
+            allowed: 1,
+        };
+        assert_eq!(good(&mut holes, 4), Followed::Rejected(losses));
+
+        let mut wild = follower(config());
+        wild.start();
+        let range = push(&mut wild, 0, 0, [1.0, 1e30]);
+        assert!(matches!(
+            range,
+            Followed::Rejected(Reject::Range { taxel: 1, .. })
+        ));
     }
 
     #[test]
@@ -452,7 +582,7 @@ mod tests {
         let stalled = Reject::Stalled {
             taxel: 1,
             digit: 7.0,
-            frames: 5,
+            frames: 4,
         };
         assert_eq!(sweep(&|n| [n as f32, 7.0]), Followed::Rejected(stalled));
         assert_eq!(sweep(&|n| [n as f32, 0.0]), Followed::Complete);

@@ -42,9 +42,13 @@ impl ModelSource {
                     else {
                         continue;
                     };
-                    // Weights are written last, so a run without is still on its way.
+                    // The last file of a training is its result, of an enrolment its weights; a run without is still on its way.
+                    let path = entry.path();
+                    let ended = ["result.json", "enrolled.json"]
+                        .iter()
+                        .any(|f| path.join(f).exists());
                     let landed =
-                        RunDir::open(&entry.path()).is_ok_and(|run| run.has_final_weights());
+                        ended && RunDir::open(&path).is_ok_and(|run| run.has_final_weights());
                     if landed && newest.as_ref().is_none_or(|(known, _)| *known < version) {
                         newest = Some((version, entry.path()));
                     }
@@ -151,6 +155,12 @@ impl ServedModel {
         if new.shape != old.shape {
             return unfit(format!("sweeps of {}, served are {}", new.shape, old.shape));
         }
+        if serving.is_calibrated() && !self.is_calibrated() {
+            return unfit(
+                "it cannot tell unknown materials, the served one can; train it with `--calibrate`"
+                    .into(),
+            );
+        }
         if (new.sample_rate_hz - old.sample_rate_hz).abs() > 1e-6 * old.sample_rate_hz {
             return unfit(format!(
                 "{} Hz, served are {} Hz",
@@ -207,6 +217,12 @@ impl ServedModel {
             None => &self.run.known_sweeps()?,
         };
         let config = self.classifier.config();
+        if config.labels.len() == MOST_MATERIALS {
+            return Err(ServeError::Config(format!(
+                "`{material}` would be material {}, packets hold {MOST_MATERIALS}",
+                MOST_MATERIALS + 1
+            )));
+        }
         let sweeps = digits.len() / config.shape.values();
         let records = (0..sweeps).map(|sweep| SweepRecord {
             label: 0,
@@ -235,7 +251,19 @@ impl ServedModel {
             weights_sha256: digest.iter().map(|byte| format!("{byte:02x}")).collect(),
             git: git.into(),
         };
-        self.run.create_enrolled(path, &enrolled, record)?;
+        // Under another name until it is whole and can be loaded.
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let draft = path.with_file_name(format!(".{name}"));
+        let failed = |source| ServeError::Io {
+            path: path.into(),
+            source,
+        };
+        if draft.exists() {
+            std::fs::remove_dir_all(&draft).map_err(failed)?;
+        }
+        self.run.create_enrolled(&draft, &enrolled, record)?;
+        Self::load(&draft, version)?;
+        std::fs::rename(&draft, path).map_err(failed)?;
         Self::load(path, version)
     }
 }

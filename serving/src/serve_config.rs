@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 use tactnet_channel::{ChannelConfig, Table};
 
 use crate::packets::{ModelNames, SkinFrame, SweepCommand, TactileBelief, TactileStatus};
-use crate::{FollowConfig, ServeError};
+use crate::service::MOST_FINGERS;
+use crate::{FollowConfig, Segmentation, ServeError};
 
 /// Name of the section, `[components.tactnet]`.
 const SECTION: &str = "tactnet";
@@ -79,10 +80,35 @@ impl ServeConfig {
             ("plain_deadline_ms", config.plain_deadline_ms),
             ("dropout_deadline_ms", config.dropout_deadline_ms),
             ("follow.clock_tolerance", config.follow.clock_tolerance),
+            ("follow.clock_drift", config.follow.clock_drift),
+            ("follow.full_scale", f64::from(config.follow.full_scale)),
+            ("follow.stalled_frames", config.follow.stalled_frames as f64),
+            (
+                "follow.saturated_frames",
+                config.follow.saturated_frames as f64,
+            ),
         ] {
             if !(time.is_finite() && time > 0.0) {
                 return wrong(setting, "expected more than 0");
             }
+        }
+        if let Segmentation::Contact(contact) = config.follow.segmentation {
+            let apart = contact.begins > contact.ends && contact.ends.is_finite();
+            if !apart || contact.frames == 0 {
+                return wrong(
+                    "follow.segmentation",
+                    "expected `begins` above `ends`, and at least one frame",
+                );
+            }
+        }
+        let mut fingers = config.fingers.clone();
+        fingers.sort();
+        fingers.dedup();
+        if fingers.len() > MOST_FINGERS {
+            return wrong("fingers", "more than 16");
+        }
+        if fingers.len() != config.fingers.len() {
+            return wrong("fingers", "names a channel twice");
         }
         Ok(config)
     }
@@ -159,6 +185,7 @@ mod tests {
         };
         assert!(error("finger = 1").contains("finger"));
         assert!(error("fingers = []").contains("names no channel"));
+        assert!(error("fingers = [\"a\", \"a\"]").contains("twice"));
         assert!(error("anytime_ms = -1.0").contains("anytime_ms"));
         assert!(
             error("[components.tactnet.follow]\nclock_tolerance = 0.0").contains("clock_tolerance")

@@ -19,7 +19,7 @@ use tactnet_data::Frame;
 use tactnet_models::{entropy, first_largest};
 use tactnet_pipeline::OnlineClassifier;
 
-use crate::follow::{Followed, Reject, SweepFollower};
+use crate::follow::{Followed, Reject, Segmentation, SweepFollower};
 use crate::line::Line;
 use crate::measures::Measures;
 use crate::model::{ModelSource, ServedModel};
@@ -32,8 +32,12 @@ use crate::{ServeConfig, ServeError};
 
 /// Status is put at least this often.
 const ALIVE_EVERY_NS: u64 = 100_000_000;
+/// Frames of a finger in one go.
+const MOST_FRAMES: usize = 256;
 /// Commands that wait for their frame.
 const WAITING: usize = 32;
+/// Most fingers of a service.
+pub(crate) const MOST_FINGERS: usize = 16;
 /// Whole sweeps of a finger that are kept to learn from.
 const KEPT_SWEEPS: usize = 20;
 
@@ -52,11 +56,13 @@ pub struct Service {
     waiting: VecDeque<(u64, SweepCommand)>,
     counters: Counters,
     measures: Arc<Measures>,
-    calibrated: bool,
     sweeps: u64,
+    lost_commands: u64,
     alive_ns: u64,
     workshop: Workshop,
     news: Option<News>,
+    /// Classifiers that have served, on their way to the workshop.
+    retired: Option<Vec<OnlineClassifier>>,
     /// Allocations of this thread so far.
     allocations: fn() -> u64,
 }
@@ -128,7 +134,6 @@ impl Service {
         let (version, path) = source.newest()?;
         let served = ServedModel::load(&path, version)?;
         let names = Box::new(served.names(config.runs));
-        let calibrated = served.is_calibrated();
         let measures = Arc::<Measures>::default();
         measures.serve(Some(&path.display().to_string()), version);
         let shape = served.classifier().config().shape;
@@ -171,11 +176,12 @@ impl Service {
             waiting: VecDeque::with_capacity(WAITING),
             counters: Counters::default(),
             measures,
-            calibrated,
             sweeps: 0,
+            lost_commands: 0,
             alive_ns: 0,
             workshop: Workshop::start(served, source, &config, git)?,
             news: None,
+            retired: None,
             allocations: || 0,
             config,
         };
@@ -191,7 +197,7 @@ impl Service {
         self.allocations = allocations;
     }
 
-    /// Drops the frames that came while the thread was being prepared, so that it begins with what happens now.
+    /// Drops the frames and commands that came while the thread was being prepared, so that it begins with what happens now.
     ///
     /// # Errors
     /// The channels have broken down.
@@ -199,6 +205,8 @@ impl Service {
         for skin in &self.skins {
             while skin.try_get()?.is_some() {}
         }
+        // A sweep whose frames are gone must not begin.
+        while self.commands.try_get()?.is_some() {}
         Ok(())
     }
 
@@ -212,9 +220,11 @@ impl Service {
         &self.names
     }
 
-    /// Whether the model that it began with can tell unknown materials.
-    pub fn is_calibrated(&self) -> bool {
-        self.calibrated
+    /// Whether it can tell unknown materials.
+    pub fn tells_unknown(&self) -> bool {
+        self.fingers
+            .iter()
+            .all(|finger| finger.classifier.tells_unknown())
     }
 
     /// Sequence of the first and the newest frame of every finger.
@@ -239,10 +249,19 @@ impl Service {
             && finger < self.fingers.len()
         {
             let before = (self.allocations)();
-            while let Some(frame) = self.skins[finger].try_get()? {
+            // Not for ever, however fast a driver puts.
+            for _ in 0..MOST_FRAMES {
+                let Some(frame) = self.skins[finger].try_get()? else {
+                    break;
+                };
                 self.receive_commands()?;
-                self.follow_waiting(frame.header().put_ns)?;
-                self.frame(finger, &frame)?;
+                // Another host's clock says nothing here.
+                let put_ns = match frame.header().remote {
+                    0 => frame.header().put_ns,
+                    _ => now_ns(),
+                };
+                self.follow_waiting(put_ns, Some(finger))?;
+                self.frame(finger, &frame, put_ns)?;
             }
             self.counters.allocations += (self.allocations)() - before;
             // Who looks on since this frame is met now, not when the next belief is due.
@@ -250,7 +269,7 @@ impl Service {
             self.status.meet()?;
         } else if ready.is_none() {
             // The skin is silent: nothing that a command could come too early for.
-            self.follow_waiting(u64::MAX)?;
+            self.follow_waiting(u64::MAX, None)?;
         }
         let now = now_ns();
         if now.saturating_sub(self.alive_ns) >= ALIVE_EVERY_NS {
@@ -261,7 +280,10 @@ impl Service {
     }
 
     fn receive_commands(&mut self) -> Result<(), ServeError> {
-        while let Some(command) = self.commands.try_get()? {
+        for _ in 0..WAITING {
+            let Some(command) = self.commands.try_get()? else {
+                break;
+            };
             let header = *command.header();
             // Another host's clock says nothing here.
             let put_ns = if header.remote == 1 { 0 } else { header.put_ns };
@@ -274,19 +296,35 @@ impl Service {
                     )?;
                     continue;
                 }
-                self.waiting.push_back((put_ns, *command));
+                // Several commanders are looked at in turns, not in the order of time.
+                let at = self.waiting.partition_point(|(other, _)| *other <= put_ns);
+                self.waiting.insert(at, (put_ns, *command));
             }
+        }
+        let lost = self.commands.lost();
+        if lost > self.lost_commands {
+            let more = lost - self.lost_commands;
+            self.lost_commands = lost;
+            self.tell(Event::Refused, 0, format_args!("{more} commands were lost"))?;
         }
         Ok(())
     }
 
     /// Follows the commands that were put until then, so that a command divides the frames at its own time, whenever it is seen.
-    fn follow_waiting(&mut self, until_ns: u64) -> Result<(), ServeError> {
-        while let Some((put_ns, command)) = self.waiting.front()
+    ///
+    /// - `finger`: only its own, and those of no finger; `None`: all
+    fn follow_waiting(&mut self, until_ns: u64, finger: Option<usize>) -> Result<(), ServeError> {
+        let mut at = 0;
+        while let Some((put_ns, command)) = self.waiting.get(at)
             && *put_ns <= until_ns
         {
             let command = *command;
-            self.waiting.pop_front();
+            let other = command.finger as usize;
+            if finger.is_some_and(|own| own != other && other < self.fingers.len()) {
+                at += 1;
+                continue;
+            }
+            self.waiting.remove(at);
             self.command(&command)?;
         }
         Ok(())
@@ -294,6 +332,7 @@ impl Service {
 
     fn command(&mut self, command: &SweepCommand) -> Result<(), ServeError> {
         let number = command.finger;
+        let by_contact = self.config.follow.segmentation != Segmentation::Command;
         let Some(finger) = self.fingers.get_mut(number as usize) else {
             return self.tell(
                 Event::Refused,
@@ -305,11 +344,17 @@ impl Service {
             );
         };
         match command.command() {
+            Some(Command::Start | Command::Stop) if by_contact => self.tell(
+                Event::Refused,
+                number,
+                format_args!("sweeps begin and end by contact"),
+            ),
             Some(Command::Start) => {
                 let followed = finger.follower.start();
-                self.followed(number as usize, followed, 0, 0)?;
-                self.fingers[number as usize].motion = command.motion;
-                Ok(())
+                if let Followed::RejectedAndBegun(reject) = followed {
+                    self.reject(number as usize, &reject)?;
+                }
+                self.begin(number as usize, command.motion)
             }
             Some(Command::Stop) => {
                 let followed = finger.follower.stop();
@@ -317,6 +362,7 @@ impl Service {
             }
             Some(Command::Reset) => {
                 finger.classifier.reset();
+                finger.recent.came = 0;
                 self.tell(Event::Reset, number, format_args!("fused sweeps forgotten"))
             }
             Some(Command::Enroll) => self.enroll(number, command),
@@ -344,7 +390,15 @@ impl Service {
                 ),
             );
         };
-        if self.workshop.ask(Job::Enroll { material, digits }).is_err() {
+        if self
+            .workshop
+            .ask(Job::Enroll {
+                finger: number,
+                material,
+                digits,
+            })
+            .is_err()
+        {
             return self.tell(
                 Event::Refused,
                 number,
@@ -354,11 +408,15 @@ impl Service {
         Ok(())
     }
 
-    fn frame(&mut self, number: usize, packet: &Received<SkinFrame>) -> Result<(), ServeError> {
+    fn frame(
+        &mut self,
+        number: usize,
+        packet: &Received<SkinFrame>,
+        put_ns: u64,
+    ) -> Result<(), ServeError> {
         let Some(frame) = packet.first() else {
             return Ok(());
         };
-        let put_ns = packet.header().put_ns;
         let finger = &mut self.fingers[number];
         let first = finger.sequences.map_or(frame.sequence, |(first, _)| first);
         finger.sequences = Some((first, frame.sequence));
@@ -370,10 +428,8 @@ impl Service {
         self.followed(number, followed, frame.sequence, put_ns)?;
         self.counters.frames += 1;
         self.counters.dropped_frames = self.skins.iter().map(GetPort::lost).sum();
-        if packet.header().remote == 0 {
-            let delay = now_ns().saturating_sub(put_ns);
-            self.counters.worst_delay_ns = self.counters.worst_delay_ns.max(delay);
-        }
+        let delay = now_ns().saturating_sub(put_ns);
+        self.counters.worst_delay_ns = self.counters.worst_delay_ns.max(delay);
         self.measures.count(&self.counters);
         Ok(())
     }
@@ -387,11 +443,11 @@ impl Service {
     ) -> Result<(), ServeError> {
         match followed {
             Followed::Nothing => Ok(()),
-            Followed::Begun => self.begin(number),
+            Followed::Begun => self.begin(number, 0),
             Followed::Rejected(reject) => self.reject(number, &reject),
             Followed::RejectedAndBegun(reject) => {
                 self.reject(number, &reject)?;
-                self.begin(number)
+                self.begin(number, 0)
             }
             Followed::Grown => {
                 let finger = &mut self.fingers[number];
@@ -421,13 +477,13 @@ impl Service {
         }
     }
 
-    fn begin(&mut self, number: usize) -> Result<(), ServeError> {
+    fn begin(&mut self, number: usize, motion: u64) -> Result<(), ServeError> {
         self.sweeps += 1;
         let every = self.config.anytime_ms / 1e3 * self.names.sample_rate_hz;
         let finger = &mut self.fingers[number];
         finger.classifier.begin();
         finger.sweep = self.sweeps;
-        finger.motion = 0;
+        finger.motion = motion;
         finger.taken = 0;
         finger.next_belief = (every.ceil() as usize).max(1);
         self.tell(Event::Begun, number as u32, format_args!(""))
@@ -518,6 +574,12 @@ impl Service {
     }
 
     fn take_news(&mut self) -> Result<(), ServeError> {
+        // Freeing memory is the workshop's; it may be busy for a while.
+        if let Some(classifiers) = self.retired.take()
+            && let Err(Job::Retire(classifiers)) = self.workshop.ask(Job::Retire(classifiers))
+        {
+            self.retired = Some(classifiers);
+        }
         if self.news.is_none() {
             self.news = self.workshop.news();
         }
@@ -525,7 +587,7 @@ impl Service {
         let sweeping = self.fingers.iter().any(|f| f.follower.is_sweeping());
         match &self.news {
             None => return Ok(()),
-            Some(News::Ready { .. }) if sweeping => return Ok(()),
+            Some(News::Ready { .. }) if sweeping || self.retired.is_some() => return Ok(()),
             Some(_) => {}
         }
         match self.news.take() {
@@ -533,23 +595,35 @@ impl Service {
                 mut classifiers,
                 names,
                 event,
+                finger: asked,
                 text,
             }) => {
-                for (finger, classifier) in self.fingers.iter_mut().zip(&mut classifiers) {
+                let mut forgotten = [false; MOST_FINGERS];
+                let fingers = self.fingers.iter_mut().zip(&mut classifiers);
+                for ((finger, classifier), forgotten) in fingers.zip(&mut forgotten) {
                     std::mem::swap(&mut finger.classifier, classifier);
+                    // Beliefs over other materials cannot go on.
+                    *forgotten = !finger.classifier.take_fused(classifier)
+                        && classifier.fused().sweeps() > 0;
                 }
                 self.names = names;
                 self.measures.serve(None, self.names.version);
-                if let Err(Job::Retire(classifiers)) = self.workshop.ask(Job::Retire(classifiers)) {
-                    // The workshop is busy; freeing them here costs a little time between sweeps.
-                    drop(classifiers);
-                }
+                self.retired = Some(classifiers);
                 self.model.put_copy(&[*self.names])?;
-                self.tell(event, 0, format_args!("{}", text.as_str()))
+                self.tell(event, asked, format_args!("{}", text.as_str()))?;
+                for (number, forgotten) in forgotten.into_iter().enumerate() {
+                    if forgotten {
+                        let text = format_args!("fused sweeps forgotten: other materials");
+                        self.tell(Event::Reset, number as u32, text)?;
+                    }
+                }
+                Ok(())
             }
-            Some(News::Failed { event, text }) => {
-                self.tell(event, 0, format_args!("{}", text.as_str()))
-            }
+            Some(News::Failed {
+                event,
+                finger,
+                text,
+            }) => self.tell(event, finger, format_args!("{}", text.as_str())),
             None => Ok(()),
         }
     }

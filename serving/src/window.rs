@@ -104,6 +104,21 @@ impl SweepWindow {
         self.spoiled = false;
     }
 
+    /// Forgets the sweep, but not the frame before: the next frame must follow it, or be near enough.
+    pub fn restart_here(&mut self) {
+        let last = self.last;
+        self.restart();
+        self.last = last;
+    }
+
+    /// Notes a frame between sweeps, from which the next one is counted.
+    pub fn see(&mut self, frame: &Frame<'_>) {
+        if frame.taxels.len() == self.newest.len() && frame.taxels.iter().all(|v| v.is_finite()) {
+            self.newest.copy_from_slice(frame.taxels);
+        }
+        self.last = Some(frame.sequence);
+    }
+
     /// Takes the next frame of the motion; after an error every frame is ignored until [`SweepWindow::restart`].
     ///
     /// # Errors
@@ -155,8 +170,8 @@ impl SweepWindow {
             }
             for step in 1..=lost {
                 let weight = step as f32 / (lost + 1) as f32;
+                self.filled_in += usize::from(self.is_open());
                 self.keep(|taxel, newest| newest + (frame.taxels[taxel] - newest) * weight);
-                self.filled_in += 1;
             }
         }
         self.keep(|taxel, _| frame.taxels[taxel]);
@@ -195,19 +210,20 @@ impl SweepWindow {
         &self.values[number * taxels..(number + 1) * taxels]
     }
 
-    /// Frames of this motion that were interpolated.
+    /// Whether the next frame belongs to the window.
+    fn is_open(&self) -> bool {
+        let WindowConfig { skip, steps, .. } = self.config;
+        (skip..skip + steps).contains(&self.seen)
+    }
+
+    /// Frames of the window that were interpolated.
     pub fn filled_in(&self) -> usize {
         self.filled_in
     }
 
     fn keep(&mut self, value: impl Fn(usize, f32) -> f32) {
-        let WindowConfig {
-            taxels,
-            skip,
-            steps,
-            ..
-        } = self.config;
-        if (skip..skip + steps).contains(&self.seen) {
+        let WindowConfig { taxels, skip, .. } = self.config;
+        if self.is_open() {
             let row = (self.seen - skip) * taxels;
             for taxel in 0..taxels {
                 self.values[row + taxel] = value(taxel, self.newest[taxel]);

@@ -20,6 +20,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(500);
 pub(crate) enum Job {
     /// Learn `material` from `[sweeps][steps][taxels]` digits.
     Enroll {
+        finger: u32,
         material: Text<56>,
         digits: Vec<f32>,
     },
@@ -34,16 +35,21 @@ pub(crate) enum News {
         classifiers: Vec<OnlineClassifier>,
         names: Box<ModelNames>,
         event: Event,
+        finger: u32,
         text: Text<192>,
     },
     /// Something did not work out.
-    Failed { event: Event, text: Text<192> },
+    Failed {
+        event: Event,
+        finger: u32,
+        text: Text<192>,
+    },
 }
 
 /// The service's end.
 pub(crate) struct Workshop {
     jobs: Option<SyncSender<Job>>,
-    news: Receiver<News>,
+    news: Option<Receiver<News>>,
     /// Set when there is news, so that the service looks into the channel only then.
     has_news: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -80,7 +86,7 @@ impl Workshop {
             })?;
         Ok(Self {
             jobs: Some(jobs),
-            news,
+            news: Some(news),
             has_news,
             thread: Some(thread),
         })
@@ -102,12 +108,13 @@ impl Workshop {
         if !self.has_news.load(Ordering::Acquire) {
             return None;
         }
-        match self.news.try_recv() {
+        let news = self.news.as_ref()?;
+        match news.try_recv() {
             Ok(news) => Some(news),
             Err(_) => {
                 self.has_news.store(false, Ordering::Release);
                 // What was told between the two lines is found next time.
-                let late = self.news.try_recv().ok();
+                let late = news.try_recv().ok();
                 if late.is_some() {
                     self.has_news.store(true, Ordering::Release);
                 }
@@ -119,6 +126,8 @@ impl Workshop {
 
 impl Drop for Workshop {
     fn drop(&mut self) {
+        // Without both ends the worker neither waits for us nor works off what is left.
+        drop(self.news.take());
         drop(self.jobs.take());
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
@@ -146,7 +155,15 @@ impl Worker {
         loop {
             match wanted.recv_timeout(LOOK_EVERY) {
                 Ok(Job::Retire(classifiers)) => drop(classifiers),
-                Ok(Job::Enroll { material, digits }) => self.enroll(material.as_str(), digits),
+                Ok(Job::Enroll {
+                    finger,
+                    material,
+                    digits,
+                }) => {
+                    if !self.enroll(finger, material.as_str(), digits) {
+                        return;
+                    }
+                }
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return,
             }
@@ -157,17 +174,19 @@ impl Worker {
         }
     }
 
-    fn say(&self, news: News) {
-        // Nobody to tell: the service ends.
-        let _ = self.tell.send(news);
+    /// Gives whether there is still somebody to tell.
+    fn say(&self, news: News) -> bool {
+        let told = self.tell.send(news).is_ok();
         self.has_news.store(true, Ordering::Release);
+        told
     }
 
-    fn fail(&self, event: Event, error: &ServeError) {
+    fn fail(&self, event: Event, finger: u32, error: &ServeError) -> bool {
         self.say(News::Failed {
             event,
+            finger,
             text: Text::new(&error.to_string()),
-        });
+        })
     }
 
     /// Looks for a newer version.
@@ -186,15 +205,22 @@ impl Worker {
             Ok(model)
         });
         match loaded {
-            Ok(model) => self.offer(model, Event::Swapped, &format!("version {version} serves")),
+            Ok(model) => {
+                self.offer(
+                    model,
+                    Event::Swapped,
+                    0,
+                    &format!("version {version} serves"),
+                );
+            }
             Err(error) => {
                 self.refused = Some(version);
-                self.fail(Event::ModelRejected, &error);
+                self.fail(Event::ModelRejected, 0, &error);
             }
         }
     }
 
-    fn enroll(&mut self, material: &str, digits: Vec<f32>) {
+    fn enroll(&mut self, finger: u32, material: &str, digits: Vec<f32>) -> bool {
         let begun = Instant::now();
         let learnt = self.place().and_then(|(path, version)| {
             self.model
@@ -206,9 +232,9 @@ impl Worker {
                     "`{material}` learnt in {:.2} s",
                     begun.elapsed().as_secs_f64()
                 );
-                self.offer(model, Event::Enrolled, &text);
+                self.offer(model, Event::Enrolled, finger, &text)
             }
-            Err(error) => self.fail(Event::Refused, &error),
+            Err(error) => self.fail(Event::Refused, finger, &error),
         }
     }
 
@@ -235,22 +261,24 @@ impl Worker {
         }
     }
 
-    fn offer(&mut self, model: ServedModel, event: Event, text: &str) {
+    fn offer(&mut self, model: ServedModel, event: Event, finger: u32, text: &str) -> bool {
         let classifiers: Result<Vec<_>, _> =
             (0..self.fingers).map(|_| model.online(self.runs)).collect();
         match classifiers {
             Ok(classifiers) => {
-                self.say(News::Ready {
+                let told = self.say(News::Ready {
                     classifiers,
                     names: Box::new(model.names(self.runs)),
                     event,
+                    finger,
                     text: Text::new(text),
                 });
                 self.model = model;
+                told
             }
             Err(error) => {
                 self.refused = Some(model.version());
-                self.fail(Event::ModelRejected, &error);
+                self.fail(Event::ModelRejected, finger, &error)
             }
         }
     }

@@ -1,8 +1,7 @@
 //! Everything at once: does the classifier keep up, and does the 1 kHz loop notice it?
 
-use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitCode, Stdio};
+use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -11,7 +10,7 @@ use anyhow::{Context, bail};
 use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
-use tactnet_channel::{Bus, Domain, Hub, Priority, Start, Table, Wait, now_ns, remove_bus};
+use tactnet_channel::{Bus, Domain, Hub, Priority, Start, Table, Wait, now_ns};
 use tactnet_data::twin::{self, TwinConfig};
 use tactnet_data::{Dataset, LabelSet, Seed};
 use tactnet_pipeline::RunDir;
@@ -22,6 +21,7 @@ use tactnet_serving::simulate::{
 use tactnet_serving::{Realtime, ServeConfig, percentile};
 
 use super::{REST, order_of};
+use crate::part::{OwnBus, Part};
 use crate::stop::Stop;
 use crate::{GIT, output, source};
 
@@ -63,7 +63,6 @@ pub(super) struct Loop {
     pub(super) p50_us: f64,
     pub(super) p99_us: f64,
     pub(super) p999_us: f64,
-    pub(super) lost: u64,
 }
 
 impl Loop {
@@ -87,97 +86,45 @@ impl Loop {
             p50_us,
             p99_us,
             p999_us,
-            lost: reports.iter().map(|report| report.lost).sum(),
         })
     }
 }
 
 /// The processes of the catching stack.
-pub(super) struct Stack(Vec<Child>);
+pub(super) struct Stack(Vec<Part>);
+
+/// How processes are scheduled.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Scheduling {
+    /// As any other.
+    Usual,
+    /// Under SCHED_FIFO: the 1 kHz loop above the skin, the skin above the classifier.
+    Fifo,
+}
 
 impl Stack {
     /// Starts them one after the other and waits until each is ready.
-    ///
-    /// - `fifo`: the 1 kHz loop under SCHED_FIFO, above the classifier
-    pub(super) fn start(table: &Path, fifo: bool) -> anyhow::Result<Self> {
+    pub(super) fn start(table: &Path, scheduling: Scheduling) -> anyhow::Result<Self> {
         let mut stack = Self(Vec::new());
         for role in CatchingRole::ALL {
             let mut arguments = vec!["simulate", "catching", "--role", role.name()];
-            if fifo && matches!(role, CatchingRole::Controller | CatchingRole::Drives) {
+            let of_the_loop = matches!(role, CatchingRole::Controller | CatchingRole::Drives);
+            if scheduling == Scheduling::Fifo && of_the_loop {
                 arguments.extend(["--priority", "80"]);
             }
             arguments.push("--table");
-            stack.0.push(start(&arguments, table, role.name())?);
+            stack.0.push(Part::start(role.name(), &arguments, table)?);
         }
         Ok(stack)
     }
 
     /// Ends them and gathers what they saw.
-    pub(super) fn end(mut self) -> anyhow::Result<Vec<CatchingReport>> {
-        let children = std::mem::take(&mut self.0);
-        children
-            .into_iter()
-            .rev()
-            .map(|child| Ok(serde_json::from_str(&end(child)?)?))
+    pub(super) fn end(self) -> anyhow::Result<Vec<CatchingReport>> {
+        let parts = self.0.into_iter().rev();
+        parts
+            .map(|part| Ok(serde_json::from_str(&part.end()?)?))
             .collect()
     }
-}
-
-impl Drop for Stack {
-    fn drop(&mut self) {
-        for child in &mut self.0 {
-            let _ = child.kill();
-            let _ = child.wait();
-        }
-    }
-}
-
-/// Starts this program again and waits until it says `ready`.
-pub(crate) fn start(arguments: &[&str], table: &Path, what: &str) -> anyhow::Result<Child> {
-    let mut child = Command::new(std::env::current_exe()?)
-        .args(arguments)
-        .arg(table)
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .with_context(|| format!("cannot start the {what}"))?;
-    let out = child.stdout.as_mut().context("its output")?;
-    // Read byte by byte, so that nothing of what comes later is swallowed.
-    let mut line = Vec::new();
-    let mut byte = [0];
-    while out.read(&mut byte)? == 1 && byte[0] != b'\n' {
-        line.push(byte[0]);
-    }
-    if line != b"ready" {
-        let mut said = String::new();
-        if let Some(errors) = child.stderr.as_mut() {
-            let _ = BufReader::new(errors).read_line(&mut said);
-        }
-        let _ = child.kill();
-        let _ = child.wait();
-        bail!("the {what} did not start: {}", said.trim());
-    }
-    // Nobody must wait because we do not listen.
-    if let Some(mut errors) = child.stderr.take() {
-        std::thread::spawn(move || std::io::copy(&mut errors, &mut std::io::sink()));
-    }
-    Ok(child)
-}
-
-/// Asks a process to end and gives what it printed.
-pub(crate) fn end(mut child: Child) -> anyhow::Result<String> {
-    // SAFETY: the process is our child and has not been waited for.
-    unsafe { libc::kill(child.id() as libc::pid_t, libc::SIGTERM) };
-    let mut said = String::new();
-    if let Some(out) = child.stdout.as_mut() {
-        out.read_to_string(&mut said)?;
-    }
-    let status = child.wait()?;
-    if !status.success() {
-        bail!("a process ended with {status}");
-    }
-    Ok(said)
 }
 
 /// What `--json` prints.
@@ -210,6 +157,8 @@ struct Soaked {
     worst_delay_us: f64,
     loop_with: Loop,
     loop_without: Loop,
+    /// Packets of the catching stack that were lost, over the whole time.
+    stack_lost: u64,
     /// The loop's 99th percentile with the classifier and the dashboard over the one without.
     loop_p99_ratio: f64,
     histogram: Vec<Bucket>,
@@ -234,6 +183,20 @@ struct Heard {
 /// Runs the command.
 pub fn run(arguments: &SoakArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen_saying("stopping")?;
+    if !(arguments.seconds > 0.0 && arguments.seconds <= 86_400.0) {
+        bail!("--seconds: expected more than 0 and at most a day");
+    }
+    let scheduling = if arguments.fifo {
+        Scheduling::Fifo
+    } else {
+        Scheduling::Usual
+    };
+    if arguments.fifo {
+        let tried = std::thread::spawn(|| priority(1).apply()).join();
+        if let Some(refused) = tried.unwrap_or_default().first() {
+            bail!("--fifo: {refused}");
+        }
+    }
     let folder = tempfile::tempdir()?;
     let run = match &arguments.run {
         Some(run) => run.clone(),
@@ -253,12 +216,12 @@ pub fn run(arguments: &SoakArgs) -> anyhow::Result<ExitCode> {
     let table = catching_table(config.table(&format!("soak{}", std::process::id())));
     let path = folder.path().join("robot.toml");
     std::fs::write(&path, toml::to_string(&table)?)?;
-    let hub = Hub::spawn(&table)?;
     let played = Played::new(&dataset, &known)?;
-    let outcome = soak(arguments, &stop, &run, &played, &table, &path);
+    let _own = OwnBus(&table);
+    let hub = Hub::spawn(&table)?;
+    let soaked = soak(arguments, scheduling, &stop, &run, &played, &table, &path);
     drop(hub);
-    remove_bus(&table)?;
-    let soaked = outcome?;
+    let soaked = soaked?;
     if arguments.json {
         output::print_json(&soaked)?;
     } else {
@@ -282,6 +245,7 @@ pub fn run(arguments: &SoakArgs) -> anyhow::Result<ExitCode> {
 
 fn soak(
     arguments: &SoakArgs,
+    scheduling: Scheduling,
     stop: &Stop,
     run: &Path,
     played: &Played<'_>,
@@ -289,7 +253,7 @@ fn soak(
     path: &Path,
 ) -> anyhow::Result<Soaked> {
     let bus = Bus::open(Domain::Host, table)?;
-    let stack = Stack::start(path, arguments.fifo)?;
+    let stack = Stack::start(path, scheduling)?;
     let over = Arc::new(AtomicBool::new(false));
     let config = ServeConfig::of(table)?;
     let turns = (arguments.seconds / WINDOW).ceil().max(1.0) as usize;
@@ -299,7 +263,7 @@ fn soak(
     let mut served = Vec::new();
     let heard = std::thread::scope(|scope| -> anyhow::Result<Heard> {
         let over_now = Ender(&over);
-        let skin = scope.spawn(|| skin(&bus, &config, played, &over, arguments.fifo));
+        let skin = scope.spawn(|| skin(&bus, &config, played, &over, scheduling));
         let heard = scope.spawn(|| listen(&bus, &config, played, &over));
         for turn in 0..turns {
             if stop.asked() {
@@ -309,16 +273,16 @@ fn soak(
             without.push(rest(window, stop));
             let run = run.display().to_string();
             let mut serve = vec!["serve", "--json", "--metrics", "off", "--run", &run];
-            if arguments.fifo {
+            if scheduling == Scheduling::Fifo {
                 serve.extend(["--priority", "60", "--lock-memory"]);
             }
             serve.push("--table");
-            let classifier = start(&serve, path, "classifier")?;
+            let classifier = Part::start("classifier", &serve, path)?;
             let page = ["dashboard", "--listen", "127.0.0.1:0", "--table"];
-            let dashboard = start(&page, path, "dashboard")?;
+            let dashboard = Part::start("dashboard", &page, path)?;
             with.push(rest(window, stop));
-            served.push(serde_json::from_str::<Value>(&end(classifier)?)?);
-            end(dashboard)?;
+            served.push(serde_json::from_str::<Value>(&classifier.end()?)?);
+            dashboard.end()?;
         }
         drop(over_now);
         skin.join()
@@ -367,7 +331,7 @@ fn soak(
     Ok(Soaked {
         schema_version: 1,
         git: GIT,
-        seconds: window.as_secs_f64() * with.len() as f64,
+        seconds: with.iter().map(|(from, to)| (to - from) as f64 / 1e9).sum(),
         frames_sent: sent,
         frames_lost: sent.saturating_sub(sum("frames")),
         sweeps: sum("sweeps"),
@@ -392,6 +356,7 @@ fn soak(
         loop_p99_ratio: loop_with.p99_us / loop_without.p99_us,
         loop_with,
         loop_without,
+        stack_lost: reports.iter().map(|report| report.lost).sum(),
         histogram,
     })
 }
@@ -439,6 +404,13 @@ impl<'a> Played<'a> {
     }
 }
 
+fn priority(priority: u8) -> Realtime {
+    Realtime {
+        priority: Some(priority),
+        ..Realtime::default()
+    }
+}
+
 /// Says that it is over, also when something went wrong.
 struct Ender<'a>(&'a AtomicBool);
 
@@ -463,16 +435,13 @@ fn skin(
     config: &ServeConfig,
     played: &Played<'_>,
     over: &AtomicBool,
-    fifo: bool,
+    scheduling: Scheduling,
 ) -> anyhow::Result<()> {
     let frames = bus.put_port::<SkinFrame>(config.fingers[0].as_str(), Priority::High)?;
     let commands = bus.put_port::<SweepCommand>(config.command.as_str(), Priority::High)?;
-    if fifo {
-        Realtime {
-            priority: Some(70),
-            ..Realtime::default()
-        }
-        .apply();
+    if scheduling == Scheduling::Fifo {
+        // It has been tried before.
+        priority(70).apply();
     }
     let dataset = played.dataset;
     let mut skin = SkinSimulator::new(dataset, played.order.clone(), config.follow.skip, REST);

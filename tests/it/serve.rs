@@ -359,7 +359,7 @@ fn a_material_is_learnt_while_it_serves_and_a_wrong_model_is_refused() {
     wish(&commands, Wish::Enroll, "felt", 2);
     let learnt = next(&status, |s| s.event == Event::Enrolled as u32);
     assert!(
-        learnt.text.as_str().starts_with("`felt` learnt in 0."),
+        learnt.text.as_str().starts_with("`felt` learnt in "),
         "{:?}",
         learnt.text
     );
