@@ -24,7 +24,8 @@ pub struct FollowConfig {
     pub clock_tolerance: f64,
     /// Periods that it may be off over a sweep.
     pub clock_drift: f64,
-    /// A taxel that shows the same digit, other than zero, for so many frames of a window in a row is stalled; three quarters of a shorter window.
+    /// A taxel that shows the same digit, other than zero, for so many frames of a window in a row is stalled; a shorter window is too
+    /// short to tell that from light contact.
     pub stalled_frames: usize,
     /// Digit of a saturated taxel; digits below zero or above this are none of the sensor's.
     pub full_scale: f32,
@@ -204,7 +205,6 @@ impl SweepFollower {
     /// - `steps`: frames of a window
     /// - `rate_hz`: frames per second
     pub fn new(mut config: FollowConfig, steps: usize, taxels: usize, rate_hz: f64) -> Self {
-        config.stalled_frames = config.stalled_frames.min((steps * 3 / 4).max(2));
         config.saturated_frames = config.saturated_frames.min(steps);
         let window = SweepWindow::new(WindowConfig {
             taxels,
