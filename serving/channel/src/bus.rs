@@ -19,7 +19,7 @@ use crate::{
 };
 
 /// How long the places of dead clients may take to become free.
-const CLEARING_UP: Duration = Duration::from_secs(2);
+const CLEARING_UP: Duration = Duration::from_secs(4);
 
 /// Which components a bus connects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -291,11 +291,10 @@ fn open<S: Service>(node: &Node<S>, id: ChannelId, bus: &str) -> Result<Channel<
             .open();
         match opened {
             Ok(channel) => return Ok(channel),
-            // The places of clients that died are free again only after somebody has cleared up; the hub may be at it.
+            // The places of clients that died are free again only after the hub has cleared up.
             Err(PublishSubscribeOpenError::ExceedsMaxNumberOfNodes)
                 if begun.elapsed() < CLEARING_UP =>
             {
-                node.blocking_cleanup_dead_nodes(Duration::from_millis(20));
                 std::thread::sleep(Duration::from_millis(10));
             }
             Err(PublishSubscribeOpenError::ExceedsMaxNumberOfNodes) => {

@@ -76,7 +76,7 @@ impl<T: Packet> GetPort<T> {
             channel,
             bell,
             crowd,
-            ..
+            prefix,
         } = opened;
         const {
             assert!(
@@ -107,6 +107,7 @@ impl<T: Packet> GetPort<T> {
                     .or_else(|error| match error {
                         SubscriberCreateError::ExceedsMaxSupportedSubscribers => {
                             use iceoryx2::service::port_factory::PortFactory;
+                            crate::hub::clear_the_way(prefix.as_ref());
                             $channel.try_cleanup_dead_nodes();
                             create()
                         }

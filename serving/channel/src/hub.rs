@@ -21,6 +21,8 @@ use crate::{ChannelError, ChannelId, Table};
 /// How long another process may clean up before the hub does it.
 const PATIENCE: Duration = Duration::from_millis(100);
 const CLEAN_EVERY: Duration = Duration::from_secs(1);
+/// No client takes so long from making a connection's file to giving it a size.
+const UNFINISHED_AFTER: Duration = Duration::from_millis(100);
 /// No client takes so long to begin.
 const STILLBORN_AFTER: Duration = Duration::from_secs(10);
 
@@ -30,6 +32,7 @@ type Channel = publish_subscribe::PortFactory<Ipc, [Block], Header>;
 #[derive(Debug)]
 pub struct Hub {
     bus: String,
+    local_name: String,
     node: Node<Ipc>,
     channels: Vec<(ChannelId, Channel)>,
     cleaned: Instant,
@@ -66,6 +69,9 @@ impl Hub {
         remove_unfinished(&config)?;
         remove_stillborn(&config)?;
         let node: Node<Ipc> = node(&config)?;
+        while !remove_unfinished_connections(&format!("{}_", table.local_name()))? {
+            std::thread::sleep(UNFINISHED_AFTER);
+        }
         node.blocking_cleanup_dead_nodes(PATIENCE);
         let mut channels = Vec::new();
         for (id, config) in &table.channels {
@@ -79,6 +85,7 @@ impl Hub {
             #[cfg(feature = "zenoh")]
             bridge: crate::bridge::Bridge::start(table)?,
             bus: table.bus.clone(),
+            local_name: table.local_name(),
             node,
             channels,
             cleaned: Instant::now(),
@@ -104,6 +111,9 @@ impl Hub {
             return Ok(0);
         }
         self.cleaned = Instant::now();
+        if !remove_unfinished_connections(&format!("{}_", self.local_name))? {
+            return Ok(0);
+        }
         let found = self.node.blocking_cleanup_dead_nodes(PATIENCE).cleanups as usize;
         if found == 0 {
             return Ok(0);
@@ -216,6 +226,49 @@ fn remove_unfinished(config: &Config) -> Result<(), ChannelError> {
         }
     }
     Ok(())
+}
+
+/// Removes connections whose file has no size, because the client that made them was killed before: whoever clears up after it would wait for
+/// them for ever (iceoryx2 0.10 forgets its timeout there). Gives false while there are some that a living client may just be making.
+pub(crate) fn remove_unfinished_connections(prefix: &str) -> Result<bool, ChannelError> {
+    let folder = PathBuf::from(SHARED_MEMORY);
+    let failed = |source| ChannelError::Io {
+        path: folder.clone(),
+        action: "clear up",
+        source,
+    };
+    let mut clear = true;
+    for entry in std::fs::read_dir(&folder).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        if !name.starts_with(prefix) || !name.ends_with(".connection") {
+            continue;
+        }
+        // It may be gone by now.
+        let Ok(file) = entry.metadata() else { continue };
+        if file.len() > 0 {
+            continue;
+        }
+        let age = file.modified().ok().and_then(|time| time.elapsed().ok());
+        if age.is_some_and(|age| age > UNFINISHED_AFTER) {
+            let _ = std::fs::remove_file(entry.path());
+        } else {
+            clear = false;
+        }
+    }
+    Ok(clear)
+}
+
+/// Before a client clears up after dead ones itself.
+pub(crate) fn clear_the_way(prefix: Option<&String>) {
+    let begun = Instant::now();
+    while let Some(prefix) = prefix
+        && !remove_unfinished_connections(prefix).unwrap_or(true)
+        && begun.elapsed() < CLEAN_EVERY
+    {
+        std::thread::sleep(UNFINISHED_AFTER);
+    }
 }
 
 /// Removes the files of clients that were killed before they were wholly there, some seconds ago; iceoryx2 looks for them under the prefix

@@ -72,6 +72,7 @@ impl<T: Packet> PutPort<T> {
                         // The places of clients that died are free again only after somebody has cleared up.
                         PublisherCreateError::ExceedsMaxSupportedPublishers => {
                             use iceoryx2::service::port_factory::PortFactory;
+                            crate::hub::clear_the_way(prefix.as_ref());
                             $channel.try_cleanup_dead_nodes();
                             create()
                         }
