@@ -42,7 +42,7 @@ impl Default for FollowConfig {
             most_filled_in: 20,
             clock_tolerance: 0.5,
             clock_drift: 5.0,
-            stalled_frames: 750,
+            stalled_frames: 1000,
             full_scale: 255.0,
             saturated_frames: 100,
         }
