@@ -11,6 +11,7 @@ import base64
 import itertools
 import pathlib
 import sys
+import time
 
 from browser import Browser
 
