@@ -54,7 +54,7 @@ pub enum ExperimentCommand {
     tactnet experiment run my.toml --engine slurm --out /shared/my      on a cluster\n\n\
     The same call goes on where it was stopped; tasks that have ended are not run again.\n\n\
     Fields for --set: data, models, levels, steps, split, probes (a value or a list), folds (how many of the five random folds are \
-    trained), runs (1 or 2), groups, seed, epochs, search.trials; of studies of new materials: splits (draws of them), shots (nshot, enrolment), methods (nshot: nk, ol, ol-fcl, ol-mean, nn, siamese, simpleshot, lda, tuned-ol, whitened-ol). `tactnet experiment show NAME` prints a whole recipe.\n\n\
+    trained), runs (1 or 2), groups, seed, epochs, search.trials; of studies: splits (draws of new materials, or of the 2 x 5 folds), shots (sweeps that nshot and enrolment learn from, or behind a decision of the others), methods (nshot: nk, ol, ol-fcl, ol-mean, nn, siamese, simpleshot, lda, tuned-ol, whitened-ol). `tactnet experiment show NAME` prints a whole recipe.\n\n\
     With --engine slurm, folder and program must lie under the same path on every node.")]
 pub struct RunArgs {
     /// A built-in experiment (see `tactnet experiment list`) or a TOML file

@@ -236,12 +236,12 @@ fn tasks(recipe: &ExperimentRecipe, models: &[Model]) -> Vec<Task> {
 
 /// A task for every split (of the materials, or of the sweeps), data set and network.
 fn study_tasks(recipe: &ExperimentRecipe, study: &StudySettings, models: &[Model]) -> Vec<Task> {
-    let numbers: Vec<usize> = if study.kind.draws_materials() {
-        (0..recipe.splits).collect()
-    } else {
-        (0..recipe.runs)
+    let numbers: Vec<usize> = match recipe.splits {
+        Some(splits) => (0..splits).collect(),
+        None if study.kind.draws_materials() => vec![0],
+        None => (0..recipe.runs)
             .flat_map(|run| (0..recipe.folds).map(move |fold| 5 * run + fold))
-            .collect()
+            .collect(),
     };
     let methods = if recipe.methods.is_empty() && study.kind == Study::Nshot {
         TransferMethod::ALL.to_vec()

@@ -94,10 +94,12 @@ pub struct ExperimentRecipe {
     /// A question whose tasks are more than one training each; absent: every task trains and judges one classifier.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub study: Option<StudySettings>,
-    /// With a study of new materials: how often they are drawn.
-    #[serde(default = "one", skip_serializing_if = "is_one")]
-    pub splits: usize,
-    /// With `nshot` and `enrolment`: sweeps of every new material that are learnt from.
+    /// With a study: how often new materials are drawn, at first once; or, where a study draws none, how many of the two times five folds
+    /// are used instead of `folds` and `runs`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub splits: Option<usize>,
+    /// With `nshot` and `enrolment`: sweeps of every new material that are learnt from. With `differentiate`, `unknown` and `sequential`:
+    /// sweeps behind one decision.
     #[serde(
         default,
         skip_serializing_if = "Vec::is_empty",
@@ -263,11 +265,6 @@ fn six() -> usize {
     6
 }
 
-#[allow(clippy::trivially_copy_pass_by_ref)] // as serde calls it
-fn is_one(value: &usize) -> bool {
-    *value == 1
-}
-
 fn one_seed() -> u64 {
     1
 }
@@ -349,6 +346,21 @@ impl ExperimentRecipe {
         let recipe: Self = Value::Table(table)
             .try_into()
             .map_err(|e: toml::de::Error| refused(e.to_string()))?;
+        let drawn = recipe
+            .study
+            .as_ref()
+            .is_some_and(|study| study.kind.draws_materials());
+        let unused = settings
+            .iter()
+            .filter_map(|setting| setting.split_once('='));
+        if let Some((path, _)) = unused
+            .map(|(path, value)| (path.trim(), value))
+            .find(|(path, _)| drawn && ["folds", "runs"].contains(path))
+        {
+            return Err(refused(format!(
+                "`{path}`: this study draws materials; use `splits`"
+            )));
+        }
         match recipe.mistake() {
             None => Ok(recipe),
             Some(reason) => Err(refused(reason)),
@@ -408,22 +420,29 @@ impl ExperimentRecipe {
 
     fn study_mistake(&self) -> Option<String> {
         let kind = self.study.as_ref().map(|study| study.kind);
-        if !kind.is_some_and(Study::draws_materials) && self.splits != 1 {
-            return Some("`splits`: only a study of new materials draws them".into());
+        if kind.is_none() && self.splits.is_some() {
+            return Some(
+                "`splits`: belong to a study; here `folds` and `runs` say how many".into(),
+            );
         }
-        let shots = kind.is_some_and(Study::has_shots);
-        if !shots && !self.shots.is_empty() {
-            return Some("`shots`: belong to studies of kind `nshot` and `enrolment`".into());
+        if !kind.is_some_and(Study::counts_sweeps) && !self.shots.is_empty() {
+            return Some("`shots`: belong to a study that counts sweeps, such as `nshot`".into());
         }
         if kind != Some(Study::Nshot) && !self.methods.is_empty() {
             return Some("`methods`: belong to a study of kind `nshot`".into());
         }
         let study = self.study.as_ref()?;
-        if self.splits == 0 {
+        let splits = self.splits.unwrap_or(1);
+        if splits == 0 {
             return Some("`splits`: expected at least 1, found 0".into());
         }
-        if study.kind == Study::FeatureMaps && self.splits > 2 {
+        if study.kind == Study::FeatureMaps && splits > 2 {
             return Some("`splits`: 1 is the easy choice of materials, 2 adds the hard one".into());
+        }
+        if !study.kind.draws_materials() && splits > 10 {
+            return Some(format!(
+                "`splits`: expected 1 to 10 (two runs of five folds), found {splits}"
+            ));
         }
         if study.new_materials < 2 {
             return Some(format!(
@@ -437,7 +456,7 @@ impl ExperimentRecipe {
                 study.scratch_folds
             ));
         }
-        if shots && (self.shots.is_empty() || self.shots.contains(&0)) {
+        if self.shots.contains(&0) || study.kind.learns_from_shots() && self.shots.is_empty() {
             return Some("`shots`: expected one or more numbers above 0".into());
         }
         for (field, used) in [
@@ -542,8 +561,8 @@ mod tests {
             ("runs=3", "expected 1 to 2"),
             ("models=[\"fast\"", "--set models"),
             ("search.trials=3", "this experiment has none"),
-            ("splits=3", "only a study of new materials"),
-            ("shots=1", "belong to studies of kind `nshot`"),
+            ("splits=3", "belong to a study"),
+            ("shots=1", "belong to a study that counts sweeps"),
             (
                 "search={base=\"fast\",trials=1,space={\"training.batch\"={kind=\"choice\",values=[]}}}",
                 "training.batch",
@@ -554,6 +573,20 @@ mod tests {
             let message = refused.to_string();
             assert!(message.contains(named), "{setting}: {message}");
             assert!(!message.contains('\n'), "{message}");
+        }
+        for (study, setting, named) in [
+            ("nshot", "folds=3", "use `splits`"),
+            ("unknown", "runs=2", "use `splits`"),
+            ("sequential", "splits=11", "expected 1 to 10"),
+            ("differentiate", "shots=0", "above 0"),
+            (
+                "feature_maps",
+                "shots=1",
+                "belong to a study that counts sweeps",
+            ),
+        ] {
+            let refused = ExperimentRecipe::load(study, &[setting.into()]).unwrap_err();
+            assert!(refused.to_string().contains(named), "{refused}");
         }
         let unknown = ExperimentRecipe::load("crossvall", &[])
             .unwrap_err()

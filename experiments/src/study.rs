@@ -68,9 +68,14 @@ impl Study {
         )
     }
 
-    /// Whether it asks what a number of shots gives.
-    pub fn has_shots(self) -> bool {
+    /// Whether it learns new materials from a number of sweeps.
+    pub fn learns_from_shots(self) -> bool {
         matches!(self, Self::Nshot | Self::Enrolment)
+    }
+
+    /// Whether numbers of sweeps belong to its question: to learn from, or behind one decision.
+    pub fn counts_sweeps(self) -> bool {
+        self != Self::FeatureMaps
     }
 
     /// Test sweeps over training sweeps, where tasks share training sweeps; 0 where every task draws its own split of the materials.
@@ -92,7 +97,7 @@ pub struct StudyTask {
     pub number: usize,
     /// Names every random choice.
     pub seed: u64,
-    /// Sweeps of every new material that are learnt from.
+    /// Sweeps of every new material that are learnt from, or behind one decision.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub shots: Vec<usize>,
     /// Methods of transfer.
@@ -205,6 +210,17 @@ pub struct StudyResult {
 impl StudyResult {
     /// Version written by this program.
     pub const SCHEMA_VERSION: u32 = 1;
+}
+
+impl StudyTask {
+    /// Sweeps behind one decision: those that were asked for, or else the study's own.
+    fn sweeps_or<'a>(&'a self, own: &'a [usize]) -> &'a [usize] {
+        if self.shots.is_empty() {
+            own
+        } else {
+            &self.shots
+        }
+    }
 }
 
 /// What a study needs besides its task.

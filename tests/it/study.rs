@@ -1,5 +1,6 @@
 //! Studies with the real binary on a small twin: transfer, differentiation, unknown materials, sequential sweeping.
 
+use std::collections::BTreeSet;
 use std::process::Command;
 
 use serde_json::Value;
@@ -112,10 +113,10 @@ fn differentiation_unknown_and_sequential_studies_report_what_they_measured() {
     let found = summary(study(
         &lab,
         "differentiate",
-        &["runs=1", "folds=2"],
+        &["splits=2", "shots=[1, 4]"],
         "differentiate",
     ));
-    // Four judges, one and three sweeps; the hard pairs are TactMat's materials only.
+    // Four judges, one and four sweeps; the hard pairs are TactMat's materials only.
     assert_eq!(rows(&found).len(), 8);
     assert!(rows(&found).iter().all(|row| row["decisions"] == 2 * 2700));
     // The small network's outputs say little, but more than nothing.
@@ -157,6 +158,120 @@ fn differentiation_unknown_and_sequential_studies_report_what_they_measured() {
     assert_eq!(mean("mean sweeps", "fixed 3"), 3.0);
     assert!(mean("mean sweeps", "until 0.8") <= mean("mean sweeps", "until 0.99"));
     assert!(mean("accuracy", "fixed 3") >= mean("accuracy", "fixed 1") - 0.1);
+}
+
+/// The mean of one row.
+fn mean(summary: &Value, wanted: &[(&str, &str)]) -> f64 {
+    let row = rows(summary).iter().find(|row| {
+        wanted
+            .iter()
+            .all(|(field, value)| row[*field].to_string().trim_matches('"') == *value)
+    });
+    row.unwrap_or_else(|| panic!("no {wanted:?}"))["mean"]
+        .as_f64()
+        .unwrap()
+}
+
+#[test]
+fn decisions_are_counted_over_the_splits_and_sweeps_that_were_asked_for() {
+    let lab = lab();
+    let settings = ["splits=2", "shots=[1, 2]", "epochs=2"];
+    for (name, own) in [
+        (
+            "unknown",
+            &["study={kind=\"unknown\", new_materials=3}"][..],
+        ),
+        ("sequential", &[]),
+    ] {
+        let found = summary(study(&lab, name, &[&settings[..], own].concat(), name));
+        assert_eq!(found["tasks"], 2, "{name}");
+        assert!(rows(&found).iter().all(|row| row["n"] == 2), "{name}");
+        if name == "sequential" {
+            assert_eq!(
+                mean(
+                    &found,
+                    &[("setting", "fixed 2"), ("measure", "mean sweeps")]
+                ),
+                2.0
+            );
+        } else {
+            assert!(rows(&found).iter().any(|row| row["sweeps"] == 2), "{name}");
+            assert!(rows(&found).iter().all(|row| row["sweeps"] != 3), "{name}");
+        }
+    }
+}
+
+#[test]
+fn enrolment_tells_what_the_new_material_gains_and_the_others_lose() {
+    let lab = lab();
+    let found = summary(study(
+        &lab,
+        "enrolment",
+        &["splits=2", "shots=[1, 5, 20]"],
+        "enrolment",
+    ));
+    let methods: BTreeSet<&str> = rows(&found)
+        .iter()
+        .map(|row| row["method"].as_str().unwrap())
+        .collect();
+    assert!(methods.len() >= 3, "{methods:?}");
+    for method in methods {
+        let of = |measure, shots| {
+            mean(
+                &found,
+                &[("measure", measure), ("method", method), ("shots", shots)],
+            )
+        };
+        for shots in ["1", "5", "20"] {
+            let lost = of("known, before", shots) - of("known, after", shots);
+            assert!((of("known, lost", shots) - lost).abs() < 1e-12, "{method}");
+            // What was there before does not depend on what is learnt.
+            assert_eq!(of("known, before", shots), of("known, before", "1"));
+        }
+        assert!(
+            of("new material", "20") >= of("new material", "1"),
+            "{method}"
+        );
+    }
+    assert!(
+        mean(
+            &found,
+            &[
+                ("measure", "new material"),
+                ("method", "knowledge prior"),
+                ("shots", "20")
+            ]
+        ) > 0.3
+    );
+}
+
+#[test]
+fn feature_maps_put_every_test_sweep_in_the_plane_and_into_the_report() {
+    let lab = lab();
+    let settings = ["splits=1", "study={kind=\"feature-maps\", new_materials=3}"];
+    let found = summary(study(&lab, "feature_maps", &settings, "maps"));
+    let maps = found["study"]["maps"].as_array().unwrap();
+    assert_eq!(maps.len(), 2, "input and embedding");
+    for map in maps {
+        let points = map["points"].as_array().unwrap();
+        assert!(points.len() >= 3 * 6, "{}", points.len());
+    }
+    for space in ["whole space", "plane"] {
+        let purity = |method| {
+            mean(
+                &found,
+                &[
+                    ("setting", &format!("easy materials, {space}")),
+                    ("method", method),
+                ],
+            )
+        };
+        // A third is chance.
+        assert!((0.0..=1.0).contains(&purity("input")));
+        assert!(purity("embedding") > 1.0 / 3.0, "{space}");
+    }
+    let page = std::fs::read_to_string(lab.path("maps/report.html")).unwrap();
+    assert!(page.contains("t-SNE"), "the report draws the maps");
 }
 
 #[test]

@@ -153,8 +153,10 @@ pub(super) fn differentiate(task: &StudyTask, bench: &Bench<'_>) -> Result<Answe
     let mut measurements = Vec::new();
     let fewest = rows_of_label(&test.labels).iter().map(Vec::len).min();
     // A pair of one material takes twice as many of its sweeps.
-    for sweeps in SWEEPS
-        .into_iter()
+    for sweeps in task
+        .sweeps_or(&SWEEPS)
+        .iter()
+        .copied()
         .filter(|sweeps| Some(2 * sweeps) <= fewest)
     {
         let mut rng = seed.rng(("test pairs", sweeps));

@@ -44,8 +44,9 @@ pub(super) fn sequential(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, 
         let of_label = rows_of_label(&labels);
         let fewest = of_label.iter().map(Vec::len).min().unwrap_or(0);
         let rules = THRESHOLDS.map(Rule::Until).into_iter().chain(
-            FIXED
-                .into_iter()
+            task.sweeps_or(&FIXED)
+                .iter()
+                .copied()
                 .filter(|sweeps| *sweeps <= fewest)
                 .map(Rule::Fixed),
         );
@@ -55,12 +56,16 @@ pub(super) fn sequential(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, 
                 for order in 0..ORDERS {
                     let mut rows = rows.clone();
                     shuffle(&mut rows, &mut seed.rng(("order of sweeps", label, order)));
+                    let most = match rule {
+                        Rule::Until(_) => MOST,
+                        Rule::Fixed(sweeps) => sweeps,
+                    };
                     let mut belief = Belief::flat(predictions.labels.len());
-                    for row in rows.iter().take(MOST) {
+                    for row in rows.iter().take(most) {
                         belief.fuse(&predictions.sweeps[*row].log_probability);
                         let stop = match rule {
                             Rule::Until(sure) => belief.probabilities()[belief.label()] >= sure,
-                            Rule::Fixed(sweeps) => belief.sweeps() == sweeps,
+                            Rule::Fixed(_) => false,
                         };
                         if stop {
                             break;

@@ -54,7 +54,7 @@ pub(super) fn unknown(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, End
     let new = scored(&SweepView::all(&split.new))?;
     let mut measurements = Vec::new();
     for (name, calibration_scores) in &calibration.scores {
-        for sweeps in SWEEPS {
+        for &sweeps in task.sweeps_or(&SWEEPS) {
             let of = |scored: &Scored, scores: &[f64]| averages(scored, scores, sweeps, seed);
             let (inside, outside) = (of(&test, &test.scores[name]), of(&new, &new.scores[name]));
             if inside.is_empty() || outside.is_empty() {

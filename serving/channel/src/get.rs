@@ -10,7 +10,7 @@ use iceoryx2::port::ReceiveError;
 use iceoryx2::port::subscriber::SubscriberCreateError;
 
 use crate::bell::Bell;
-use crate::bus::Opened;
+use crate::bus::{Opened, create_port};
 use crate::transport::{AnySample, AnySubscriber, Either, both};
 use crate::{ChannelConfig, ChannelError, ChannelId, Header, Packet};
 
@@ -76,7 +76,7 @@ impl<T: Packet> GetPort<T> {
             channel,
             bell,
             crowd,
-            prefix,
+            ..
         } = opened;
         const {
             assert!(
@@ -97,37 +97,30 @@ impl<T: Packet> GetPort<T> {
         };
         macro_rules! subscriber {
             ($channel:expr) => {{
-                let create = || {
+                let is_full = |error: &SubscriberCreateError| {
+                    *error == SubscriberCreateError::ExceedsMaxSupportedSubscribers
+                };
+                create_port($channel, is_full, || {
                     $channel
                         .subscriber_builder()
                         .history_request(history)
                         .create()
-                };
-                create()
-                    .or_else(|error| match error {
-                        SubscriberCreateError::ExceedsMaxSupportedSubscribers => {
-                            use iceoryx2::service::port_factory::PortFactory;
-                            crate::hub::clear_the_way(prefix.as_ref());
-                            $channel.try_cleanup_dead_nodes();
-                            create()
+                })
+                .map_err(|error| match error {
+                    SubscriberCreateError::ExceedsMaxSupportedSubscribers => {
+                        ChannelError::TooManyPorts {
+                            id,
+                            side: "get",
+                            most: config.get_ports,
                         }
-                        error => Err(error),
-                    })
-                    .map_err(|error| match error {
-                        SubscriberCreateError::ExceedsMaxSupportedSubscribers => {
-                            ChannelError::TooManyPorts {
-                                id,
-                                side: "get",
-                                most: config.get_ports,
-                            }
-                        }
-                        error => ChannelError::transport(id, error),
-                    })?
+                    }
+                    error => ChannelError::transport(id, error),
+                })?
             }};
         }
         let subscriber = match channel {
-            Either::Process(channel) => Either::Process(subscriber!(channel)),
-            Either::Host(channel) => Either::Host(subscriber!(channel)),
+            Either::Process(channel) => Either::Process(subscriber!(&channel)),
+            Either::Host(channel) => Either::Host(subscriber!(&channel)),
         };
         let senders = RefCell::new(Senders::new(2 * config.total_put_ports()));
         Ok(Self {

@@ -111,15 +111,33 @@ impl Hub {
             return Ok(0);
         }
         self.cleaned = Instant::now();
-        if !remove_unfinished_connections(&format!("{}_", self.local_name))? {
-            return Ok(0);
-        }
-        let found = self.node.blocking_cleanup_dead_nodes(PATIENCE).cleanups as usize;
+        let found = self.clear_up()?;
         if found == 0 {
             return Ok(0);
         }
         let stillborn = remove_stillborn(self.node.config())?;
         Ok(found.saturating_sub(stillborn))
+    }
+
+    /// Clears up after dead clients. One whose connections are unfinished waits for the next time.
+    fn clear_up(&self) -> Result<usize, ChannelError> {
+        let prefix = format!("{}_", self.local_name);
+        let mut found = 0;
+        let mut outcome = Ok(());
+        let _ = Node::<Ipc>::list(self.node.config(), |state| {
+            if let NodeState::Dead(client) = state {
+                match remove_unfinished_connections(&prefix) {
+                    Ok(true) => {
+                        found +=
+                            usize::from(client.blocking_remove_stale_resources(PATIENCE).is_ok());
+                    }
+                    Ok(false) => {}
+                    Err(error) => outcome = Err(error),
+                }
+            }
+            CallbackProgression::Continue
+        });
+        outcome.map(|()| found)
     }
 
     /// Who is connected.
@@ -230,7 +248,7 @@ fn remove_unfinished(config: &Config) -> Result<(), ChannelError> {
 
 /// Removes connections whose file has no size, because the client that made them was killed before: whoever clears up after it would wait for
 /// them for ever (iceoryx2 0.10 forgets its timeout there). Gives false while there are some that a living client may just be making.
-pub(crate) fn remove_unfinished_connections(prefix: &str) -> Result<bool, ChannelError> {
+fn remove_unfinished_connections(prefix: &str) -> Result<bool, ChannelError> {
     let folder = PathBuf::from(SHARED_MEMORY);
     let failed = |source| ChannelError::Io {
         path: folder.clone(),
@@ -258,17 +276,6 @@ pub(crate) fn remove_unfinished_connections(prefix: &str) -> Result<bool, Channe
         }
     }
     Ok(clear)
-}
-
-/// Before a client clears up after dead ones itself.
-pub(crate) fn clear_the_way(prefix: Option<&String>) {
-    let begun = Instant::now();
-    while let Some(prefix) = prefix
-        && !remove_unfinished_connections(prefix).unwrap_or(true)
-        && begun.elapsed() < CLEAN_EVERY
-    {
-        std::thread::sleep(UNFINISHED_AFTER);
-    }
 }
 
 /// Removes the files of clients that were killed before they were wholly there, some seconds ago; iceoryx2 looks for them under the prefix

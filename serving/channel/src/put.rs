@@ -13,7 +13,7 @@ use iceoryx2::prelude::BackpressureStrategy;
 use parking_lot::Mutex;
 
 use crate::bell::{Bell, reserve};
-use crate::bus::{Opened, SHARED_MEMORY};
+use crate::bus::{Opened, SHARED_MEMORY, create_port};
 use crate::packet::{Block, blocks};
 use crate::transport::{AnyLoan, AnyPublisher, Either, both};
 use crate::{ChannelConfig, ChannelError, ChannelId, Header, Packet, Priority};
@@ -58,7 +58,10 @@ impl<T: Packet> PutPort<T> {
         let slots = config.slots();
         macro_rules! publisher {
             ($channel:expr) => {{
-                let create = || {
+                let is_full = |error: &PublisherCreateError| {
+                    *error == PublisherCreateError::ExceedsMaxSupportedPublishers
+                };
+                create_port($channel, is_full, || {
                     $channel
                         .publisher_builder()
                         .initial_max_slice_len(blocks(config.packet_bytes()))
@@ -66,28 +69,17 @@ impl<T: Packet> PutPort<T> {
                         .backpressure_strategy(BackpressureStrategy::DiscardData)
                         .override_sample_preallocation(move |_| slots)
                         .create()
-                };
-                create()
-                    .or_else(|error| match error {
-                        // The places of clients that died are free again only after somebody has cleared up.
-                        PublisherCreateError::ExceedsMaxSupportedPublishers => {
-                            use iceoryx2::service::port_factory::PortFactory;
-                            crate::hub::clear_the_way(prefix.as_ref());
-                            $channel.try_cleanup_dead_nodes();
-                            create()
-                        }
-                        error => Err(error),
-                    })
-                    .map_err(|error| match error {
-                        PublisherCreateError::ExceedsMaxSupportedPublishers => full(),
-                        PublisherCreateError::UnableToCreateDataSegment => memory_error(id, &config),
-                        error => ChannelError::transport(id, error),
-                    })?
+                })
+                .map_err(|error| match error {
+                    PublisherCreateError::ExceedsMaxSupportedPublishers => full(),
+                    PublisherCreateError::UnableToCreateDataSegment => memory_error(id, &config),
+                    error => ChannelError::transport(id, error),
+                })?
             }};
         }
         let publisher = match channel {
-            Either::Process(channel) => Either::Process(publisher!(channel)),
-            Either::Host(channel) => Either::Host(publisher!(channel)),
+            Either::Process(channel) => Either::Process(publisher!(&channel)),
+            Either::Host(channel) => Either::Host(publisher!(&channel)),
         };
         let number = both!(&publisher, publisher => publisher.id().value());
         if let Some(prefix) = prefix {
