@@ -3,84 +3,14 @@
 //! Pure logic: a [`SweepFollower`] is told of frames and commands of one finger and says what they mean. Every fault of the sensor or of the motion
 //! controller ends in a [`Reject`] with its reason; a rejected sweep gives no final belief, whatever was said of its beginning.
 
-use serde::{Deserialize, Serialize};
+mod config;
+mod reject;
+
 use tactnet_data::Frame;
 
-use crate::{Push, SweepWindow, WindowConfig, WindowError};
-
-/// How sweeps are found, and what spoils them.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct FollowConfig {
-    /// Who says when a sweep begins.
-    pub segmentation: Segmentation,
-    /// Frames skipped after the motion starts: at 750 Hz the middle 1000 of 1500 frames begin after 250 (thesis, section 4.3.2).
-    pub skip: usize,
-    /// Lost frames in a row that are filled in by linear interpolation.
-    pub longest_gap: usize,
-    /// Frames of a window that may be interpolated altogether.
-    pub most_filled_in: usize,
-    /// Share of a frame's period that the sensor's clock may be off between two frames.
-    pub clock_tolerance: f64,
-    /// Periods that it may be off over a sweep.
-    pub clock_drift: f64,
-    /// A taxel that shows the same digit, other than zero, for so many frames of a window in a row is stalled; a shorter window is too
-    /// short to tell that from light contact.
-    pub stalled_frames: usize,
-    /// Digit of a saturated taxel; digits below zero or above this are none of the sensor's.
-    pub full_scale: f32,
-    /// A taxel at full scale for so many frames of a window in a row is saturated.
-    pub saturated_frames: usize,
-}
-
-impl Default for FollowConfig {
-    fn default() -> Self {
-        Self {
-            segmentation: Segmentation::Command,
-            skip: 250,
-            longest_gap: 3,
-            most_filled_in: 20,
-            clock_tolerance: 0.5,
-            clock_drift: 5.0,
-            stalled_frames: 1000,
-            full_scale: 255.0,
-            saturated_frames: 100,
-        }
-    }
-}
-
-/// Who says when a sweep begins.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Segmentation {
-    /// The motion controller.
-    #[default]
-    Command,
-    /// The skin itself.
-    Contact(Contact),
-}
-
-/// A contact, by the mean digit of a frame, with hysteresis.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Contact {
-    /// It begins when the mean digit is at least this.
-    pub begins: f32,
-    /// It ends when the mean digit is below this.
-    pub ends: f32,
-    /// For so many frames in a row.
-    pub frames: usize,
-}
-
-impl Default for Contact {
-    fn default() -> Self {
-        Self {
-            begins: 10.0,
-            ends: 5.0,
-            frames: 8,
-        }
-    }
-}
+use crate::{Push, SweepWindow, WindowConfig};
+pub use config::{Contact, FollowConfig, Segmentation};
+pub use reject::Reject;
 
 /// What a frame or a command did.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -97,78 +27,6 @@ pub enum Followed {
     Rejected(Reject),
     /// The sweep cannot be used, and the next one began.
     RejectedAndBegun(Reject),
-}
-
-/// Why a sweep cannot be used.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum Reject {
-    /// Lost, repeated or foreign frames, values that are no number.
-    #[error(transparent)]
-    Window(#[from] WindowError),
-    /// The sensor's clock does not go with its frames.
-    #[error("frame {sequence}: {found_ns} ns after an earlier frame, expected {expected_ns}")]
-    Clock {
-        /// The frame.
-        sequence: u64,
-        /// By the sensor's clock.
-        found_ns: i64,
-        /// By the rate and the frames' numbers.
-        expected_ns: i64,
-    },
-    /// Too many frames lost, here and there.
-    #[error("{found} frames lost, at most {allowed} can be filled in")]
-    Losses {
-        /// Frames of the window that were interpolated.
-        found: usize,
-        /// What is forgiven.
-        allowed: usize,
-    },
-    /// A digit that the sensor cannot give.
-    #[error("frame {sequence}: taxel {taxel} shows {digit}, expected 0 to {full_scale}")]
-    Range {
-        /// The frame.
-        sequence: u64,
-        /// The taxel.
-        taxel: usize,
-        /// What it shows.
-        digit: f32,
-        /// The largest digit.
-        full_scale: f32,
-    },
-    /// A taxel that does not change.
-    #[error("taxel {taxel} shows {digit} for {frames} frames")]
-    Stalled {
-        /// The taxel.
-        taxel: usize,
-        /// What it shows.
-        digit: f32,
-        /// For how long.
-        frames: usize,
-    },
-    /// A taxel at its limit.
-    #[error("taxel {taxel} is saturated for {frames} frames")]
-    Saturated {
-        /// The taxel.
-        taxel: usize,
-        /// For how long.
-        frames: usize,
-    },
-    /// The motion ended before the window was whole.
-    #[error("it ended after {found} of {expected} frames")]
-    Short {
-        /// Frames of the window that came.
-        found: usize,
-        /// Frames of a window.
-        expected: usize,
-    },
-    /// Another sweep was started before this one was whole.
-    #[error("another sweep was started after {found} of {expected} frames")]
-    SecondStart {
-        /// Frames of the window that came.
-        found: usize,
-        /// Frames of a window.
-        expected: usize,
-    },
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -422,6 +280,7 @@ fn examine(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::WindowError;
 
     const PERIOD: u64 = 1_000_000;
 

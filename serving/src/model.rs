@@ -18,47 +18,71 @@ use crate::packets::{MOST_MATERIALS, MOST_TAXELS, ModelNames, Text};
 pub enum ModelSource {
     /// One run directory.
     Run(PathBuf),
-    /// A folder of run directories with numbers for names; the largest serves, also when it lands while another one does.
+    /// A folder of run directories with numbers for names; the largest that can serves, also when it lands while another one does.
     Versions(PathBuf),
 }
 
 impl ModelSource {
-    /// The newest version and its run directory; a single run is version 0.
+    /// Numbers and run directories of the versions that have landed, newest first; a single run is version 0.
     ///
     /// # Errors
-    /// No version there.
-    pub fn newest(&self) -> Result<(u64, PathBuf), ServeError> {
-        match self {
-            Self::Run(path) => Ok((0, path.clone())),
-            Self::Versions(folder) => {
-                let failed = |source| ServeError::Io {
-                    path: folder.clone(),
-                    source,
-                };
-                let mut newest = None;
-                for entry in std::fs::read_dir(folder).map_err(failed)? {
-                    let entry = entry.map_err(failed)?;
-                    let Some(version) = entry.file_name().to_str().and_then(|n| n.parse().ok())
-                    else {
-                        continue;
-                    };
-                    // The last file of a training is its result, of an enrolment its weights; a run without is still on its way.
-                    let path = entry.path();
-                    let ended = ["result.json", "enrolled.json"]
-                        .iter()
-                        .any(|f| path.join(f).exists());
-                    let landed =
-                        ended && RunDir::open(&path).is_ok_and(|run| run.has_final_weights());
-                    if landed && newest.as_ref().is_none_or(|(known, _)| *known < version) {
-                        newest = Some((version, entry.path()));
-                    }
-                }
-                newest.ok_or_else(|| ServeError::NoVersion {
-                    folder: folder.clone(),
-                })
+    /// No version there; a folder that cannot be read.
+    pub fn versions(&self) -> Result<Vec<(u64, PathBuf)>, ServeError> {
+        let folder = match self {
+            Self::Run(path) => return Ok(vec![(0, path.clone())]),
+            Self::Versions(folder) => folder,
+        };
+        let mut versions = numbered(folder)?;
+        // The last file of a training is its result, of an enrolment its weights; a run without is still on its way.
+        versions.retain(|(_, path)| {
+            ["result.json", "enrolled.json"]
+                .iter()
+                .any(|file| path.join(file).exists())
+                && RunDir::open(path).is_ok_and(|run| run.has_final_weights())
+        });
+        if versions.is_empty() {
+            return Err(ServeError::NoVersion {
+                folder: folder.clone(),
+            });
+        }
+        versions.sort_unstable_by(|a, b| b.cmp(a));
+        Ok(versions)
+    }
+
+    /// Loads the newest version that can serve, with what is wrong with newer ones.
+    ///
+    /// # Errors
+    /// What is wrong with the newest, where none can serve.
+    pub fn load_newest(&self) -> Result<(ServedModel, Vec<ServeError>), ServeError> {
+        let mut damaged = Vec::new();
+        for (version, path) in self.versions()? {
+            match ServedModel::load(&path, version) {
+                Ok(model) => return Ok((model, damaged)),
+                Err(error) => damaged.push(error),
             }
         }
+        Err(damaged.swap_remove(0))
     }
+}
+
+/// Whatever has a number for a name.
+pub(crate) fn numbered(folder: &Path) -> Result<Vec<(u64, PathBuf)>, ServeError> {
+    let failed = |source| ServeError::Io {
+        path: folder.into(),
+        source,
+    };
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        if let Some(number) = entry
+            .file_name()
+            .to_str()
+            .and_then(|name| name.parse().ok())
+        {
+            found.push((number, entry.path()));
+        }
+    }
+    Ok(found)
 }
 
 /// A trained network that can serve.

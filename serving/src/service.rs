@@ -8,7 +8,10 @@
 //!
 //! One thread, no clock but the channels' own. While frames come nothing is allocated, and the only system calls are the waits and wake-ups of the channels.
 
-use std::collections::VecDeque;
+mod judge;
+mod recent_sweeps;
+mod waiting_commands;
+
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -16,30 +19,27 @@ use tactnet_channel::{
     Bus, GetPort, GetSide, Priority, PutPort, Received, Start, SyncGroup, Wait, now_ns,
 };
 use tactnet_data::Frame;
-use tactnet_models::{entropy, first_largest};
 use tactnet_pipeline::OnlineClassifier;
 
 use crate::follow::{Followed, Reject, Segmentation, SweepFollower};
 use crate::line::Line;
 use crate::measures::Measures;
-use crate::model::{ModelSource, ServedModel};
+use crate::model::ModelSource;
 use crate::packets::{
-    Command, Counters, Event, MOST_MATERIALS, ModelNames, SkinFrame, Stage, SweepCommand,
-    TactileBelief, TactileStatus, Text, Verdict,
+    Command, Counters, Event, ModelNames, SkinFrame, Stage, SweepCommand, TactileBelief,
+    TactileStatus, Text,
 };
 use crate::workshop::{Job, News, Workshop};
 use crate::{ServeConfig, ServeError};
+use recent_sweeps::RecentSweeps;
+use waiting_commands::{MOST_COMMANDS, WaitingCommands};
 
 /// Status is put at least this often.
 const ALIVE_EVERY_NS: u64 = 100_000_000;
 /// Frames of a finger in one go.
 const MOST_FRAMES: usize = 256;
-/// Commands that wait for their frame.
-const WAITING: usize = 32;
 /// Most fingers of a service.
 pub(crate) const MOST_FINGERS: usize = 16;
-/// Whole sweeps of a finger that are kept to learn from.
-const KEPT_SWEEPS: usize = 20;
 
 /// The classifier on its channels.
 pub struct Service {
@@ -52,8 +52,7 @@ pub struct Service {
     model: PutPort<ModelNames>,
     names: Box<ModelNames>,
     fingers: Vec<Finger>,
-    /// With the time they were put at, in that order.
-    waiting: VecDeque<(u64, SweepCommand)>,
+    waiting: WaitingCommands,
     counters: Counters,
     measures: Arc<Measures>,
     sweeps: u64,
@@ -81,43 +80,6 @@ struct Finger {
     recent: RecentSweeps,
 }
 
-/// The newest whole sweeps.
-struct RecentSweeps {
-    /// `[KEPT_SWEEPS][values]`
-    digits: Vec<f32>,
-    values: usize,
-    came: usize,
-}
-
-impl RecentSweeps {
-    fn new(values: usize) -> Self {
-        Self {
-            digits: vec![0.0; KEPT_SWEEPS * values],
-            values,
-            came: 0,
-        }
-    }
-
-    fn keep(&mut self, sweep: &[f32]) {
-        let at = self.came % KEPT_SWEEPS * self.values;
-        self.digits[at..at + self.values].copy_from_slice(sweep);
-        self.came += 1;
-    }
-
-    /// The newest `sweeps`, or `None` where there are not so many.
-    fn newest(&self, sweeps: usize) -> Option<Vec<f32>> {
-        if sweeps == 0 || sweeps > self.came.min(KEPT_SWEEPS) {
-            return None;
-        }
-        let mut digits = Vec::with_capacity(sweeps * self.values);
-        for number in self.came - sweeps..self.came {
-            let at = number % KEPT_SWEEPS * self.values;
-            digits.extend_from_slice(&self.digits[at..at + self.values]);
-        }
-        Some(digits)
-    }
-}
-
 impl Service {
     /// Opens the channels and loads the newest model.
     ///
@@ -131,11 +93,11 @@ impl Service {
         source: ModelSource,
         git: &'static str,
     ) -> Result<Self, ServeError> {
-        let (version, path) = source.newest()?;
-        let served = ServedModel::load(&path, version)?;
+        let (served, damaged) = source.load_newest()?;
+        let version = served.version();
         let names = Box::new(served.names(config.runs));
         let measures = Arc::<Measures>::default();
-        measures.serve(Some(&path.display().to_string()), version);
+        measures.serve(Some(&served.path().display().to_string()), version);
         let shape = served.classifier().config().shape;
         let fingers = config.fingers.iter().map(|_| {
             Ok(Finger {
@@ -173,7 +135,7 @@ impl Service {
             model: bus.put_port(config.model.as_str(), Priority::Normal)?,
             names,
             fingers,
-            waiting: VecDeque::with_capacity(WAITING),
+            waiting: WaitingCommands::new(config.fingers.len()),
             counters: Counters::default(),
             measures,
             sweeps: 0,
@@ -187,6 +149,9 @@ impl Service {
         };
         service.model.put_copy(&[*service.names])?;
         service.tell(Event::Swapped, 0, format_args!("version {version} serves"))?;
+        for error in damaged {
+            service.tell(Event::ModelRejected, 0, format_args!("{error}"))?;
+        }
         Ok(service)
     }
 
@@ -280,25 +245,21 @@ impl Service {
     }
 
     fn receive_commands(&mut self) -> Result<(), ServeError> {
-        for _ in 0..WAITING {
+        for _ in 0..MOST_COMMANDS {
             let Some(command) = self.commands.try_get()? else {
                 break;
             };
             let header = *command.header();
             // Another host's clock says nothing here.
             let put_ns = if header.remote == 1 { 0 } else { header.put_ns };
-            if let Some(command) = command.first() {
-                if self.waiting.len() == WAITING {
-                    self.tell(
-                        Event::Refused,
-                        command.finger,
-                        format_args!("more than {WAITING} commands wait"),
-                    )?;
-                    continue;
-                }
-                // Several commanders are looked at in turns, not in the order of time.
-                let at = self.waiting.partition_point(|(other, _)| *other <= put_ns);
-                self.waiting.insert(at, (put_ns, *command));
+            if let Some(command) = command.first()
+                && !self.waiting.add(put_ns, *command)
+            {
+                self.tell(
+                    Event::Refused,
+                    command.finger,
+                    format_args!("more than {MOST_COMMANDS} commands wait"),
+                )?;
             }
         }
         let lost = self.commands.lost();
@@ -311,20 +272,8 @@ impl Service {
     }
 
     /// Follows the commands that were put until then, so that a command divides the frames at its own time, whenever it is seen.
-    ///
-    /// - `finger`: only its own, and those of no finger; `None`: all
     fn follow_waiting(&mut self, until_ns: u64, finger: Option<usize>) -> Result<(), ServeError> {
-        let mut at = 0;
-        while let Some((put_ns, command)) = self.waiting.get(at)
-            && *put_ns <= until_ns
-        {
-            let command = *command;
-            let other = command.finger as usize;
-            if finger.is_some_and(|own| own != other && other < self.fingers.len()) {
-                at += 1;
-                continue;
-            }
-            self.waiting.remove(at);
+        while let Some(command) = self.waiting.take(until_ns, finger) {
             self.command(&command)?;
         }
         Ok(())
@@ -362,7 +311,7 @@ impl Service {
             }
             Some(Command::Reset) => {
                 finger.classifier.reset();
-                finger.recent.came = 0;
+                finger.recent.forget();
                 self.tell(Event::Reset, number, format_args!("fused sweeps forgotten"))
             }
             Some(Command::Enroll) => self.enroll(number, command),
@@ -375,7 +324,7 @@ impl Service {
 
     fn enroll(&mut self, number: u32, command: &SweepCommand) -> Result<(), ServeError> {
         let recent = &self.fingers[number as usize].recent;
-        let kept = recent.came.min(KEPT_SWEEPS);
+        let kept = recent.kept();
         let (material, sweeps) = (command.material, command.sweeps);
         if material.as_str().is_empty() {
             return self.tell(Event::Refused, number, format_args!("enrol: no name"));
@@ -492,85 +441,6 @@ impl Service {
     fn reject(&mut self, number: usize, reject: &Reject) -> Result<(), ServeError> {
         self.counters.rejected += 1;
         self.tell(Event::Rejected, number as u32, format_args!("{reject}"))
-    }
-
-    /// Judges what the finger has felt of its sweep, and puts the belief.
-    fn judge(
-        &mut self,
-        number: usize,
-        stage: Stage,
-        sequence: u64,
-        put_ns: u64,
-    ) -> Result<(), ServeError> {
-        let begun = now_ns();
-        let finger = &mut self.fingers[number];
-        let last = match stage {
-            Stage::Anytime => false,
-            Stage::Plain => self.config.runs == 0,
-            Stage::Dropout => true,
-        };
-        let mut packet = self.beliefs.loan(1)?;
-        let out = &mut packet[0];
-        let belief = match stage {
-            Stage::Dropout => finger.classifier.judge_by_dropout(),
-            Stage::Anytime | Stage::Plain => finger.classifier.judge(),
-        };
-        let log_p = belief.log_probability;
-        let verdict = match belief.unknown {
-            None => Verdict::NotTold,
-            Some(false) => Verdict::Known,
-            Some(true) => Verdict::Unknown,
-        };
-        *out = bytemuck::Zeroable::zeroed();
-        out.materials = log_p.len() as u32;
-        out.label = first_largest(log_p) as u32;
-        out.verdict = verdict as u32;
-        out.entropy = belief.entropy as f32;
-        out.strangeness = belief.strangeness.unwrap_or(0.0) as f32;
-        out.threshold = belief.threshold.unwrap_or(0.0) as f32;
-        for (out, log_p) in out.posterior.iter_mut().zip(log_p) {
-            *out = log_p.exp() as f32;
-        }
-        // What is unknown must not count for one of the known materials.
-        if last && verdict != Verdict::Unknown {
-            finger.classifier.fuse();
-        }
-        let fused = finger.classifier.fused();
-        let mut probabilities = [0.0; MOST_MATERIALS];
-        let probabilities = &mut probabilities[..out.materials as usize];
-        fused.probabilities_into(probabilities);
-        out.fused_sweeps = fused.sweeps() as u32;
-        out.fused_label = first_largest(probabilities) as u32;
-        for (out, p) in out.fused.iter_mut().zip(probabilities.iter()) {
-            *out = *p as f32;
-        }
-        probabilities.iter_mut().for_each(|p| *p = p.ln());
-        out.fused_entropy = entropy(probabilities) as f32;
-        out.sweep = finger.sweep;
-        out.motion = finger.motion;
-        out.model_version = self.names.version;
-        out.last_frame = sequence;
-        out.stage = stage as u32;
-        out.finger = number as u32;
-        out.frames = finger.taken as u32;
-        out.filled_in = finger.follower.window().filled_in() as u32;
-        let now = now_ns();
-        out.latency_ns = now.saturating_sub(put_ns);
-        let (latency, whole) = (out.latency_ns, stage != Stage::Anytime);
-        self.beliefs.put(packet)?;
-        self.counters.beliefs += 1;
-        if last && verdict == Verdict::Unknown {
-            self.counters.unknown += 1;
-        }
-        let deadline_ms = match stage {
-            Stage::Dropout => self.config.dropout_deadline_ms,
-            Stage::Anytime | Stage::Plain => self.config.plain_deadline_ms,
-        };
-        if whole && latency as f64 > 1e6 * deadline_ms {
-            self.counters.deadline_misses += 1;
-        }
-        self.measures.judged(stage, now - begun);
-        Ok(())
     }
 
     fn take_news(&mut self) -> Result<(), ServeError> {

@@ -1,5 +1,6 @@
 //! What must not keep a frame waiting: loading models, learning materials, letting go of memory. A thread of its own does it.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use tactnet_pipeline::OnlineClassifier;
 
-use crate::model::{ModelSource, ServedModel};
+use crate::model::{ModelSource, ServedModel, numbered};
 use crate::packets::{Event, ModelNames, Text};
 use crate::{ServeConfig, ServeError};
 
@@ -67,7 +68,7 @@ impl Workshop {
         let (tell, news) = sync_channel(4);
         let has_news = Arc::new(AtomicBool::new(false));
         let mut worker = Worker {
-            refused: None,
+            refused: BTreeSet::new(),
             model,
             source,
             fingers: config.fingers.len(),
@@ -143,8 +144,8 @@ struct Worker {
     git: &'static str,
     tell: SyncSender<News>,
     has_news: Arc<AtomicBool>,
-    /// A version that cannot serve is said once.
-    refused: Option<u64>,
+    /// Versions that cannot serve, each said once.
+    refused: BTreeSet<u64>,
     /// Holds what is learnt while a single run serves.
     scratch: Option<tempfile::TempDir>,
 }
@@ -194,28 +195,34 @@ impl Worker {
         if self.source == ModelSource::Run(self.model.path().into()) || self.scratch.is_some() {
             return;
         }
-        let Ok((version, path)) = self.source.newest() else {
+        let Ok(versions) = self.source.versions() else {
             return;
         };
-        if version <= self.model.version() || self.refused == Some(version) {
-            return;
-        }
-        let loaded = ServedModel::load(&path, version).and_then(|model| {
-            model.check_replaces(&self.model)?;
-            Ok(model)
-        });
-        match loaded {
-            Ok(model) => {
-                self.offer(
-                    model,
-                    Event::Swapped,
-                    0,
-                    &format!("version {version} serves"),
-                );
+        for (version, path) in versions {
+            if version <= self.model.version() {
+                return;
             }
-            Err(error) => {
-                self.refused = Some(version);
-                self.fail(Event::ModelRejected, 0, &error);
+            if self.refused.contains(&version) {
+                continue;
+            }
+            let loaded = ServedModel::load(&path, version).and_then(|model| {
+                model.check_replaces(&self.model)?;
+                Ok(model)
+            });
+            match loaded {
+                Ok(model) => {
+                    self.offer(
+                        model,
+                        Event::Swapped,
+                        0,
+                        &format!("version {version} serves"),
+                    );
+                    return;
+                }
+                Err(error) => {
+                    self.refused.insert(version);
+                    self.fail(Event::ModelRejected, 0, &error);
+                }
             }
         }
     }
@@ -242,7 +249,12 @@ impl Worker {
     fn place(&mut self) -> Result<(PathBuf, u64), ServeError> {
         match &self.source {
             ModelSource::Versions(folder) => {
-                let version = self.source.newest()?.0.max(self.model.version()) + 1;
+                // Also above what is damaged or still on its way.
+                let newest = numbered(folder)?
+                    .into_iter()
+                    .map(|(number, _)| number)
+                    .max();
+                let version = newest.unwrap_or(0).max(self.model.version()) + 1;
                 Ok((folder.join(version.to_string()), version))
             }
             ModelSource::Run(path) => {
@@ -277,7 +289,7 @@ impl Worker {
                 told
             }
             Err(error) => {
-                self.refused = Some(model.version());
+                self.refused.insert(model.version());
                 self.fail(Event::ModelRejected, finger, &error)
             }
         }

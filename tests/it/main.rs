@@ -15,6 +15,7 @@ mod enroll;
 mod experiment;
 mod golden;
 mod serve;
+mod service;
 mod study;
 mod training;
 #[cfg(feature = "vulkan")]

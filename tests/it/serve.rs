@@ -19,14 +19,14 @@ use tactnet_serving::{FollowConfig, ServeConfig};
 
 use crate::command::{Lab, RecipeChange, expect, stderr, stdout, tactnet};
 
-const STEPS: usize = 120;
+pub(crate) const STEPS: usize = 120;
 const SOON: Wait = Wait::Block {
     timeout: Duration::from_secs(20),
 };
 
 /// A bus, a small network, and the data set that it was trained on.
-struct Robot {
-    lab: Lab,
+pub(crate) struct Robot {
+    pub(crate) lab: Lab,
     table: tactnet_channel::Table,
 }
 
@@ -69,7 +69,7 @@ impl Running {
 }
 
 impl Robot {
-    fn new(name: &str) -> Self {
+    pub(crate) fn new(name: &str) -> Self {
         let lab = Lab::new();
         let recipe = lab.recipe(RecipeChange {
             epochs: Some(4),
@@ -126,6 +126,22 @@ impl Drop for Robot {
     fn drop(&mut self) {
         remove_bus(&self.table).unwrap();
     }
+}
+
+/// What a run says offline of a sweep: `[materials]` probabilities.
+pub(crate) fn offline(robot: &Robot, run: &str, sweep: usize) -> Vec<f64> {
+    let run = RunDir::open(&robot.lab.path(run)).unwrap();
+    let classifier = Classifier::new(
+        run.config().unwrap().classifier,
+        &run.weights().unwrap(),
+        &Compute::Cpu.open().unwrap(),
+    )
+    .unwrap();
+    let dataset = tactnet_data::format::read(&robot.lab.path("data.h5")).unwrap();
+    let view = SweepView::new(&dataset, vec![sweep]);
+    let found = classifier.predict(&view, PredictionMethod::Plain).unwrap();
+    let log_p = &found.sweeps[0].log_probability;
+    log_p.iter().map(|log_p| log_p.exp()).collect()
 }
 
 /// The next packet that `wanted` says yes to.
@@ -399,6 +415,56 @@ fn a_material_is_learnt_while_it_serves_and_a_wrong_model_is_refused() {
     wish(&commands, Wish::Reset, "", 0);
     next(&status, |s| s.event == Event::Reset as u32);
     service.end();
+}
+
+#[test]
+fn damaged_versions_are_named_and_the_newest_good_one_serves() {
+    let robot = Robot::new("damaged");
+    let _hub = robot.start(&["channel", "hub"]);
+    let put = |from: &str, to: &str, damaged: bool| {
+        copy(&robot.lab.path(from), &robot.lab.path("models/.new"));
+        if damaged {
+            let weights = robot.lab.path("models/.new/weights.safetensors");
+            let whole = std::fs::read(&weights).unwrap();
+            std::fs::write(&weights, &whole[..whole.len() / 2]).unwrap();
+        }
+        std::fs::rename(robot.lab.path("models/.new"), robot.lab.path(to)).unwrap();
+    };
+    put("models/1", "models/2", true);
+    put("models/1", "models/9", true);
+    let bus = robot.bus();
+    let status = bus
+        .get_port::<TactileStatus>("tactile/status", Start::Now)
+        .unwrap();
+    let service = robot.serve("models");
+    let rejected = || {
+        let status = next(&status, |s| s.event == Event::ModelRejected as u32);
+        status.text.as_str().to_owned()
+    };
+    assert_eq!(
+        next(&status, |s| s.event == Event::Swapped as u32).model_version,
+        1
+    );
+    assert!(rejected().contains("models/9"));
+    assert!(rejected().contains("models/2"));
+    // A good version below a damaged one.
+    put("models/1", "models/8", false);
+    assert_eq!(
+        next(&status, |s| s.event == Event::Swapped as u32).model_version,
+        8
+    );
+    let said = service.end();
+    assert!(said.contains("\"rejected\""), "{said}");
+
+    // None can serve.
+    std::fs::remove_dir_all(robot.lab.path("models/1")).unwrap();
+    std::fs::remove_dir_all(robot.lab.path("models/8")).unwrap();
+    let mut serve = tactnet(["serve", "--metrics", "off", "--models"]);
+    serve.arg(robot.lab.path("models"));
+    serve.arg("--table").arg(robot.lab.path("robot.toml"));
+    let none = stderr(&expect(2, serve));
+    assert!(none.contains("models/9"), "{none}");
+    assert_eq!(none.trim().lines().count(), 1, "{none}");
 }
 
 #[test]
