@@ -14,6 +14,8 @@ use crate::stop::Stop;
 
 /// Materials of the small network; the simulated skin touches two more, which are unknown to it.
 const MATERIALS: usize = 12;
+/// Sweeps of each, a fifth of which the network does not learn from.
+pub(crate) const SWEEPS: usize = 40;
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
@@ -40,9 +42,8 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
     if stop.asked() {
         return Ok(ExitCode::SUCCESS);
     }
-    // Sweeps that no network has seen.
     let sweeps = folder.path().join("sweeps.h5");
-    twin(&sweeps, materials, 10, 2)?;
+    twin(&sweeps, materials, SWEEPS)?;
     let table = ServeConfig::default().table(&format!("demo{}", std::process::id()));
     let path = folder.path().join("robot.toml");
     std::fs::write(&path, toml::to_string(&table)?)?;
@@ -62,7 +63,15 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
         ),
         (
             "skin",
-            vec!["simulate", "skin", "--data", &sweeps, "--table"],
+            vec![
+                "simulate",
+                "skin",
+                "--data",
+                &sweeps,
+                "--unseen-by",
+                &run,
+                "--table",
+            ],
         ),
     ] {
         parts.push(Part::start(name, &command, &path)?);
@@ -90,25 +99,19 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
 pub(crate) fn small_network(folder: &Path) -> anyhow::Result<PathBuf> {
     eprintln!("training a small network on {MATERIALS} materials of the twin …");
     let data = folder.join("small.h5");
-    twin(&data, MATERIALS, 40, 1)?;
+    twin(&data, MATERIALS, SWEEPS)?;
     let run = folder.join("small");
     let mut train = tactnet();
-    train.args(["train", "--calibrate", "--epochs", "6", "--data"]);
+    train.args(["train", "--calibrate", "--epochs", "12", "--data"]);
     train.arg(&data).arg("--out").arg(&run);
     finish(train, "the training")?;
     Ok(run)
 }
 
-fn twin(path: &Path, materials: usize, sweeps: usize, seed: u64) -> anyhow::Result<()> {
+fn twin(path: &Path, materials: usize, sweeps: usize) -> anyhow::Result<()> {
     let mut make = tactnet();
     make.args(["data", "twin", "--materials", &materials.to_string()]);
-    make.args([
-        "--sweeps",
-        &sweeps.to_string(),
-        "--seed",
-        &seed.to_string(),
-        "--out",
-    ]);
+    make.args(["--sweeps", &sweeps.to_string(), "--out"]);
     make.arg(path);
     finish(make, "making the twin")
 }

@@ -178,8 +178,8 @@ pub fn run(arguments: EvalArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The sweeps of another data set without those that the classifier was trained on.
-fn unseen_sweeps<'a>(
+/// The sweeps of a data set without those that the classifier was trained on, and what they are.
+pub(crate) fn unseen_sweeps<'a>(
     dataset: &'a Dataset,
     config: &RunConfig,
     manifest: &SplitManifest,

@@ -2,7 +2,7 @@
 
 mod soak;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -12,10 +12,12 @@ use clap::{Args, Subcommand, ValueEnum};
 use rand::seq::SliceRandom;
 use tactnet_channel::{Bus, Domain, Priority, Table};
 use tactnet_data::{Dataset, Seed};
+use tactnet_pipeline::RunDir;
 use tactnet_serving::packets::{SkinFrame, SweepCommand};
 use tactnet_serving::simulate::{CatchingRole, SkinSimulator, Ticker, catching_table, run_role};
 use tactnet_serving::{Realtime, ServeConfig};
 
+use crate::eval::unseen_sweeps;
 use crate::stop::Stop;
 use crate::{output, source};
 
@@ -56,6 +58,9 @@ pub struct SkinArgs {
     /// Whose sweeps
     #[arg(long, value_name = "FILE|twin", default_value = "twin")]
     data: String,
+    /// Only sweeps that this run was not trained on
+    #[arg(long, value_name = "DIR")]
+    unseen_by: Option<PathBuf>,
     /// Only these materials, in turns
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     materials: Vec<String>,
@@ -67,9 +72,19 @@ pub struct SkinArgs {
     seed: u64,
 }
 
+/// Sweeps that a run was not trained on.
+pub(crate) fn unseen_by(dataset: &Dataset, run: &Path) -> anyhow::Result<Vec<usize>> {
+    let run = RunDir::open(run)?;
+    let (view, _) = unseen_sweeps(dataset, &run.config()?, &run.split()?)?;
+    Ok(view.indices().to_vec())
+}
+
 /// Sweeps of the materials in turns, each material's in random order.
+///
+/// - `sweeps`: those to choose from
 pub(crate) fn order_of(
     dataset: &Dataset,
+    sweeps: &[usize],
     materials: &[String],
     seed: Seed,
 ) -> anyhow::Result<Vec<usize>> {
@@ -92,7 +107,7 @@ pub(crate) fn order_of(
     let mut sweeps: Vec<Vec<usize>> = labels
         .iter()
         .map(|label| {
-            let own = 0..dataset.len();
+            let own = sweeps.iter().copied();
             own.filter(|sweep| dataset.records()[*sweep].label == *label)
                 .collect()
         })
@@ -120,7 +135,16 @@ fn skin(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
     let table = Table::load(&arguments.table)?;
     let config = ServeConfig::of(&table)?;
     let dataset = source::load(&arguments.data)?;
-    let order = order_of(&dataset, &arguments.materials, Seed(arguments.seed))?;
+    let sweeps = match &arguments.unseen_by {
+        Some(run) => unseen_by(&dataset, run)?,
+        None => (0..dataset.len()).collect(),
+    };
+    let order = order_of(
+        &dataset,
+        &sweeps,
+        &arguments.materials,
+        Seed(arguments.seed),
+    )?;
     let bus = Bus::open(Domain::Host, &table)?;
     let frames = bus.put_port::<SkinFrame>(config.fingers[0].as_str(), Priority::High)?;
     let commands = bus.put_port::<SweepCommand>(config.command.as_str(), Priority::High)?;

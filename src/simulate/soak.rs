@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use serde::Serialize;
 use serde_json::Value;
 use tactnet_channel::{Bus, Domain, Hub, Priority, Start, Table, Wait, now_ns};
@@ -20,7 +20,7 @@ use tactnet_serving::simulate::{
 };
 use tactnet_serving::{Realtime, ServeConfig, percentile};
 
-use super::{REST, order_of};
+use super::{REST, order_of, unseen_by};
 use crate::part::{OwnBus, Part};
 use crate::stop::Stop;
 use crate::{GIT, output, source};
@@ -45,15 +45,27 @@ pub struct SoakArgs {
     /// Run directory of a trained network [default: a small one is trained]
     #[arg(long, value_name = "DIR")]
     run: Option<PathBuf>,
-    /// Whose sweeps; `twin`: of a twin that no network was trained on
+    /// Whose sweeps; only those that the network was not trained on
     #[arg(long, value_name = "FILE|twin", default_value = "twin")]
     data: String,
-    /// Run the 1 kHz loop, the skin and the classifier under SCHED_FIFO, the loop above the others
-    #[arg(long)]
-    fifo: bool,
+    /// How the 1 kHz loop, the skin and the classifier are scheduled
+    #[arg(long, value_enum, default_value_t)]
+    scheduling: Wanted,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
+}
+
+/// What `--scheduling` says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+enum Wanted {
+    /// SCHED_FIFO where it is allowed
+    #[default]
+    Auto,
+    /// SCHED_FIFO, the loop above the skin, the skin above the classifier
+    Fifo,
+    /// As any other process
+    Usual,
 }
 
 /// The 1 kHz loop over some time.
@@ -90,11 +102,29 @@ impl Loop {
     }
 }
 
+impl Wanted {
+    fn get(self) -> anyhow::Result<Scheduling> {
+        if self == Self::Usual {
+            return Ok(Scheduling::Usual);
+        }
+        let tried = std::thread::spawn(|| priority(1).apply()).join();
+        match tried.unwrap_or_default().first() {
+            None => Ok(Scheduling::Fifo),
+            Some(refused) if self == Self::Fifo => bail!("--scheduling fifo: {refused}"),
+            Some(refused) => {
+                eprintln!("as usual, not under SCHED_FIFO: {refused}");
+                Ok(Scheduling::Usual)
+            }
+        }
+    }
+}
+
 /// The processes of the catching stack.
 pub(super) struct Stack(Vec<Part>);
 
 /// How processes are scheduled.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub(super) enum Scheduling {
     /// As any other.
     Usual,
@@ -133,6 +163,7 @@ struct Soaked {
     schema_version: u32,
     git: &'static str,
     seconds: f64,
+    scheduling: Scheduling,
     frames_sent: u64,
     frames_lost: u64,
     sweeps: u64,
@@ -186,17 +217,7 @@ pub fn run(arguments: &SoakArgs) -> anyhow::Result<ExitCode> {
     if !(arguments.seconds > 0.0 && arguments.seconds <= 86_400.0) {
         bail!("--seconds: expected more than 0 and at most a day");
     }
-    let scheduling = if arguments.fifo {
-        Scheduling::Fifo
-    } else {
-        Scheduling::Usual
-    };
-    if arguments.fifo {
-        let tried = std::thread::spawn(|| priority(1).apply()).join();
-        if let Some(refused) = tried.unwrap_or_default().first() {
-            bail!("--fifo: {refused}");
-        }
-    }
+    let scheduling = arguments.scheduling.get()?;
     let folder = tempfile::tempdir()?;
     let run = match &arguments.run {
         Some(run) => run.clone(),
@@ -204,8 +225,7 @@ pub fn run(arguments: &SoakArgs) -> anyhow::Result<ExitCode> {
     };
     let dataset = if arguments.data == source::TWIN {
         twin::generate(&TwinConfig {
-            seed: 2,
-            sweeps: 10,
+            sweeps: crate::demo::SWEEPS,
             ..TwinConfig::default()
         })?
     } else {
@@ -216,7 +236,8 @@ pub fn run(arguments: &SoakArgs) -> anyhow::Result<ExitCode> {
     let table = catching_table(config.table(&format!("soak{}", std::process::id())));
     let path = folder.path().join("robot.toml");
     std::fs::write(&path, toml::to_string(&table)?)?;
-    let played = Played::new(&dataset, &known)?;
+    let sweeps = unseen_by(&dataset, &run)?;
+    let played = Played::new(&dataset, &sweeps, &known)?;
     let _own = OwnBus(&table);
     let hub = Hub::spawn(&table)?;
     let soaked = soak(arguments, scheduling, &stop, &run, &played, &table, &path);
@@ -332,6 +353,7 @@ fn soak(
         schema_version: 1,
         git: GIT,
         seconds: with.iter().map(|(from, to)| (to - from) as f64 / 1e9).sum(),
+        scheduling,
         frames_sent: sent,
         frames_lost: sent.saturating_sub(sum("frames")),
         sweeps: sum("sweeps"),
@@ -371,7 +393,9 @@ struct Played<'a> {
 
 impl<'a> Played<'a> {
     /// Those of materials that are known.
-    fn new(dataset: &'a Dataset, known: &LabelSet) -> anyhow::Result<Self> {
+    ///
+    /// - `sweeps`: those to choose from
+    fn new(dataset: &'a Dataset, sweeps: &[usize], known: &LabelSet) -> anyhow::Result<Self> {
         let known: Vec<&str> = known.names().collect();
         let names: Vec<&str> = dataset.labels().names().collect();
         let labels: Vec<usize> = names
@@ -392,7 +416,7 @@ impl<'a> Played<'a> {
             bail!("{}: no material that the network knows", dataset.name());
         }
         Ok(Self {
-            order: order_of(dataset, &materials, Seed(1))?,
+            order: order_of(dataset, sweeps, &materials, Seed(1))?,
             dataset,
             labels,
         })
