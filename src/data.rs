@@ -13,6 +13,8 @@ use tactnet_data::{
     Dataset, Finding, Origin, Progress, Severity, Source, check, fetch, group_findings, info,
 };
 
+use tactnet_recording::{Recording, SweepSettings, sweeps};
+
 use crate::{failure, output, source};
 
 #[derive(Subcommand)]
@@ -33,8 +35,13 @@ pub enum DataCommand {
         tactnet data twin --stats                compare its signal with the real one")]
     Twin(TwinArgs),
     /// Convert a recording into an HDF5 data set
-    #[command(after_help = "Example:\n  tactnet data import sweeps.npz --out sweeps.h5")]
-    Import(ConvertArgs),
+    #[command(
+        after_help = "Examples:\n  tactnet data import sweeps.npz --out sweeps.h5\n  \
+        tactnet data import today.mcap --out today.h5                     sweeps labelled by their start commands\n  \
+        tactnet data import felt.mcap --out felt.h5 --material felt       all of one material\n\n\
+        Where a recording has not equally many sweeps of every material, write .npz."
+    )]
+    Import(ImportArgs),
     /// Convert a data set for other programs: .npz (numpy), .ts (aeon), .h5
     #[command(
         after_help = "Examples:\n  tactnet data export sweeps.h5 --out sweeps.ts\n  \
@@ -110,6 +117,18 @@ pub struct ConvertArgs {
 }
 
 #[derive(Args)]
+pub struct ImportArgs {
+    #[command(flatten)]
+    convert: ConvertArgs,
+    /// Of a recording: what was swept over, where start commands do not name it
+    #[arg(long, value_name = "NAME")]
+    material: Option<String>,
+    /// Of a recording: frames of a sweep [default: those of the recorded classifier, or 1000]
+    #[arg(long, value_name = "N")]
+    steps: Option<usize>,
+}
+
+#[derive(Args)]
 pub struct FetchArgs {
     /// Which data set
     #[arg(value_enum)]
@@ -136,13 +155,16 @@ pub fn run(command: DataCommand) -> anyhow::Result<ExitCode> {
         DataCommand::Check(arguments) => run_check(&arguments),
         DataCommand::Twin(arguments) => make_twin(&arguments),
         DataCommand::Import(arguments) => {
-            if Format::from_extension(&arguments.out)? != Format::TactMat {
+            let out = &arguments.convert.out;
+            let is_recording = arguments.is_recording();
+            let format = Format::from_extension(out)?;
+            if format != Format::TactMat && !(is_recording && format == Format::Npz) {
                 bail!(
-                    "{}: `import` writes .h5; for other formats use `tactnet data export`",
-                    arguments.out.display()
+                    "{}: `import` writes .h5 (of recordings also .npz); for other formats use `tactnet data export`",
+                    out.display()
                 );
             }
-            convert(&arguments)
+            import(&arguments)
         }
         DataCommand::Export(arguments) => convert(&arguments),
         DataCommand::Fetch(arguments) => run_fetch(&arguments),
@@ -222,6 +244,65 @@ fn make_twin(arguments: &TwinArgs) -> anyhow::Result<ExitCode> {
             twin.shape()
         );
     }
+    Ok(ExitCode::SUCCESS)
+}
+
+impl ImportArgs {
+    fn is_recording(&self) -> bool {
+        Path::new(&self.convert.data)
+            .extension()
+            .is_some_and(|extension| extension == "mcap")
+    }
+}
+
+/// A recording of the channels, or another program's data set.
+fn import(arguments: &ImportArgs) -> anyhow::Result<ExitCode> {
+    let convert_arguments = &arguments.convert;
+    let path = Path::new(&convert_arguments.data);
+    if !arguments.is_recording() {
+        if arguments.material.is_some() || arguments.steps.is_some() {
+            bail!("--material, --steps: only for recordings (.mcap)");
+        }
+        return convert(convert_arguments);
+    }
+    let out = &convert_arguments.out;
+    let format = Format::from_extension(out)?;
+    refuse_to_overwrite(out, convert_arguments.force)?;
+    let recording = Recording::read(path)?;
+    if let Some(cut) = &recording.cut {
+        eprintln!("{}: the end is missing ({cut})", path.display());
+    }
+    let settings = SweepSettings {
+        steps: arguments.steps,
+        rate_hz: None,
+    };
+    let found = sweeps(path, &recording, arguments.material.as_deref(), settings)?;
+    for reason in &found.rejected {
+        eprintln!("left out: {reason}");
+    }
+    if found.unlabelled > 0 {
+        eprintln!(
+            "left out: {} sweeps of which nobody said what was swept over (`--material` names it)",
+            found.unlabelled
+        );
+    }
+    let counts = found.dataset.sweeps_per_label();
+    if format == Format::TactMat && counts.iter().any(|count| *count != counts[0]) {
+        bail!(
+            "{}: an .h5 data set has equally many sweeps of every material, this recording has {} to {}; .npz holds any number",
+            out.display(),
+            counts.iter().min().unwrap_or(&0),
+            counts.iter().max().unwrap_or(&0)
+        );
+    }
+    format.write(out, &found.dataset)?;
+    eprintln!(
+        "{}: {} sweeps of {} materials ({})",
+        out.display(),
+        found.dataset.len(),
+        found.dataset.labels().len(),
+        found.dataset.shape()
+    );
     Ok(ExitCode::SUCCESS)
 }
 

@@ -17,7 +17,7 @@ use tactnet_pipeline::{
 
 use crate::train::DeviceChoice;
 use crate::{GIT, output, report, source};
-use runtime::{Compared, RuntimeChoice, online};
+use runtime::{Compared, RuntimeChoice, compare};
 use verdicts::{Verdicts, by_known_material};
 
 #[derive(Args)]
@@ -41,8 +41,8 @@ pub struct EvalArgs {
     #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..))]
     mc: Option<u32>,
     /// What computes the scores; others than Burn are compared with it
-    #[arg(long, value_enum, default_value_t)]
-    runtime: RuntimeChoice,
+    #[arg(long, value_enum)]
+    runtime: Option<RuntimeChoice>,
     /// Where to compute
     #[arg(long, value_enum, default_value_t)]
     device: DeviceChoice,
@@ -134,9 +134,9 @@ pub fn run(arguments: EvalArgs) -> anyhow::Result<ExitCode> {
             .into_iter()
             .map(|(name, burn, evaluation)| {
                 let evaluation = match arguments.runtime {
-                    RuntimeChoice::Burn => evaluation,
-                    RuntimeChoice::Online => {
-                        let (found, compared) = online(&classifier, judged, &burn)?;
+                    None => evaluation,
+                    Some(runtime) => {
+                        let (found, compared) = compare(runtime, &classifier, judged, &burn)?;
                         runtimes.insert(name.to_string(), compared);
                         Evaluation::of(&found, sweeps, config.seed)
                     }

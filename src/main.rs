@@ -8,10 +8,13 @@ mod demo;
 mod enroll;
 mod eval;
 mod experiment;
+mod export;
 mod failure;
 mod notify;
 mod output;
 mod part;
+mod record;
+mod replay;
 mod report;
 mod serve;
 mod simulate;
@@ -60,6 +63,8 @@ enum Command {
     Eval(eval::EvalArgs),
     /// Add a material to a trained classifier from a few sweeps
     Enroll(enroll::EnrollArgs),
+    /// Write a trained network for other programs: ONNX, safetensors
+    Export(export::ExportArgs),
     /// Run cross-validations and their like, and report
     #[command(subcommand)]
     Experiment(experiment::ExperimentCommand),
@@ -76,6 +81,10 @@ enum Command {
     Serve(serve::ServeArgs),
     /// Look on in a browser while it serves
     Dashboard(dashboard::DashboardArgs),
+    /// Record what travels on the tactile channels, as MCAP
+    Record(record::RecordArgs),
+    /// Put a recording back onto channels
+    Replay(replay::ReplayArgs),
     /// Put what a robot would on the channels: skin, catching stack, or everything at once
     #[command(subcommand)]
     Simulate(simulate::SimulateCommand),
@@ -96,12 +105,15 @@ fn main() -> ExitCode {
         Command::Train(arguments) => train::run(arguments),
         Command::Eval(arguments) => eval::run(arguments),
         Command::Enroll(arguments) => enroll::run(&arguments),
+        Command::Export(arguments) => export::run(&arguments),
         Command::Experiment(command) => experiment::run(command),
         Command::Study(arguments) => study::run(&arguments),
         Command::Data(command) => data::run(command),
         Command::Channel(command) => channel::run(command),
         Command::Serve(arguments) => serve::run(&arguments),
         Command::Dashboard(arguments) => dashboard::run(&arguments),
+        Command::Record(arguments) => record::run(&arguments),
+        Command::Replay(arguments) => replay::run(&arguments),
         Command::Simulate(command) => simulate::run(command),
         Command::Demo(arguments) => demo::run(&arguments),
     };

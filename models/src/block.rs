@@ -12,7 +12,7 @@ use crate::initial::{constant_parameter, uniform_parameter};
 use crate::weights::values;
 
 /// Added to the variance before the square root of every batch normalisation.
-pub(crate) const NORM_EPSILON: f64 = 1e-5;
+pub const NORM_EPSILON: f64 = 1e-5;
 /// Weight of the newest batch in the running statistics.
 pub(crate) const NORM_MOMENTUM: f64 = 0.1;
 

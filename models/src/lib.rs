@@ -32,7 +32,7 @@ pub use belief::{
     Belief, entropy, first_largest, log_mean_exp_into, log_softmax, log_softmax_into,
     majority_vote, mutual_information,
 };
-pub use block::{BatchStatistics, BlockConfig, ConvBlock};
+pub use block::{BatchStatistics, BlockConfig, ConvBlock, NORM_EPSILON};
 pub use compute::Compute;
 pub use conv::runs_on as is_processor;
 pub use dense::NormalizedDense;

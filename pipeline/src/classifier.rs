@@ -209,6 +209,14 @@ impl Classifier {
         Ok(self.scorer()?.net())
     }
 
+    /// The dropout masks of a Monte Carlo prediction, for other forms of the network: `[runs][features]`.
+    ///
+    /// # Errors
+    /// A model that is no network.
+    pub fn masks(&self, runs: usize) -> Result<Vec<f32>, PipelineError> {
+        Ok(self.scorer()?.mask_values(runs))
+    }
+
     pub(crate) fn scorer(&self) -> Result<&NetworkScorer, PipelineError> {
         match &self.model {
             Model::Network(network) => Ok(network),

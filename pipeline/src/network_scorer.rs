@@ -115,6 +115,11 @@ impl NetworkScorer {
         StreamingNet::new(&self.net, &self.network, &masks)
     }
 
+    /// `[runs][features]`: the masks behind a Monte Carlo prediction, for other forms of the network.
+    pub fn mask_values(&self, runs: usize) -> Vec<f32> {
+        values(self.masks(runs))
+    }
+
     /// What is done to a frame before.
     pub fn normalizer(&self) -> &Normalizer {
         &self.normalizer

@@ -42,6 +42,16 @@ impl Normalizer {
         }
     }
 
+    /// What is subtracted: `[taxels]`, digits.
+    pub fn offset(&self) -> &[f32] {
+        &self.offset
+    }
+
+    /// What is multiplied with then: `[taxels]`, per digit.
+    pub fn gain(&self) -> &[f32] {
+        &self.gain
+    }
+
     /// Number of taxels it was fitted to.
     pub fn taxels(&self) -> usize {
         self.offset.len()

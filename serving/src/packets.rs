@@ -96,7 +96,8 @@ pub struct SweepCommand {
     pub sweeps: u32,
     /// 20: zero.
     pub reserved: u32,
-    /// 24: for [`Command::Enroll`]: name of the new material.
+    /// 24: for [`Command::Enroll`]: name of the new material; for [`Command::Start`]: what is swept over, where that is known (it is recorded,
+    /// the classifier does not look).
     pub material: Text<56>,
 }
 

@@ -14,6 +14,7 @@ mod data_command;
 mod enroll;
 mod experiment;
 mod golden;
+mod recording;
 mod serve;
 mod service;
 mod study;

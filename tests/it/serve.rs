@@ -31,7 +31,7 @@ pub(crate) struct Robot {
 }
 
 /// A process that is killed, as by `kill -9`, when it is dropped.
-struct Running(Child);
+pub(crate) struct Running(pub(crate) Child);
 
 impl Drop for Running {
     fn drop(&mut self) {
@@ -42,7 +42,7 @@ impl Drop for Running {
 
 impl Running {
     /// Starts a process and waits until it says `ready`.
-    fn start(mut command: Command) -> Self {
+    pub(crate) fn start(mut command: Command) -> Self {
         let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
         let out = child.stdout.as_mut().unwrap();
         let mut said = Vec::new();
@@ -55,7 +55,7 @@ impl Running {
     }
 
     /// Asks it to end, and gives what it printed.
-    fn end(mut self) -> String {
+    pub(crate) fn end(mut self) -> String {
         let killed = Command::new("kill")
             .args(["-TERM", &self.0.id().to_string()])
             .status();
@@ -96,13 +96,13 @@ impl Robot {
         Self { lab, table }
     }
 
-    fn start(&self, arguments: &[&str]) -> Running {
+    pub(crate) fn start(&self, arguments: &[&str]) -> Running {
         let mut command = tactnet(arguments);
         command.arg("--table").arg(self.lab.path("robot.toml"));
         Running::start(command)
     }
 
-    fn serve(&self, model: &str) -> Running {
+    pub(crate) fn serve(&self, model: &str) -> Running {
         let path = self.lab.path(model).display().to_string();
         let which = if model == "models" {
             "--models"
@@ -112,7 +112,7 @@ impl Robot {
         self.start(&["serve", "--json", "--metrics", "off", which, &path])
     }
 
-    fn skin(&self, sweeps: &str) -> Running {
+    pub(crate) fn skin(&self, sweeps: &str) -> Running {
         let data = self.lab.path("data.h5").display().to_string();
         self.start(&["simulate", "skin", "--data", &data, "--sweeps", sweeps])
     }

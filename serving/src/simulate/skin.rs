@@ -110,7 +110,13 @@ impl<'a> SkinSimulator<'a> {
                 motion: self.motion,
                 sweeps: 0,
                 reserved: 0,
-                material: Text::default(),
+                material: match command {
+                    Command::Start => {
+                        let label = self.dataset.records()[self.sweep_of(self.motion)].label;
+                        Text::new(self.dataset.labels().name(label))
+                    }
+                    _ => Text::default(),
+                },
             }),
             frame,
         }

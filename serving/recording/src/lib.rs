@@ -1,0 +1,18 @@
+//! Recordings of the tactile channels: MCAP files (<https://mcap.dev>) with Protocol Buffers messages, as Foxglove and its tools read them.
+//!
+//! [`Recorder`] writes what travels on the channels, [`Recording`] reads it back as far as it goes, [`sweeps`] makes a data set of it.
+
+mod error;
+mod messages;
+mod recorder;
+mod recording;
+mod sweeps;
+
+pub use error::RecordingError;
+pub use messages::{DESCRIPTION, Recordable, proto};
+pub use recorder::{About, Recorded, Recorder};
+pub use recording::{Entry, Recorded as RecordedPacket, Recording};
+pub use sweeps::{SweepSettings, Sweeps, sweeps};
+
+/// Name of the metadata record with the table of channels.
+const METADATA: &str = "tactnet";

@@ -1,0 +1,199 @@
+//! From recorded frames to a data set.
+
+use std::path::Path;
+
+use tactnet_data::{Dataset, Frame, LabelSet, Samples, SweepRecord, SweepShape};
+use tactnet_serving::packets::Command;
+use tactnet_serving::{Followed, Segmentation, ServeConfig, SweepFollower};
+
+use crate::RecordingError;
+use crate::recording::{Recorded, Recording};
+
+/// What the sweeps of a recording look like, where it does not say.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct SweepSettings {
+    /// Frames of a sweep [default: those of the recorded model, or else 1000].
+    pub steps: Option<usize>,
+    /// Frames a second [default: those of the recorded model, or else 750].
+    pub rate_hz: Option<f64>,
+}
+
+/// Sweeps that were found, and what became of the others.
+#[derive(Debug)]
+pub struct Sweeps {
+    /// With a label each.
+    pub dataset: Dataset,
+    /// Sweeps that cannot be used, and why.
+    pub rejected: Vec<String>,
+    /// Whole sweeps of which nobody said what was swept over.
+    pub unlabelled: usize,
+}
+
+/// A whole sweep.
+struct Found {
+    material: String,
+    digits: Vec<f32>,
+}
+
+/// Cuts a recording into sweeps as the online classifier would, and labels them by the material of their start command, or else by the
+/// recording's.
+///
+/// # Errors
+/// No sweep with a label; frames whose taxels form no square where no model says how they lie.
+pub fn sweeps(
+    path: &Path,
+    recording: &Recording,
+    material: Option<&str>,
+    settings: SweepSettings,
+) -> Result<Sweeps, RecordingError> {
+    let unreadable = |reason: String| RecordingError::Unreadable {
+        path: path.into(),
+        reason,
+    };
+    let config = ServeConfig::of(&recording.table)?;
+    let model = recording
+        .entries
+        .iter()
+        .find_map(|entry| match &entry.packet {
+            Recorded::Model(model) => Some(model),
+            _ => None,
+        });
+    let taxels = recording
+        .entries
+        .iter()
+        .find_map(|entry| match &entry.packet {
+            Recorded::Frame(frame) => Some(frame.values().len()),
+            _ => None,
+        })
+        .ok_or_else(|| unreadable("no frame".into()))?;
+    let steps = settings
+        .steps
+        .or(model.map(|model| model.steps as usize))
+        .unwrap_or(1000);
+    let rate_hz = settings
+        .rate_hz
+        .or(model.map(|model| model.sample_rate_hz))
+        .unwrap_or(750.0);
+    let (rows, cols) = match model {
+        Some(model) => (model.rows as usize, model.cols as usize),
+        None => (taxels.isqrt(), taxels.isqrt()),
+    };
+    if rows * cols != taxels || steps == 0 {
+        return Err(unreadable(format!(
+            "frames of {taxels} taxels, expected {rows} x {cols}, and {steps} steps"
+        )));
+    }
+    let fallback = material.or(recording.material.as_deref());
+    let by_command = config.follow.segmentation == Segmentation::Command;
+    let mut fingers: Vec<(SweepFollower, Option<String>)> = config
+        .fingers
+        .iter()
+        .map(|_| {
+            (
+                SweepFollower::new(config.follow, steps, taxels, rate_hz),
+                None,
+            )
+        })
+        .collect();
+    let mut found: Vec<Found> = Vec::new();
+    let mut rejected = Vec::new();
+    let mut unlabelled = 0;
+    for entry in &recording.entries {
+        let (number, followed) = match &entry.packet {
+            Recorded::Frame(frame) => {
+                let Some(number) = config.fingers.iter().position(|id| *id == entry.channel) else {
+                    continue;
+                };
+                let followed = fingers[number].0.push(&Frame {
+                    sequence: frame.sequence,
+                    sensor_time_nanos: frame.sensor_time_ns,
+                    taxels: frame.values(),
+                });
+                (number, followed)
+            }
+            Recorded::Command(command) => {
+                let number = command.finger as usize;
+                let Some((follower, material)) = fingers.get_mut(number) else {
+                    continue;
+                };
+                match command.command() {
+                    Some(Command::Start) if by_command => {
+                        let followed = follower.start();
+                        let named = command.material.as_str();
+                        *material = (!named.is_empty()).then(|| named.to_owned());
+                        (number, followed)
+                    }
+                    Some(Command::Stop) if by_command => (number, follower.stop()),
+                    _ => continue,
+                }
+            }
+            _ => continue,
+        };
+        match followed {
+            Followed::Complete => {
+                let (follower, material) = &fingers[number];
+                let label = material.as_deref().or(fallback);
+                match (label, follower.window().sweep()) {
+                    (Some(label), Some(digits)) => found.push(Found {
+                        material: label.into(),
+                        digits: digits.to_vec(),
+                    }),
+                    _ => unlabelled += 1,
+                }
+            }
+            Followed::Rejected(reject) | Followed::RejectedAndBegun(reject) => {
+                rejected.push(reject.to_string());
+            }
+            Followed::Nothing | Followed::Begun | Followed::Grown => {}
+        }
+    }
+    if found.is_empty() {
+        return Err(unreadable(format!(
+            "no sweep with a label: {unlabelled} without, {} rejected",
+            rejected.len()
+        )));
+    }
+    let mut names: Vec<&str> = Vec::new();
+    let mut counts: Vec<usize> = Vec::new();
+    let mut records = Vec::with_capacity(found.len());
+    for sweep in &found {
+        let label = names
+            .iter()
+            .position(|name| *name == sweep.material)
+            .unwrap_or_else(|| {
+                names.push(&sweep.material);
+                counts.push(0);
+                names.len() - 1
+            });
+        records.push(SweepRecord {
+            label,
+            sweep: counts[label],
+            block: None,
+            test: None,
+        });
+        counts[label] += 1;
+    }
+    let labels = LabelSet::new(names)?;
+    // Digits of an eight-bit skin stay bytes.
+    let is_byte = |digit: &f32| digit.fract() == 0.0 && (0.0..=255.0).contains(digit);
+    let digits = found.iter().flat_map(|sweep| &sweep.digits);
+    let samples = if digits.clone().all(is_byte) {
+        Samples::U8(digits.map(|digit| *digit as u8).collect())
+    } else {
+        Samples::F32(digits.copied().collect())
+    };
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    let dataset = Dataset::new(
+        &*name,
+        rate_hz,
+        SweepShape { steps, rows, cols },
+        labels,
+        records,
+        samples,
+    )?;
+    Ok(Sweeps {
+        dataset,
+        rejected,
+        unlabelled,
+    })
+}

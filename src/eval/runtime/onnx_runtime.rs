@@ -1,0 +1,84 @@
+//! The exported network in ONNX Runtime.
+
+use std::path::PathBuf;
+
+use anyhow::Context;
+use ort::session::Session;
+use ort::value::TensorRef;
+use tactnet_data::SweepShape;
+
+use super::Scorer;
+
+/// Names the shared library, where it is not among the system's.
+const LIBRARY: &str = "ORT_DYLIB_PATH";
+
+/// A session, with the masks of a Monte Carlo prediction.
+pub struct OnnxRuntime {
+    session: Session,
+    shape: SweepShape,
+    features: usize,
+    masks: Vec<f32>,
+}
+
+impl OnnxRuntime {
+    /// - `model`: bytes of an ONNX file as `tactnet export` writes it
+    /// - `masks`: `[runs][features]`; empty: plain prediction
+    ///
+    /// # Errors
+    /// No ONNX Runtime; a model that it refuses.
+    pub fn new(
+        model: &[u8],
+        shape: SweepShape,
+        features: usize,
+        masks: Vec<f32>,
+        threads: usize,
+    ) -> anyhow::Result<Self> {
+        let library =
+            std::env::var_os(LIBRARY).map_or_else(|| "libonnxruntime.so".into(), PathBuf::from);
+        // Only the first call loads it.
+        ort::init_from(&library)
+            .with_context(|| {
+                format!("cannot load ONNX Runtime; `{LIBRARY}` names its shared library, which is in PyPI's onnxruntime: capi/libonnxruntime.so.*")
+            })?
+            .commit();
+        let session = Session::builder()?
+            .with_intra_threads(threads)
+            .map_err(ort::Error::from)?
+            .commit_from_memory(model)?;
+        Ok(Self {
+            session,
+            shape,
+            features,
+            masks,
+        })
+    }
+}
+
+impl Scorer for OnnxRuntime {
+    fn name(&self) -> &'static str {
+        "onnxruntime"
+    }
+
+    fn score(&mut self, digits: &[f32]) -> anyhow::Result<Vec<f64>> {
+        let sweeps = digits.len() / self.shape.values();
+        let digits =
+            TensorRef::from_array_view(([sweeps, self.shape.steps, self.shape.taxels()], digits))?;
+        let mut outputs;
+        let output = if self.masks.is_empty() {
+            outputs = self.session.run(ort::inputs!["digits" => digits])?;
+            "log_probability"
+        } else {
+            let runs = self.masks.len() / self.features;
+            let masks = TensorRef::from_array_view(([runs, self.features], &*self.masks))?;
+            outputs = self
+                .session
+                .run(ort::inputs!["digits" => digits, "masks" => masks])?;
+            "mc_log_probability"
+        };
+        let found = outputs
+            .remove(output)
+            .with_context(|| format!("the model has no output `{output}`"))?;
+        let (_, scores) = found.try_extract_tensor::<f32>()?;
+        Ok(scores.iter().map(|score| f64::from(*score)).collect())
+    }
+}

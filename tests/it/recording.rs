@@ -1,0 +1,153 @@
+//! Record, replay, import: real processes with the channels between them.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Duration;
+
+use serde_json::Value;
+use tactnet_recording::{RecordedPacket, Recording};
+
+use crate::command::{expect, stderr, stdout, tactnet};
+use crate::serve::{Robot, Running, STEPS};
+
+fn recorder(robot: &Robot, file: &str, more: &[&str]) -> Running {
+    let mut record = tactnet(["record", "--json", "--table"]);
+    record.arg(robot.lab.path("robot.toml"));
+    record.arg("--out").arg(robot.lab.path(file)).args(more);
+    Running::start(record)
+}
+
+fn json(command: Command) -> Value {
+    serde_json::from_str(&stdout(&expect(0, command))).unwrap()
+}
+
+fn replay(file: &Path, more: &[&str]) -> Value {
+    let mut replay = tactnet(["replay", "--json"]);
+    replay.arg(file).args(more);
+    json(replay)
+}
+
+fn import(file: &Path, out: &Path, more: &[&str]) -> Command {
+    let mut import = tactnet(["data", "import"]);
+    import.arg(file).arg("--out").arg(out).args(more);
+    import
+}
+
+/// Lets the simulated skin sweep so often while everything is recorded.
+fn recorded(robot: &Robot, file: &str, sweeps: &str, more: &[&str]) -> (PathBuf, Value) {
+    let _hub = robot.start(&["channel", "hub"]);
+    let service = robot.serve("models/1");
+    let recorder = recorder(robot, file, more);
+    let mut skin = robot.skin(sweeps);
+    assert!(skin.0.wait().unwrap().success());
+    // The last beliefs.
+    std::thread::sleep(Duration::from_millis(500));
+    let told = serde_json::from_str(&recorder.end()).unwrap();
+    service.end();
+    (robot.lab.path(file), told)
+}
+
+#[test]
+fn what_was_recorded_is_believed_again_bit_by_bit_and_becomes_a_data_set() {
+    let robot = Robot::new("record");
+    let run = robot.lab.path("models/1").display().to_string();
+    let (file, told) = recorded(&robot, "a.mcap", "6", &["--run", &run]);
+    assert_eq!(told["lost"], 0, "{told}");
+    let again = replay(&file, &[]);
+    assert_eq!(again["frames"], told["frames"], "{again}");
+    assert_eq!(again["frames_lost"], 0, "{again}");
+    assert_eq!(again["recorded"]["sweeps"], 6, "{again}");
+    // Three anytime beliefs, one plain, one with dropout.
+    assert_eq!(again["recorded"]["beliefs"], 6 * 5, "{again}");
+    assert_eq!(again["identical"], true, "{again}");
+    assert_eq!(
+        again["posterior_sha256"], again["recorded"]["posterior_sha256"],
+        "{again}"
+    );
+    // Faster, with the classifier named.
+    let fast = replay(&file, &["--run", &run, "--speed", "3"]);
+    assert_eq!(
+        fast["posterior_sha256"], again["posterior_sha256"],
+        "{fast}"
+    );
+    assert_eq!(fast["frames_lost"], 0, "{fast}");
+    assert!(fast["seconds"].as_f64().unwrap() < again["seconds"].as_f64().unwrap());
+
+    // The sweeps are those that were played, digit by digit.
+    let out = robot.lab.path("again.npz");
+    let said = stderr(&expect(0, import(&file, &out, &[])));
+    assert!(said.contains("6 sweeps"), "{said}");
+    let played = tactnet_data::format::read(&robot.lab.path("data.h5")).unwrap();
+    let imported = tactnet_data::format::read(&out).unwrap();
+    assert_eq!(imported.len(), 6);
+    assert_eq!(imported.shape(), played.shape());
+    for (number, record) in imported.records().iter().enumerate() {
+        let name = imported.labels().name(record.label);
+        let sweep = imported.sweep(number);
+        let found = (0..played.len()).find(|index| played.sweep(*index) == sweep);
+        let original = found.expect("a sweep that was played");
+        assert_eq!(played.labels().name(played.records()[original].label), name);
+    }
+    // Not equally many of every material.
+    let unequal = robot.lab.path("unequal.h5");
+    let refused = stderr(&expect(2, import(&file, &unequal, &[])));
+    assert!(refused.contains(".npz holds any number"), "{refused}");
+    // Never over what is there.
+    let twice = stderr(&expect(2, import(&file, &out, &[])));
+    assert!(twice.contains("exists already"), "{twice}");
+}
+
+#[test]
+fn a_killed_recorder_loses_the_last_second_at_most_and_cut_files_are_read_as_far_as_they_go() {
+    let robot = Robot::new("cut");
+    let hub = robot.start(&["channel", "hub"]);
+    let recorder = recorder(&robot, "cut.mcap", &["--material", "felt"]);
+    let mut skin = robot.skin("14");
+    // Fourteen motions take some 3.5 seconds.
+    std::thread::sleep(Duration::from_millis(2500));
+    let count = |file: &Path| {
+        let recording = Recording::read(file).unwrap();
+        let frames = recording
+            .entries
+            .iter()
+            .filter(|entry| matches!(entry.packet, RecordedPacket::Frame(_)))
+            .count();
+        (frames, recording.cut.is_some())
+    };
+    // Killed, as by `kill -9`.
+    drop(recorder);
+    let file = robot.lab.path("cut.mcap");
+    let (frames, cut) = count(&file);
+    assert!(cut);
+    // At 750 a second, with a second's loss.
+    assert!(frames > 750, "{frames}");
+    assert!(skin.0.wait().unwrap().success());
+    drop(hub);
+
+    let out = robot.lab.path("cut.h5");
+    let steps = STEPS.to_string();
+    let said = stderr(&expect(0, import(&file, &out, &["--steps", &steps])));
+    assert!(said.contains("the end is missing"), "{said}");
+    let whole = std::fs::read(&file).unwrap();
+    let shorter = robot.lab.path("shorter.mcap");
+    let mut before = frames;
+    for share in [9, 7, 2] {
+        std::fs::write(&shorter, &whole[..whole.len() * share / 10]).unwrap();
+        let (frames, cut) = count(&shorter);
+        assert!(cut && frames <= before, "{frames} of {before}");
+        // Two chunks of a second each; the first is whole.
+        assert_eq!(frames > 0, share >= 7, "{frames} in {share} tenths");
+        before = frames;
+    }
+    // What is no recording is said in one line.
+    std::fs::write(&shorter, b"no recording").unwrap();
+    let mut none = tactnet(["replay"]);
+    none.arg(&shorter);
+    let none = stderr(&expect(2, none));
+    assert!(none.contains("not an MCAP file"), "{none}");
+    assert_eq!(none.trim().lines().count(), 1, "{none}");
+    let mut without = tactnet(["replay"]);
+    without.arg(&file);
+    let without = stderr(&expect(2, without));
+    assert!(without.contains("name a run with `--run`"), "{without}");
+}
