@@ -121,7 +121,7 @@ pub fn run(arguments: &ReplayArgs) -> anyhow::Result<ExitCode> {
         let alike = match (replayed.recorded.beliefs, replayed.identical) {
             (0, _) => "the recording has none to compare",
             (_, true) => "bit by bit as recorded",
-            (_, false) => "NOT as recorded",
+            (_, false) => "not what was recorded (another classifier?)",
         };
         output::print(format_args!(
             "{} frames, {} lost; {} sweeps, {} beliefs, {alike}",

@@ -192,6 +192,8 @@ struct Soaked {
     stack_lost: u64,
     /// The loop's 99th percentile with the classifier and the dashboard over the one without.
     loop_p99_ratio: f64,
+    /// Median over the turns of that turn's ratio, which a burst of other work on the machine moves less.
+    loop_p99_ratio_of_turns: f64,
     histogram: Vec<Bucket>,
 }
 
@@ -330,6 +332,14 @@ fn soak(
             Some(ends[1].as_u64()? - ends[0].as_u64()? + 1)
         })
         .sum();
+    let mut ratios = with
+        .iter()
+        .zip(&without)
+        .map(|(with, without)| {
+            Ok(Loop::of(&reports, &[*with])?.p99_us / Loop::of(&reports, &[*without])?.p99_us)
+        })
+        .collect::<anyhow::Result<Vec<f64>>>()?;
+    ratios.sort_by(f64::total_cmp);
     let loop_with = Loop::of(&reports, &with)?;
     let loop_without = Loop::of(&reports, &without)?;
     let Heard {
@@ -376,6 +386,7 @@ fn soak(
             .filter_map(|served| served["worst_delay_us"].as_f64())
             .fold(0.0, f64::max),
         loop_p99_ratio: loop_with.p99_us / loop_without.p99_us,
+        loop_p99_ratio_of_turns: percentile(&ratios, 0.5).unwrap_or(f64::NAN),
         loop_with,
         loop_without,
         stack_lost: reports.iter().map(|report| report.lost).sum(),

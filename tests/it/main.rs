@@ -15,9 +15,11 @@ mod enroll;
 mod experiment;
 mod golden;
 mod recording;
+mod runtimes;
 mod serve;
 mod service;
 mod study;
 mod training;
+mod tutorial;
 #[cfg(feature = "vulkan")]
 mod vulkan;

@@ -151,3 +151,22 @@ fn a_killed_recorder_loses_the_last_second_at_most_and_cut_files_are_read_as_far
     let without = stderr(&expect(2, without));
     assert!(without.contains("name a run with `--run`"), "{without}");
 }
+
+#[test]
+#[ignore = "needs TACTNET_PYTHON, a Python with mcap, mcap-protobuf-support, numpy, onnx and onnxruntime"]
+fn python_opens_a_recording_and_runs_the_exported_network_on_it() {
+    let python = std::env::var("TACTNET_PYTHON").expect("TACTNET_PYTHON names a Python");
+    let robot = Robot::new("python");
+    let (file, _) = recorded(&robot, "a.mcap", "4", &[]);
+    let network = robot.lab.path("a.onnx");
+    let mut export = tactnet(["export"]);
+    export
+        .arg(robot.lab.path("models/1"))
+        .arg("--out")
+        .arg(&network);
+    expect(0, export);
+    let mut check = Command::new(python);
+    check.arg("tests/check_recording.py").arg(file).arg(network);
+    let said = stdout(&expect(0, check));
+    assert!(said.contains("fine"), "{said}");
+}

@@ -1,0 +1,55 @@
+#!/usr/bin/env python3
+"""Opens a recording with the mcap package, and an exported network with ONNX and its runtime. Usage: check_recording.py FILE.mcap FILE.onnx
+
+    pip install mcap mcap-protobuf-support numpy onnx onnxruntime
+
+The recording must decode by the descriptions that it carries. The network, run on the sweeps of the recording, must say what the recorded
+beliefs say, plainly to 1e-4.
+"""
+
+import json
+import sys
+
+import numpy
+import onnx
+import onnxruntime
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
+
+recording, network = sys.argv[1:3]
+frames, starts, beliefs, names = {}, [], [], None
+with open(recording, "rb") as file:
+    reader = make_reader(file, decoder_factories=[DecoderFactory()])
+    summary = reader.get_summary()
+    about = {record.name: record.metadata for record in reader.iter_metadata()}["tactnet"]
+    for schema, channel, message, decoded in reader.iter_decoded_messages(log_time_order=True):
+        assert schema.encoding == channel.message_encoding == "protobuf", schema
+        if schema.name == "tactnet.SkinFrame":
+            frames[decoded.sequence] = numpy.array(decoded.digits, dtype=numpy.float32)
+        elif schema.name == "tactnet.SweepCommand" and decoded.kind == 1:
+            starts.append(decoded.motion)
+        elif schema.name == "tactnet.TactileBelief" and decoded.stage == 2:
+            beliefs.append(decoded)
+        elif schema.name == "tactnet.ModelNames":
+            names = list(decoded.materials)
+assert "table" in about and frames and beliefs and names
+counts = {summary.channels[i].topic: n for i, n in summary.statistics.channel_message_counts.items()}
+
+model = onnx.load(network)
+onnx.checker.check_model(model, full_check=True)
+properties = {item.key: item.value for item in model.metadata_props}
+assert json.loads(properties["labels"]) == names
+steps = int(properties["window_steps"])
+session = onnxruntime.InferenceSession(network)
+apart = 0.0
+for belief in beliefs:
+    if belief.motion not in starts or belief.filled_in:
+        continue
+    window = range(belief.last_frame - steps + 1, belief.last_frame + 1)
+    digits = numpy.stack([frames[sequence] for sequence in window])[None]
+    plain, mixed, information = session.run(None, {"digits": digits})
+    apart = max(apart, float(numpy.abs(numpy.exp(plain[0]) - numpy.array(belief.posterior)).max()))
+    # Without masks there is nothing to mix.
+    assert numpy.allclose(plain, mixed, atol=1e-5) and abs(information[0]) < 1e-5
+assert apart < 1e-4, apart
+print(f"{counts}: fine; ONNX Runtime differs from {len(beliefs)} recorded beliefs by at most {apart:.1e}")

@@ -1,0 +1,70 @@
+//! The exported network in other runtimes, judged on the same sweeps as in Burn.
+
+use serde_json::Value;
+
+use crate::command::{Lab, RecipeChange, expect, stdout, tactnet};
+
+/// A small trained network; with `levels` removed or kept, and steps that leave a pool unfilled.
+fn trained(levels: &str) -> Lab {
+    let lab = Lab::new();
+    let recipe = lab.recipe(RecipeChange {
+        epochs: Some(2),
+        ..RecipeChange::default()
+    });
+    let mut twin = tactnet(["data", "twin", "--materials", "4", "--sweeps", "20"]);
+    twin.args(["--steps", "125", "--out"])
+        .arg(lab.path("data.h5"));
+    expect(0, twin);
+    let mut train = tactnet(["train", "--levels", levels, "--data"]);
+    train.arg(lab.path("data.h5")).arg("--recipe").arg(&recipe);
+    train.arg("--out").arg(lab.path("run"));
+    expect(0, train);
+    lab
+}
+
+fn agrees(runtime: &str) {
+    for levels in ["kept", "removed"] {
+        let lab = trained(levels);
+        let mut eval = tactnet(["eval", "--json", "--runtime", runtime]);
+        eval.arg(lab.path("run"));
+        let found: Value = serde_json::from_str(&stdout(&expect(0, eval))).unwrap();
+        for way in ["plain", "mc_dropout"] {
+            let compared = &found["runtimes"][way];
+            assert_eq!(compared["runtime"], runtime, "{found}");
+            let apart = compared["largest_difference"].as_f64().unwrap();
+            assert!(apart < 1e-4, "levels {levels}, {way}: {apart}");
+            assert!(compared["p50_us"].as_f64().unwrap() > 0.0);
+        }
+    }
+}
+
+#[test]
+fn single_sweeps_in_burn_agree_with_batches() {
+    agrees("burn");
+}
+
+#[cfg(feature = "candle")]
+#[test]
+fn candle_agrees_with_burn() {
+    agrees("candle");
+}
+
+#[cfg(feature = "onnxruntime")]
+#[test]
+fn onnx_runtime_agrees_with_burn() {
+    assert!(
+        std::env::var_os("ORT_DYLIB_PATH").is_some(),
+        "ORT_DYLIB_PATH names ONNX Runtime's shared library"
+    );
+    agrees("onnxruntime");
+}
+
+#[cfg(not(feature = "candle"))]
+#[test]
+fn a_runtime_that_was_left_out_is_named() {
+    let lab = trained("kept");
+    let mut eval = tactnet(["eval", "--runtime", "candle"]);
+    eval.arg(lab.path("run"));
+    let said = crate::command::stderr(&expect(2, eval));
+    assert!(said.contains("`--features candle`"), "{said}");
+}
