@@ -93,7 +93,7 @@ pub fn run(arguments: &RecordArgs) -> anyhow::Result<ExitCode> {
         recorder.step(Duration::from_millis(50))?;
         if told.elapsed() >= TOLD_EVERY {
             told = Instant::now();
-            let so_far = recorder.recorded();
+            let so_far = recorder.counts();
             eprintln!(
                 "{:.0} s: {} frames, {} beliefs, {} lost",
                 begun.elapsed().as_secs_f64(),

@@ -10,8 +10,8 @@ mod sweeps;
 
 pub use error::RecordingError;
 pub use messages::{DESCRIPTION, Recordable, proto};
-pub use recorder::{About, Recorded, Recorder};
-pub use recording::{Entry, Recorded as RecordedPacket, Recording};
+pub use recorder::{About, Counts, Recorder};
+pub use recording::{Entry, RecordedPacket, Recording};
 pub use sweeps::{SweepSettings, Sweeps, sweeps};
 
 /// Name of the metadata record with the table of channels.

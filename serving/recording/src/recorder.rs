@@ -44,9 +44,9 @@ pub struct About {
     pub files: Vec<(String, Vec<u8>)>,
 }
 
-/// What a recording holds.
+/// What has been recorded.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Recorded {
+pub struct Counts {
     /// Messages on all channels.
     pub messages: u64,
     /// Frames of the skin among them.
@@ -67,24 +67,24 @@ struct Piece {
 /// Follows the channels of the classifier and writes what travels on them.
 pub struct Recorder {
     group: SyncGroup,
-    frames: Vec<Followed<SkinFrame>>,
-    commands: Followed<SweepCommand>,
-    beliefs: Followed<TactileBelief>,
-    status: Followed<TactileStatus>,
-    model: Followed<ModelNames>,
+    frames: Vec<RecordedChannel<SkinFrame>>,
+    commands: RecordedChannel<SweepCommand>,
+    beliefs: RecordedChannel<TactileBelief>,
+    status: RecordedChannel<TactileStatus>,
+    model: RecordedChannel<ModelNames>,
     /// From the channels' clock to the time of day, nanoseconds.
     epoch_ns: u64,
     path: PathBuf,
     writer: Option<(SyncSender<Piece>, JoinHandle<mcap::McapResult<()>>)>,
 }
 
-struct Followed<T> {
+struct RecordedChannel<T> {
     port: GetPort<T>,
     channel: u16,
     came: u32,
 }
 
-impl<T: Recordable> Followed<T> {
+impl<T: Recordable> RecordedChannel<T> {
     /// Hands on what has come; false when the writer is gone.
     fn follow(
         &mut self,
@@ -167,17 +167,17 @@ impl Recorder {
         let frames = config
             .fingers
             .iter()
-            .map(|id| followed(bus, &mut writer, path, id, Start::Now))
+            .map(|id| recorded_channel(bus, &mut writer, path, id, Start::Now))
             .collect::<Result<Vec<_>, _>>()?;
-        let commands = followed(bus, &mut writer, path, &config.command, Start::Now)?;
-        let beliefs = followed(bus, &mut writer, path, &config.belief, Start::Now)?;
-        let status = followed(bus, &mut writer, path, &config.status, Start::Now)?;
+        let commands = recorded_channel(bus, &mut writer, path, &config.command, Start::Now)?;
+        let beliefs = recorded_channel(bus, &mut writer, path, &config.belief, Start::Now)?;
+        let status = recorded_channel(bus, &mut writer, path, &config.status, Start::Now)?;
         // It was put when the service began.
-        let model = followed(bus, &mut writer, path, &config.model, Start::History(1))?;
+        let model = recorded_channel(bus, &mut writer, path, &config.model, Start::History(1))?;
         writer.flush().map_err(failed)?;
         let mut sides: Vec<&dyn GetSide> = frames
             .iter()
-            .map(|f: &Followed<SkinFrame>| &f.port as &dyn GetSide)
+            .map(|f: &RecordedChannel<SkinFrame>| &f.port as &dyn GetSide)
             .collect();
         sides.extend([
             &commands.port as &dyn GetSide,
@@ -232,7 +232,7 @@ impl Recorder {
     }
 
     /// What has come so far.
-    pub fn recorded(&self) -> Recorded {
+    pub fn counts(&self) -> Counts {
         let frames: u64 = self.frames.iter().map(|f| u64::from(f.came)).sum();
         let others = [
             self.commands.came,
@@ -240,7 +240,7 @@ impl Recorder {
             self.status.came,
             self.model.came,
         ];
-        Recorded {
+        Counts {
             messages: frames + others.into_iter().map(u64::from).sum::<u64>(),
             frames,
             beliefs: self.beliefs.came.into(),
@@ -256,10 +256,10 @@ impl Recorder {
     ///
     /// # Errors
     /// As [`Recorder::step`].
-    pub fn finish(mut self) -> Result<Recorded, RecordingError> {
+    pub fn finish(mut self) -> Result<Counts, RecordingError> {
         self.follow()?;
         self.end()?;
-        Ok(self.recorded())
+        Ok(self.counts())
     }
 
     fn end(&mut self) -> Result<(), RecordingError> {
@@ -277,13 +277,13 @@ impl Recorder {
     }
 }
 
-fn followed<T: Recordable>(
+fn recorded_channel<T: Recordable>(
     bus: &Bus,
     writer: &mut Writer<BufWriter<File>>,
     path: &Path,
     id: &str,
     start: Start,
-) -> Result<Followed<T>, RecordingError> {
+) -> Result<RecordedChannel<T>, RecordingError> {
     let failed = |source| RecordingError::Write {
         path: path.into(),
         source,
@@ -294,7 +294,7 @@ fn followed<T: Recordable>(
     let channel = writer
         .add_channel(schema, id, "protobuf", &BTreeMap::new())
         .map_err(failed)?;
-    Ok(Followed {
+    Ok(RecordedChannel {
         port: bus.get_port(id, start)?,
         channel,
         came: 0,

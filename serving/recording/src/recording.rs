@@ -20,12 +20,12 @@ pub struct Entry {
     /// When it was put, nanoseconds since 1970.
     pub time_ns: u64,
     /// The packet.
-    pub packet: Recorded,
+    pub packet: RecordedPacket,
 }
 
 /// The packets that a recording may hold.
 #[derive(Debug, Clone)]
-pub enum Recorded {
+pub enum RecordedPacket {
     /// Of a finger's skin.
     Frame(SkinFrame),
     /// Of the motion controller or a person.
@@ -143,13 +143,13 @@ impl Recording {
     }
 }
 
-fn decoded(name: &str, data: &[u8]) -> Option<Recorded> {
+fn decoded(name: &str, data: &[u8]) -> Option<RecordedPacket> {
     Some(match name {
-        SkinFrame::MESSAGE => Recorded::Frame(SkinFrame::from_message(data)?),
-        SweepCommand::MESSAGE => Recorded::Command(SweepCommand::from_message(data)?),
-        TactileBelief::MESSAGE => Recorded::Belief(TactileBelief::from_message(data)?.into()),
-        TactileStatus::MESSAGE => Recorded::Status(TactileStatus::from_message(data)?.into()),
-        ModelNames::MESSAGE => Recorded::Model(ModelNames::from_message(data)?.into()),
+        SkinFrame::MESSAGE => RecordedPacket::Frame(SkinFrame::from_message(data)?),
+        SweepCommand::MESSAGE => RecordedPacket::Command(SweepCommand::from_message(data)?),
+        TactileBelief::MESSAGE => RecordedPacket::Belief(TactileBelief::from_message(data)?.into()),
+        TactileStatus::MESSAGE => RecordedPacket::Status(TactileStatus::from_message(data)?.into()),
+        ModelNames::MESSAGE => RecordedPacket::Model(ModelNames::from_message(data)?.into()),
         _ => return None,
     })
 }

@@ -7,7 +7,7 @@ use tactnet_serving::packets::Command;
 use tactnet_serving::{Followed, Segmentation, ServeConfig, SweepFollower};
 
 use crate::RecordingError;
-use crate::recording::{Recorded, Recording};
+use crate::recording::{RecordedPacket, Recording};
 
 /// What the sweeps of a recording look like, where it does not say.
 #[derive(Debug, Clone, Copy, Default)]
@@ -55,14 +55,14 @@ pub fn sweeps(
         .entries
         .iter()
         .find_map(|entry| match &entry.packet {
-            Recorded::Model(model) => Some(model),
+            RecordedPacket::Model(model) => Some(model),
             _ => None,
         });
     let taxels = recording
         .entries
         .iter()
         .find_map(|entry| match &entry.packet {
-            Recorded::Frame(frame) => Some(frame.values().len()),
+            RecordedPacket::Frame(frame) => Some(frame.values().len()),
             _ => None,
         })
         .ok_or_else(|| unreadable("no frame".into()))?;
@@ -100,7 +100,7 @@ pub fn sweeps(
     let mut unlabelled = 0;
     for entry in &recording.entries {
         let (number, followed) = match &entry.packet {
-            Recorded::Frame(frame) => {
+            RecordedPacket::Frame(frame) => {
                 let Some(number) = config.fingers.iter().position(|id| *id == entry.channel) else {
                     continue;
                 };
@@ -111,7 +111,7 @@ pub fn sweeps(
                 });
                 (number, followed)
             }
-            Recorded::Command(command) => {
+            RecordedPacket::Command(command) => {
                 let number = command.finger as usize;
                 let Some((follower, material)) = fingers.get_mut(number) else {
                     continue;
