@@ -126,6 +126,12 @@ pub struct ImportArgs {
     /// Of a recording: frames of a sweep [default: those of the recorded classifier, or 1000]
     #[arg(long, value_name = "N")]
     steps: Option<usize>,
+    /// Of a recording: frames a second [default: the recorded classifier's, or by the frames' own clock]
+    #[arg(long, value_name = "HZ")]
+    rate: Option<f64>,
+    /// Of a recording: rows and columns of taxels [default: the recorded classifier's, or a square]
+    #[arg(long, value_name = "RxC", value_parser = shape)]
+    shape: Option<(usize, usize)>,
 }
 
 #[derive(Args)]
@@ -247,6 +253,14 @@ fn make_twin(arguments: &TwinArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// `4x4`
+fn shape(text: &str) -> Result<(usize, usize), String> {
+    let parsed = text
+        .split_once('x')
+        .and_then(|(rows, cols)| Some((rows.parse().ok()?, cols.parse().ok()?)));
+    parsed.ok_or_else(|| format!("expected rows and columns like 4x4, found `{text}`"))
+}
+
 impl ImportArgs {
     fn is_recording(&self) -> bool {
         Path::new(&self.convert.data)
@@ -260,8 +274,14 @@ fn import(arguments: &ImportArgs) -> anyhow::Result<ExitCode> {
     let convert_arguments = &arguments.convert;
     let path = Path::new(&convert_arguments.data);
     if !arguments.is_recording() {
-        if arguments.material.is_some() || arguments.steps.is_some() {
-            bail!("--material, --steps: only for recordings (.mcap)");
+        let of_a_recording = [
+            arguments.material.is_some(),
+            arguments.steps.is_some(),
+            arguments.rate.is_some(),
+            arguments.shape.is_some(),
+        ];
+        if of_a_recording.contains(&true) {
+            bail!("--material, --steps, --rate, --shape: only for recordings (.mcap)");
         }
         return convert(convert_arguments);
     }
@@ -272,9 +292,16 @@ fn import(arguments: &ImportArgs) -> anyhow::Result<ExitCode> {
     if let Some(cut) = &recording.cut {
         eprintln!("{}: the end is missing ({cut})", path.display());
     }
+    if recording.foreign > 0 {
+        eprintln!(
+            "left out: {} messages that are none of ours",
+            recording.foreign
+        );
+    }
     let settings = SweepSettings {
         steps: arguments.steps,
-        rate_hz: None,
+        rate_hz: arguments.rate,
+        rows_cols: arguments.shape,
     };
     let found = sweeps(path, &recording, arguments.material.as_deref(), settings)?;
     for reason in &found.rejected {

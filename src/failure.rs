@@ -6,6 +6,7 @@ use clap::error::ErrorKind;
 use tactnet_data::{DataError, FetchError};
 use tactnet_experiments::ExperimentError;
 use tactnet_pipeline::PipelineError;
+use tactnet_recording::RecordingError;
 
 /// Exit code of a failed check or a run that broke.
 pub const FAILED: u8 = 1;
@@ -112,8 +113,13 @@ fn broke(cause: &(dyn std::error::Error + 'static)) -> bool {
                     | ExperimentError::Slurm { .. }
             )
         });
+    let recording = matches!(
+        cause.downcast_ref(),
+        Some(RecordingError::Write { .. } | RecordingError::Channel(_))
+    );
     pipeline
         || experiment
+        || recording
         || cause.is::<FetchError>()
         || matches!(cause.downcast_ref(), Some(DataError::Io { .. }))
 }

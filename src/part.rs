@@ -20,14 +20,24 @@ pub struct Part {
 impl Part {
     /// Starts `tactnet ARGUMENTS TABLE` and waits until it is ready.
     pub fn start(name: &'static str, arguments: &[&str], table: &Path) -> anyhow::Result<Self> {
-        let mut child = Command::new(std::env::current_exe()?)
+        let mut command = Command::new(std::env::current_exe()?);
+        command
             .args(arguments)
             .arg(table)
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             // Ctrl-C is for us; we end it in our own time.
-            .process_group(0)
+            .process_group(0);
+        // SAFETY: one system call between fork and exec.
+        unsafe {
+            // Nor does it stay when we are killed.
+            command.pre_exec(|| {
+                libc::prctl(libc::PR_SET_PDEATHSIG, libc::SIGTERM);
+                Ok(())
+            });
+        }
+        let mut child = command
             .spawn()
             .with_context(|| format!("cannot start the {name}"))?;
         let pipes = (child.stdout.take(), child.stderr.take());

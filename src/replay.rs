@@ -11,8 +11,8 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
-use tactnet_channel::{Bus, Domain, Hub, Priority, PutPort, Start, Table, Wait};
-use tactnet_recording::{RecordedPacket, Recording};
+use tactnet_channel::{Bus, Domain, Hub, Network, Priority, PutPort, Start, Table, Wait};
+use tactnet_recording::{Entry, RecordedPacket, Recording};
 use tactnet_serving::ServeConfig;
 use tactnet_serving::packets::{
     Command, SkinFrame, Stage, SweepCommand, TactileBelief, TactileStatus,
@@ -42,7 +42,7 @@ pub struct ReplayArgs {
     /// Serve this run directory on channels of its own [default: the classifier of the recording]
     #[arg(long, value_name = "DIR")]
     run: Option<PathBuf>,
-    /// How much faster than it happened
+    /// How much faster than it happened; too fast for the classifier, frames are lost
     #[arg(long, value_name = "N", default_value_t = 1.0)]
     speed: f64,
     /// Print one JSON document
@@ -50,15 +50,17 @@ pub struct ReplayArgs {
     json: bool,
 }
 
-/// Beliefs of whole sweeps.
-#[derive(Debug, PartialEq, Eq, Serialize)]
+/// Beliefs about sweeps that were judged as a whole.
+#[derive(Debug, Serialize)]
 struct Beliefs {
-    /// Whole sweeps that were judged.
+    /// Such sweeps.
     sweeps: usize,
     /// Beliefs about them, anytime beliefs included.
     beliefs: usize,
     /// Of finger, stage, frames, last frame and posterior of each, in order.
     posterior_sha256: String,
+    #[serde(skip)]
+    about: Vec<TactileBelief>,
 }
 
 /// What `--json` prints.
@@ -74,8 +76,8 @@ struct Replayed {
     #[serde(flatten)]
     replayed: Beliefs,
     recorded: Beliefs,
-    /// Whether every recorded belief came again, bit by bit.
-    identical: bool,
+    /// Whether every recorded belief came again, bit by bit, with label, verdict and strangeness; `null`: there was none to compare.
+    identical: Option<bool>,
     /// Why the recording's end is missing, if it is.
     cut: Option<String>,
 }
@@ -115,13 +117,19 @@ pub fn run(arguments: &ReplayArgs) -> anyhow::Result<ExitCode> {
     if stop.asked() {
         eprintln!("stopped before the end");
     }
+    if recording.foreign > 0 {
+        eprintln!(
+            "left out: {} messages that are none of ours",
+            recording.foreign
+        );
+    }
     if arguments.json {
         output::print_json(&replayed)?;
     } else {
-        let alike = match (replayed.recorded.beliefs, replayed.identical) {
-            (0, _) => "the recording has none to compare",
-            (_, true) => "bit by bit as recorded",
-            (_, false) => "not what was recorded (another classifier?)",
+        let alike = match replayed.identical {
+            None => "the recording has none to compare",
+            Some(true) => "bit by bit as recorded",
+            Some(false) => "not what was recorded (another classifier?)",
         };
         output::print(format_args!(
             "{} frames, {} lost; {} sweeps, {} beliefs, {alike}",
@@ -139,6 +147,8 @@ struct Played {
     seconds: f64,
     frames: usize,
     commands: usize,
+    /// By finger.
+    last_frames: BTreeMap<u32, u64>,
     beliefs: Vec<TactileBelief>,
 }
 
@@ -149,8 +159,15 @@ impl Replayed {
         frames_lost: u64,
         speed: f64,
     ) -> anyhow::Result<Self> {
-        let recorded = recorded_beliefs(recording)?;
+        let mut recorded = recorded_beliefs(recording)?;
         let replayed = Beliefs::of(&played.beliefs);
+        // What was not played cannot come again.
+        recorded.about.retain(|belief| {
+            played
+                .last_frames
+                .get(&belief.finger)
+                .is_some_and(|last| belief.last_frame <= *last)
+        });
         Ok(Self {
             schema_version: 1,
             git: GIT,
@@ -159,7 +176,7 @@ impl Replayed {
             frames: played.frames,
             frames_lost,
             commands: played.commands,
-            identical: replayed == recorded,
+            identical: (!recorded.about.is_empty()).then(|| recorded.came_again_in(&replayed)),
             replayed,
             recorded,
             cut: recording.cut.clone(),
@@ -168,44 +185,77 @@ impl Replayed {
 }
 
 impl Beliefs {
-    /// Those about sweeps that were judged as a whole.
+    /// - `beliefs`: in the order in which they came
     fn of(beliefs: &[TactileBelief]) -> Self {
         let last = if beliefs.iter().any(|b| b.stage == Stage::Dropout as u32) {
             Stage::Dropout
         } else {
             Stage::Plain
         };
-        let mut sweeps: BTreeMap<(u32, u64), Vec<&TactileBelief>> = BTreeMap::new();
+        // By finger: the beliefs about the sweep that is going on.
+        let mut open: BTreeMap<u32, Vec<TactileBelief>> = BTreeMap::new();
+        let mut whole: BTreeMap<u32, Vec<Vec<TactileBelief>>> = BTreeMap::new();
         for belief in beliefs {
-            sweeps
-                .entry((belief.finger, belief.sweep))
-                .or_default()
-                .push(belief);
+            let sweep = open.entry(belief.finger).or_default();
+            // Another one has begun, perhaps of a service that was started anew.
+            if sweep
+                .last()
+                .is_some_and(|before| before.sweep != belief.sweep)
+            {
+                sweep.clear();
+            }
+            sweep.push(*belief);
+            if belief.stage == last as u32 {
+                let ended = std::mem::take(sweep);
+                whole.entry(belief.finger).or_default().push(ended);
+            }
         }
-        sweeps.retain(|_, beliefs| beliefs.iter().any(|b| b.stage == last as u32));
+        let sweeps = whole.values().map(Vec::len).sum();
+        let about: Vec<TactileBelief> = whole.into_values().flatten().flatten().collect();
         let mut hash = Sha256::new();
-        let mut count = 0;
-        for belief in sweeps.values().flatten() {
+        for belief in &about {
             for number in [belief.finger, belief.stage, belief.frames] {
                 hash.update(number.to_le_bytes());
             }
             hash.update(belief.last_frame.to_le_bytes());
-            let materials = (belief.materials as usize).min(belief.posterior.len());
-            for p in &belief.posterior[..materials] {
+            for p in posterior(belief) {
                 hash.update(p.to_le_bytes());
             }
-            count += 1;
         }
         Self {
-            sweeps: sweeps.len(),
-            beliefs: count,
+            sweeps,
+            beliefs: about.len(),
             posterior_sha256: hash
                 .finalize()
                 .iter()
                 .map(|byte| format!("{byte:02x}"))
                 .collect(),
+            about,
         }
     }
+
+    /// Whether each of these is among `others`, bit by bit.
+    fn came_again_in(&self, others: &Self) -> bool {
+        let key = |b: &TactileBelief| (b.finger, b.last_frame, b.stage);
+        let others: BTreeMap<_, _> = others.about.iter().map(|b| (key(b), b)).collect();
+        self.about.iter().all(|belief| {
+            others.get(&key(belief)).is_some_and(|other| {
+                let numbers = |b: &TactileBelief| (b.frames, b.filled_in, b.label, b.verdict);
+                let floats =
+                    |b: &TactileBelief| [b.entropy, b.strangeness, b.threshold].map(f32::to_bits);
+                let bits = |b: &TactileBelief| -> Vec<u32> {
+                    posterior(b).iter().map(|p| p.to_bits()).collect()
+                };
+                numbers(belief) == numbers(other)
+                    && floats(belief) == floats(other)
+                    && bits(belief) == bits(other)
+            })
+        })
+    }
+}
+
+fn posterior(belief: &TactileBelief) -> &[f32] {
+    &belief.posterior[..(belief.materials as usize).min(belief.posterior.len())]
 }
 
 /// Those about sweeps whose beginning was recorded, too.
@@ -262,10 +312,15 @@ fn alone(
     speed: f64,
     stop: &Stop,
 ) -> anyhow::Result<Replayed> {
-    let table = Table {
+    let mut table = Table {
         bus: format!("replay{}", std::process::id()),
+        network: Network::default(),
         ..recording.table.clone()
     };
+    // It is nobody else's business.
+    for channel in table.channels.values_mut() {
+        channel.distributed = false;
+    }
     let path = folder.join("robot.toml");
     std::fs::write(&path, toml::to_string(&table)?)?;
     let _own = OwnBus(&table);
@@ -300,10 +355,12 @@ fn play(
     let config = ServeConfig::of(table)?;
     let beliefs = bus.get_port::<TactileBelief>(config.belief.as_str(), Start::Now)?;
     let commands = bus.put_port::<SweepCommand>(config.command.as_str(), Priority::High)?;
-    let mut skins: BTreeMap<&str, PutPort<SkinFrame>> = BTreeMap::new();
-    for finger in &config.fingers {
-        skins.insert(finger, bus.put_port(finger.as_str(), Priority::High)?);
+    let mut skins: BTreeMap<&str, (u32, PutPort<SkinFrame>)> = BTreeMap::new();
+    for (number, finger) in (0..).zip(&config.fingers) {
+        let port = bus.put_port(finger.as_str(), Priority::High)?;
+        skins.insert(finger, (number, port));
     }
+    let mut last_frames = BTreeMap::new();
     let over = &AtomicBool::new(false);
     let (mut frames, mut put_commands) = (0, 0);
     let begun = Instant::now();
@@ -325,23 +382,29 @@ fn play(
             }
             Ok(heard)
         });
-        let first_ns = recording.entries.first().map_or(0, |entry| entry.time_ns);
-        for entry in &recording.entries {
-            if stop.asked() {
+        let moves = |entry: &&Entry| {
+            matches!(
+                entry.packet,
+                RecordedPacket::Frame(_) | RecordedPacket::Command(_)
+            )
+        };
+        let entries = || recording.entries.iter().filter(moves);
+        let first_ns = entries().next().map_or(0, |entry| entry.time_ns);
+        for entry in entries() {
+            let due = (entry.time_ns - first_ns) as f64 / 1e9 / speed;
+            if !wait_until(begun, due, stop) {
                 break;
             }
-            let due = Duration::from_secs_f64((entry.time_ns - first_ns) as f64 / 1e9 / speed);
             match &entry.packet {
                 RecordedPacket::Frame(frame) => {
-                    let Some(skin) = skins.get(entry.channel.as_str()) else {
+                    let Some((number, skin)) = skins.get(&*entry.channel) else {
                         bail!("no channel `{}` in this table", entry.channel);
                     };
-                    sleep_until(begun + due);
                     skin.put_copy(&[*frame])?;
+                    last_frames.insert(*number, frame.sequence);
                     frames += 1;
                 }
                 RecordedPacket::Command(command) => {
-                    sleep_until(begun + due);
                     commands.put_copy(&[*command])?;
                     put_commands += 1;
                 }
@@ -357,14 +420,22 @@ fn play(
         seconds: begun.elapsed().as_secs_f64(),
         frames,
         commands: put_commands,
+        last_frames,
         beliefs: heard,
     })
 }
 
-fn sleep_until(time: Instant) {
-    let left = time.saturating_duration_since(Instant::now());
-    if !left.is_zero() {
-        std::thread::sleep(left);
+/// Waits until `due` seconds after `begun`; false when somebody asked to stop.
+fn wait_until(begun: Instant, due: f64, stop: &Stop) -> bool {
+    loop {
+        if stop.asked() {
+            return false;
+        }
+        let left = due - begun.elapsed().as_secs_f64();
+        if left <= 0.0 {
+            return true;
+        }
+        std::thread::sleep(Duration::from_secs_f64(left.min(0.05)));
     }
 }
 

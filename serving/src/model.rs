@@ -51,12 +51,15 @@ impl ModelSource {
 
     /// Loads the newest version that can serve, with what is wrong with newer ones.
     ///
+    /// - `runs`: Monte Carlo dropout masks that it is to serve with
+    ///
     /// # Errors
     /// What is wrong with the newest, where none can serve.
-    pub fn load_newest(&self) -> Result<(ServedModel, Vec<ServeError>), ServeError> {
+    pub fn load_newest(&self, runs: usize) -> Result<(ServedModel, Vec<ServeError>), ServeError> {
         let mut damaged = Vec::new();
         for (version, path) in self.versions()? {
-            match ServedModel::load(&path, version) {
+            let loaded = ServedModel::load(&path, version);
+            match loaded.and_then(|model| model.online(runs).map(|_| model)) {
                 Ok(model) => return Ok((model, damaged)),
                 Err(error) => damaged.push(error),
             }

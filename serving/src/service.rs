@@ -93,7 +93,7 @@ impl Service {
         source: ModelSource,
         git: &'static str,
     ) -> Result<Self, ServeError> {
-        let (served, damaged) = source.load_newest()?;
+        let (served, damaged) = source.load_newest(config.runs)?;
         let version = served.version();
         let names = Box::new(served.names(config.runs));
         let measures = Arc::<Measures>::default();
@@ -258,7 +258,9 @@ impl Service {
                 self.tell(
                     Event::Refused,
                     command.finger,
-                    format_args!("more than {MOST_COMMANDS} commands wait"),
+                    format_args!(
+                        "more than {MOST_COMMANDS} commands wait for frames of this finger"
+                    ),
                 )?;
             }
         }

@@ -95,11 +95,13 @@ pub fn compare(
             let mut online = OnlineClassifier::new(classifier, None, runs)?;
             let taxels = view.shape().taxels();
             judge("online", view, burn, |_, sweep| {
+                let (before, last) = sweep.split_at(sweep.len() - taxels);
                 online.begin();
-                for frame in sweep.chunks_exact(taxels) {
+                for frame in before.chunks_exact(taxels) {
                     online.push(frame);
                 }
                 let begun = Instant::now();
+                online.push(last);
                 let belief = match burn.method {
                     PredictionMethod::Plain => online.judge(),
                     PredictionMethod::McDropout { .. } => online.judge_by_dropout(),
@@ -190,6 +192,9 @@ fn judge(
     for (position, one) in predictions.sweeps.iter_mut().enumerate() {
         view.copy_batch(&[position], &mut sweep);
         let (found, time) = score(position, &sweep)?;
+        if found.len() != one.log_probability.len() || found.iter().any(|score| score.is_nan()) {
+            anyhow::bail!("{runtime}: a sweep has no scores, or others than of its materials");
+        }
         times.push(time);
         for (burn, found) in one.log_probability.iter_mut().zip(found) {
             largest_difference = largest_difference.max((burn.exp() - found.exp()).abs());

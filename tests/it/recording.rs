@@ -33,6 +33,16 @@ fn import(file: &Path, out: &Path, more: &[&str]) -> Command {
     import
 }
 
+fn frames_of(recording: &Recording) -> Vec<(u64, Vec<f32>)> {
+    let packets = recording.entries.iter().map(|entry| &entry.packet);
+    packets
+        .filter_map(|packet| match packet {
+            RecordedPacket::Frame(frame) => Some((frame.sequence, frame.values().to_vec())),
+            _ => None,
+        })
+        .collect()
+}
+
 /// Lets the simulated skin sweep so often while everything is recorded.
 fn recorded(robot: &Robot, file: &str, sweeps: &str, more: &[&str]) -> (PathBuf, Value) {
     let _hub = robot.start(&["channel", "hub"]);
@@ -72,6 +82,17 @@ fn what_was_recorded_is_believed_again_bit_by_bit_and_becomes_a_data_set() {
     );
     assert_eq!(fast["frames_lost"], 0, "{fast}");
     assert!(fast["seconds"].as_f64().unwrap() < again["seconds"].as_f64().unwrap());
+
+    // Another classifier says other things, which is told.
+    let mut other = tactnet(["train", "--epochs", "1", "--data"]);
+    other.arg(robot.lab.path("data.h5"));
+    other.arg("--recipe").arg(robot.lab.path("small.toml"));
+    other.arg("--out").arg(robot.lab.path("other"));
+    expect(0, other);
+    let other = robot.lab.path("other").display().to_string();
+    let unlike = replay(&file, &["--run", &other, "--speed", "3"]);
+    assert_eq!(unlike["identical"], false, "{unlike}");
+    assert_eq!(unlike["sweeps"], 6, "{unlike}");
 
     // The sweeps are those that were played, digit by digit.
     let out = robot.lab.path("again.npz");
@@ -138,6 +159,25 @@ fn a_killed_recorder_loses_the_last_second_at_most_and_cut_files_are_read_as_far
         // Two chunks of a second each; the first is whole.
         assert_eq!(frames > 0, share >= 7, "{frames} in {share} tenths");
         before = frames;
+    }
+    // A flipped bit anywhere is noticed, or stands where nothing is read; nothing that is not true is read, and nothing panics.
+    let true_frames: Vec<_> = frames_of(&Recording::read(&file).unwrap());
+    for at in (0..whole.len()).step_by(whole.len() / 300) {
+        let mut flipped = whole.clone();
+        flipped[at] ^= 0x10;
+        std::fs::write(&shorter, &flipped).unwrap();
+        if let Ok(recording) = Recording::read(&shorter) {
+            let found = frames_of(&recording);
+            assert!(
+                true_frames.starts_with(&found),
+                "byte {at}: {} frames",
+                found.len()
+            );
+        }
+    }
+    for length in (0..whole.len()).step_by(whole.len() / 100) {
+        std::fs::write(&shorter, &whole[..length]).unwrap();
+        let _ = Recording::read(&shorter);
     }
     // What is no recording is said in one line.
     std::fs::write(&shorter, b"no recording").unwrap();

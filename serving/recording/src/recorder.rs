@@ -4,8 +4,8 @@
 //! skin/…, sweep/command, tactile/… ──> Recorder::step ── at most 8192 messages wait ──> writer ──> FILE.mcap
 //! ```
 //!
-//! A chunk is ended every second at the latest, so that much is lost when the recorder is killed. When the disk is too slow, the channels'
-//! own rings keep the newest packets and count what was lost.
+//! A chunk is ended every second at the latest, so that much is lost when the recorder is killed, besides what waits for a slow disk. When the disk
+//! is slower for long, the channels' own rings keep the newest packets and count what was lost.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -61,7 +61,17 @@ struct Piece {
     channel: u16,
     sequence: u32,
     log_time: u64,
+    publish_time: u64,
     data: Vec<u8>,
+}
+
+/// From the channels' clock to the time of day.
+#[derive(Clone, Copy)]
+struct Clock {
+    /// Nanoseconds since 1970 when the channels' clock was zero.
+    epoch_ns: u64,
+    /// When the recording began, by the channels' clock.
+    begun_ns: u64,
 }
 
 /// Follows the channels of the classifier and writes what travels on them.
@@ -72,8 +82,7 @@ pub struct Recorder {
     beliefs: RecordedChannel<TactileBelief>,
     status: RecordedChannel<TactileStatus>,
     model: RecordedChannel<ModelNames>,
-    /// From the channels' clock to the time of day, nanoseconds.
-    epoch_ns: u64,
+    clock: Clock,
     path: PathBuf,
     writer: Option<(SyncSender<Piece>, JoinHandle<mcap::McapResult<()>>)>,
 }
@@ -85,12 +94,23 @@ struct RecordedChannel<T> {
 }
 
 impl<T: Recordable> RecordedChannel<T> {
+    fn open(bus: &Bus, id: &str, start: Start) -> Result<Self, RecordingError> {
+        Ok(Self {
+            port: bus.get_port(id, start)?,
+            channel: 0,
+            came: 0,
+        })
+    }
+
+    /// Says in the file what it holds.
+    fn describe(&mut self, writer: &mut Writer<BufWriter<File>>, id: &str) -> mcap::McapResult<()> {
+        let schema = writer.add_schema(T::MESSAGE, "protobuf", DESCRIPTION)?;
+        self.channel = writer.add_channel(schema, id, "protobuf", &BTreeMap::new())?;
+        Ok(())
+    }
+
     /// Hands on what has come; false when the writer is gone.
-    fn follow(
-        &mut self,
-        epoch_ns: u64,
-        writer: &SyncSender<Piece>,
-    ) -> Result<bool, RecordingError> {
+    fn follow(&mut self, clock: Clock, writer: &SyncSender<Piece>) -> Result<bool, RecordingError> {
         for _ in 0..MOST {
             let Some(packet) = self.port.try_get()? else {
                 break;
@@ -106,7 +126,9 @@ impl<T: Recordable> RecordedChannel<T> {
                 let piece = Piece {
                     channel: self.channel,
                     sequence: self.came,
-                    log_time: epoch_ns + put_ns,
+                    // What was put before, as history, does not stretch the recording.
+                    log_time: clock.epoch_ns + put_ns.max(clock.begun_ns),
+                    publish_time: clock.epoch_ns + put_ns,
                     data: packet.to_message(),
                 };
                 self.came = self.came.wrapping_add(1);
@@ -131,6 +153,30 @@ impl Recorder {
         about: &About,
     ) -> Result<Self, RecordingError> {
         let config = ServeConfig::of(table)?;
+        let mut frames = config
+            .fingers
+            .iter()
+            .map(|id| RecordedChannel::open(bus, id, Start::Now))
+            .collect::<Result<Vec<_>, _>>()?;
+        let mut commands = RecordedChannel::open(bus, &config.command, Start::Now)?;
+        let mut beliefs = RecordedChannel::open(bus, &config.belief, Start::Now)?;
+        let mut status = RecordedChannel::open(bus, &config.status, Start::Now)?;
+        // It was put when the service began.
+        let mut model = RecordedChannel::open(bus, &config.model, Start::History(1))?;
+        let mut sides: Vec<&dyn GetSide> = Vec::new();
+        sides.extend(
+            frames
+                .iter()
+                .map(|f: &RecordedChannel<SkinFrame>| &f.port as &dyn GetSide),
+        );
+        sides.extend([
+            &commands.port as &dyn GetSide,
+            &beliefs.port,
+            &status.port,
+            &model.port,
+        ]);
+        let group = bus.sync_group(&sides)?;
+
         let file = File::create_new(path).map_err(|source| RecordingError::Io {
             path: path.into(),
             source,
@@ -147,13 +193,19 @@ impl Recorder {
             .chunk_size(Some(CHUNK_BYTES))
             .library(concat!("tactnet ", env!("CARGO_PKG_VERSION")));
         let mut writer = options.create(BufWriter::new(file)).map_err(failed)?;
+        let begun_ns = now_ns();
         let since = SystemTime::now().duration_since(UNIX_EPOCH);
-        let epoch_ns = (since.map_or(0, |since| since.as_nanos() as u64)).saturating_sub(now_ns());
+        let clock = Clock {
+            epoch_ns: since
+                .map_or(0, |since| since.as_nanos() as u64)
+                .saturating_sub(begun_ns),
+            begun_ns,
+        };
         writer
             .write_metadata(&metadata(table, about)?)
             .map_err(failed)?;
         for (name, data) in &about.files {
-            let log_time = epoch_ns + now_ns();
+            let log_time = clock.epoch_ns + begun_ns;
             writer
                 .attach(&Attachment {
                     log_time,
@@ -164,28 +216,20 @@ impl Recorder {
                 })
                 .map_err(failed)?;
         }
-        let frames = config
-            .fingers
-            .iter()
-            .map(|id| recorded_channel(bus, &mut writer, path, id, Start::Now))
-            .collect::<Result<Vec<_>, _>>()?;
-        let commands = recorded_channel(bus, &mut writer, path, &config.command, Start::Now)?;
-        let beliefs = recorded_channel(bus, &mut writer, path, &config.belief, Start::Now)?;
-        let status = recorded_channel(bus, &mut writer, path, &config.status, Start::Now)?;
-        // It was put when the service began.
-        let model = recorded_channel(bus, &mut writer, path, &config.model, Start::History(1))?;
+        for (id, frames) in config.fingers.iter().zip(&mut frames) {
+            frames.describe(&mut writer, id).map_err(failed)?;
+        }
+        commands
+            .describe(&mut writer, &config.command)
+            .map_err(failed)?;
+        beliefs
+            .describe(&mut writer, &config.belief)
+            .map_err(failed)?;
+        status
+            .describe(&mut writer, &config.status)
+            .map_err(failed)?;
+        model.describe(&mut writer, &config.model).map_err(failed)?;
         writer.flush().map_err(failed)?;
-        let mut sides: Vec<&dyn GetSide> = frames
-            .iter()
-            .map(|f: &RecordedChannel<SkinFrame>| &f.port as &dyn GetSide)
-            .collect();
-        sides.extend([
-            &commands.port as &dyn GetSide,
-            &beliefs.port,
-            &status.port,
-            &model.port,
-        ]);
-        let group = bus.sync_group(&sides)?;
         let (sender, pieces) = sync_channel(WAITING);
         let thread = std::thread::Builder::new()
             .name("recording".into())
@@ -201,7 +245,7 @@ impl Recorder {
             beliefs,
             status,
             model,
-            epoch_ns,
+            clock,
             path: path.into(),
             writer: Some((sender, thread)),
         })
@@ -221,13 +265,13 @@ impl Recorder {
             return Ok(());
         };
         // What a command or a belief is about comes before it or with it.
-        let mut goes_on = self.commands.follow(self.epoch_ns, writer)?;
+        let mut goes_on = self.commands.follow(self.clock, writer)?;
         for frames in &mut self.frames {
-            goes_on &= frames.follow(self.epoch_ns, writer)?;
+            goes_on &= frames.follow(self.clock, writer)?;
         }
-        goes_on &= self.beliefs.follow(self.epoch_ns, writer)?;
-        goes_on &= self.status.follow(self.epoch_ns, writer)?;
-        goes_on &= self.model.follow(self.epoch_ns, writer)?;
+        goes_on &= self.beliefs.follow(self.clock, writer)?;
+        goes_on &= self.status.follow(self.clock, writer)?;
+        goes_on &= self.model.follow(self.clock, writer)?;
         if goes_on { Ok(()) } else { self.end() }
     }
 
@@ -277,28 +321,11 @@ impl Recorder {
     }
 }
 
-fn recorded_channel<T: Recordable>(
-    bus: &Bus,
-    writer: &mut Writer<BufWriter<File>>,
-    path: &Path,
-    id: &str,
-    start: Start,
-) -> Result<RecordedChannel<T>, RecordingError> {
-    let failed = |source| RecordingError::Write {
-        path: path.into(),
-        source,
-    };
-    let schema = writer
-        .add_schema(T::MESSAGE, "protobuf", DESCRIPTION)
-        .map_err(failed)?;
-    let channel = writer
-        .add_channel(schema, id, "protobuf", &BTreeMap::new())
-        .map_err(failed)?;
-    Ok(RecordedChannel {
-        port: bus.get_port(id, start)?,
-        channel,
-        came: 0,
-    })
+impl Drop for Recorder {
+    /// What has come is kept, however it ends.
+    fn drop(&mut self) {
+        let _ = self.end();
+    }
 }
 
 fn metadata(table: &Table, about: &About) -> Result<Metadata, RecordingError> {
@@ -321,13 +348,14 @@ fn metadata(table: &Table, about: &About) -> Result<Metadata, RecordingError> {
 fn write(mut writer: Writer<BufWriter<File>>, pieces: &Receiver<Piece>) -> mcap::McapResult<()> {
     let mut ended = Instant::now();
     loop {
-        match pieces.recv_timeout(CHUNK_EVERY) {
+        let left = CHUNK_EVERY.saturating_sub(ended.elapsed());
+        match pieces.recv_timeout(left) {
             Ok(piece) => writer.write_to_known_channel(
                 &MessageHeader {
                     channel_id: piece.channel,
                     sequence: piece.sequence,
                     log_time: piece.log_time,
-                    publish_time: piece.log_time,
+                    publish_time: piece.publish_time,
                 },
                 &piece.data,
             )?,

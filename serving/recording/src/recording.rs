@@ -1,23 +1,29 @@
 //! A recording read back, as far as it goes.
 
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::collections::{BTreeMap, HashMap};
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+use std::sync::Arc;
 
-use mcap::read::LinearReader;
-use mcap::read::{MessageStream, Options};
-use mcap::records::Record;
+use mcap::parse_record;
+use mcap::records::{Record, op};
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use tactnet_channel::Table;
 use tactnet_serving::packets::{ModelNames, SkinFrame, SweepCommand, TactileBelief, TactileStatus};
 
 use crate::messages::Recordable;
 use crate::{METADATA, RecordingError};
 
+/// Records may always be so long, bytes; longer ones only in longer files.
+const LONGEST_RECORD: u64 = 64 << 20;
+
 /// One packet of a recording.
 #[derive(Debug, Clone)]
 pub struct Entry {
     /// Id of its channel.
-    pub channel: String,
-    /// When it was put, nanoseconds since 1970.
+    pub channel: Arc<str>,
+    /// When it was put, nanoseconds since 1970; not before the recording began.
     pub time_ns: u64,
     /// The packet.
     pub packet: RecordedPacket,
@@ -38,7 +44,7 @@ pub enum RecordedPacket {
     Model(Box<ModelNames>),
 }
 
-/// What a file holds.
+/// What a file holds, in memory: about 0.5 GB for an hour of one finger at 750 Hz.
 #[derive(Debug, Clone)]
 pub struct Recording {
     /// In the order of the times at which they were put.
@@ -49,77 +55,66 @@ pub struct Recording {
     pub material: Option<String>,
     /// Files that were kept with it.
     pub files: BTreeMap<String, Vec<u8>>,
-    /// Why the end is missing, if it is: the recorder was killed, or the disk was full.
+    /// Why the rest is missing, if it is: the recorder was killed, the disk was full, the file was damaged.
     pub cut: Option<String>,
-    /// Messages of other programs, which are left out.
+    /// Messages that are none of ours, or more than a packet can hold; they are left out.
     pub foreign: usize,
 }
 
+/// What has been read so far.
+#[derive(Default)]
+struct Found {
+    entries: Vec<Entry>,
+    table: Option<Table>,
+    material: Option<String>,
+    files: BTreeMap<String, Vec<u8>>,
+    foreign: usize,
+    ended: bool,
+    /// Names by id.
+    schemas: HashMap<u16, String>,
+    /// Topic and schema by id.
+    channels: HashMap<u16, (Arc<str>, u16)>,
+}
+
 impl Recording {
-    /// Reads a file, wherever it ends.
+    /// Reads a file, wherever it ends. A chunk whose checksum is wrong ends it, too.
     ///
     /// # Errors
     /// No MCAP file; one without the table of channels.
     pub fn read(path: &Path) -> Result<Self, RecordingError> {
-        let bytes = std::fs::read(path).map_err(|source| RecordingError::Io {
+        let failed = |source| RecordingError::Io {
             path: path.into(),
             source,
-        })?;
+        };
         let unreadable = |reason: String| RecordingError::Unreadable {
-            path: PathBuf::from(path),
+            path: path.into(),
             reason,
         };
-        if !bytes.starts_with(mcap::MAGIC) {
-            return Err(unreadable("not an MCAP file".into()));
-        }
-        let mut table = None;
-        let mut material = None;
-        let mut files = BTreeMap::new();
-        let mut ended = false;
-        let whole = |error: &mcap::McapError| unreadable(format!("cannot read it: {error}"));
-        let records = LinearReader::new_with_options(&bytes, Options::IgnoreEndMagic.into())
-            .map_err(|error| whole(&error))?;
-        // Where the rest is missing is found again below.
-        for record in records.map_while(Result::ok) {
-            match record {
-                Record::Metadata(found) if found.name == METADATA => {
-                    material = found.metadata.get("material").cloned();
-                    let text = found.metadata.get("table").map_or("", String::as_str);
-                    table = Some(toml::from_str::<Table>(text).map_err(|error| {
-                        unreadable(format!("its table of channels: {}", error.message()))
-                    })?);
-                }
-                Record::Attachment { header, data, .. } => {
-                    files.insert(header.name, data.into_owned());
-                }
-                Record::Footer(_) => ended = true,
-                _ => {}
-            }
-        }
-        let table = table.ok_or_else(|| {
-            unreadable("no recording of `tactnet record`: no table of channels".into())
-        })?;
-        let mut entries: Vec<Entry> = Vec::new();
+        let mut file = File::open(path).map_err(failed)?;
+        let length = file.metadata().map_err(failed)?.len();
+        let limit = length.max(LONGEST_RECORD) as usize;
+        let mut reader = LinearReader::new_with_options(
+            LinearReaderOptions::default()
+                .with_skip_end_magic(true)
+                .with_prevalidate_chunk_crcs(true)
+                .with_record_length_limit(limit),
+        );
+        let mut found = Found::default();
         let mut cut = None;
-        let mut foreign = 0;
-        let messages = MessageStream::new_with_options(&bytes, Options::IgnoreEndMagic.into())
-            .map_err(|error| whole(&error))?;
-        for message in messages {
-            match message {
-                Ok(message) => {
-                    let name = message
-                        .channel
-                        .schema
-                        .as_ref()
-                        .map_or("", |s| s.name.as_str());
-                    match decoded(name, &message.data) {
-                        Some(packet) => entries.push(Entry {
-                            channel: message.channel.topic.clone(),
-                            time_ns: message.log_time,
-                            packet,
-                        }),
-                        None => foreign += 1,
+        while let Some(event) = reader.next_event() {
+            match event {
+                Ok(LinearReadEvent::ReadRequest(bytes)) => {
+                    let read = file.read(reader.insert(bytes)).map_err(failed)?;
+                    reader.notify_read(read);
+                }
+                Ok(LinearReadEvent::Record { data, opcode }) => {
+                    if let Err(reason) = found.take(opcode, data) {
+                        cut = Some(reason);
+                        break;
                     }
+                }
+                Err(mcap::McapError::BadMagic) if found.schemas.is_empty() => {
+                    return Err(unreadable("not an MCAP file".into()));
                 }
                 Err(error) => {
                     cut = Some(error.to_string());
@@ -127,20 +122,94 @@ impl Recording {
                 }
             }
         }
-        if !ended && cut.is_none() {
+        if !found.ended && cut.is_none() {
             cut = Some("it was not ended properly".into());
         }
+        let table = found.table.ok_or_else(|| {
+            let why = cut.as_deref().unwrap_or("no table of channels in it");
+            unreadable(format!("no recording of `tactnet record`: {why}"))
+        })?;
         // Channels are looked at in turns while they are recorded.
-        entries.sort_by_key(|entry| entry.time_ns);
+        found.entries.sort_by_key(|entry| entry.time_ns);
         Ok(Self {
-            entries,
+            entries: found.entries,
             table,
-            material,
-            files,
+            material: found.material,
+            files: found.files,
             cut,
-            foreign,
+            foreign: found.foreign,
         })
     }
+}
+
+impl Found {
+    /// Takes one record; gives why nothing behind it can be trusted.
+    fn take(&mut self, opcode: u8, data: &[u8]) -> Result<(), String> {
+        if opcode == op::ATTACHMENT && !attachment_is_whole(data) {
+            return Err("an attachment is damaged".into());
+        }
+        match parse_record(opcode, data).map_err(|error| error.to_string())? {
+            Record::Schema { header, .. } => {
+                self.schemas.insert(header.id, header.name);
+            }
+            Record::Channel(channel) => {
+                let of = (channel.topic.into(), channel.schema_id);
+                self.channels.insert(channel.id, of);
+            }
+            Record::Message { header, data } => {
+                let known = self.channels.get(&header.channel_id);
+                let packet = known.and_then(|(channel, schema)| {
+                    let packet = decoded(self.schemas.get(schema)?, &data)?;
+                    Some((channel.clone(), packet))
+                });
+                match packet {
+                    Some((channel, packet)) => self.entries.push(Entry {
+                        channel,
+                        time_ns: header.log_time,
+                        packet,
+                    }),
+                    None => self.foreign += 1,
+                }
+            }
+            Record::Metadata(found) if found.name == METADATA => {
+                self.material = found.metadata.get("material").cloned();
+                let text = found.metadata.get("table").map_or("", String::as_str);
+                let table = toml::from_str(text);
+                self.table = Some(table.map_err(|error: toml::de::Error| {
+                    format!("its table of channels: {}", error.message())
+                })?);
+            }
+            Record::Attachment { header, data, .. } => {
+                self.files.insert(header.name, data.into_owned());
+            }
+            Record::Footer(_) => self.ended = true,
+            // Other programs' own records have larger numbers.
+            Record::Unknown { opcode, .. } if opcode < 0x80 => {
+                return Err(format!("a record of unknown kind {opcode:#04x}"));
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+/// Whether the lengths in an attachment add up; mcap 0.26 panics where they do not.
+fn attachment_is_whole(data: &[u8]) -> bool {
+    let integer = |at: usize, bytes: usize| -> Option<usize> {
+        let mut value = [0; 8];
+        value[..bytes].copy_from_slice(data.get(at..at.checked_add(bytes)?)?);
+        usize::try_from(u64::from_le_bytes(value)).ok()
+    };
+    let end = || -> Option<usize> {
+        // Two times, two texts, the data, a checksum.
+        let mut at: usize = 16;
+        for bytes in [4, 4, 8] {
+            let length = integer(at, bytes)?;
+            at = at.checked_add(bytes)?.checked_add(length)?;
+        }
+        at.checked_add(4)
+    };
+    end().is_some_and(|end| end <= data.len())
 }
 
 fn decoded(name: &str, data: &[u8]) -> Option<RecordedPacket> {

@@ -14,8 +14,10 @@ use crate::recording::{RecordedPacket, Recording};
 pub struct SweepSettings {
     /// Frames of a sweep [default: those of the recorded model, or else 1000].
     pub steps: Option<usize>,
-    /// Frames a second [default: those of the recorded model, or else 750].
+    /// Frames a second [default: those of the recorded model, or else by the frames' own clock].
     pub rate_hz: Option<f64>,
+    /// Rows and columns of taxels [default: those of the recorded model, or else a square].
+    pub rows_cols: Option<(usize, usize)>,
 }
 
 /// Sweeps that were found, and what became of the others.
@@ -73,15 +75,25 @@ pub fn sweeps(
     let rate_hz = settings
         .rate_hz
         .or(model.map(|model| model.sample_rate_hz))
-        .unwrap_or(750.0);
-    let (rows, cols) = match model {
-        Some(model) => (model.rows as usize, model.cols as usize),
-        None => (taxels.isqrt(), taxels.isqrt()),
-    };
-    if rows * cols != taxels || steps == 0 {
+        .or_else(|| rate_of(recording))
+        .ok_or_else(|| unreadable("its frames do not say how many there are a second".into()))?;
+    let (rows, cols) = settings
+        .rows_cols
+        .or(model.map(|model| (model.rows as usize, model.cols as usize)))
+        .unwrap_or((taxels.isqrt(), taxels.isqrt()));
+    if rows * cols != taxels {
         return Err(unreadable(format!(
-            "frames of {taxels} taxels, expected {rows} x {cols}, and {steps} steps"
+            "frames of {taxels} taxels, expected {rows} x {cols}; `--shape` names rows and columns"
         )));
+    }
+    let frames = recording.entries.len();
+    if steps == 0 || steps > frames {
+        return Err(unreadable(format!(
+            "sweeps of {steps} frames, where {frames} messages were recorded"
+        )));
+    }
+    if !(rate_hz.is_finite() && rate_hz > 0.0) {
+        return Err(unreadable(format!("{rate_hz} frames a second")));
     }
     let fallback = material.or(recording.material.as_deref());
     let by_command = config.follow.segmentation == Segmentation::Command;
@@ -101,7 +113,8 @@ pub fn sweeps(
     for entry in &recording.entries {
         let (number, followed) = match &entry.packet {
             RecordedPacket::Frame(frame) => {
-                let Some(number) = config.fingers.iter().position(|id| *id == entry.channel) else {
+                let Some(number) = config.fingers.iter().position(|id| **id == *entry.channel)
+                else {
                     continue;
                 };
                 let followed = fingers[number].0.push(&Frame {
@@ -153,8 +166,17 @@ pub fn sweeps(
             rejected.len()
         )));
     }
+    // Labels that the recorded model knows keep their order, so that a network trained on these sweeps can take its place.
     let mut names: Vec<&str> = Vec::new();
-    let mut counts: Vec<usize> = Vec::new();
+    if let Some(model) = model {
+        let known = model.names.iter().take(model.materials as usize);
+        names.extend(
+            known
+                .map(|name| name.as_str())
+                .filter(|name| found.iter().any(|sweep| sweep.material == *name)),
+        );
+    }
+    let mut counts: Vec<usize> = vec![0; names.len()];
     let mut records = Vec::with_capacity(found.len());
     for sweep in &found {
         let label = names
@@ -196,4 +218,20 @@ pub fn sweeps(
         rejected,
         unlabelled,
     })
+}
+
+/// Frames a second, by numbers and times of the first and the last frame of a finger.
+fn rate_of(recording: &Recording) -> Option<f64> {
+    let frames = recording
+        .entries
+        .iter()
+        .filter_map(|entry| match &entry.packet {
+            RecordedPacket::Frame(frame) => Some((&entry.channel, frame)),
+            _ => None,
+        });
+    let (channel, first) = frames.clone().next()?;
+    let (_, last) = frames.rev().find(|(other, _)| *other == channel)?;
+    let time_ns = last.sensor_time_ns.checked_sub(first.sensor_time_ns)?;
+    let periods = last.sequence.checked_sub(first.sequence)?;
+    (time_ns > 0 && periods > 0).then(|| periods as f64 * 1e9 / time_ns as f64)
 }

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use crate::packets::SweepCommand;
 
-/// Most that wait.
+/// Most that wait for one finger, and for none.
 pub(super) const MOST_COMMANDS: usize = 32;
 
 /// Commands with the time that they were put at, in its order.
@@ -16,14 +16,18 @@ pub(super) struct WaitingCommands {
 impl WaitingCommands {
     pub(super) fn new(fingers: usize) -> Self {
         Self {
-            waiting: VecDeque::with_capacity(MOST_COMMANDS),
+            waiting: VecDeque::with_capacity(MOST_COMMANDS * (fingers + 1)),
             fingers,
         }
     }
 
-    /// Adds one that was put at `put_ns`; false if too many wait. Several commanders are looked at in turns, not in the order of time.
+    /// Adds one that was put at `put_ns`; false if too many wait for its finger, which may be unplugged: no other finger's places are taken by
+    /// them. Several commanders are looked at in turns, not in the order of time.
     pub(super) fn add(&mut self, put_ns: u64, command: SweepCommand) -> bool {
-        if self.waiting.len() == MOST_COMMANDS {
+        let finger = |command: &SweepCommand| (command.finger as usize).min(self.fingers);
+        let waiting = self.waiting.iter();
+        let own = waiting.filter(|(_, other)| finger(other) == finger(&command));
+        if own.count() == MOST_COMMANDS {
             return false;
         }
         let at = self.waiting.partition_point(|(other, _)| *other <= put_ns);
@@ -96,9 +100,11 @@ mod tests {
             assert!(waiting.add(motion, command(0, motion)));
         }
         assert!(!waiting.add(0, command(0, 99)));
+        // What is for no finger has places of its own.
+        assert!(waiting.add(99, command(5, 99)));
         assert_eq!(
             motions(&mut waiting, u64::MAX, None),
-            (0..MOST_COMMANDS as u64).collect::<Vec<_>>()
+            (0..MOST_COMMANDS as u64).chain([99]).collect::<Vec<_>>()
         );
     }
 }
