@@ -168,10 +168,6 @@ fn exported(
     without(choice)
 }
 
-#[cfg_attr(
-    all(feature = "onnxruntime", feature = "candle"),
-    expect(dead_code, reason = "nothing is left out")
-)]
 fn without(choice: RuntimeChoice) -> anyhow::Result<Box<dyn Scorer>> {
     let name = choice.to_possible_value();
     let name = name.as_ref().map_or("", |name| name.get_name());

@@ -1,8 +1,10 @@
 //! The exported network in ONNX Runtime.
 
 use std::path::PathBuf;
+use std::sync::OnceLock;
 
 use anyhow::Context;
+use ort::environment::Environment;
 use ort::session::Session;
 use ort::value::TensorRef;
 use tactnet_data::SweepShape;
@@ -11,6 +13,21 @@ use super::Scorer;
 
 /// Names the shared library, where it is not among the system's.
 const LIBRARY: &str = "ORT_DYLIB_PATH";
+
+/// The library is loaded by the first call; there is one environment in a process.
+fn environment() -> anyhow::Result<&'static Environment> {
+    static LOADED: OnceLock<Environment> = OnceLock::new();
+    if let Some(loaded) = LOADED.get() {
+        return Ok(loaded);
+    }
+    let library =
+        std::env::var_os(LIBRARY).map_or_else(|| "libonnxruntime.so".into(), PathBuf::from);
+    let builder = ort::init_from(&library).with_context(|| {
+        format!("cannot load ONNX Runtime; `{LIBRARY}` names its shared library, which is in PyPI's onnxruntime: capi/libonnxruntime.so.*")
+    })?;
+    let environment = builder.build()?;
+    Ok(LOADED.get_or_init(|| environment))
+}
 
 /// A session, with the masks of a Monte Carlo prediction.
 pub struct OnnxRuntime {
@@ -33,17 +50,10 @@ impl OnnxRuntime {
         masks: Vec<f32>,
         threads: usize,
     ) -> anyhow::Result<Self> {
-        let library =
-            std::env::var_os(LIBRARY).map_or_else(|| "libonnxruntime.so".into(), PathBuf::from);
-        // Only the first call loads it.
-        ort::init_from(&library)
-            .with_context(|| {
-                format!("cannot load ONNX Runtime; `{LIBRARY}` names its shared library, which is in PyPI's onnxruntime: capi/libonnxruntime.so.*")
-            })?
-            .commit();
-        let session = Session::builder()?
+        let environment = environment()?;
+        let session = Session::builder(environment)?
             .with_intra_threads(threads)
-            .map_err(ort::Error::from)?
+            .map_err(ort::Error::<()>::from)?
             .commit_from_memory(model)?;
         Ok(Self {
             session,
