@@ -57,18 +57,9 @@ impl ExperimentDir {
         let plan = Plan::new(recipe, command)?;
         let file = path.join("experiment.json");
         let failed = |error| ExperimentError::io(path, "make the experiment's folder", error);
-        if !file.exists() && path.exists() {
-            for entry in fs::read_dir(path).map_err(failed)? {
-                let name = entry.map_err(failed)?.file_name();
-                if !OWN.iter().any(|own| name == *own) {
-                    return Err(ExperimentError::Folder {
-                        path: path.into(),
-                        reason:
-                            "an experiment needs a new or empty folder; name another with `--out`"
-                                .into(),
-                    });
-                }
-            }
+        // A runner that plans here at this moment has put its lock before anything else.
+        if !file.exists() && !path.join(LOCK).exists() {
+            refuse_foreign(path)?;
         }
         fs::create_dir_all(path).map_err(failed)?;
         // Of two runners that begin at once, one writes the plan and the other finds it.
@@ -86,6 +77,7 @@ impl ExperimentDir {
                 }),
             };
         }
+        refuse_foreign(path)?;
         for folder in ["recipes", "tasks"] {
             fs::create_dir_all(path.join(folder)).map_err(failed)?;
         }
@@ -248,6 +240,28 @@ impl ExperimentDir {
     }
 }
 
+/// Refuses a folder that holds what no experiment put there; none at all is no obstacle.
+fn refuse_foreign(path: &Path) -> Result<(), ExperimentError> {
+    let failed = |error| ExperimentError::io(path, "look into the experiment's folder", error);
+    if !path.exists() {
+        return Ok(());
+    }
+    for entry in fs::read_dir(path).map_err(failed)? {
+        let name = entry.map_err(failed)?.file_name();
+        let unfinished = name
+            .to_str()
+            .is_some_and(|name| name.starts_with(tactnet_pipeline::UNFINISHED));
+        if !unfinished && !OWN.iter().any(|own| name == *own) {
+            return Err(ExperimentError::Folder {
+                path: path.into(),
+                reason: "an experiment needs a new or empty folder; name another with `--out`"
+                    .into(),
+            });
+        }
+    }
+    Ok(())
+}
+
 fn write_json(path: &Path, value: &impl Serialize) -> Result<(), ExperimentError> {
     let mut text = serde_json::to_string_pretty(value)
         .unwrap_or_else(|error| panic!("what an experiment writes is always valid JSON: {error}"));
@@ -324,6 +338,32 @@ mod tests {
         fs::create_dir(dir.task_dir(task)).unwrap();
         fs::write(dir.task_dir(task).join("config.json"), "{}").unwrap();
         assert_eq!(dir.arguments(task).unwrap()[0..2], ["train", "--resume"]);
+    }
+
+    #[test]
+    fn many_may_plan_the_same_at_once_and_strangers_are_refused() {
+        let recipe = ExperimentRecipe::load("crossval_baselines", &["folds=1".into()]).unwrap();
+        let plan = |out: &Path| ExperimentDir::create(out, &recipe, "call");
+        for _ in 0..50 {
+            let folder = tempfile::tempdir().unwrap();
+            let out = folder.path().join("out");
+            std::thread::scope(|scope| {
+                let planners: Vec<_> = (0..4).map(|_| scope.spawn(|| plan(&out))).collect();
+                for planner in planners {
+                    planner.join().unwrap().unwrap();
+                }
+            });
+        }
+        let folder = tempfile::tempdir().unwrap();
+        // A planner that was killed has left these, and they are no obstacle.
+        for name in [LOCK, ".writing-killed"] {
+            fs::write(folder.path().join(name), "").unwrap();
+        }
+        plan(folder.path()).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("thesis.tex"), "").unwrap();
+        assert!(plan(folder.path()).is_err());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "untouched");
     }
 
     #[test]

@@ -85,7 +85,7 @@ pub use recipe::{
     TrainingSettings,
 };
 pub use result::{RunResult, describe_split};
-pub use run_dir::{EpochMetrics, LabelOrder, RunConfig, RunDir, write_whole};
+pub use run_dir::{EpochMetrics, LabelOrder, RunConfig, RunDir, UNFINISHED, write_whole};
 pub use strangeness::{Strangeness, StrangenessScore};
 pub use train_network::train_network;
 pub use training::{BatchReport, Position, Training, TrainingState};

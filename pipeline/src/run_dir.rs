@@ -567,6 +567,9 @@ fn to_json(name: &str, value: &impl Serialize, pretty: bool) -> Result<String, P
     })
 }
 
+/// How the names of files begin that [`write_whole`] has not finished; a killed process leaves one.
+pub const UNFINISHED: &str = ".writing-";
+
 /// Writes beside `path`, syncs, renames into place: after a crash or on a full disk the former file is still whole.
 ///
 /// # Errors
@@ -579,7 +582,7 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), PipelineError> {
         .filter(|folder| !folder.as_os_str().is_empty())
         .unwrap_or_else(|| Path::new("."));
     let mut file = tempfile::Builder::new()
-        .prefix(".writing-")
+        .prefix(UNFINISHED)
         .tempfile_in(folder)
         .map_err(failed)?;
     file.write_all(bytes).map_err(failed)?;

@@ -128,15 +128,16 @@ impl Drop for Robot {
     }
 }
 
+/// The offline classifier of a run.
+fn classifier(robot: &Robot, run: &str) -> Classifier {
+    let run = RunDir::open(&robot.lab.path(run)).unwrap();
+    let (config, weights) = (run.config().unwrap().classifier, run.weights().unwrap());
+    Classifier::new(config, &weights, &Compute::Cpu.open().unwrap()).unwrap()
+}
+
 /// What a run says offline of a sweep: `[materials]` probabilities.
 pub(crate) fn offline(robot: &Robot, run: &str, sweep: usize) -> Vec<f64> {
-    let run = RunDir::open(&robot.lab.path(run)).unwrap();
-    let classifier = Classifier::new(
-        run.config().unwrap().classifier,
-        &run.weights().unwrap(),
-        &Compute::Cpu.open().unwrap(),
-    )
-    .unwrap();
+    let classifier = classifier(robot, run);
     let dataset = tactnet_data::format::read(&robot.lab.path("data.h5")).unwrap();
     let view = SweepView::new(&dataset, vec![sweep]);
     let found = classifier.predict(&view, PredictionMethod::Plain).unwrap();
@@ -212,13 +213,7 @@ fn beliefs_of_live_sweeps_are_those_of_the_offline_classifier() {
         .collect();
     assert_eq!(played.len(), 5);
 
-    let run = RunDir::open(&robot.lab.path("models/1")).unwrap();
-    let classifier = Classifier::new(
-        run.config().unwrap().classifier,
-        &run.weights().unwrap(),
-        &Compute::Cpu.open().unwrap(),
-    )
-    .unwrap();
+    let classifier = classifier(&robot, "models/1");
     let dataset = tactnet_data::format::read(&robot.lab.path("data.h5")).unwrap();
     let view = SweepView::new(&dataset, played.clone());
     for (stage, method) in [
