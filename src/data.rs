@@ -15,7 +15,7 @@ use tactnet_data::{
 
 use tactnet_recording::{Recording, SweepSettings, sweeps};
 
-use crate::{failure, output, source};
+use crate::{failure, output, source, view};
 
 #[derive(Subcommand)]
 pub enum DataCommand {
@@ -24,6 +24,8 @@ pub enum DataCommand {
         after_help = "Examples:\n  tactnet data info sweeps.h5\n  tactnet data info twin --json"
     )]
     Info(FileArgs),
+    /// Show sweeps in the Rerun viewer
+    View(view::SweepsArgs),
     /// Look for what would spoil training; exit code 1 if there are errors
     #[command(
         after_help = "Examples:\n  tactnet data check sweeps.h5\n  tactnet data check sweeps.npz --json"
@@ -158,6 +160,7 @@ enum Published {
 pub fn run(command: DataCommand) -> anyhow::Result<ExitCode> {
     match command {
         DataCommand::Info(arguments) => show_info(&arguments),
+        DataCommand::View(arguments) => view::run_sweeps(&arguments),
         DataCommand::Check(arguments) => run_check(&arguments),
         DataCommand::Twin(arguments) => make_twin(&arguments),
         DataCommand::Import(arguments) => {

@@ -22,6 +22,7 @@ mod source;
 mod stop;
 mod study;
 mod train;
+mod view;
 mod web;
 
 use clap::{Parser, Subcommand};
@@ -85,6 +86,8 @@ enum Command {
     Record(record::RecordArgs),
     /// Put a recording back onto channels
     Replay(replay::ReplayArgs),
+    /// Look at channels or a recording in the Rerun viewer
+    View(view::ViewArgs),
     /// Put what a robot would on the channels: skin, catching stack, or everything at once
     #[command(subcommand)]
     Simulate(simulate::SimulateCommand),
@@ -114,6 +117,7 @@ fn main() -> ExitCode {
         Command::Dashboard(arguments) => dashboard::run(&arguments),
         Command::Record(arguments) => record::run(&arguments),
         Command::Replay(arguments) => replay::run(&arguments),
+        Command::View(arguments) => view::run(&arguments),
         Command::Simulate(command) => simulate::run(command),
         Command::Demo(arguments) => demo::run(&arguments),
     };

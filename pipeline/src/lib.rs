@@ -42,6 +42,7 @@ mod provenance;
 mod recipe;
 mod result;
 mod rocket;
+mod run_config;
 mod run_dir;
 mod scaler;
 mod series;
@@ -49,6 +50,7 @@ mod spectrum;
 mod strangeness;
 mod train_network;
 mod training;
+mod write_whole;
 
 pub use augment::Augmentation;
 pub use baseline::{BaselineRecipe, ClassicalClassifier, FeatureScaling};
@@ -85,7 +87,9 @@ pub use recipe::{
     TrainingSettings,
 };
 pub use result::{RunResult, describe_split};
-pub use run_dir::{EpochMetrics, LabelOrder, RunConfig, RunDir, UNFINISHED, write_whole};
+pub use run_config::{EpochMetrics, LabelOrder, RunConfig};
+pub use run_dir::RunDir;
 pub use strangeness::{Strangeness, StrangenessScore};
 pub use train_network::train_network;
 pub use training::{BatchReport, Position, Training, TrainingState};
+pub use write_whole::{UNFINISHED, write_whole};

@@ -17,17 +17,16 @@
 //! | `result.json` | what was found | last |
 
 use std::fs;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize, de::DeserializeOwned};
-use tactnet_data::{Seed, SplitManifest};
-use tactnet_models::{Compute, Weights};
+use serde::{Serialize, de::DeserializeOwned};
+use tactnet_data::SplitManifest;
+use tactnet_models::Weights;
 
 use crate::checkpoint::{decode_checkpoint, encode_checkpoint};
 use crate::{
-    Calibration, ClassifierConfig, Enrolled, EnrolledMaterial, KnownSweeps, ModelRecipe,
-    PipelineError, PredictionMethod, Predictions, Promise, Provenance, RunResult, TrainingState,
+    Calibration, Enrolled, EnrolledMaterial, EpochMetrics, KnownSweeps, PipelineError,
+    PredictionMethod, Predictions, Provenance, RunConfig, RunResult, TrainingState, write_whole,
 };
 
 /// Name of the lock file.
@@ -36,77 +35,6 @@ const WEIGHTS: &str = "weights.safetensors";
 const KNOWN: &str = "known.safetensors";
 const CALIBRATION: &str = "calibration.json";
 const ENROLLED: &str = "enrolled.json";
-
-/// `config.json`: all that is decided before the first batch.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct RunConfig {
-    /// Version of this layout.
-    pub schema_version: u32,
-    /// `twin`, or the data set's file.
-    pub data: String,
-    /// Time steps kept of every sweep, from its beginning; absent: all.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub steps: Option<usize>,
-    /// Whose labels the sweeps have.
-    #[serde(default, skip_serializing_if = "LabelOrder::is_true")]
-    pub label_order: LabelOrder,
-    /// Part of the training sweeps that judges instead of the test sweeps; absent: the test sweeps do.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub inner: Option<usize>,
-    /// A fifth of the training sweeps is set aside to calibrate with; absent: all are trained on.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub promise: Option<Promise>,
-    /// Built-in name or file of the recipe, as it was asked for.
-    pub recipe_source: String,
-    /// SHA-256 of the data set's content.
-    pub data_sha256: String,
-    /// Names every random choice.
-    pub seed: Seed,
-    /// Where tensors live.
-    pub compute: Compute,
-    /// How the classifier comes about.
-    pub recipe: ModelRecipe,
-    /// Everything about the classifier but its weights.
-    pub classifier: ClassifierConfig,
-}
-
-impl RunConfig {
-    /// Version written by this program.
-    pub const SCHEMA_VERSION: u32 = 2;
-}
-
-/// Whose labels the sweeps have.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum LabelOrder {
-    /// Their own.
-    #[default]
-    True,
-    /// Dealt anew at random, to see that nothing can be learnt from them.
-    Permuted,
-}
-
-impl LabelOrder {
-    fn is_true(&self) -> bool {
-        *self == Self::True
-    }
-}
-
-/// One line of `metrics.jsonl`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct EpochMetrics {
-    /// Epoch, counted from 1.
-    pub epoch: usize,
-    /// Mean objective over the training sweeps, nats.
-    pub train_loss: f64,
-    /// Share of training sweeps recognised, with dropout on.
-    pub train_accuracy: f64,
-    /// Learning rate used.
-    pub learning_rate: f64,
-    /// Time spent in its training steps, seconds.
-    pub seconds: f64,
-}
 
 /// A folder that holds one run.
 #[derive(Debug)]
@@ -565,44 +493,4 @@ fn to_json(name: &str, value: &impl Serialize, pretty: bool) -> Result<String, P
         path: name.into(),
         reason: error.to_string(),
     })
-}
-
-/// How the names of files begin that [`write_whole`] has not finished; a killed process leaves one.
-pub const UNFINISHED: &str = ".writing-";
-
-/// Writes beside `path`, syncs, renames into place: after a crash or on a full disk the former file is still whole.
-///
-/// # Errors
-/// It cannot be written.
-pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), PipelineError> {
-    let failed = |error: std::io::Error| PipelineError::io(path, "write", error);
-    // The parent of a bare file name is empty.
-    let folder = path
-        .parent()
-        .filter(|folder| !folder.as_os_str().is_empty())
-        .unwrap_or_else(|| Path::new("."));
-    let mut file = tempfile::Builder::new()
-        .prefix(UNFINISHED)
-        .tempfile_in(folder)
-        .map_err(failed)?;
-    file.write_all(bytes).map_err(failed)?;
-    file.as_file().sync_all().map_err(failed)?;
-    set_ordinary_permissions(file.as_file()).map_err(failed)?;
-    file.persist(path).map_err(|error| failed(error.error))?;
-    // The new name must outlive a power cut, too.
-    fs::File::open(folder)
-        .and_then(|folder| folder.sync_all())
-        .map_err(failed)
-}
-
-/// Temporary files are private; a run's files are meant to be read by others.
-#[cfg(unix)]
-fn set_ordinary_permissions(file: &fs::File) -> std::io::Result<()> {
-    use std::os::unix::fs::PermissionsExt;
-    file.set_permissions(fs::Permissions::from_mode(0o644))
-}
-
-#[cfg(not(unix))]
-fn set_ordinary_permissions(_: &fs::File) -> std::io::Result<()> {
-    Ok(())
 }

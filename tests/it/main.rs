@@ -21,5 +21,6 @@ mod service;
 mod study;
 mod training;
 mod tutorial;
+mod view;
 #[cfg(feature = "vulkan")]
 mod vulkan;

@@ -3,12 +3,16 @@
 //! [`Recorder`] writes what travels on the channels, [`Recording`] reads it back as far as it goes, [`sweeps`] makes a data set of it.
 
 mod error;
+mod listener;
 mod messages;
 mod recorder;
 mod recording;
 mod sweeps;
+#[cfg(feature = "rerun")]
+pub mod view;
 
 pub use error::RecordingError;
+pub use listener::{Heard, Listener};
 pub use messages::{DESCRIPTION, Recordable, proto};
 pub use recorder::{About, Counts, Recorder};
 pub use recording::{Entry, RecordedPacket, Recording};

@@ -13,16 +13,14 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, WriteOptions, Writer};
-use tactnet_channel::{Bus, GetPort, GetSide, Start, SyncGroup, Table, Wait, now_ns};
-use tactnet_serving::ServeConfig;
-use tactnet_serving::packets::{ModelNames, SkinFrame, SweepCommand, TactileBelief, TactileStatus};
+use tactnet_channel::{Bus, Table};
 
-use crate::messages::{DESCRIPTION, Recordable};
-use crate::{METADATA, RecordingError};
+use crate::messages::DESCRIPTION;
+use crate::{Listener, METADATA, RecordedPacket, RecordingError};
 
 /// Messages that wait for the writer.
 const WAITING: usize = 8192;
@@ -30,9 +28,6 @@ const WAITING: usize = 8192;
 const CHUNK_EVERY: Duration = Duration::from_secs(1);
 /// And when it is so large, bytes.
 const CHUNK_BYTES: u64 = 1 << 20;
-/// Packets of a channel in one go.
-const MOST: usize = 256;
-
 /// What is known of a recording before it begins.
 #[derive(Debug, Clone, Default)]
 pub struct About {
@@ -65,80 +60,16 @@ struct Piece {
     data: Vec<u8>,
 }
 
-/// From the channels' clock to the time of day.
-#[derive(Clone, Copy)]
-struct Clock {
-    /// Nanoseconds since 1970 when the channels' clock was zero.
-    epoch_ns: u64,
-    /// When the recording began, by the channels' clock.
-    begun_ns: u64,
-}
-
 /// Follows the channels of the classifier and writes what travels on them.
 pub struct Recorder {
-    group: SyncGroup,
-    frames: Vec<RecordedChannel<SkinFrame>>,
-    commands: RecordedChannel<SweepCommand>,
-    beliefs: RecordedChannel<TactileBelief>,
-    status: RecordedChannel<TactileStatus>,
-    model: RecordedChannel<ModelNames>,
-    clock: Clock,
+    listener: Listener,
+    /// Of each channel its number in the file and how many messages have come.
+    channels: Vec<(u16, u32)>,
+    /// Nanoseconds since 1970.
+    begun_ns: u64,
+    counts: Counts,
     path: PathBuf,
     writer: Option<(SyncSender<Piece>, JoinHandle<mcap::McapResult<()>>)>,
-}
-
-struct RecordedChannel<T> {
-    port: GetPort<T>,
-    channel: u16,
-    came: u32,
-}
-
-impl<T: Recordable> RecordedChannel<T> {
-    fn open(bus: &Bus, id: &str, start: Start) -> Result<Self, RecordingError> {
-        Ok(Self {
-            port: bus.get_port(id, start)?,
-            channel: 0,
-            came: 0,
-        })
-    }
-
-    /// Says in the file what it holds.
-    fn describe(&mut self, writer: &mut Writer<BufWriter<File>>, id: &str) -> mcap::McapResult<()> {
-        let schema = writer.add_schema(T::MESSAGE, "protobuf", DESCRIPTION)?;
-        self.channel = writer.add_channel(schema, id, "protobuf", &BTreeMap::new())?;
-        Ok(())
-    }
-
-    /// Hands on what has come; false when the writer is gone.
-    fn follow(&mut self, clock: Clock, writer: &SyncSender<Piece>) -> Result<bool, RecordingError> {
-        for _ in 0..MOST {
-            let Some(packet) = self.port.try_get()? else {
-                break;
-            };
-            let header = *packet.header();
-            // Another host's clock says nothing here.
-            let put_ns = if header.remote == 0 {
-                header.put_ns
-            } else {
-                now_ns()
-            };
-            for packet in &*packet {
-                let piece = Piece {
-                    channel: self.channel,
-                    sequence: self.came,
-                    // What was put before, as history, does not stretch the recording.
-                    log_time: clock.epoch_ns + put_ns.max(clock.begun_ns),
-                    publish_time: clock.epoch_ns + put_ns,
-                    data: packet.to_message(),
-                };
-                self.came = self.came.wrapping_add(1);
-                if writer.send(piece).is_err() {
-                    return Ok(false);
-                }
-            }
-        }
-        Ok(true)
-    }
 }
 
 impl Recorder {
@@ -152,31 +83,7 @@ impl Recorder {
         path: &Path,
         about: &About,
     ) -> Result<Self, RecordingError> {
-        let config = ServeConfig::of(table)?;
-        let mut frames = config
-            .fingers
-            .iter()
-            .map(|id| RecordedChannel::open(bus, id, Start::Now))
-            .collect::<Result<Vec<_>, _>>()?;
-        let mut commands = RecordedChannel::open(bus, &config.command, Start::Now)?;
-        let mut beliefs = RecordedChannel::open(bus, &config.belief, Start::Now)?;
-        let mut status = RecordedChannel::open(bus, &config.status, Start::Now)?;
-        // It was put when the service began.
-        let mut model = RecordedChannel::open(bus, &config.model, Start::History(1))?;
-        let mut sides: Vec<&dyn GetSide> = Vec::new();
-        sides.extend(
-            frames
-                .iter()
-                .map(|f: &RecordedChannel<SkinFrame>| &f.port as &dyn GetSide),
-        );
-        sides.extend([
-            &commands.port as &dyn GetSide,
-            &beliefs.port,
-            &status.port,
-            &model.port,
-        ]);
-        let group = bus.sync_group(&sides)?;
-
+        let listener = Listener::open(bus, table)?;
         let file = File::create_new(path).map_err(|source| RecordingError::Io {
             path: path.into(),
             source,
@@ -193,42 +100,31 @@ impl Recorder {
             .chunk_size(Some(CHUNK_BYTES))
             .library(concat!("tactnet ", env!("CARGO_PKG_VERSION")));
         let mut writer = options.create(BufWriter::new(file)).map_err(failed)?;
-        let begun_ns = now_ns();
-        let since = SystemTime::now().duration_since(UNIX_EPOCH);
-        let clock = Clock {
-            epoch_ns: since
-                .map_or(0, |since| since.as_nanos() as u64)
-                .saturating_sub(begun_ns),
-            begun_ns,
-        };
+        let begun_ns = listener.now_ns();
         writer
             .write_metadata(&metadata(table, about)?)
             .map_err(failed)?;
         for (name, data) in &about.files {
-            let log_time = clock.epoch_ns + begun_ns;
             writer
                 .attach(&Attachment {
-                    log_time,
-                    create_time: log_time,
+                    log_time: begun_ns,
+                    create_time: begun_ns,
                     name: name.clone(),
                     media_type: "application/octet-stream".into(),
                     data: data.into(),
                 })
                 .map_err(failed)?;
         }
-        for (id, frames) in config.fingers.iter().zip(&mut frames) {
-            frames.describe(&mut writer, id).map_err(failed)?;
-        }
-        commands
-            .describe(&mut writer, &config.command)
+        let channels = listener
+            .channels()
+            .iter()
+            .map(|(id, message)| {
+                let schema = writer.add_schema(message, "protobuf", DESCRIPTION)?;
+                let channel = writer.add_channel(schema, id, "protobuf", &BTreeMap::new())?;
+                Ok((channel, 0))
+            })
+            .collect::<mcap::McapResult<_>>()
             .map_err(failed)?;
-        beliefs
-            .describe(&mut writer, &config.belief)
-            .map_err(failed)?;
-        status
-            .describe(&mut writer, &config.status)
-            .map_err(failed)?;
-        model.describe(&mut writer, &config.model).map_err(failed)?;
         writer.flush().map_err(failed)?;
         let (sender, pieces) = sync_channel(WAITING);
         let thread = std::thread::Builder::new()
@@ -239,13 +135,10 @@ impl Recorder {
                 source,
             })?;
         Ok(Self {
-            group,
-            frames,
-            commands,
-            beliefs,
-            status,
-            model,
-            clock,
+            listener,
+            channels,
+            begun_ns,
+            counts: Counts::default(),
             path: path.into(),
             writer: Some((sender, thread)),
         })
@@ -256,7 +149,7 @@ impl Recorder {
     /// # Errors
     /// The channels have broken down; the file cannot be written any more, for example because the disk is full.
     pub fn step(&mut self, patience: Duration) -> Result<(), RecordingError> {
-        self.group.wait(Wait::Block { timeout: patience })?;
+        self.listener.wait(patience)?;
         self.follow()
     }
 
@@ -264,35 +157,34 @@ impl Recorder {
         let Some((writer, _)) = &self.writer else {
             return Ok(());
         };
-        // What a command or a belief is about comes before it or with it.
-        let mut goes_on = self.commands.follow(self.clock, writer)?;
-        for frames in &mut self.frames {
-            goes_on &= frames.follow(self.clock, writer)?;
-        }
-        goes_on &= self.beliefs.follow(self.clock, writer)?;
-        goes_on &= self.status.follow(self.clock, writer)?;
-        goes_on &= self.model.follow(self.clock, writer)?;
+        let mut goes_on = true;
+        self.listener.follow(|heard| {
+            let (channel, came) = &mut self.channels[heard.channel];
+            let piece = Piece {
+                channel: *channel,
+                sequence: *came,
+                // What was put before, as history, does not stretch the recording.
+                log_time: heard.put_ns.max(self.begun_ns),
+                publish_time: heard.put_ns,
+                data: heard.packet.to_message(),
+            };
+            *came = came.wrapping_add(1);
+            self.counts.messages += 1;
+            match heard.packet {
+                RecordedPacket::Frame(_) => self.counts.frames += 1,
+                RecordedPacket::Belief(_) => self.counts.beliefs += 1,
+                _ => {}
+            }
+            goes_on &= writer.send(piece).is_ok();
+        })?;
         if goes_on { Ok(()) } else { self.end() }
     }
 
     /// What has come so far.
     pub fn counts(&self) -> Counts {
-        let frames: u64 = self.frames.iter().map(|f| u64::from(f.came)).sum();
-        let others = [
-            self.commands.came,
-            self.beliefs.came,
-            self.status.came,
-            self.model.came,
-        ];
         Counts {
-            messages: frames + others.into_iter().map(u64::from).sum::<u64>(),
-            frames,
-            beliefs: self.beliefs.came.into(),
-            lost: self.frames.iter().map(|f| f.port.lost()).sum::<u64>()
-                + self.commands.port.lost()
-                + self.beliefs.port.lost()
-                + self.status.port.lost()
-                + self.model.port.lost(),
+            lost: self.listener.lost(),
+            ..self.counts
         }
     }
 

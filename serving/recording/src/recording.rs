@@ -44,6 +44,19 @@ pub enum RecordedPacket {
     Model(Box<ModelNames>),
 }
 
+impl RecordedPacket {
+    /// Its message as bytes.
+    pub fn to_message(&self) -> Vec<u8> {
+        match self {
+            Self::Frame(packet) => packet.to_message(),
+            Self::Command(packet) => packet.to_message(),
+            Self::Belief(packet) => packet.to_message(),
+            Self::Status(packet) => packet.to_message(),
+            Self::Model(packet) => packet.to_message(),
+        }
+    }
+}
+
 /// What a file holds, in memory: about 0.5 GB for an hour of one finger at 750 Hz.
 #[derive(Debug, Clone)]
 pub struct Recording {

@@ -1,0 +1,34 @@
+//! `tactnet view` and `tactnet data view`: channels, recordings and data sets in the Rerun viewer, from a process of their own.
+
+mod arguments;
+#[cfg(feature = "rerun")]
+mod channels;
+#[cfg(feature = "rerun")]
+mod sweeps;
+
+pub use arguments::{SweepsArgs, ViewArgs};
+
+#[cfg(feature = "rerun")]
+pub use {channels::run, sweeps::run as run_sweeps};
+
+#[cfg(not(feature = "rerun"))]
+mod left_out {
+    use std::process::ExitCode;
+
+    use super::{SweepsArgs, ViewArgs};
+
+    const WHY: &str = "this program was built without `rerun`; build it with `--features rerun`";
+
+    /// Says why not.
+    pub fn run(_: &ViewArgs) -> anyhow::Result<ExitCode> {
+        anyhow::bail!(WHY)
+    }
+
+    /// Says why not.
+    pub fn run_sweeps(_: &SweepsArgs) -> anyhow::Result<ExitCode> {
+        anyhow::bail!(WHY)
+    }
+}
+
+#[cfg(not(feature = "rerun"))]
+pub use left_out::{run, run_sweeps};

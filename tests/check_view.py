@@ -1,0 +1,114 @@
+#!/usr/bin/env python3
+"""Opens what `tactnet view` makes in Rerun's own library and viewer. Usage:
+
+    check_view.py sweeps    DATA.npz DATA.rrd PICTURES     a file of `tactnet data view` holds the data set's numbers
+    check_view.py live      URL PICTURES                   a viewer that is fed by `tactnet view --connect`
+    check_view.py recording FILE.mcap FILE.rrd PICTURES    a recording, as it is and by `tactnet view --save`
+
+    pip install rerun-sdk==0.36.3 numpy; a Vulkan driver (mesa's lavapipe is enough)
+
+PICTURES: a folder for the screenshots, or an empty word. The viewer draws without a screen.
+"""
+
+import pathlib
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+
+import numpy
+import PIL.Image
+from rerun.experimental import McapReader, RrdReader, ViewerClient
+
+kind, *inputs, pictures = sys.argv[1:]
+folder = pathlib.Path(pictures or tempfile.mkdtemp())
+folder.mkdir(parents=True, exist_ok=True)
+
+
+def colorful(path):
+    """Share of the pixels that are no shade of grey."""
+    image = numpy.asarray(PIL.Image.open(path).convert("RGB")).astype(int)
+    return float(((image.max(axis=2) - image.min(axis=2)) > 60).mean())
+
+
+def screenshot(url, name, least, patience=60):
+    """Waits until the viewer shows pictures."""
+    # The axes find their range.
+    time.sleep(3)
+    out, begun, share = folder / f"{name}.png", time.monotonic(), 0.0
+    while time.monotonic() - begun < patience:
+        out.unlink(missing_ok=True)
+        ViewerClient(url=url).save_screenshot(str(out))
+        while not out.exists() and time.monotonic() - begun < patience:
+            time.sleep(0.1)
+        time.sleep(0.3)
+        share = colorful(out)
+        if share >= least:
+            return share
+        time.sleep(1)
+    raise AssertionError(f"{out}: {share:.4f} of the picture has colors, expected {least}")
+
+
+def show(file, name, least):
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    viewer = subprocess.Popen(
+        [sys.executable, "-m", "rerun", "--headless", "--bind", "127.0.0.1", "--port", str(port), "--window-size", "1400x900", str(file)],
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        begun = time.monotonic()
+        while True:
+            try:
+                socket.create_connection(("127.0.0.1", port)).close()
+                break
+            except OSError:
+                assert time.monotonic() - begun < 60 and viewer.poll() is None, "no viewer"
+                time.sleep(0.1)
+        return screenshot(f"rerun+http://127.0.0.1:{port}/proxy", name, least)
+    finally:
+        subprocess.run(["pkill", "-P", str(viewer.pid)])
+        viewer.terminate()
+        viewer.wait()
+
+
+def rows(reader, entity, column):
+    """The lists of one column of one entity, in the order of time."""
+    found = []
+    for chunk in reader.stream():
+        if str(chunk.entity_path) != entity or chunk.is_static:
+            continue
+        batch = chunk.to_record_batch()
+        names = batch.schema.names
+        values = next(i for i, name in enumerate(names) if name.endswith(column))
+        times = names.index("time")
+        found += zip(batch.column(times).cast("int64").to_pylist(), batch.column(values).to_pylist())
+    found.sort(key=lambda row: row[0])
+    return [value for _, value in found]
+
+
+if kind == "sweeps":
+    data, file = inputs
+    arrays = numpy.load(data)
+    samples = arrays["samples"]
+    traces = numpy.array(rows(RrdReader(file), "/skin/traces", "Scalars:scalars"))
+    steps, taxels = samples.shape[-3], samples.shape[-2] * samples.shape[-1]
+    sweeps = samples.reshape(-1, steps, taxels)
+    shown = traces.reshape(-1, steps, taxels)
+    for sweep in shown:
+        assert (numpy.abs(sweeps - sweep).max(axis=(1, 2)) == 0).any(), "no sweep of the data set"
+    heatmaps = rows(RrdReader(file), "/skin/heatmap", "Tensor:data")
+    print(f"{len(shown)} sweeps, {len(heatmaps)} heatmaps: fine; colors {show(file, 'sweeps', 0.02):.3f}")
+elif kind == "live":
+    print(f"fine; colors {screenshot(inputs[0], 'live', 0.02):.3f}")
+else:
+    recording, file = inputs
+    entities = {str(chunk.entity_path) for chunk in McapReader(recording).stream()}
+    assert any("skin/right" in entity for entity in entities) and any("tactile/belief" in entity for entity in entities), entities
+    frames = rows(RrdReader(file), "/skin/right/traces", "Scalars:scalars")
+    posterior = rows(RrdReader(file), "/skin/right/belief/posterior", "Scalars:scalars")
+    assert frames and posterior and all(abs(sum(p) - 1) < 1e-3 for p in posterior)
+    raw = show(recording, "recording_as_it_is", 0.0)
+    print(f"{len(frames)} frames, {len(posterior)} beliefs: fine; colors {show(file, 'recording', 0.02):.3f}, {raw:.3f}")

@@ -1,0 +1,174 @@
+//! Looking on in the Rerun viewer, or being told that this build has none.
+
+#[cfg(not(feature = "rerun"))]
+#[test]
+fn a_build_without_the_viewer_names_what_is_missing() {
+    use crate::command::{Lab, expect, stderr, tactnet};
+    let lab = Lab::new();
+    let mut view = tactnet(["data", "view"]);
+    view.arg(lab.path("twin.h5"));
+    let said = stderr(&expect(2, view));
+    assert!(said.contains("build it with `--features rerun`"), "{said}");
+}
+
+#[cfg(feature = "rerun")]
+mod with_rerun {
+    use std::process::{Command, Stdio};
+    use std::time::{Duration, Instant};
+
+    use serde_json::Value;
+
+    use crate::command::{Lab, expect, stderr, stdout, tactnet};
+    use crate::serve::{Robot, Running};
+
+    fn json(command: Command) -> Value {
+        serde_json::from_str(&stdout(&expect(0, command))).unwrap()
+    }
+
+    fn view(robot: &Robot, more: &[&str]) -> Command {
+        let mut view = tactnet(["view", "--json", "--table"]);
+        view.arg(robot.lab.path("robot.toml")).args(more);
+        view
+    }
+
+    /// Rerun's viewer without a screen, which a launcher in Python has started.
+    struct Viewer(Running);
+
+    impl Viewer {
+        /// Signals the viewer itself.
+        fn signal(&self, signal: &str) -> bool {
+            let mut kill = Command::new("pkill");
+            kill.args([signal, "-P", &self.0.0.id().to_string()]);
+            kill.status().unwrap().success()
+        }
+    }
+
+    impl Drop for Viewer {
+        fn drop(&mut self) {
+            self.signal("-KILL");
+        }
+    }
+
+    /// Megabytes that a process holds.
+    fn resident(running: &Running) -> f64 {
+        let path = format!("/proc/{}/statm", running.0.id());
+        let pages = std::fs::read_to_string(path).unwrap();
+        let pages: f64 = pages.split(' ').nth(1).unwrap().parse().unwrap();
+        pages * 4096.0 / 1e6
+    }
+
+    #[test]
+    fn a_data_set_becomes_a_file_for_the_viewer() {
+        let lab = Lab::new();
+        let file = lab.path("sweeps.rrd");
+        let view = |more: &[&str]| {
+            let mut view = tactnet(["data", "view", "--json"]);
+            view.arg(lab.path("twin.h5"));
+            view.arg("--save").arg(&file).args(more);
+            view
+        };
+        let unknown = stderr(&expect(2, view(&["--material", "kryptonite"])));
+        assert!(unknown.contains("no `kryptonite`"), "{unknown}");
+        assert!(!file.exists());
+        let told = json(view(&["--sweeps", "2"]));
+        assert_eq!(
+            (&told["materials"], &told["sweeps"]),
+            (&4.into(), &8.into())
+        );
+        assert_eq!(told["frames"], 8 * 120);
+        assert!(std::fs::read(&file).unwrap().starts_with(b"RRF2"));
+        let twice = stderr(&expect(2, view(&[])));
+        assert!(twice.contains("is there already"), "{twice}");
+    }
+
+    #[test]
+    fn nobody_notices_who_looks_on() {
+        let robot = Robot::new("view");
+        let _hub = robot.start(&["channel", "hub"]);
+        let service = robot.serve("models/1");
+        let path = |name: &str| robot.lab.path(name).display().to_string();
+        let looks_on = Running::start(view(&robot, &["--save", &path("live.rrd")]));
+        let killed = Running::start(view(&robot, &["--save", &path("killed.rrd")]));
+        let nobody = ["--connect", "rerun+http://127.0.0.1:9/proxy"];
+        let refused = stderr(&expect(2, view(&robot, &nobody)));
+        assert!(refused.contains("the viewer has gone"), "{refused}");
+        let mut skin = robot.skin("8");
+        std::thread::sleep(Duration::from_millis(700));
+        drop(killed);
+        assert!(skin.0.wait().unwrap().success());
+        std::thread::sleep(Duration::from_millis(500));
+        let told: Value = serde_json::from_str(&looks_on.end()).unwrap();
+        let served: Value = serde_json::from_str(&service.end()).unwrap();
+        assert_eq!(served["dropped_frames"], 0, "{served}");
+        assert_eq!(served["sweeps"], 8, "{served}");
+        assert_eq!(told["frames"], served["frames"], "{told} {served}");
+        assert_eq!(told["beliefs"], served["beliefs"], "{told} {served}");
+        assert_eq!((&told["lost"], &told["left_out"]), (&0.into(), &0.into()));
+    }
+
+    #[test]
+    #[ignore = "needs TACTNET_PYTHON, a Python with rerun-sdk 0.36.3 and numpy, and a Vulkan driver"]
+    fn the_viewer_shows_data_sets_recordings_and_what_happens_now() {
+        let python = std::env::var("TACTNET_PYTHON").expect("TACTNET_PYTHON names a Python");
+        let pictures = std::env::var("TACTNET_PICTURES").unwrap_or_default();
+        let robot = Robot::new("viewer");
+        let path = |name: &str| robot.lab.path(name).display().to_string();
+        let check = |what: &[&str]| {
+            let mut check = Command::new(&python);
+            check.arg("tests/check_view.py").args(what).arg(&pictures);
+            let said = stdout(&expect(0, check));
+            assert!(said.contains("fine"), "{said}");
+        };
+        let mut npz = tactnet(["data", "export"]);
+        npz.args([path("data.h5"), "--out".into(), path("data.npz")]);
+        expect(0, npz);
+        let mut sweeps = tactnet(["data", "view", "--sweeps", "2", "--save"]);
+        sweeps.args([path("data.rrd"), path("data.h5")]);
+        expect(0, sweeps);
+        check(&["sweeps", &path("data.npz"), &path("data.rrd")]);
+
+        let _hub = robot.start(&["channel", "hub"]);
+        let service = robot.serve("models/1");
+        let file = path("a.mcap");
+        let recorder = robot.start(&["record", "--json", "--out", &file]);
+        // A real viewer, which is halted in the middle.
+        let port = {
+            let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+            free.local_addr().unwrap().port()
+        };
+        let mut viewer = Command::new(&python);
+        viewer.args(["-m", "rerun", "--headless", "--bind", "127.0.0.1"]);
+        viewer
+            .args(["--port", &port.to_string()])
+            .stderr(Stdio::null());
+        let viewer = Viewer(Running(viewer.spawn().unwrap()));
+        let begun = Instant::now();
+        while std::net::TcpStream::connect(("127.0.0.1", port)).is_err() {
+            assert!(begun.elapsed() < Duration::from_secs(60));
+            std::thread::sleep(Duration::from_millis(100));
+        }
+        let url = format!("rerun+http://127.0.0.1:{port}/proxy");
+        let looks_on = Running::start(view(&robot, &["--connect", &url]));
+        let mut skin = robot.skin("30");
+        std::thread::sleep(Duration::from_secs(5));
+        check(&["live", &url]);
+        let before = resident(&looks_on);
+        assert!(viewer.signal("-STOP"));
+        std::thread::sleep(Duration::from_secs(10));
+        let after = resident(&looks_on);
+        assert!(viewer.signal("-CONT"));
+        assert!(after < before + 60.0, "{before} MB, then {after} MB");
+        assert!(skin.0.wait().unwrap().success());
+        let told: Value = serde_json::from_str(&looks_on.end()).unwrap();
+        let served: Value = serde_json::from_str(&service.end()).unwrap();
+        drop(viewer);
+        assert_eq!(served["dropped_frames"], 0, "{served}");
+        assert_eq!(told["frames"], served["frames"], "{told} {served}");
+        recorder.end();
+
+        let mut recorded = tactnet(["view", "--save"]);
+        recorded.args([path("a.rrd"), file.clone()]);
+        expect(0, recorded);
+        check(&["recording", &file, &path("a.rrd")]);
+    }
+}
