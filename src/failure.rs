@@ -115,7 +115,14 @@ fn broke(cause: &(dyn std::error::Error + 'static)) -> bool {
         });
     let recording = matches!(
         cause.downcast_ref(),
-        Some(RecordingError::Write { .. } | RecordingError::Channel(_))
+        Some(
+            RecordingError::Write { .. }
+                | RecordingError::Channel(_)
+                | RecordingError::NoViewerAt { .. }
+                | RecordingError::Viewer(_)
+                | RecordingError::ViewerGone(_)
+                | RecordingError::Unwritten { .. }
+        )
     );
     pipeline
         || experiment

@@ -10,7 +10,9 @@
 PICTURES: a folder for the screenshots, or an empty word. The viewer draws without a screen.
 """
 
+import os
 import pathlib
+import signal
 import socket
 import subprocess
 import sys
@@ -22,6 +24,8 @@ import PIL.Image
 from rerun.experimental import McapReader, RrdReader, ViewerClient
 
 kind, *inputs, pictures = sys.argv[1:]
+# A viewer that does not answer is an error, not a wait.
+signal.alarm(180)
 folder = pathlib.Path(pictures or tempfile.mkdtemp())
 folder.mkdir(parents=True, exist_ok=True)
 
@@ -42,8 +46,11 @@ def screenshot(url, name, least, patience=60):
         ViewerClient(url=url).save_screenshot(str(out))
         while not out.exists() and time.monotonic() - begun < patience:
             time.sleep(0.1)
-        time.sleep(0.3)
-        share = colorful(out)
+        time.sleep(0.5)
+        try:
+            share = colorful(out)
+        except OSError:  # not written wholly yet
+            continue
         if share >= least:
             return share
         time.sleep(1)
@@ -56,7 +63,9 @@ def show(file, name, least):
         port = free.getsockname()[1]
     viewer = subprocess.Popen(
         [sys.executable, "-m", "rerun", "--headless", "--bind", "127.0.0.1", "--port", str(port), "--window-size", "1400x900", str(file)],
+        stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
+        start_new_session=True,
     )
     try:
         begun = time.monotonic()
@@ -69,8 +78,8 @@ def show(file, name, least):
                 time.sleep(0.1)
         return screenshot(f"rerun+http://127.0.0.1:{port}/proxy", name, least)
     finally:
-        subprocess.run(["pkill", "-P", str(viewer.pid)])
-        viewer.terminate()
+        # The launcher and the viewer itself.
+        os.killpg(viewer.pid, signal.SIGKILL)
         viewer.wait()
 
 
@@ -85,6 +94,8 @@ def rows(reader, entity, column):
         values = next(i for i, name in enumerate(names) if name.endswith(column))
         times = names.index("time")
         found += zip(batch.column(times).cast("int64").to_pylist(), batch.column(values).to_pylist())
+    # Rows without values end lines.
+    found = [row for row in found if row[1]]
     found.sort(key=lambda row: row[0])
     return [value for _, value in found]
 
@@ -99,7 +110,10 @@ if kind == "sweeps":
     shown = traces.reshape(-1, steps, taxels)
     for sweep in shown:
         assert (numpy.abs(sweeps - sweep).max(axis=(1, 2)) == 0).any(), "no sweep of the data set"
+    assert len(shown) == 8, len(shown)
     heatmaps = rows(RrdReader(file), "/skin/heatmap", "Tensor:data")
+    # 25 a second.
+    assert abs(len(heatmaps) - 8 * steps / 750 * 25) <= 8, len(heatmaps)
     print(f"{len(shown)} sweeps, {len(heatmaps)} heatmaps: fine; colors {show(file, 'sweeps', 0.02):.3f}")
 elif kind == "live":
     print(f"fine; colors {screenshot(inputs[0], 'live', 0.02):.3f}")
@@ -109,6 +123,11 @@ else:
     assert any("skin/right" in entity for entity in entities) and any("tactile/belief" in entity for entity in entities), entities
     frames = rows(RrdReader(file), "/skin/right/traces", "Scalars:scalars")
     posterior = rows(RrdReader(file), "/skin/right/belief/posterior", "Scalars:scalars")
-    assert frames and posterior and all(abs(sum(p) - 1) < 1e-3 for p in posterior)
+    assert posterior and all(abs(sum(p) - 1) < 1e-3 for p in posterior)
+    recorded = sum(chunk.num_rows for chunk in McapReader(recording).stream() if str(chunk.entity_path) == "/skin/right" and not chunk.is_static)
+    assert len(frames) == recorded > 0, (len(frames), recorded)
+    shown = {str(chunk.entity_path).removeprefix("/skin/right/") for chunk in RrdReader(file).stream()}
+    expected = {"heatmap", "belief/bars/length", "belief/bars/name", "belief/text", "latency/plain", "latency/dropout", "/events"}
+    assert expected <= shown, expected - shown
     raw = show(recording, "recording_as_it_is", 0.0)
     print(f"{len(frames)} frames, {len(posterior)} beliefs: fine; colors {show(file, 'recording', 0.02):.3f}, {raw:.3f}")

@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 use anyhow::bail;
 use serde::Serialize;
 use tactnet_channel::{Bus, Domain, Table};
-use tactnet_recording::view::{LiveView, Scene, Target, ViewError};
-use tactnet_recording::{Entry, Listener, RecordedPacket, Recording};
+use tactnet_recording::view::{LiveView, Play, Scene, Target};
+use tactnet_recording::{Entry, Listener, RecordedPacket, Recording, RecordingError};
 
 use super::ViewArgs;
 use super::arguments::TargetArgs;
@@ -28,7 +28,7 @@ struct Viewed {
     beliefs: u64,
     /// Packets that were put and never came here.
     lost: u64,
-    /// Frames that came and that the viewer was too slow for.
+    /// Packets that came and that the viewer was too slow for.
     left_out: u64,
 }
 
@@ -98,7 +98,7 @@ fn show_recording(file: &Path, target: &Target) -> anyhow::Result<Viewed> {
         eprintln!("{}: the end is missing ({cut})", file.display());
     }
     let title = file.display().to_string();
-    let mut scene = Scene::of_channels(target, &title, &recording.table, false)?;
+    let mut scene = Scene::of_channels(target, &title, &recording.table, Play::FromBeginning)?;
     let mut viewed = Viewed {
         schema_version: 1,
         ..Viewed::default()
@@ -120,8 +120,10 @@ fn show_channels(path: &Path, target: &Target, seconds: f64) -> anyhow::Result<V
     let stop = Stop::listen_saying("ending")?;
     let table = Table::load(path)?;
     let bus = Bus::open(Domain::Host, &table)?;
-    let mut listener = Listener::open(&bus, &table)?;
+    // Whether all channels are there; what comes while the viewer starts is none of its business.
+    drop(Listener::open(&bus, &table)?);
     let mut view = LiveView::start(target, &table.bus, &table)?;
+    let mut listener = Listener::open(&bus, &table)?;
     eprintln!("looking on; Ctrl-C ends");
     output::print(format_args!("ready"))?;
     let ids: Vec<_> = listener
@@ -152,17 +154,22 @@ fn show_channels(path: &Path, target: &Target, seconds: f64) -> anyhow::Result<V
             }
         }
     }
+    // A file gets everything.
+    let patience = match target {
+        Target::File { .. } => None,
+        Target::Viewer { .. } | Target::Connect { .. } => Some(PATIENCE),
+    };
+    closed(view.finish(batch, patience))?;
     viewed.lost = listener.lost();
     viewed.left_out = view.left_out();
-    closed(view.finish(batch, PATIENCE))?;
     Ok(viewed)
 }
 
 /// Whether the viewer was closed or does not answer: somebody has seen enough.
-fn closed(outcome: Result<(), ViewError>) -> Result<bool, ViewError> {
+fn closed(outcome: Result<(), RecordingError>) -> Result<bool, RecordingError> {
     match outcome {
         Ok(()) => Ok(false),
-        Err(gone @ ViewError::Gone(_)) => {
+        Err(gone @ RecordingError::ViewerGone(_)) => {
             eprintln!("{gone}");
             Ok(true)
         }

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use anyhow::bail;
 use serde::Serialize;
 use tactnet_data::Dataset;
-use tactnet_recording::view::{Scene, Stretch, TimeOrigin};
+use tactnet_recording::view::{Play, Scene, Stretch, TimeOrigin};
 
 use super::SweepsArgs;
 use crate::{output, source};
@@ -29,7 +29,13 @@ pub fn run(arguments: &SweepsArgs) -> anyhow::Result<ExitCode> {
     let dataset = source::load(&arguments.data)?;
     let chosen = chosen(&dataset, &arguments.material, arguments.sweeps)?;
     let target = arguments.target.target();
-    let mut scene = Scene::open(&target, dataset.name(), &[SKIN], TimeOrigin::Begin, false)?;
+    let mut scene = Scene::open(
+        &target,
+        dataset.name(),
+        &[SKIN],
+        TimeOrigin::Begin,
+        Play::FromBeginning,
+    )?;
     let shape = dataset.shape();
     scene.set_shape(shape.rows, shape.cols);
     let step_ns = 1e9 / dataset.sample_rate_hz();

@@ -49,14 +49,6 @@ mod with_rerun {
         }
     }
 
-    /// Megabytes that a process holds.
-    fn resident(running: &Running) -> f64 {
-        let path = format!("/proc/{}/statm", running.0.id());
-        let pages = std::fs::read_to_string(path).unwrap();
-        let pages: f64 = pages.split(' ').nth(1).unwrap().parse().unwrap();
-        pages * 4096.0 / 1e6
-    }
-
     #[test]
     fn a_data_set_becomes_a_file_for_the_viewer() {
         let lab = Lab::new();
@@ -78,7 +70,7 @@ mod with_rerun {
         assert_eq!(told["frames"], 8 * 120);
         assert!(std::fs::read(&file).unwrap().starts_with(b"RRF2"));
         let twice = stderr(&expect(2, view(&[])));
-        assert!(twice.contains("is there already"), "{twice}");
+        assert!(twice.contains("exists"), "{twice}");
     }
 
     #[test]
@@ -90,15 +82,15 @@ mod with_rerun {
         let looks_on = Running::start(view(&robot, &["--save", &path("live.rrd")]));
         let killed = Running::start(view(&robot, &["--save", &path("killed.rrd")]));
         let nobody = ["--connect", "rerun+http://127.0.0.1:9/proxy"];
-        let refused = stderr(&expect(2, view(&robot, &nobody)));
-        assert!(refused.contains("the viewer has gone"), "{refused}");
+        let refused = stderr(&expect(1, view(&robot, &nobody)));
+        assert!(refused.contains("no Rerun viewer"), "{refused}");
         let mut skin = robot.skin("8");
         std::thread::sleep(Duration::from_millis(700));
         drop(killed);
         assert!(skin.0.wait().unwrap().success());
         std::thread::sleep(Duration::from_millis(500));
-        let told: Value = serde_json::from_str(&looks_on.end()).unwrap();
         let served: Value = serde_json::from_str(&service.end()).unwrap();
+        let told: Value = serde_json::from_str(&looks_on.end()).unwrap();
         assert_eq!(served["dropped_frames"], 0, "{served}");
         assert_eq!(served["sweeps"], 8, "{served}");
         assert_eq!(told["frames"], served["frames"], "{told} {served}");
@@ -116,6 +108,7 @@ mod with_rerun {
         let check = |what: &[&str]| {
             let mut check = Command::new(&python);
             check.arg("tests/check_view.py").args(what).arg(&pictures);
+            // A viewer that hangs is killed by the script itself.
             let said = stdout(&expect(0, check));
             assert!(said.contains("fine"), "{said}");
         };
@@ -152,15 +145,14 @@ mod with_rerun {
         let mut skin = robot.skin("30");
         std::thread::sleep(Duration::from_secs(5));
         check(&["live", &url]);
-        let before = resident(&looks_on);
         assert!(viewer.signal("-STOP"));
-        std::thread::sleep(Duration::from_secs(10));
-        let after = resident(&looks_on);
+        std::thread::sleep(Duration::from_secs(12));
         assert!(viewer.signal("-CONT"));
-        assert!(after < before + 60.0, "{before} MB, then {after} MB");
         assert!(skin.0.wait().unwrap().success());
-        let told: Value = serde_json::from_str(&looks_on.end()).unwrap();
         let served: Value = serde_json::from_str(&service.end()).unwrap();
+        let told: Value = serde_json::from_str(&looks_on.end()).unwrap();
+        // What the viewer missed while it was halted waited for it.
+        assert_eq!(told["left_out"], 0, "{told}");
         drop(viewer);
         assert_eq!(served["dropped_frames"], 0, "{served}");
         assert_eq!(told["frames"], served["frames"], "{told} {served}");

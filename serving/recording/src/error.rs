@@ -30,6 +30,33 @@ pub enum RecordingError {
         /// What is wrong.
         source: mcap::McapError,
     },
+    /// There is no viewer to start.
+    #[error(
+        "no program `rerun` here; install it with `pip install rerun-sdk==0.36.3`, or write a file with `--save`"
+    )]
+    NoViewer,
+    /// Nobody answers there.
+    #[error("{url}: no Rerun viewer ({reason})")]
+    NoViewerAt {
+        /// Where it was looked for.
+        url: String,
+        /// What the viewer's library says.
+        reason: String,
+    },
+    /// The viewer or its library refuses.
+    #[error("the Rerun viewer: {0}")]
+    Viewer(String),
+    /// The viewer was closed, or does not answer.
+    #[error("the Rerun viewer has gone ({0})")]
+    ViewerGone(String),
+    /// A file for the viewer cannot be written.
+    #[error("{}: {reason}", path.display())]
+    Unwritten {
+        /// Its path.
+        path: PathBuf,
+        /// What the viewer's library says.
+        reason: String,
+    },
     /// No recording, or not one of ours.
     #[error("{}: {reason}", path.display())]
     Unreadable {
@@ -38,4 +65,11 @@ pub enum RecordingError {
         /// What is wrong.
         reason: String,
     },
+}
+
+#[cfg(feature = "rerun")]
+impl From<re_sdk::RecordingStreamError> for RecordingError {
+    fn from(error: re_sdk::RecordingStreamError) -> Self {
+        Self::Viewer(error.to_string())
+    }
 }

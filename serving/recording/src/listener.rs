@@ -109,7 +109,9 @@ impl Listener {
     /// The channels have broken down.
     pub fn follow(&self, mut each: impl FnMut(Heard)) -> Result<(), RecordingError> {
         let fingers = self.fingers.len();
-        // What a command or a belief is about comes before it or with it.
+        // What a command or a belief is about comes before it or with it, and names before all.
+        let model = |packet: ModelNames| RecordedPacket::Model(packet.into());
+        self.take(fingers + 3, &self.model, model, &mut each)?;
         self.take(fingers, &self.commands, RecordedPacket::Command, &mut each)?;
         for (channel, port) in self.fingers.iter().enumerate() {
             self.take(channel, port, RecordedPacket::Frame, &mut each)?;
@@ -117,9 +119,7 @@ impl Listener {
         let belief = |packet: TactileBelief| RecordedPacket::Belief(packet.into());
         self.take(fingers + 1, &self.beliefs, belief, &mut each)?;
         let status = |packet: TactileStatus| RecordedPacket::Status(packet.into());
-        self.take(fingers + 2, &self.status, status, &mut each)?;
-        let model = |packet: ModelNames| RecordedPacket::Model(packet.into());
-        self.take(fingers + 3, &self.model, model, &mut each)
+        self.take(fingers + 2, &self.status, status, &mut each)
     }
 
     fn take<T: Packet + Copy>(

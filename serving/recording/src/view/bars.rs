@@ -1,6 +1,6 @@
 //! A belief as bars and in words.
 
-use re_sdk_types::archetypes::{LineStrips2D, Points2D};
+use re_sdk_types::archetypes::LineStrips2D;
 use re_sdk_types::components::Color;
 use re_sdk_types::datatypes::Rgba32;
 use tactnet_serving::packets::{Stage, TactileBelief, Verdict};
@@ -8,10 +8,13 @@ use tactnet_serving::packets::{Stage, TactileBelief, Verdict};
 /// Materials that are drawn.
 const SHOWN: usize = 8;
 /// Length of a bar of probability one, in heights of a bar.
-const LENGTH: f32 = 10.0;
+const LENGTH: f32 = 8.0;
+/// Where the names begin.
+const LEFT: f32 = -10.0;
 const BAR: Color = Color(Rgba32(0x5e81_acff));
 const LIKELIEST: Color = Color(Rgba32(0xf0a0_3cff));
-const NAME: Color = Color(Rgba32(0xc8c8_c8ff));
+/// Half of a bar's width.
+pub(super) const RADIUS: f32 = 0.3;
 
 /// The likeliest materials first: names and probabilities.
 pub(super) fn likeliest(posterior: &[f32], names: &[String]) -> Vec<(String, f32)> {
@@ -33,39 +36,35 @@ pub(super) fn name(number: usize, names: &[String]) -> String {
         .unwrap_or_else(|| format!("material {number}"))
 }
 
-/// Bars from the left, and what is written before them.
-pub(super) fn drawn(materials: &[(String, f32)]) -> (LineStrips2D, Points2D) {
-    let row = |place: usize| place as f32 + 0.5;
-    let strips = materials
-        .iter()
-        .enumerate()
-        .map(|(place, (_, p))| [(0.0, row(place)), (LENGTH * p.max(0.002), row(place))]);
-    let colors = (0..materials.len()).map(|place| if place == 0 { LIKELIEST } else { BAR });
-    let bars = LineStrips2D::new(strips)
-        .with_radii([0.3])
-        .with_colors(colors);
-    let names = Points2D::new((0..materials.len()).map(|place| (-3.0, row(place))))
-        .with_labels(
-            materials
-                .iter()
-                .map(|(name, p)| format!("{name} {:.0} %", 100.0 * p)),
-        )
-        .with_show_labels(true)
-        .with_radii([0.0])
-        .with_colors([NAME]);
-    (bars, names)
+/// Middle of a row of the picture.
+fn row(place: usize) -> f32 {
+    place as f32 + 0.5
+}
+
+/// A bar from the left.
+pub(super) fn strip(place: usize, p: f32) -> [(f32, f32); 2] {
+    [(0.0, row(place)), (LENGTH * p.max(0.002), row(place))]
+}
+
+/// Where the name of a bar stands, its middle.
+pub(super) fn before(place: usize) -> (f32, f32) {
+    (LEFT / 2.0, row(place))
+}
+
+/// The likeliest stands out.
+pub(super) fn color(place: usize) -> Color {
+    if place == 0 { LIKELIEST } else { BAR }
 }
 
 /// The outline of all bars, which keeps the picture's size.
 pub(super) fn outline() -> LineStrips2D {
     let bottom = SHOWN as f32;
-    let (left, right) = (-6.0, LENGTH);
     LineStrips2D::new([[
-        (left, 0.0),
-        (right, 0.0),
-        (right, bottom),
-        (left, bottom),
-        (left, 0.0),
+        (LEFT, 0.0),
+        (LENGTH, 0.0),
+        (LENGTH, bottom),
+        (LEFT, bottom),
+        (LEFT, 0.0),
     ]])
     .with_radii([0.02])
     .with_colors([Color::from_rgb(60, 60, 60)])
@@ -85,7 +84,7 @@ pub(super) fn words(belief: &TactileBelief, names: &[String]) -> String {
     } else {
         ""
     };
-    let posterior = super::scene::posterior(belief);
+    let posterior = super::beliefs::posterior(belief);
     let label = belief.label as usize;
     let p = posterior.get(label).copied().unwrap_or(0.0);
     let fused = match belief.fused_sweeps {

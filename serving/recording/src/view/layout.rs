@@ -6,10 +6,14 @@ use re_sdk::blueprint::{
 };
 use re_sdk_types::blueprint::components::{PanelState, PlayState};
 
-use super::scene::TimeOrigin;
+use super::{Play, TimeOrigin};
 
-/// Of all fingers, a tab each; `play`: what time does in the beginning.
-pub(super) fn blueprint(fingers: &[&str], origin: TimeOrigin, play: PlayState) -> Blueprint {
+/// Of all fingers, a tab each.
+pub(super) fn blueprint(fingers: &[&str], origin: TimeOrigin, play: Play) -> Blueprint {
+    let play = match play {
+        Play::Following => PlayState::Following,
+        Play::FromBeginning => PlayState::Playing,
+    };
     let fingers: Vec<ContainerLike> = fingers.iter().map(|id| finger(id, origin)).collect();
     Blueprint::new(Tabs::new(fingers))
         .with_auto_layout(false)

@@ -6,18 +6,22 @@ use std::time::{Duration, Instant};
 
 use tactnet_channel::Table;
 
-use super::{Scene, Target, TimeOrigin, ViewError};
-use crate::{Entry, RecordedPacket};
+use super::{Play, Scene, Target};
+use crate::{Entry, RecordedPacket, RecordingError};
 
-/// Batches that wait for the viewer; at twenty a second three seconds, about 1 MB a finger.
+/// Batches that wait for the viewer; at twenty a second three seconds, about 0.5 MB a finger.
 const WAITING: usize = 64;
-/// How often the viewer is asked whether it is still there.
+/// Packets other than frames that wait beside them when it is slow.
+const KEPT: usize = 1024;
+/// How often the viewer is asked whether it is still there, and how long it may take to say so.
 const ASKED_EVERY: Duration = Duration::from_secs(1);
 
-/// A viewer that is fed by a thread of its own. What it is too slow for is left out and counted: memory stays bounded.
+/// A viewer that is fed by a thread of its own. Frames that it is too slow for are left out and counted: memory stays bounded.
 pub struct LiveView {
     batches: Option<SyncSender<Vec<Entry>>>,
-    thread: Option<JoinHandle<Result<(), ViewError>>>,
+    thread: Option<JoinHandle<Result<(), RecordingError>>>,
+    /// Of batches that were refused, all but the frames.
+    kept: Vec<Entry>,
     left_out: u64,
 }
 
@@ -26,62 +30,99 @@ impl LiveView {
     ///
     /// # Errors
     /// No viewer there; a file that is there already; a table without the classifier's section.
-    pub fn start(target: &Target, title: &str, table: &Table) -> Result<Self, ViewError> {
-        let scene = Scene::of_channels(target, title, table, true)?;
+    pub fn start(target: &Target, title: &str, table: &Table) -> Result<Self, RecordingError> {
+        let scene = Scene::of_channels(target, title, table, Play::Following)?;
         let (sender, batches) = sync_channel(WAITING);
         let thread = std::thread::Builder::new()
             .name("view".into())
             .spawn(move || show(scene, &batches))
-            .map_err(|error| ViewError::Rerun(error.to_string()))?;
-        Ok(Self {
-            batches: Some(sender),
+            .map_err(|error| RecordingError::Viewer(error.to_string()))?;
+        Ok(Self::feeding(sender, thread))
+    }
+
+    fn feeding(
+        batches: SyncSender<Vec<Entry>>,
+        thread: JoinHandle<Result<(), RecordingError>>,
+    ) -> Self {
+        Self {
+            batches: Some(batches),
             thread: Some(thread),
+            kept: Vec::new(),
             left_out: 0,
-        })
+        }
     }
 
     /// Hands a batch on; never waits.
     ///
     /// # Errors
-    /// The viewer has gone.
-    pub fn show(&mut self, batch: Vec<Entry>) -> Result<(), ViewError> {
+    /// The viewer has gone; the file cannot be written.
+    pub fn show(&mut self, batch: Vec<Entry>) -> Result<(), RecordingError> {
         let Some(batches) = &self.batches else {
             return Ok(());
         };
-        match batches.try_send(batch) {
+        let mut all = std::mem::take(&mut self.kept);
+        all.extend(batch);
+        match batches.try_send(all) {
             Ok(()) => Ok(()),
-            Err(TrySendError::Full(batch)) => {
-                let frames = |entry: &&Entry| matches!(entry.packet, RecordedPacket::Frame(_));
-                self.left_out += batch.iter().filter(frames).count() as u64;
+            Err(TrySendError::Full(mut batch)) => {
+                let came = batch.len();
+                batch.retain(|entry| !matches!(entry.packet, RecordedPacket::Frame(_)));
+                let oldest = batch.len().saturating_sub(KEPT);
+                batch.drain(..oldest);
+                self.left_out += (came - batch.len()) as u64;
+                self.kept = batch;
                 Ok(())
             }
             Err(TrySendError::Disconnected(_)) => self.end(),
         }
     }
 
-    /// Frames that were left out because the viewer was too slow.
+    /// Packets that were left out because the viewer was too slow.
     pub fn left_out(&self) -> u64 {
         self.left_out
     }
 
-    /// Shows what still waits and `last`, for so long at most; nothing where the viewer has gone.
+    /// Shows what still waits and `last`.
+    ///
+    /// - `patience`: how long that may take; `None`: as long as it takes
     ///
     /// # Errors
-    /// The viewer takes too long.
-    pub fn finish(mut self, last: Vec<Entry>, patience: Duration) -> Result<(), ViewError> {
-        self.show(last)?;
-        self.batches = None;
+    /// The viewer has gone, or takes too long; the file cannot be written.
+    pub fn finish(
+        &mut self,
+        last: Vec<Entry>,
+        patience: Option<Duration>,
+    ) -> Result<(), RecordingError> {
         let begun = Instant::now();
+        let waits = || patience.is_none_or(|patience| begun.elapsed() < patience);
+        let mut last = std::mem::take(&mut self.kept)
+            .into_iter()
+            .chain(last)
+            .collect::<Vec<_>>();
+        while let Some(batches) = &self.batches {
+            match batches.try_send(std::mem::take(&mut last)) {
+                Err(TrySendError::Full(batch)) if waits() => {
+                    last = batch;
+                    std::thread::sleep(Duration::from_millis(5));
+                }
+                Err(TrySendError::Full(batch)) => {
+                    self.left_out += batch.len() as u64;
+                    self.batches = None;
+                }
+                _ => self.batches = None,
+            }
+        }
         while self.thread.as_ref().is_some_and(|t| !t.is_finished()) {
-            if begun.elapsed() > patience {
-                return Err(ViewError::Gone("it does not take what is left".into()));
+            if !waits() {
+                let reason = "it does not take what is left".into();
+                return Err(RecordingError::ViewerGone(reason));
             }
             std::thread::sleep(Duration::from_millis(5));
         }
         self.end()
     }
 
-    fn end(&mut self) -> Result<(), ViewError> {
+    fn end(&mut self) -> Result<(), RecordingError> {
         self.batches = None;
         match self.thread.take().map(JoinHandle::join) {
             None => Ok(()),
@@ -91,7 +132,7 @@ impl LiveView {
     }
 }
 
-fn show(mut scene: Scene, batches: &Receiver<Vec<Entry>>) -> Result<(), ViewError> {
+fn show(mut scene: Scene, batches: &Receiver<Vec<Entry>>) -> Result<(), RecordingError> {
     let mut asked = Instant::now();
     while let Ok(batch) = batches.recv() {
         for entry in &batch {
@@ -99,35 +140,16 @@ fn show(mut scene: Scene, batches: &Receiver<Vec<Entry>>) -> Result<(), ViewErro
         }
         scene.flush()?;
         if asked.elapsed() > ASKED_EVERY {
-            scene.wait()?;
+            // A slow viewer is none that has gone.
+            scene.has_arrived(ASKED_EVERY)?;
             asked = Instant::now();
         }
     }
     scene.finish()
 }
 
-impl Scene {
-    /// Of the classifier's channels; `live`: time follows what comes.
-    ///
-    /// # Errors
-    /// No viewer there; a file that is there already; a table without the classifier's section.
-    pub fn of_channels(
-        target: &Target,
-        title: &str,
-        table: &Table,
-        live: bool,
-    ) -> Result<Self, ViewError> {
-        let config = tactnet_serving::ServeConfig::of(table)
-            .map_err(|error| ViewError::Rerun(error.to_string()))?;
-        let fingers: Vec<&str> = config.fingers.iter().map(String::as_str).collect();
-        Self::open(target, title, &fingers, TimeOrigin::Epoch, live)
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use tactnet_serving::packets::SkinFrame;
-
     use super::*;
 
     fn batch() -> Vec<Entry> {
@@ -140,43 +162,61 @@ mod tests {
         vec![entry; 40]
     }
 
+    fn named() -> Entry {
+        Entry {
+            channel: "tactile/model".into(),
+            time_ns: 0,
+            packet: RecordedPacket::Model(Box::new(bytemuck::Zeroable::zeroed())),
+        }
+    }
+
     #[test]
-    fn a_slow_viewer_costs_frames_and_nobody_waits_for_it() {
-        assert!(size_of::<SkinFrame>() * 40 * WAITING < 2 << 20, "bounded");
-        let (sender, batches) = sync_channel(WAITING);
+    fn a_slow_viewer_costs_frames_only_and_nobody_waits_for_it() {
+        let (sender, batches) = sync_channel::<Vec<Entry>>(WAITING);
+        let (go_on, gate) = sync_channel::<()>(0);
         let thread = std::thread::spawn(move || {
-            // It takes none for long.
-            std::thread::sleep(Duration::from_millis(1500));
-            while batches.recv().is_ok() {}
+            // It takes none until somebody says so.
+            gate.recv().unwrap();
+            let names = batches.iter().flatten();
+            let names = names.filter(|e| matches!(e.packet, RecordedPacket::Model(_)));
+            assert_eq!(names.count(), 1);
             Ok(())
         });
-        let mut view = LiveView {
-            batches: Some(sender),
-            thread: Some(thread),
-            left_out: 0,
-        };
-        let begun = Instant::now();
+        let mut view = LiveView::feeding(sender, thread);
         for _ in 0..WAITING + 5 {
             view.show(batch()).unwrap();
         }
-        assert!(begun.elapsed() < Duration::from_millis(1400), "none waited");
         assert_eq!(view.left_out(), 5 * 40);
-        let slow = view.finish(batch(), Duration::from_millis(50));
-        assert!(matches!(slow, Err(ViewError::Gone(_))), "{slow:?}");
+        let mut last = batch();
+        last.push(named());
+        view.show(last).unwrap();
+        assert_eq!((view.left_out(), view.kept.len()), (6 * 40, 1));
+        let mut slow = LiveView::feeding(
+            view.batches.clone().unwrap(),
+            std::thread::spawn(|| {
+                loop {
+                    std::thread::park();
+                }
+            }),
+        );
+        let found = slow.finish(batch(), Some(Duration::from_millis(50)));
+        assert!(matches!(found, Err(RecordingError::ViewerGone(_))));
+        assert_eq!(slow.left_out(), 40);
+        drop(slow);
+        go_on.send(()).unwrap();
+        view.finish(batch(), None).unwrap();
+        assert_eq!(view.left_out(), 6 * 40);
     }
 
     #[test]
     fn a_viewer_that_was_closed_is_told_once() {
         let (sender, batches) = sync_channel(WAITING);
         drop(batches);
-        let thread = std::thread::spawn(|| Err(ViewError::Gone("closed".into())));
-        let mut view = LiveView {
-            batches: Some(sender),
-            thread: Some(thread),
-            left_out: 0,
-        };
-        assert!(matches!(view.show(batch()), Err(ViewError::Gone(_))));
+        let closed = || Err(RecordingError::ViewerGone("closed".into()));
+        let mut view = LiveView::feeding(sender, std::thread::spawn(closed));
+        let told = view.show(batch());
+        assert!(matches!(told, Err(RecordingError::ViewerGone(_))));
         view.show(batch()).unwrap();
-        view.finish(batch(), Duration::from_secs(1)).unwrap();
+        view.finish(batch(), None).unwrap();
     }
 }
