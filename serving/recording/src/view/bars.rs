@@ -13,6 +13,8 @@ const LENGTH: f32 = 8.0;
 const LEFT: f32 = -10.0;
 const BAR: Color = Color(Rgba32(0x5e81_acff));
 const LIKELIEST: Color = Color(Rgba32(0xf0a0_3cff));
+/// Of what is written before a bar.
+pub(super) const NAME: Color = Color(Rgba32(0xc8c8_c8ff));
 /// Half of a bar's width.
 pub(super) const RADIUS: f32 = 0.3;
 

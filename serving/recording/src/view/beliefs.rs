@@ -37,6 +37,7 @@ impl BeliefColumns {
         stream.send_static(format!("{id}/belief/bars/outline"), &bars::outline())?;
         let names = Points2D::update_fields()
             .with_show_labels(true)
+            .with_colors([bars::NAME])
             .with_radii([0.0]);
         stream.send_static(format!("{id}/belief/bars/name"), &names)?;
         for (_, stage) in WHOLE {
