@@ -46,7 +46,8 @@ impl NormalizedDense {
     /// Normalises with the batch's own statistics, and returns them.
     pub fn forward_train(&self, input: Tensor<2>) -> (Tensor<2>, BatchStatistics) {
         let batch = input.dims()[0];
-        let activation = input.matmul(self.weight.val().transpose());
+        // As W x^T, so that the weights' gradient comes out row by row and need not be transposed.
+        let activation = self.weight.val().matmul(input.transpose()).transpose();
         let normalized =
             batch_norm_train(activation, self.gamma.val(), self.beta.val(), NORM_EPSILON);
         let statistics = BatchStatistics::from_biased(normalized.mean, normalized.variance, batch);

@@ -7,6 +7,7 @@
 //! No files, no clocks, no data sets, no random generator of its own: dropout masks and initial weights come from a
 //! generator that the caller names, so equal seeds give equal networks.
 
+mod adam_update;
 mod belief;
 mod block;
 mod compute;
@@ -28,6 +29,7 @@ mod tactnet;
 mod temperature;
 mod weights;
 
+pub use adam_update::{AdamStep, adam_update};
 pub use belief::{
     Belief, entropy, first_largest, log_mean_exp_into, log_softmax, log_softmax_into,
     majority_vote, mutual_information,

@@ -8,13 +8,11 @@ use burn::optim::decay::WeightDecayConfig;
 use burn::optim::{
     Adam, AdamConfig, AdamState, AdaptiveMomentumState, LearningRate, ModuleOptimizer, Optimizer,
 };
-use burn::tensor::{Device, Tensor, TensorData};
-use rayon::prelude::*;
+use burn::tensor::{Device, Tensor};
+use tactnet_models::{AdamStep, adam_update, is_processor};
 
 const BETA: [f32; 2] = [0.9, 0.999];
 const EPSILON: f32 = 1e-8;
-/// Values that a thread takes at once.
-const RUN: usize = 1 << 14;
 
 /// Adam (Kingma & Ba, 2015; beta 0.9 and 0.999, epsilon 1e-8) with an L2 penalty added to the gradient.
 #[derive(Clone)]
@@ -47,45 +45,25 @@ impl Optimizer for FusedAdam {
         gradient: Tensor<D>,
         state: Option<AdamState<D>>,
     ) -> (Tensor<D>, Option<AdamState<D>>) {
-        let device = tensor.device();
-        if !tactnet_models::is_processor(&device) {
+        if !is_processor(&tensor.device()) {
             return self.composed.step(learning_rate, tensor, gradient, state);
         }
-        let dims = tensor.dims();
-        let len = dims.iter().product();
-        let (time, moments) = match state.map(|state| state.momentum) {
-            None => (1, [vec![0.0; len], vec![0.0; len]]),
-            Some(state) => (
-                state.time + 1,
-                [values(state.moment_1), values(state.moment_2)],
-            ),
+        let (time, first, second) = match state.map(|state| state.momentum) {
+            None => (1, tensor.zeros_like(), tensor.zeros_like()),
+            Some(state) => (state.time + 1, state.moment_1, state.moment_2),
         };
-        let [mut first, mut second] = moments;
-        let (mut parameter, gradient) = (values(tensor), values(gradient));
         let power = i32::try_from(time).unwrap_or(i32::MAX);
         let correction = BETA.map(|beta| 1.0 - f64::from(beta).powi(power));
         let root = correction[1].sqrt();
-        let rate = (learning_rate * root / correction[0]) as f32;
-        let epsilon = (f64::from(EPSILON) * root) as f32;
-        parameter
-            .par_chunks_mut(RUN)
-            .zip(gradient.par_chunks(RUN))
-            .zip(first.par_chunks_mut(RUN))
-            .zip(second.par_chunks_mut(RUN))
-            .for_each(|(((parameter, gradient), first), second)| {
-                let moments = first.iter_mut().zip(second);
-                for ((parameter, &gradient), (m, v)) in
-                    parameter.iter_mut().zip(gradient).zip(moments)
-                {
-                    let gradient = gradient + self.l2 * *parameter;
-                    *m = BETA[0] * *m + (1.0 - BETA[0]) * gradient;
-                    *v = BETA[1] * *v + (1.0 - BETA[1]) * gradient * gradient;
-                    *parameter -= rate * *m / (v.sqrt() + epsilon);
-                }
-            });
-        let back = |values| Tensor::from_data(TensorData::new(values, dims), &device);
-        let momentum = AdaptiveMomentumState::new(time, back(first), back(second));
-        (back(parameter), Some(AdamState::new(momentum)))
+        let step = AdamStep {
+            l2: self.l2,
+            beta: BETA,
+            rate: (learning_rate * root / correction[0]) as f32,
+            epsilon: (f64::from(EPSILON) * root) as f32,
+        };
+        let [tensor, first, second] = adam_update(step, [tensor, gradient, first, second]);
+        let momentum = AdaptiveMomentumState::new(time, first, second);
+        (tensor, Some(AdamState::new(momentum)))
     }
 
     fn to_device<const D: usize>(state: AdamState<D>, device: &Device) -> AdamState<D> {
@@ -93,16 +71,10 @@ impl Optimizer for FusedAdam {
     }
 }
 
-/// The tensor's values, without a copy where nobody else holds them.
-fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
-    tensor
-        .into_data()
-        .try_into_vec()
-        .unwrap_or_else(|error| panic!("parameters are f32: {error:?}"))
-}
-
 #[cfg(test)]
 mod tests {
+    use burn::tensor::TensorData;
+
     use super::*;
 
     #[test]

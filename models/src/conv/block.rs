@@ -207,10 +207,9 @@ impl Block {
             "the gradient has the pooled output's size"
         );
         let mut gated = self.values.take(gradient.len());
-        gated.copy_from_slice(gradient);
         let affine = saved
             .normalizer
-            .backward(&self.shape, &mut gated, &saved.winners);
+            .backward(&self.shape, gradient, &saved.winners, &mut gated);
         let output = OutputGradient {
             gradient: &gated,
             positions: &saved.positions,

@@ -13,6 +13,14 @@ pub(super) struct Complex<L> {
 
 impl<L: Lanes> Complex<L> {
     #[inline(always)]
+    pub(super) fn zero() -> Self {
+        Self {
+            re: L::splat(0.0),
+            im: L::splat(0.0),
+        }
+    }
+
+    #[inline(always)]
     fn plus(self, other: Self) -> Self {
         Self {
             re: self.re.add(other.re),
@@ -170,10 +178,7 @@ fn five<L: Lanes>([a, b, c, d, e]: [Complex<L>; 5]) -> [Complex<L>; 5] {
     let [[c1, s1], [c2, s2]] = FIFTH;
     let near = a.plus_scaled(s, c1).plus_scaled(u, c2);
     let far = a.plus_scaled(s, c2).plus_scaled(u, c1);
-    let zero = Complex {
-        re: L::splat(0.0),
-        im: L::splat(0.0),
-    };
+    let zero = Complex::zero();
     let near_turn = zero.plus_scaled(t, s1).plus_scaled(v, s2);
     let far_turn = zero.plus_scaled(t, s2).plus_scaled(v, -s1);
     [

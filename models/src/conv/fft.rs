@@ -2,11 +2,12 @@
 //!
 //! Stockham's self-sorting form: every pass splits the length by one radix and leaves the next pass's input in order, so there is no
 //! bit reversal and, as the lanes are maps, no shuffling. The first pass reads through a table of rows and the last one writes through
-//! another, which covers zero padding, the kernel's wrap around zero and the cropping of outputs at no cost. The inverse (unscaled)
-//! transform is the forward one with real and imaginary parts exchanged.
+//! another, which covers zero padding, the kernel's wrap around zero and the cropping of outputs at no cost. Their rows lie far apart, so
+//! their cache lines are asked for one pass or one transform ahead. The inverse (unscaled) transform is the forward one with real and
+//! imaginary parts exchanged.
 
-use super::butterfly::{Complex, butterfly};
-use super::simd::{Isa, Kernel, Lanes, Octet, Reader, Rows, Table, Writer};
+use super::butterfly::butterfly;
+use super::simd::{Isa, Kernel, Lanes, Octet, Reader, Rows, Sequence, Table, Writer, unrolled};
 
 /// A transform of one length.
 #[derive(Debug, Clone)]
@@ -77,7 +78,8 @@ impl TimePlan {
         4 * self.length * octets
     }
 
-    /// Transforms one vector of maps from `source` to `target`, of rows of `octets` octets.
+    /// Transforms one vector of maps from `source` to `target`, of rows of `octets` octets; inlined for [`Isa::run`]'s reason.
+    #[inline(always)]
     pub(super) fn run(
         &self,
         (isa, octets): (Isa, usize),
@@ -119,27 +121,40 @@ impl Kernel for Transform<'_> {
             to,
             scratch,
         } = self;
-        let (mut front, mut back) =
-            scratch[..plan.scratch(L::OCTETS)].split_at_mut(2 * plan.length * L::OCTETS);
+        let half = 2 * plan.length * L::OCTETS;
+        let (mut front, mut back) = scratch[..2 * half].split_at_mut(half);
         let between = Rows {
             table: &plan.order,
             stride: 2 * L::OCTETS,
             parts: [0, L::OCTETS],
+            ahead: 0,
         };
-        let last = plan.passes.len() - 1;
-        for (index, pass) in plan.passes.iter().enumerate() {
-            let (source, from) = if index == 0 {
-                (source, from)
+        let mut target = Writer::new(target, to);
+        let (inner, last) = match plan.passes.as_slice() {
+            [inner @ .., last] if !inner.is_empty() => (inner, Some(last)),
+            only => (only, None),
+        };
+        for (index, pass) in inner.iter().enumerate() {
+            let from = if index == 0 {
+                Reader::<L>::new(source, from)
             } else {
-                (&*back, between)
+                Reader::new(back, between)
             };
-            let (target, to) = if index == last {
-                (&mut *target, to)
-            } else {
-                (&mut *front, between)
-            };
-            pass.run::<L>(Reader::new(source, from), Writer::new(target, to));
+            pass.run(
+                from,
+                Sequence::new(&mut *front),
+                (index + 2 == plan.passes.len()).then_some(&target),
+            );
             std::mem::swap(&mut front, &mut back);
+        }
+        let between = Sequence::<_, L>::new(&*back);
+        match last {
+            Some(pass) => pass.run_last(between, target),
+            None => {
+                for element in 0..plan.length {
+                    target.write_every::<1>(element, 0, between.read_every(element, 0));
+                }
+            }
         }
     }
 }
@@ -163,63 +178,79 @@ fn factor(length: usize) -> Option<Vec<usize>> {
     search(length, 12)
 }
 
-/// Repeats a block for k = 0, 1, … as straight code, so that values stay in registers; a loop is not always unrolled, and a
-/// closure not always inlined.
-macro_rules! unrolled {
-    ($k:ident < $n:ident => $body:block) => {
-        unrolled!(@ $k $n $body 0 1 2 3 4 5 6 7 8 9 10 11)
-    };
-    (@ $k:ident $n:ident $body:block $($value:literal)*) => {
-        $(if $value < $n {
-            let $k = $value;
-            $body
-        })*
+/// Calls a method for the pass's radix.
+macro_rules! with_radix {
+    ($pass:ident . $method:ident ( $($argument:expr),* )) => {
+        match $pass.radix {
+            2 => $pass.$method::<L, 2>($($argument),*),
+            3 => $pass.$method::<L, 3>($($argument),*),
+            4 => $pass.$method::<L, 4>($($argument),*),
+            5 => $pass.$method::<L, 5>($($argument),*),
+            6 => $pass.$method::<L, 6>($($argument),*),
+            8 => $pass.$method::<L, 8>($($argument),*),
+            9 => $pass.$method::<L, 9>($($argument),*),
+            10 => $pass.$method::<L, 10>($($argument),*),
+            _ => $pass.$method::<L, 12>($($argument),*),
+        }
     };
 }
 
 impl Pass {
+    /// A pass that others follow.
     #[inline(always)]
-    fn run<L: Lanes>(&self, source: Reader<'_, L>, target: Writer<'_, L>) {
-        match self.radix {
-            2 => self.radix::<L, 2>(source, target),
-            3 => self.radix::<L, 3>(source, target),
-            4 => self.radix::<L, 4>(source, target),
-            5 => self.radix::<L, 5>(source, target),
-            6 => self.radix::<L, 6>(source, target),
-            8 => self.radix::<L, 8>(source, target),
-            9 => self.radix::<L, 9>(source, target),
-            10 => self.radix::<L, 10>(source, target),
-            _ => self.radix::<L, 12>(source, target),
-        }
-    }
-
-    #[inline(always)]
-    fn radix<L: Lanes, const RADIX: usize>(
+    fn run<L: Lanes>(
         &self,
         source: Reader<'_, L>,
-        mut target: Writer<'_, L>,
+        target: Sequence<&mut [Octet], L>,
+        last: Option<&Writer<'_, L>>,
     ) {
-        let zero = L::splat(0.0);
+        with_radix!(self.turned(source, target, last));
+    }
+
+    /// The last pass: it has no twiddle factors.
+    #[inline(always)]
+    fn run_last<L: Lanes>(&self, source: Sequence<&[Octet], L>, target: Writer<'_, L>) {
+        with_radix!(self.straight(source, target));
+    }
+
+    /// Butterflies and twiddle factors. The pass after this one writes to `last`: its cache lines are asked for meanwhile.
+    #[inline(always)]
+    fn turned<L: Lanes, const RADIX: usize>(
+        &self,
+        source: Reader<'_, L>,
+        mut target: Sequence<&mut [Octet], L>,
+        last: Option<&Writer<'_, L>>,
+    ) {
         let apart = self.stride * self.groups;
         for (group, twiddles) in self.twiddles.chunks_exact(RADIX).enumerate() {
             for shared in 0..self.stride {
-                let mut values = [Complex { re: zero, im: zero }; RADIX];
-                let first = shared + self.stride * group;
+                let mut values: [_; RADIX] = source.read_every(shared + self.stride * group, apart);
+                if let Some(last) = last {
+                    last.expect::<RADIX>(shared * self.groups * RADIX + RADIX * group);
+                }
+                butterfly(&mut values);
                 unrolled!(k < RADIX => {
-                    let [re, im] = source.read(first + apart * k);
-                    values[k] = Complex { re, im };
+                    if k > 0 {
+                        values[k] = values[k].rotated(twiddles[k]);
+                    }
                 });
-                butterfly::<L, RADIX>(&mut values);
                 let first = shared + self.stride * RADIX * group;
-                unrolled!(k < RADIX => {
-                    let value = if k == 0 || self.groups == 1 {
-                        values[k]
-                    } else {
-                        values[k].rotated(twiddles[k])
-                    };
-                    target.write(first + self.stride * k, [value.re, value.im]);
-                });
+                target.write_every(first, self.stride, values);
             }
+        }
+    }
+
+    /// Butterflies alone.
+    #[inline(always)]
+    fn straight<L: Lanes, const RADIX: usize>(
+        &self,
+        source: Sequence<&[Octet], L>,
+        mut target: Writer<'_, L>,
+    ) {
+        for shared in 0..self.stride {
+            let mut values: [_; RADIX] = source.read_every(shared, self.stride);
+            butterfly(&mut values);
+            target.write_every(shared, self.stride, values);
         }
     }
 }
@@ -246,6 +277,7 @@ mod tests {
                         table: &rows,
                         stride: 4,
                         parts: [v, 2 + v],
+                        ahead: 0,
                     };
                     plan.run((isa, 2), (&x, at), (&mut y, at), &mut scratch);
                 }

@@ -136,21 +136,23 @@ impl Normalizer {
             });
     }
 
-    /// Zeroes the gradient of every output that ReLU cut off, in place, and finds the affine part.
+    /// Copies the gradient to `gated`, with zeros for every output that ReLU cut off, and finds the affine part.
     ///
-    /// `gradient` and `winners` are `[batch, pooled_steps, taxels, maps_out]`.
+    /// `gradient`, `winners` and `gated` are `[batch, pooled_steps, taxels, maps_out]`.
     pub(super) fn backward(
         &self,
         shape: &BlockShape,
-        gradient: &mut [f32],
+        gradient: &[f32],
         winners: &[f32],
+        gated: &mut [f32],
     ) -> GradientAffine {
         let maps = self.scale.len();
         // Short f32 runs, summed in f64 in a fixed order.
-        let runs: Vec<(Vec<f32>, Vec<f32>)> = gradient
+        let runs: Vec<(Vec<f32>, Vec<f32>)> = gated
             .par_chunks_mut(maps * RUN)
+            .zip(gradient.par_chunks(maps * RUN))
             .zip(winners.par_chunks(maps * RUN))
-            .map(|(gradient, winners)| self.gate(gradient, winners))
+            .map(|((gated, gradient), winners)| self.gate(gradient, winners, gated))
             .collect();
         let (mut beta, mut gamma) = (vec![0f64; maps], vec![0f64; maps]);
         for (sum, weighted) in &runs {
@@ -162,24 +164,27 @@ impl Normalizer {
         self.affine(shape.count() as f64, &gamma, &beta)
     }
 
-    /// One run's gated gradient, in place, its sum and its sum weighted with `y - mean`, per map.
-    fn gate(&self, gradient: &mut [f32], winners: &[f32]) -> (Vec<f32>, Vec<f32>) {
+    /// One run's gated gradient, its sum and its sum weighted with `y - mean`, per map.
+    fn gate(&self, gradient: &[f32], winners: &[f32], gated: &mut [f32]) -> (Vec<f32>, Vec<f32>) {
         let maps = self.scale.len();
         let (mut sum, mut weighted) = (vec![0f32; maps], vec![0f32; maps]);
-        for (gradient, winners) in gradient
+        for ((gated, gradient), winners) in gated
             .chunks_exact_mut(maps)
+            .zip(gradient.chunks_exact(maps))
             .zip(winners.chunks_exact(maps))
         {
-            let rows = gradient
+            let rows = gated
                 .iter_mut()
+                .zip(gradient)
                 .zip(winners)
                 .zip(self.scale.iter().zip(&self.shift));
-            for (((g, &y), (&scale, &shift)), ((sum, weighted), &mean)) in
+            for ((((gated, &g), &y), (&scale, &shift)), ((sum, weighted), &mean)) in
                 rows.zip(sum.iter_mut().zip(weighted.iter_mut()).zip(&self.mean))
             {
-                *g = if scale * y + shift > 0.0 { *g } else { 0.0 };
-                *sum += *g;
-                *weighted += *g * (y - mean);
+                let g = if scale * y + shift > 0.0 { g } else { 0.0 };
+                *gated = g;
+                *sum += g;
+                *weighted += g * (y - mean);
             }
         }
         (sum, weighted)

@@ -4,7 +4,7 @@
 //! element by element with any strides, so that it may be transposed. A register block of 2 rows by 2 vectors keeps eight accumulators, four vectors
 //! of the right factor and the two broadcast parts in sixteen registers; AVX-512 has room for 4 rows.
 
-use super::simd::{Isa, Kernel, Lanes, Octet, Walk};
+use super::simd::{Isa, Kernel, Lanes, Octet, Soon, Walk};
 
 /// Left factor: element `(i, k)` has its real part at `i * row + k * inner` and its imaginary part `imaginary` values later.
 #[derive(Debug, Clone, Copy)]
@@ -13,18 +13,19 @@ pub(super) struct Left<'a> {
     pub(super) row: usize,
     pub(super) inner: usize,
     pub(super) imaginary: usize,
+    /// What the next product will read.
+    pub(super) soon: [&'a [Octet]; 2],
 }
 
 impl Left<'_> {
     /// `out = self * right`; `right` is `[inner, 2, columns]`, `out` `[rows, 2, columns]`, with `columns` in octets.
     pub(super) fn times(self, isa: Isa, right: &[Octet], out: &mut [Octet], columns: usize) {
-        let product = Product::<false> {
-            left: self,
-            right,
-            out,
-            columns,
-        };
-        isa.run(columns, product);
+        self.run::<false, false>(isa, right, out, columns);
+    }
+
+    /// `out += self * right`
+    pub(super) fn times_onto(self, isa: Isa, right: &[Octet], out: &mut [Octet], columns: usize) {
+        self.run::<false, true>(isa, right, out, columns);
     }
 
     /// `out = conj(self) * right`
@@ -35,7 +36,17 @@ impl Left<'_> {
         out: &mut [Octet],
         columns: usize,
     ) {
-        let product = Product::<true> {
+        self.run::<true, false>(isa, right, out, columns);
+    }
+
+    fn run<const CONJUGATE: bool, const ONTO: bool>(
+        self,
+        isa: Isa,
+        right: &[Octet],
+        out: &mut [Octet],
+        columns: usize,
+    ) {
+        let product = Product::<CONJUGATE, ONTO> {
             left: self,
             right,
             out,
@@ -45,14 +56,14 @@ impl Left<'_> {
     }
 }
 
-struct Product<'a, const CONJUGATE: bool> {
+struct Product<'a, const CONJUGATE: bool, const ONTO: bool> {
     left: Left<'a>,
     right: &'a [Octet],
     out: &'a mut [Octet],
     columns: usize,
 }
 
-impl<const CONJUGATE: bool> Kernel for Product<'_, CONJUGATE> {
+impl<const CONJUGATE: bool, const ONTO: bool> Kernel for Product<'_, CONJUGATE, ONTO> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
@@ -63,8 +74,13 @@ impl<const CONJUGATE: bool> Kernel for Product<'_, CONJUGATE> {
             columns,
         } = self;
         let rows = out.len() / (2 * columns);
-        // Two rows by two vectors fill sixteen registers, four by two fill thirty-two.
-        let at_once = if L::OCTETS == 2 { 4 } else { 2 };
+        // Two rows by two vectors fill sixteen registers; four by two, or eight by one, fill thirty-two.
+        let at_once = match (L::OCTETS, columns / L::OCTETS) {
+            (2, 1) => 8,
+            (2, _) => 4,
+            _ => 2,
+        };
+        let mut soon = Soon::new(left.soon);
         let mut row = 0;
         while row < rows {
             let left = Left {
@@ -72,12 +88,16 @@ impl<const CONJUGATE: bool> Kernel for Product<'_, CONJUGATE> {
                 ..left
             };
             let out = &mut out[2 * row * columns..];
-            let taken = (rows - row).min(at_once);
+            let taken = match (rows - row).min(at_once) {
+                8 => 8,
+                few => few.min(4),
+            };
             match taken {
-                4 => row_block::<L, CONJUGATE, 4>(left, right, out, columns),
-                3 => row_block::<L, CONJUGATE, 3>(left, right, out, columns),
-                2 => row_block::<L, CONJUGATE, 2>(left, right, out, columns),
-                _ => row_block::<L, CONJUGATE, 1>(left, right, out, columns),
+                8 => row_block::<L, CONJUGATE, ONTO, 8>(left, right, out, columns, &mut soon),
+                4 => row_block::<L, CONJUGATE, ONTO, 4>(left, right, out, columns, &mut soon),
+                3 => row_block::<L, CONJUGATE, ONTO, 3>(left, right, out, columns, &mut soon),
+                2 => row_block::<L, CONJUGATE, ONTO, 2>(left, right, out, columns, &mut soon),
+                _ => row_block::<L, CONJUGATE, ONTO, 1>(left, right, out, columns, &mut soon),
             }
             row += taken;
         }
@@ -85,30 +105,38 @@ impl<const CONJUGATE: bool> Kernel for Product<'_, CONJUGATE> {
 }
 
 #[inline(always)]
-fn row_block<L: Lanes, const CONJUGATE: bool, const ROWS: usize>(
+fn row_block<L: Lanes, const CONJUGATE: bool, const ONTO: bool, const ROWS: usize>(
     left: Left<'_>,
     right: &[Octet],
     out: &mut [Octet],
     columns: usize,
+    soon: &mut Soon<'_>,
 ) {
     let mut column = 0;
     while column + 2 * L::OCTETS <= columns {
-        tile::<L, CONJUGATE, ROWS, 2>(left, right, out, columns, column);
+        tile::<L, CONJUGATE, ONTO, ROWS, 2>(left, right, out, columns, column, soon);
         column += 2 * L::OCTETS;
     }
     while column < columns {
-        tile::<L, CONJUGATE, ROWS, 1>(left, right, out, columns, column);
+        tile::<L, CONJUGATE, ONTO, ROWS, 1>(left, right, out, columns, column, soon);
         column += L::OCTETS;
     }
 }
 
 #[inline(always)]
-fn tile<L: Lanes, const CONJUGATE: bool, const ROWS: usize, const WIDTH: usize>(
+fn tile<
+    L: Lanes,
+    const CONJUGATE: bool,
+    const ONTO: bool,
+    const ROWS: usize,
+    const WIDTH: usize,
+>(
     left: Left<'_>,
     right: &[Octet],
     out: &mut [Octet],
     columns: usize,
     column: usize,
+    soon: &mut Soon<'_>,
 ) {
     let zero = L::splat(0.0);
     let mut sums = [[[zero; 2]; WIDTH]; ROWS];
@@ -125,6 +153,7 @@ fn tile<L: Lanes, const CONJUGATE: bool, const ROWS: usize, const WIDTH: usize>(
     }
     let mut left = Walk::<f32, L, ROWS>::new(left.values, left.inner, inner, offsets);
     while let (Some(left), Some(right)) = (left.step(), right.step()) {
+        soon.ask();
         for r in 0..ROWS {
             let a = L::splat(left[r][0]);
             for v in 0..WIDTH {
@@ -146,8 +175,12 @@ fn tile<L: Lanes, const CONJUGATE: bool, const ROWS: usize, const WIDTH: usize>(
     for r in 0..ROWS {
         for v in 0..WIDTH {
             let at = column + v * L::OCTETS;
-            sums[r][v][0].store(out, 2 * r * columns + at);
-            sums[r][v][1].store(out, (2 * r + 1) * columns + at);
+            for part in 0..2 {
+                let at = (2 * r + part) * columns + at;
+                let sum = sums[r][v][part];
+                let sum = if ONTO { sum.add(L::load(out, at)) } else { sum };
+                sum.store(out, at);
+            }
         }
     }
 }
@@ -166,27 +199,35 @@ mod tests {
 
     #[test]
     fn products_are_sums_of_products() {
-        for (rows, inner, columns) in [(36, 32, 8), (5, 7, 3), (7, 5, 2), (1, 1, 1)] {
+        for (rows, inner, columns) in [(36, 32, 8), (5, 7, 3), (7, 5, 2), (21, 3, 2), (1, 1, 1)] {
             for isa in Isa::all() {
-                for conjugate in [false, true] {
+                for (conjugate, onto) in [(false, false), (true, false), (false, true)] {
                     let left = noise(rows * inner * 2, 3);
                     let right = octets(inner * 2 * columns, 4);
                     let mut out = octets(rows * 2 * columns, 5);
+                    let before = out.clone();
                     let a = Left {
                         values: &left,
                         row: 2 * inner,
                         inner: 1,
                         imaginary: inner,
+                        soon: [&right, &before],
                     };
-                    if conjugate {
+                    if onto {
+                        a.times_onto(isa, &right, &mut out, columns);
+                    } else if conjugate {
                         a.conjugate_times(isa, &right, &mut out, columns);
                     } else {
                         a.times(isa, &right, &mut out, columns);
                     }
                     let (b, c, n) = (floats(&right), floats(&out), columns * 8);
+                    let before = floats(&before);
                     for i in 0..rows {
                         for j in 0..n {
-                            let (mut re, mut im) = (0.0, 0.0);
+                            let [mut re, mut im] = [0, 1].map(|part| match onto {
+                                true => before[(2 * i + part) * n + j],
+                                false => 0.0,
+                            });
                             for k in 0..inner {
                                 let sign = if conjugate { -1.0 } else { 1.0 };
                                 let (ar, ai) = (

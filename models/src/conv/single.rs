@@ -178,6 +178,7 @@ impl Single {
                 table: &self.all,
                 stride: 2,
                 parts: [0, 1],
+                ahead: 0,
             };
             for (source, target) in taxel_spectra
                 .chunks_exact(2 * length)
@@ -199,6 +200,7 @@ impl Single {
                     table,
                     stride: 2 * group,
                     parts: [0, group],
+                    ahead: 0,
                 };
                 rows.exchanged()
             });
@@ -282,6 +284,7 @@ impl Single {
             table,
             stride: 2 * group,
             parts: [0, group],
+            ahead: 0,
         });
         for (taps, spectra) in taps
             .chunks_exact(kernel_steps * kernel_taxels * group)

@@ -91,7 +91,7 @@ impl Kernel for Synthesize<'_, '_> {
                 let spectrum = &self.spectra[2 * (window * pool + step) * L::OCTETS..];
                 let stride = plan.tile * 2 * L::OCTETS;
                 plan.taxel
-                    .inverse::<L>(spectrum, stride, L::OCTETS, |taxel, y: L| {
+                    .inverse::<L>(spectrum, stride, L::OCTETS, 0, |taxel, y: L| {
                         y.store(row, taxel * L::OCTETS);
                     });
             }

@@ -17,7 +17,7 @@ use super::pooling::{Window, merge_sums};
 use super::product::Left;
 use super::shape::BlockShape;
 use super::simd::{Isa, NOWHERE, Octet, Octets, Rows, floats};
-use super::spectral_plan::{Plan, by_group, signs};
+use super::spectral_plan::{Plan, by_group, following, in_blocks, signs};
 use super::spectral_stages::{Analyze, KernelRows, Maps, Synthesize};
 use super::weight::{Remembered, Weight};
 
@@ -34,7 +34,7 @@ pub(super) struct Spectral {
 pub(super) struct SavedSpectral {
     /// `[column, time frequency, batch, 2, maps_in]`
     pub(super) input: Octets,
-    /// `[column, time frequency, maps_in, 2, maps_out]`
+    /// `[column, block of maps_out, time frequency, maps_in, 2, block's octets]`
     pub(super) weight: Arc<Octets>,
     /// `[batch, steps, taxels, maps_out]`, empty if no backward pass will come
     pub(super) maps: Octets,
@@ -76,7 +76,7 @@ impl Spectral {
             .take(columns * shape.batch * shape.steps * 2 * plan.outs);
         input
             .par_chunks_exact_mut(length * plan.input_stride())
-            .zip(weight.par_chunks_exact(length * plan.weight_stride()))
+            .zip(weight.par_chunks_exact(plan.weight_column()))
             .zip(products.par_chunks_exact_mut(shape.batch * shape.steps * 2 * plan.outs))
             .enumerate()
             .for_each(|(column, ((input, weight), out))| {
@@ -114,13 +114,13 @@ impl Spectral {
     /// Spectra of all kernels, column by column.
     fn weight_spectra(&self, weight: &[f32]) -> Octets {
         let plan = &self.plan;
-        let (columns, length) = (plan.taxel.frequencies(), plan.time.length());
+        let columns = plan.taxel.frequencies();
         let mut taps = self.buffers.take(weight.len() / 8);
         let row = weight.len() / plan.shape.maps_out;
         by_group(weight, row, plan.out_group, &mut taps);
-        let mut spectra = self.buffers.take(columns * length * plan.weight_stride());
+        let mut spectra = self.buffers.take(columns * plan.weight_column());
         spectra
-            .par_chunks_exact_mut(length * plan.weight_stride())
+            .par_chunks_exact_mut(plan.weight_column())
             .enumerate()
             .for_each(|(column, spectrum)| {
                 let mut scratch = self.buffers.take(plan.time.scratch(2));
@@ -207,7 +207,8 @@ impl Spectral {
     }
 }
 
-/// One column: time spectra of the input, products, and back to steps, `[batch, steps, 2, maps_out]`.
+/// One column: time spectra of the input, then, block by block of output maps, products and back to steps,
+/// `[block, batch, steps, 2, block's octets]`.
 struct Column<'a> {
     plan: &'a Plan,
     column: usize,
@@ -228,79 +229,94 @@ impl Column<'_> {
             maps_in,
             ..
         } = plan.shape;
-        let (ins, outs) = (plan.ins, plan.outs);
+        let (ins, block) = (plan.ins, plan.in_block);
         let wanted = plan.wanted(column);
         let columns = plan.taxel.frequencies();
         for sweep in 0..batch {
             let source =
                 &self.rows[(sweep * columns + column) * steps * 2 * ins..][..steps * 2 * ins];
             for v in (0..ins).step_by(plan.in_group) {
+                let first = in_blocks(v, block, steps * 2 * block);
                 let from = Rows {
                     table: &plan.steps,
-                    stride: 2 * ins,
-                    parts: [v, ins + v],
+                    stride: 2 * block,
+                    parts: [first, first + block],
+                    ahead: columns * steps * 2 * ins,
                 };
                 let at = sweep * 2 * ins + v;
                 let to = Rows {
                     table: wanted,
                     stride: plan.input_stride(),
                     parts: [at, at + ins],
+                    ahead: 0,
                 };
                 let lanes = (plan.isa, ins);
                 plan.time
                     .run(lanes, (source, from), (self.input, to), self.scratch);
             }
         }
-        let lefts = self.input.chunks_exact(plan.input_stride());
-        let rights = self.weight.chunks_exact(plan.weight_stride());
-        let products = self.spectrum.chunks_exact_mut(plan.output_stride());
-        for (((left, right), out), &row) in lefts.zip(rights).zip(products).zip(wanted.rows()) {
-            if row != NOWHERE {
-                let left = Left {
-                    values: floats(left),
-                    row: 2 * maps_in,
-                    inner: 1,
-                    imaginary: maps_in,
-                };
-                left.times(
-                    plan.isa,
-                    &right[..maps_in * 2 * outs],
-                    &mut out[..batch * 2 * outs],
-                    outs,
-                );
+        let block = plan.out_block;
+        let weights = self
+            .weight
+            .chunks_exact(plan.time.length() * plan.weight_stride());
+        let outs = self.out.chunks_exact_mut(batch * steps * 2 * block);
+        for (weight, out) in weights.zip(outs) {
+            let lefts = self.input.chunks_exact(plan.input_stride());
+            let rights = weight.chunks_exact(plan.weight_stride());
+            let nexts = following(lefts.clone()).zip(following(rights.clone()));
+            let products = self.spectrum.chunks_exact_mut(plan.output_stride());
+            let products = lefts.zip(rights).zip(products).zip(nexts);
+            for ((((left, right), out), next), &row) in products.zip(wanted.rows()) {
+                if row != NOWHERE {
+                    let left = Left {
+                        values: floats(left),
+                        row: 2 * maps_in,
+                        inner: 1,
+                        imaginary: maps_in,
+                        soon: [next.0, next.1],
+                    };
+                    left.times(
+                        plan.isa,
+                        &right[..maps_in * 2 * block],
+                        &mut out[..batch * 2 * block],
+                        block,
+                    );
+                }
             }
-        }
-        plan.mirror(
-            plan.taxel.mirror(column),
-            self.spectrum,
-            plan.output_stride(),
-            outs,
-        );
-        for (sweep, out) in self.out.chunks_exact_mut(steps * 2 * outs).enumerate() {
-            for v in (0..outs).step_by(plan.out_group) {
-                let at = sweep * 2 * outs + v;
-                let from = Rows {
-                    table: &plan.all,
-                    stride: plan.output_stride(),
-                    parts: [at, at + outs],
-                };
-                let to = Rows {
-                    table: &plan.steps,
-                    stride: 2 * outs,
-                    parts: [v, outs + v],
-                };
-                plan.time.run(
-                    (plan.isa, outs),
-                    (self.spectrum, from.exchanged()),
-                    (out, to.exchanged()),
-                    self.scratch,
-                );
+            plan.mirror(
+                plan.taxel.mirror(column),
+                self.spectrum,
+                plan.output_stride(),
+                block,
+            );
+            for (sweep, out) in out.chunks_exact_mut(steps * 2 * block).enumerate() {
+                for v in (0..block).step_by(plan.out_group) {
+                    let at = sweep * 2 * block + v;
+                    let from = Rows {
+                        table: &plan.all,
+                        stride: plan.output_stride(),
+                        parts: [at, at + block],
+                        ahead: 2 * block,
+                    };
+                    let to = Rows {
+                        table: &plan.steps,
+                        stride: 2 * block,
+                        parts: [v, v + block],
+                        ahead: 0,
+                    };
+                    plan.time.run(
+                        (plan.isa, block),
+                        (self.spectrum, from.exchanged()),
+                        (out, to.exchanged()),
+                        self.scratch,
+                    );
+                }
             }
         }
     }
 }
 
-/// One column of the weights' spectra: `[time frequency, maps_in, 2, maps_out]`.
+/// One column of the weights' spectra: `[block of maps_out, time frequency, maps_in, 2, block's octets]`.
 fn weight_spectrum(
     plan: &Plan,
     column: usize,
@@ -322,16 +338,20 @@ fn weight_spectrum(
             lags: &mut lags,
         };
         plan.isa.run(outs, rows);
-        let at = kernel % maps_in * 2 * outs + kernel / maps_in * group;
+        let block = plan.out_block;
+        let span = plan.time.length() * plan.weight_stride();
+        let at = in_blocks(kernel / maps_in * group, block, span) + kernel % maps_in * 2 * block;
         let from = Rows {
             table: &plan.taps,
             stride: 2 * group,
             parts: [0, group],
+            ahead: 0,
         };
         let to = Rows {
             table: plan.wanted(column),
             stride: plan.weight_stride(),
-            parts: [at, at + outs],
+            parts: [at, at + block],
+            ahead: 0,
         };
         plan.time
             .run((plan.isa, outs), (&lags, from), (spectrum, to), scratch);

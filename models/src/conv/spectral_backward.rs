@@ -10,7 +10,7 @@ use super::product::Left;
 use super::shape::BlockShape;
 use super::simd::{NOWHERE, Octet, Rows, floats};
 use super::spectral::{SavedSpectral, Spectral};
-use super::spectral_plan::Plan;
+use super::spectral_plan::{Plan, following};
 use super::spectral_stages::{InputGradient, Spread, TurnConjugated, WeightGradient};
 use super::taxel::Mirror;
 
@@ -55,16 +55,16 @@ impl Spectral {
             .par_chunks_exact_mut(inputs.max(1))
             .zip(d_taps.par_chunks_exact_mut(kernels))
             .zip(saved.input.par_chunks_exact(length * plan.input_stride()))
-            .zip(saved.weight.par_chunks_exact(length * plan.weight_stride()))
+            .zip(saved.weight.par_chunks_exact(plan.weight_column()))
             .enumerate()
             .for_each(|(column, (((d_input, d_taps), input), weight))| {
                 let mut buffers = [
-                    plan.output_stride(),
+                    plan.out_blocks() * plan.output_stride(),
                     plan.input_stride(),
                     plan.weight_stride(),
                 ]
                 .map(|stride| self.buffers.take(length * stride));
-                let mut turned = self.buffers.take(shape.maps_out * 2 * plan.ins);
+                let mut turned = self.buffers.take(plan.out_block * 8 * 2 * plan.ins);
                 let mut scratch = self.buffers.take(plan.time.scratch(2));
                 let [d_spectrum, d_input_spectrum, d_weight_spectrum] = &mut buffers;
                 ColumnBackward {
@@ -124,160 +124,225 @@ impl Spectral {
     }
 }
 
-/// One column: time spectrum of `dy`, both products, and back.
+/// One column: block by block of output maps, the time spectrum of `dy` and its product with the input; then, over all blocks, the
+/// product with the weights; and back.
 struct ColumnBackward<'a> {
     plan: &'a Plan,
     column: usize,
     rows: &'a [Octet],
     input: &'a [Octet],
     weight: &'a [Octet],
-    /// `[batch, steps, 2, maps_in]`, empty if not wanted
+    /// `[block of maps_in, batch, steps, 2, block's octets]`, empty if not wanted
     d_input: &'a mut [Octet],
     /// `[group of maps_out octets, maps_in, kernel steps, 2]`
     d_taps: &'a mut [Octet],
+    /// `[block of maps_out, time frequency, batch, 2, block's octets]`
     d_spectrum: &'a mut [Octet],
+    /// `[time frequency, batch, 2, maps_in]`
     d_input_spectrum: &'a mut [Octet],
+    /// Of one block, `[time frequency, maps_in, 2, block's octets]`.
     d_weight_spectrum: &'a mut [Octet],
     turned: &'a mut [Octet],
     scratch: &'a mut [Octet],
 }
 
 impl ColumnBackward<'_> {
-    fn run(self) {
+    fn run(mut self) {
         let plan = self.plan;
-        let BlockShape {
-            batch,
-            steps,
-            maps_in,
-            maps_out,
-            kernel,
-            ..
-        } = plan.shape;
-        let (ins, outs) = (plan.ins, plan.outs);
-        let (mirror, wanted) = (plan.taxel.mirror(self.column), plan.wanted(self.column));
-        let strides = [
-            plan.output_stride(),
-            plan.input_stride(),
-            plan.weight_stride(),
-        ];
-        let need_input = !self.d_input.is_empty();
-        for sweep in 0..batch {
-            let source = &self.rows
-                [(sweep * plan.taxel.frequencies() + self.column) * steps * 2 * outs..]
-                [..steps * 2 * outs];
-            for v in (0..outs).step_by(plan.out_group) {
+        for block in 0..plan.out_blocks() {
+            self.transform(block);
+            self.weight_gradient(block);
+        }
+        if !self.d_input.is_empty() {
+            self.input_gradient();
+        }
+    }
+
+    /// Time spectrum of a block of `dy`.
+    fn transform(&mut self, block: usize) {
+        let plan = self.plan;
+        let (octets, steps) = (plan.out_block, plan.shape.steps);
+        let rows = steps * 2 * octets;
+        let stride = plan.output_stride();
+        let target = &mut self.d_spectrum[block * plan.time.length() * stride..];
+        for sweep in 0..plan.shape.batch {
+            let at = (sweep * plan.taxel.frequencies() + self.column) * plan.out_blocks() + block;
+            let source = &self.rows[at * rows..][..rows];
+            for v in (0..octets).step_by(plan.out_group) {
                 let from = Rows {
                     table: &plan.steps,
-                    stride: 2 * outs,
-                    parts: [v, outs + v],
+                    stride: 2 * octets,
+                    parts: [v, v + octets],
+                    ahead: plan.taxel.frequencies() * plan.out_blocks() * rows,
                 };
-                let at = sweep * 2 * outs + v;
+                let at = sweep * 2 * octets + v;
                 let to = Rows {
-                    table: wanted,
-                    stride: strides[0],
-                    parts: [at, at + outs],
+                    table: plan.wanted(self.column),
+                    stride,
+                    parts: [at, at + octets],
+                    ahead: 0,
                 };
                 plan.time.run(
-                    (plan.isa, outs),
+                    (plan.isa, octets),
                     (source, from),
-                    (self.d_spectrum, to),
+                    (target, to),
                     self.scratch,
                 );
             }
         }
-        for (s, &row) in wanted.rows().iter().enumerate() {
-            if row == NOWHERE {
-                continue;
-            }
-            let dy = &self.d_spectrum[s * strides[0]..][..batch * 2 * outs];
-            let x = floats(&self.input[s * strides[1]..][..batch * 2 * ins]);
-            let left = Left {
-                values: x,
-                row: 1,
-                inner: 2 * maps_in,
-                imaginary: maps_in,
-            };
-            left.conjugate_times(
-                plan.isa,
-                dy,
-                &mut self.d_weight_spectrum[s * strides[2]..][..maps_in * 2 * outs],
-                outs,
-            );
-            if need_input {
-                let weight = &self.weight[s * strides[2]..][..maps_in * 2 * outs];
-                plan.isa.run_narrow(TurnConjugated {
-                    weight,
-                    turned: self.turned,
-                    ins,
-                    outs,
-                });
+    }
+
+    /// `conj(X) dY` of a block, and back to taps.
+    fn weight_gradient(&mut self, block: usize) {
+        let plan = self.plan;
+        let BlockShape {
+            batch,
+            maps_in,
+            kernel,
+            ..
+        } = plan.shape;
+        let octets = plan.out_block;
+        let d_spectrum = &self.d_spectrum[block * plan.time.length() * plan.output_stride()..];
+        let lefts = self.input.chunks_exact(plan.input_stride());
+        let rights = d_spectrum.chunks_exact(plan.output_stride());
+        let nexts = following(lefts.clone()).zip(following(rights.clone()));
+        let products = self
+            .d_weight_spectrum
+            .chunks_exact_mut(plan.weight_stride());
+        let products = lefts.zip(rights).zip(products).zip(nexts);
+        let wanted = plan.wanted(self.column).rows();
+        for ((((x, dy), out), next), &row) in products.zip(wanted) {
+            if row != NOWHERE {
                 let left = Left {
-                    values: floats(dy),
-                    row: 2 * maps_out,
-                    inner: 1,
-                    imaginary: maps_out,
+                    values: floats(&x[..batch * 2 * plan.ins]),
+                    row: 1,
+                    inner: 2 * maps_in,
+                    imaginary: maps_in,
+                    soon: [next.0, next.1],
                 };
-                left.times(
+                left.conjugate_times(
                     plan.isa,
-                    self.turned,
-                    &mut self.d_input_spectrum[s * strides[1]..][..batch * 2 * ins],
-                    ins,
+                    &dy[..batch * 2 * octets],
+                    &mut out[..maps_in * 2 * octets],
+                    octets,
                 );
             }
         }
         // Products of two spectra of the same kind: the weights' gradient is real in time wherever the column mirrors itself.
-        let real = if mirror == Mirror::Imaginary {
-            Mirror::Real
-        } else {
-            mirror
+        let real = match plan.taxel.mirror(self.column) {
+            Mirror::Imaginary => Mirror::Real,
+            mirror => mirror,
         };
-        plan.mirror(real, self.d_weight_spectrum, strides[2], outs);
+        plan.mirror(real, self.d_weight_spectrum, plan.weight_stride(), octets);
         let group = plan.out_group;
-        for (at, taps) in self
-            .d_taps
-            .chunks_exact_mut(2 * kernel[0] * group)
-            .enumerate()
-        {
-            let at = at % maps_in * 2 * outs + at / maps_in * group;
+        let taps = 2 * kernel[0] * group;
+        let first = block * octets / group * maps_in;
+        let kernels = self.d_taps.chunks_exact_mut(taps).skip(first);
+        for (at, taps) in kernels.take(octets / group * maps_in).enumerate() {
+            let at = at % maps_in * 2 * octets + at / maps_in * group;
             let from = Rows {
                 table: &plan.all,
-                stride: strides[2],
-                parts: [at, at + outs],
+                stride: plan.weight_stride(),
+                parts: [at, at + octets],
+                ahead: 2 * octets,
             };
             let to = Rows {
                 table: &plan.taps,
                 stride: 2 * group,
                 parts: [0, group],
+                ahead: 0,
             };
             plan.time.run(
-                (plan.isa, outs),
+                (plan.isa, octets),
                 (self.d_weight_spectrum, from.exchanged()),
                 (taps, to.exchanged()),
                 self.scratch,
             );
         }
-        if need_input {
-            plan.mirror(mirror, self.d_input_spectrum, strides[1], ins);
-            for (sweep, out) in self.d_input.chunks_exact_mut(steps * 2 * ins).enumerate() {
-                for v in (0..ins).step_by(plan.in_group) {
-                    let at = sweep * 2 * ins + v;
-                    let from = Rows {
-                        table: &plan.all,
-                        stride: strides[1],
-                        parts: [at, at + ins],
-                    };
-                    let to = Rows {
-                        table: &plan.steps,
-                        stride: 2 * ins,
-                        parts: [v, ins + v],
-                    };
-                    plan.time.run(
-                        (plan.isa, ins),
-                        (self.d_input_spectrum, from.exchanged()),
-                        (out, to.exchanged()),
-                        self.scratch,
-                    );
+    }
+
+    /// `dY conj(W)` over all blocks, and back to steps.
+    fn input_gradient(&mut self) {
+        let plan = self.plan;
+        let BlockShape {
+            batch,
+            steps,
+            maps_in,
+            ..
+        } = plan.shape;
+        let (ins, octets, length) = (plan.ins, plan.out_block, plan.time.length());
+        for (s, &row) in plan.wanted(self.column).rows().iter().enumerate() {
+            if row == NOWHERE {
+                continue;
+            }
+            let out = &mut self.d_input_spectrum[s * plan.input_stride()..][..batch * 2 * ins];
+            for block in 0..plan.out_blocks() {
+                let at = block * length + s;
+                let weight = &self.weight[at * plan.weight_stride()..][..maps_in * 2 * octets];
+                plan.isa.run_narrow(TurnConjugated {
+                    weight,
+                    turned: self.turned,
+                    ins,
+                    outs: octets,
+                });
+                let next = if block + 1 < plan.out_blocks() {
+                    at + length
+                } else {
+                    s + 1
+                };
+                let soon = [
+                    (&*self.d_spectrum, plan.output_stride()),
+                    (self.weight, plan.weight_stride()),
+                ]
+                .map(|(values, stride)| {
+                    values
+                        .get(next * stride..(next + 1) * stride)
+                        .unwrap_or_default()
+                });
+                let dy = &self.d_spectrum[at * plan.output_stride()..][..batch * 2 * octets];
+                let left = Left {
+                    values: floats(dy),
+                    row: 2 * octets * 8,
+                    inner: 1,
+                    imaginary: octets * 8,
+                    soon,
+                };
+                if block == 0 {
+                    left.times(plan.isa, self.turned, out, ins);
+                } else {
+                    left.times_onto(plan.isa, self.turned, out, ins);
                 }
+            }
+        }
+        let mirror = plan.taxel.mirror(self.column);
+        plan.mirror(mirror, self.d_input_spectrum, plan.input_stride(), ins);
+        let octets = plan.in_block;
+        for (at, out) in self
+            .d_input
+            .chunks_exact_mut(steps * 2 * octets)
+            .enumerate()
+        {
+            let (block, sweep) = (at / batch, at % batch);
+            for v in (0..octets).step_by(plan.in_group) {
+                let at = sweep * 2 * ins + block * octets + v;
+                let from = Rows {
+                    table: &plan.all,
+                    stride: plan.input_stride(),
+                    parts: [at, at + ins],
+                    ahead: 2 * ins,
+                };
+                let to = Rows {
+                    table: &plan.steps,
+                    stride: 2 * octets,
+                    parts: [v, v + octets],
+                    ahead: 0,
+                };
+                plan.time.run(
+                    (plan.isa, ins),
+                    (self.d_input_spectrum, from.exchanged()),
+                    (out, to.exchanged()),
+                    self.scratch,
+                );
             }
         }
     }

@@ -20,6 +20,10 @@ pub(super) struct Plan {
     /// Octets of input and output maps that make a vector.
     pub(super) in_group: usize,
     pub(super) out_group: usize,
+    /// Octets of input and output maps that lie together: a block of them is taken through its transforms and products at a time, so
+    /// that its spectra stay in a core's cache. A block is one or more vectors.
+    pub(super) in_block: usize,
+    pub(super) out_block: usize,
     /// A sweep's steps within the transform.
     pub(super) steps: Table,
     /// The kernel's taps within the transform.
@@ -27,6 +31,24 @@ pub(super) struct Plan {
     /// All time frequencies, and those that do not mirror another.
     pub(super) all: Table,
     pub(super) half: Table,
+}
+
+/// Octets of a block, among `octets`: two fill a cache line, and the product's registers.
+fn block_of(octets: usize) -> usize {
+    if octets.is_multiple_of(2) { 2 } else { 1 }
+}
+
+/// Where octet `v` lies among blocks of `block` octets each of which spans `span`.
+#[inline(always)]
+pub(super) fn in_blocks(v: usize, block: usize, span: usize) -> usize {
+    v / block * span + v % block
+}
+
+/// For every row the one after it, for the last one nothing.
+pub(super) fn following<'a>(
+    rows: impl Iterator<Item = &'a [Octet]>,
+) -> impl Iterator<Item = &'a [Octet]> {
+    rows.skip(1).chain(std::iter::once(&[][..]))
 }
 
 /// Octets per time frequency: padded, as strides of powers of two would crowd into few cache sets.
@@ -59,6 +81,8 @@ impl Plan {
             outs: shape.maps_out / 8,
             in_group: isa.group(shape.maps_in / 8),
             out_group: isa.group(shape.maps_out / 8),
+            in_block: block_of(shape.maps_in / 8),
+            out_block: block_of(shape.maps_out / 8),
             steps: Table::new((0..length).map(|t| row(t < shape.steps, t))),
             taps: Table::new((0..length).map(taps)),
             all: Table::new((0..length).map(|s| row(true, s))),
@@ -70,16 +94,29 @@ impl Plan {
         })
     }
 
+    /// Octets per time frequency of the inputs of a column, `[batch, 2, maps_in]`.
     pub(super) fn input_stride(&self) -> usize {
         padded(self.shape.batch * 2 * self.ins)
     }
 
+    /// Octets per time frequency of a block of outputs, `[batch, 2, block]`.
     pub(super) fn output_stride(&self) -> usize {
-        padded(self.shape.batch * 2 * self.outs)
+        padded(self.shape.batch * 2 * self.out_block)
     }
 
+    /// Octets per time frequency of a block of weights, `[maps_in, 2, block]`.
     pub(super) fn weight_stride(&self) -> usize {
-        padded(self.shape.maps_in * 2 * self.outs)
+        padded(self.shape.maps_in * 2 * self.out_block)
+    }
+
+    /// Blocks of output maps.
+    pub(super) fn out_blocks(&self) -> usize {
+        self.outs / self.out_block
+    }
+
+    /// Octets of a column of weights, `[block, time frequency, maps_in, 2, block's octets]`.
+    pub(super) fn weight_column(&self) -> usize {
+        self.out_blocks() * self.time.length() * self.weight_stride()
     }
 
     /// Time frequencies to multiply in a column, as a table of rows.

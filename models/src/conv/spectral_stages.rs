@@ -4,10 +4,10 @@ use super::norm::OutputGradient;
 use super::pooling::{Window, pool_column};
 use super::shape::BlockShape;
 use super::simd::{Kernel, Lanes, Narrow, NarrowKernel, Octet, floats};
-use super::spectral_plan::Plan;
+use super::spectral_plan::{Plan, in_blocks};
 use super::taxel::{MOST_TAXELS, TaxelPlan};
 
-/// Taxel spectra of one sweep: `[steps, taxels, maps_in]` to `[column, steps, 2, maps_in]`.
+/// Taxel spectra of one sweep: `[steps, taxels, maps_in]` to `[column, block of maps_in, steps, 2, block's octets]`.
 pub(super) struct Analyze<'a> {
     pub(super) plan: &'a Plan,
     pub(super) input: &'a [f32],
@@ -18,14 +18,14 @@ impl Kernel for Analyze<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let (plan, ins) = (self.plan, self.plan.ins);
-        let row = plan.shape.taxels * ins * 8;
+        let (plan, ins, block) = (self.plan, self.plan.ins, self.plan.in_block);
+        let (row, steps) = (plan.shape.taxels * ins * 8, plan.shape.steps);
         for (step, row) in self.input.chunks_exact(row).enumerate() {
             for v in (0..ins).step_by(L::OCTETS) {
-                let out = &mut self.rows[step * 2 * ins + v..];
+                let first = in_blocks(v, block, steps * 2 * block) + step * 2 * block;
+                let out = &mut self.rows[first..];
                 let values = |taxel: usize| L::load_floats(row, taxel * ins + v);
-                plan.taxel
-                    .forward::<L>(values, out, plan.shape.steps * 2 * ins, ins);
+                plan.taxel.forward::<L>(values, out, steps * 2 * ins, block);
             }
         }
     }
@@ -87,7 +87,7 @@ impl Kernel for Synthesize<'_> {
             pool,
             ..
         } = plan.shape;
-        let row = taxels * outs;
+        let (row, block) = (taxels * outs, plan.out_block);
         for window in 0..plan.shape.pooled_steps() {
             let here = (steps - window * pool).min(pool) * row;
             let tile = match &mut self.maps {
@@ -103,12 +103,13 @@ impl Kernel for Synthesize<'_> {
             };
             for v in (0..outs).step_by(L::OCTETS) {
                 for (step, maps) in tile.chunks_exact_mut(row).enumerate() {
-                    let spectrum = &self.products
-                        [(self.sweep * steps + window * pool + step) * 2 * outs + v..];
+                    let first = in_blocks(v, block, batch * steps * 2 * block)
+                        + (self.sweep * steps + window * pool + step) * 2 * block;
                     plan.taxel.inverse::<L>(
-                        spectrum,
+                        &self.products[first..],
                         batch * steps * 2 * outs,
-                        outs,
+                        block,
+                        batch * steps * 2 * block,
                         |taxel, y: L| {
                             y.store(maps, taxel * outs + v);
                         },
@@ -120,7 +121,7 @@ impl Kernel for Synthesize<'_> {
     }
 }
 
-/// `dy` of one sweep as taxel spectra, `[column, steps, 2, maps_out]`.
+/// `dy` of one sweep as taxel spectra, `[column, block of maps_out, steps, 2, block's octets]`.
 pub(super) struct Spread<'a> {
     pub(super) plan: &'a Plan,
     pub(super) sweep: usize,
@@ -140,7 +141,7 @@ impl Kernel for Spread<'_> {
             pool,
             ..
         } = plan.shape;
-        let window_row = taxels * outs;
+        let (window_row, block) = (taxels * outs, plan.out_block);
         let affine = self.output.affine;
         for (window, tile) in self.maps.chunks(pool * window_row).enumerate() {
             let first = (self.sweep * plan.shape.pooled_steps() + window) * window_row;
@@ -157,20 +158,23 @@ impl Kernel for Spread<'_> {
                 let (kb, kc) = (L::load_floats(&affine.kb, v), L::load_floats(&affine.kc, v));
                 for (step, maps) in tile.chunks_exact(window_row).enumerate() {
                     let won = L::splat(step as f32);
-                    let out = &mut self.rows[(window * pool + step) * 2 * outs + v..];
+                    let first =
+                        in_blocks(v, block, steps * 2 * block) + (window * pool + step) * 2 * block;
+                    let out = &mut self.rows[first..];
                     let values = |taxel: usize| {
                         let [gradient, position] = sparse[taxel];
                         let dense = L::load(maps, taxel * outs + v).mul_add(kc, kb);
                         position.if_equal(won, gradient).add(dense)
                     };
-                    plan.taxel.forward::<L>(values, out, steps * 2 * outs, outs);
+                    plan.taxel
+                        .forward::<L>(values, out, steps * 2 * outs, block);
                 }
             }
         }
     }
 }
 
-/// `[maps_in, 2, maps_out]` to the conjugate of its transpose, `[maps_out, 2, maps_in]`.
+/// `[maps_in, 2, maps_out]` to the conjugate of its transpose, `[maps_out, 2, maps_in]`, for `outs` octets of output maps.
 pub(super) struct TurnConjugated<'a> {
     pub(super) weight: &'a [Octet],
     pub(super) turned: &'a mut [Octet],
@@ -256,7 +260,7 @@ impl Kernel for InputGradient<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let (plan, ins) = (self.plan, self.plan.ins);
+        let (plan, ins, block) = (self.plan, self.plan.ins, self.plan.in_block);
         let BlockShape {
             batch,
             steps,
@@ -266,11 +270,13 @@ impl Kernel for InputGradient<'_> {
         let row = taxels * ins * 8;
         for (step, row) in self.input.chunks_exact_mut(row).enumerate() {
             for v in (0..ins).step_by(L::OCTETS) {
-                let spectrum = &self.spectra[(self.sweep * steps + step) * 2 * ins + v..];
+                let first = in_blocks(v, block, batch * steps * 2 * block)
+                    + (self.sweep * steps + step) * 2 * block;
                 plan.taxel.inverse::<L>(
-                    spectrum,
+                    &self.spectra[first..],
                     batch * steps * 2 * ins,
-                    ins,
+                    block,
+                    8 * block,
                     |taxel, value: L| {
                         value.store_floats(row, taxel * ins + v);
                     },

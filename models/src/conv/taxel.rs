@@ -5,7 +5,7 @@
 //! phase this adds is the same before and after a convolution, so products of spectra do not see it. Only frequencies
 //! `0 ..= length / 2` are kept, as the values are real.
 
-use super::simd::{Lanes, Octet};
+use super::simd::{Lanes, Octet, prefetch};
 
 /// Most taxels that a plan takes.
 pub(super) const MOST_TAXELS: usize = 32;
@@ -32,7 +32,7 @@ pub(super) struct TaxelPlan {
     length: usize,
     /// `[frequency, pair, 2]`: cosine, minus sine
     forward: Vec<Octet>,
-    /// `[pair, frequency, 2]`: the same, scaled by the inverse transform's weights
+    /// `[2, frequency, pair]`: the same, scaled by the inverse transform's weights
     inverse: Vec<Octet>,
     /// `[frequency, lag, 2]` for lags 0 ..= pad
     kernel: Vec<[f32; 2]>,
@@ -73,10 +73,12 @@ impl TaxelPlan {
             pad,
             scale: scale as f32,
         };
-        for pair in 0..pairs {
+        let parts: [fn(f64) -> f64; 2] = [f64::cos, |angle| -angle.sin()];
+        for part in parts {
             for f in 0..=length / 2 {
-                let (angle, weight) = (angle(f, pair as f64 + half), f64::from(plan.weight(f)));
-                inverse.extend([splat(weight * angle.cos()), splat(-weight * angle.sin())]);
+                let weight = f64::from(plan.weight(f));
+                let angles = (0..pairs).map(|pair| angle(f, pair as f64 + half));
+                inverse.extend(angles.map(|angle| splat(weight * part(angle))));
             }
         }
         Some(Self { inverse, ..plan })
@@ -180,12 +182,13 @@ impl TaxelPlan {
         spectrum: &[Octet],
         stride: usize,
         imaginary: usize,
+        ahead: usize,
         put: impl FnMut(usize, L),
     ) {
         if self.pairs() <= FEW {
-            self.inverse_of::<L, FEW>(spectrum, stride, imaginary, put);
+            self.inverse_of::<L, FEW>(spectrum, stride, imaginary, ahead, put);
         } else {
-            self.inverse_of::<L, MANY>(spectrum, stride, imaginary, put);
+            self.inverse_of::<L, MANY>(spectrum, stride, imaginary, ahead, put);
         }
     }
 
@@ -195,28 +198,31 @@ impl TaxelPlan {
         spectrum: &[Octet],
         stride: usize,
         imaginary: usize,
+        ahead: usize,
         mut put: impl FnMut(usize, L),
     ) {
         let mut even = [L::splat(0.0); PAIRS];
         let mut odd = [L::splat(0.0); PAIRS];
-        let frequencies = self.frequencies();
-        let table = &self.inverse[..2 * PAIRS * frequencies];
-        for f in 0..frequencies {
+        let (table, _) = self.inverse.as_chunks::<PAIRS>();
+        let (cosines, sines) = table.split_at(self.frequencies());
+        for (f, cosines) in cosines.iter().enumerate() {
             let re = L::load(spectrum, f * stride);
-            for pair in 0..PAIRS {
-                even[pair] = re.mul_add(
-                    L::load_equal(&table[2 * (pair * frequencies + f)]),
-                    even[pair],
+            if ahead > 0 {
+                prefetch(spectrum.as_ptr().wrapping_add(f * stride + ahead));
+                prefetch(
+                    spectrum
+                        .as_ptr()
+                        .wrapping_add(f * stride + imaginary + ahead),
                 );
             }
+            for pair in 0..PAIRS {
+                even[pair] = re.mul_add(L::load_equal(&cosines[pair]), even[pair]);
+            }
         }
-        for f in 0..frequencies {
+        for (f, sines) in sines.iter().enumerate() {
             let im = L::load(spectrum, f * stride + imaginary);
             for pair in 0..PAIRS {
-                odd[pair] = im.mul_add(
-                    L::load_equal(&table[2 * (pair * frequencies + f) + 1]),
-                    odd[pair],
-                );
+                odd[pair] = im.mul_add(L::load_equal(&sines[pair]), odd[pair]);
             }
         }
         for pair in 0..PAIRS {

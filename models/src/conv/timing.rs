@@ -18,6 +18,7 @@ pub fn transform(length: usize) -> impl FnMut() {
                 table: &rows,
                 stride: 4,
                 parts: [v, 2 + v],
+                ahead: 0,
             };
             plan.run((isa, 2), (&source, at), (&mut target, at), &mut scratch);
         }
@@ -36,6 +37,7 @@ pub fn product(rows: usize, inner: usize, columns: usize) -> impl FnMut() {
             row: 2 * inner,
             inner: 1,
             imaginary: inner,
+            soon: [&[]; 2],
         };
         left.times(isa, &right, &mut out, columns / 8);
     }

@@ -9,13 +9,15 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+mod prefetch;
 mod rows;
 mod walk;
 
 use std::fmt::Debug;
 use std::ops::{Deref, DerefMut};
 
-pub(super) use rows::{NOWHERE, Reader, Rows, Table, Writer};
+pub(super) use prefetch::{Soon, prefetch};
+pub(super) use rows::{NOWHERE, Reader, Rows, Sequence, Table, Writer, unrolled};
 pub(super) use walk::Walk;
 
 /// Eight values in memory, aligned for one vector load.
@@ -217,9 +219,13 @@ impl Isa {
     }
 
     /// Runs a kernel that goes through rows of `octets` octets.
+    ///
+    /// Inlined, so that the kernel is written where its function reads it: were it moved, wide loads would wait until narrow stores (and
+    /// all stores before them) have left for the cache.
+    #[inline(always)]
     pub(super) fn run<K: Kernel>(self, octets: usize, kernel: K) -> K::Output {
         match self {
-            Self::Portable => kernel.run::<Portable>(),
+            Self::Portable => run_portable(kernel),
             // SAFETY: `all` gives this only where both features were detected.
             #[cfg(target_arch = "x86_64")]
             Self::Avx2 => unsafe { avx2::run(kernel) },
@@ -232,10 +238,11 @@ impl Isa {
         }
     }
 
-    /// Runs a kernel on single octets.
+    /// Runs a kernel on single octets; inlined as [`Isa::run`] is.
+    #[inline(always)]
     pub(super) fn run_narrow<K: NarrowKernel>(self, kernel: K) -> K::Output {
         match self {
-            Self::Portable => kernel.run::<Portable>(),
+            Self::Portable => run_narrow_portable(kernel),
             // SAFETY: `all` gives this only where both features were detected.
             #[cfg(target_arch = "x86_64")]
             Self::Avx2 => unsafe { avx2::run_narrow(kernel) },
@@ -244,6 +251,16 @@ impl Isa {
             Self::Avx512 => unsafe { avx512::run_narrow(kernel) },
         }
     }
+}
+
+#[inline(never)]
+fn run_portable<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run::<Portable>()
+}
+
+#[inline(never)]
+fn run_narrow_portable<K: NarrowKernel>(kernel: K) -> K::Output {
+    kernel.run::<Portable>()
 }
 
 #[derive(Debug, Clone, Copy)]

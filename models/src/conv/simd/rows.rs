@@ -1,8 +1,11 @@
-//! Rows of a buffer, picked by a table, that transforms read and write; their bounds are checked once.
+//! What transforms read and write: rows of a buffer, picked by a table, or a sequence of elements. The bounds of the rows are checked once,
+//! those of the elements once for all that a butterfly takes.
 
 use std::marker::PhantomData;
 
+use super::prefetch::{prefetch, prefetch_to_write};
 use super::{Lanes, Octet};
+use crate::conv::butterfly::Complex;
 
 /// A row that reads as zero, or is not wanted.
 pub(in crate::conv) const NOWHERE: u32 = u32::MAX;
@@ -38,6 +41,8 @@ pub(in crate::conv) struct Rows<'a> {
     pub(in crate::conv) table: &'a Table,
     pub(in crate::conv) stride: usize,
     pub(in crate::conv) parts: [usize; 2],
+    /// Octets from these rows to those that the next transform reads, so that they can be asked for; 0 if nothing is to be asked for.
+    pub(in crate::conv) ahead: usize,
 }
 
 impl<'a> Rows<'a> {
@@ -65,12 +70,39 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// Rows to read from.
+/// Repeats a block for k = 0, 1, … as straight code, so that values stay in registers; a loop is not always unrolled, and a
+/// closure not always inlined.
+macro_rules! unrolled {
+    ($k:ident < $n:ident => $body:block) => {
+        $crate::conv::simd::unrolled!(@ $k $n $body 0 1 2 3 4 5 6 7 8 9 10 11)
+    };
+    (@ $k:ident $n:ident $body:block $($value:literal)*) => {
+        $(if $value < $n {
+            let $k = $value;
+            $body
+        })*
+    };
+}
+pub(in crate::conv) use unrolled;
+
+/// Panics unless a table tells where `count` elements lie, `apart` from each other.
+#[inline(always)]
+fn check_elements(rows: &[u32], first: usize, apart: usize, count: usize) {
+    assert!(
+        first + apart * (count - 1) < rows.len(),
+        "every element has a row"
+    );
+}
+
+/// Rows to read from; one that lies nowhere reads as zero.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::conv) struct Reader<'a, L> {
-    values: &'a [Octet],
-    rows: Rows<'a>,
-    lanes: PhantomData<L>,
+    rows: &'a [u32],
+    /// Real and imaginary part of row 0.
+    parts: [*const Octet; 2],
+    stride: usize,
+    ahead: usize,
+    lanes: PhantomData<(&'a [Octet], L)>,
 }
 
 impl<'a, L: Lanes> Reader<'a, L> {
@@ -79,38 +111,54 @@ impl<'a, L: Lanes> Reader<'a, L> {
     pub(in crate::conv) fn new(values: &'a [Octet], rows: Rows<'a>) -> Self {
         rows.check::<L>(values.len());
         Self {
-            values,
-            rows,
+            rows: &rows.table.rows,
+            parts: rows.parts.map(|part| values.as_ptr().wrapping_add(part)),
+            stride: rows.stride,
+            ahead: rows.ahead,
             lanes: PhantomData,
         }
     }
 
-    /// Real and imaginary part of an element, zero if it lies nowhere.
+    /// `N` elements, `apart` from each other.
     #[inline(always)]
-    pub(in crate::conv) fn read(&self, element: usize) -> [L; 2] {
-        let row = self.rows.table.rows[element];
-        if row == NOWHERE {
-            return [L::splat(0.0); 2];
-        }
-        let at = row as usize * self.rows.stride;
-        let [re, im] = self.rows.parts;
-        let first = self.values.as_ptr();
-        // SAFETY: `new` has checked the furthest row with both parts, for vectors of this width.
-        unsafe {
-            [
-                L::load_from(first.add(at + re).cast()),
-                L::load_from(first.add(at + im).cast()),
-            ]
-        }
+    pub(in crate::conv) fn read_every<const N: usize>(
+        &self,
+        first: usize,
+        apart: usize,
+    ) -> [Complex<L>; N] {
+        check_elements(self.rows, first, apart, N);
+        let [re, im] = self.parts;
+        let mut found = [Complex::zero(); N];
+        unrolled!(k < N => {
+            // SAFETY: `check_elements` has checked the last of these.
+            let row = unsafe { *self.rows.get_unchecked(first + apart * k) };
+            if row != NOWHERE {
+                let at = row as usize * self.stride;
+                if self.ahead > 0 {
+                    prefetch(re.wrapping_add(at + self.ahead));
+                    prefetch(im.wrapping_add(at + self.ahead));
+                }
+                // SAFETY: `new` has checked the furthest row with both parts, for vectors of this width.
+                found[k] = unsafe {
+                    Complex {
+                        re: L::load_from(re.add(at).cast()),
+                        im: L::load_from(im.add(at).cast()),
+                    }
+                };
+            }
+        });
+        found
     }
 }
 
-/// Rows to write to.
+/// Rows to write to; what goes nowhere is dropped.
 #[derive(Debug)]
 pub(in crate::conv) struct Writer<'a, L> {
-    values: &'a mut [Octet],
-    rows: Rows<'a>,
-    lanes: PhantomData<L>,
+    rows: &'a [u32],
+    /// Real and imaginary part of row 0.
+    parts: [*mut Octet; 2],
+    stride: usize,
+    lanes: PhantomData<(&'a mut [Octet], L)>,
 }
 
 impl<'a, L: Lanes> Writer<'a, L> {
@@ -118,26 +166,123 @@ impl<'a, L: Lanes> Writer<'a, L> {
     #[inline(always)]
     pub(in crate::conv) fn new(values: &'a mut [Octet], rows: Rows<'a>) -> Self {
         rows.check::<L>(values.len());
+        let first = values.as_mut_ptr();
         Self {
-            values,
-            rows,
+            rows: &rows.table.rows,
+            parts: rows.parts.map(|part| first.wrapping_add(part)),
+            stride: rows.stride,
             lanes: PhantomData,
         }
     }
 
-    /// Stores real and imaginary part of an element, unless it lies nowhere.
+    /// Asks for the cache lines of `N` elements that will be written.
     #[inline(always)]
-    pub(in crate::conv) fn write(&mut self, element: usize, [re, im]: [L; 2]) {
-        let row = self.rows.table.rows[element];
-        if row != NOWHERE {
-            let at = row as usize * self.rows.stride;
-            let parts = self.rows.parts;
-            let first = self.values.as_mut_ptr();
-            // SAFETY: `new` has checked the furthest row with both parts, for vectors of this width.
-            unsafe {
-                re.store_to(first.add(at + parts[0]).cast());
-                im.store_to(first.add(at + parts[1]).cast());
+    pub(in crate::conv) fn expect<const N: usize>(&self, first: usize) {
+        check_elements(self.rows, first, 1, N);
+        unrolled!(k < N => {
+            // SAFETY: `check_elements` has checked the last of these.
+            let row = unsafe { *self.rows.get_unchecked(first + k) };
+            if row != NOWHERE {
+                let at = row as usize * self.stride;
+                prefetch_to_write(self.parts[0].wrapping_add(at));
+                prefetch_to_write(self.parts[1].wrapping_add(at));
             }
+        });
+    }
+
+    /// Stores `N` elements, `apart` from each other.
+    #[inline(always)]
+    pub(in crate::conv) fn write_every<const N: usize>(
+        &mut self,
+        first: usize,
+        apart: usize,
+        values: [Complex<L>; N],
+    ) {
+        check_elements(self.rows, first, apart, N);
+        let parts = self.parts;
+        unrolled!(k < N => {
+            // SAFETY: `check_elements` has checked the last of these.
+            let row = unsafe { *self.rows.get_unchecked(first + apart * k) };
+            if row != NOWHERE {
+                let at = row as usize * self.stride;
+                // SAFETY: `new` has checked the furthest row with both parts, for vectors of this width.
+                unsafe {
+                    values[k].re.store_to(parts[0].add(at).cast());
+                    values[k].im.store_to(parts[1].add(at).cast());
+                }
+            }
+        });
+    }
+}
+
+/// Elements one after the other, each a vector of real and one of imaginary parts: what lies between two passes.
+#[derive(Debug)]
+pub(in crate::conv) struct Sequence<V, L> {
+    elements: V,
+    lanes: PhantomData<L>,
+}
+
+impl<V, L: Lanes> Sequence<V, L> {
+    pub(in crate::conv) fn new(elements: V) -> Self {
+        Self {
+            elements,
+            lanes: PhantomData,
         }
+    }
+}
+
+/// Panics unless `count` elements, `apart` from each other, lie within a sequence of `len` octets.
+#[inline(always)]
+fn check_sequence<L: Lanes>(len: usize, first: usize, apart: usize, count: usize) {
+    assert!(
+        (first + apart * (count - 1) + 1) * 2 * L::OCTETS <= len,
+        "every element lies within the sequence"
+    );
+}
+
+impl<L: Lanes> Sequence<&[Octet], L> {
+    /// `N` elements, `apart` from each other.
+    #[inline(always)]
+    pub(in crate::conv) fn read_every<const N: usize>(
+        &self,
+        first: usize,
+        apart: usize,
+    ) -> [Complex<L>; N] {
+        check_sequence::<L>(self.elements.len(), first, apart, N);
+        let from = self.elements.as_ptr();
+        let mut found = [Complex::zero(); N];
+        unrolled!(k < N => {
+            // SAFETY: `check_sequence` has checked the last of these elements.
+            found[k] = unsafe {
+                let at = from.add((first + apart * k) * 2 * L::OCTETS);
+                Complex {
+                    re: L::load_from(at.cast()),
+                    im: L::load_from(at.add(L::OCTETS).cast()),
+                }
+            };
+        });
+        found
+    }
+}
+
+impl<L: Lanes> Sequence<&mut [Octet], L> {
+    /// Stores `N` elements, `apart` from each other.
+    #[inline(always)]
+    pub(in crate::conv) fn write_every<const N: usize>(
+        &mut self,
+        first: usize,
+        apart: usize,
+        values: [Complex<L>; N],
+    ) {
+        check_sequence::<L>(self.elements.len(), first, apart, N);
+        let to = self.elements.as_mut_ptr();
+        unrolled!(k < N => {
+            // SAFETY: `check_sequence` has checked the last of these elements.
+            unsafe {
+                let at = to.add((first + apart * k) * 2 * L::OCTETS);
+                values[k].re.store_to(at.cast());
+                values[k].im.store_to(at.add(L::OCTETS).cast());
+            }
+        });
     }
 }
