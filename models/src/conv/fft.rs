@@ -7,7 +7,9 @@
 //! imaginary parts exchanged.
 
 use super::butterfly::butterfly;
-use super::simd::{Isa, Kernel, Lanes, Octet, Reader, Rows, Sequence, Table, Writer, unrolled};
+use super::simd::{
+    Isa, Kernel, Lanes, NOTHING, Octet, Reader, Rows, Sequence, Table, WRITTEN, Writer, unrolled,
+};
 
 /// A transform of one length.
 #[derive(Debug, Clone)]
@@ -127,7 +129,7 @@ impl Kernel for Transform<'_> {
             table: &plan.order,
             stride: 2 * L::OCTETS,
             parts: [0, L::OCTETS],
-            ahead: 0,
+            ahead: NOTHING,
         };
         let mut target = Writer::new(target, to);
         let (inner, last) = match plan.passes.as_slice() {
@@ -143,7 +145,7 @@ impl Kernel for Transform<'_> {
             pass.run(
                 from,
                 Sequence::new(&mut *front),
-                (index + 2 == plan.passes.len()).then_some(&target),
+                (to.ahead == WRITTEN && index + 2 == plan.passes.len()).then_some(&target),
             );
             std::mem::swap(&mut front, &mut back);
         }
@@ -258,7 +260,7 @@ impl Pass {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::conv::simd::{Isa, floats, floats_mut};
+    use crate::conv::simd::{Isa, NOTHING, floats, floats_mut};
     use crate::conv::tests::noise;
 
     #[test]
@@ -277,7 +279,7 @@ mod tests {
                         table: &rows,
                         stride: 4,
                         parts: [v, 2 + v],
-                        ahead: 0,
+                        ahead: NOTHING,
                     };
                     plan.run((isa, 2), (&x, at), (&mut y, at), &mut scratch);
                 }

@@ -4,7 +4,7 @@
 //! element by element with any strides, so that it may be transposed. A register block of 2 rows by 2 vectors keeps eight accumulators, four vectors
 //! of the right factor and the two broadcast parts in sixteen registers; AVX-512 has room for 4 rows.
 
-use super::simd::{Isa, Kernel, Lanes, Octet, Soon, Walk};
+use super::simd::{Isa, Kernel, Lanes, Octet, Walk, prefetch};
 
 /// Left factor: element `(i, k)` has its real part at `i * row + k * inner` and its imaginary part `imaginary` values later.
 #[derive(Debug, Clone, Copy)]
@@ -13,8 +13,17 @@ pub(super) struct Left<'a> {
     pub(super) row: usize,
     pub(super) inner: usize,
     pub(super) imaginary: usize,
-    /// What the next product will read.
-    pub(super) soon: [&'a [Octet]; 2],
+    pub(super) soon: Soon<'a>,
+}
+
+/// Values of a cache line.
+const LINE: usize = 16;
+
+/// What the next product will read: asked for while this one is computed, from these places on and in this one's strides.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Soon<'a> {
+    pub(super) left: &'a [f32],
+    pub(super) right: &'a [Octet],
 }
 
 impl Left<'_> {
@@ -80,9 +89,9 @@ impl<const CONJUGATE: bool, const ONTO: bool> Kernel for Product<'_, CONJUGATE, 
             (2, _) => 4,
             _ => 2,
         };
-        let mut soon = Soon::new(left.soon);
         let mut row = 0;
         while row < rows {
+            let soon = left.soon.left.as_ptr().wrapping_add(row * left.row);
             let left = Left {
                 values: &left.values[row * left.row..],
                 ..left
@@ -93,11 +102,11 @@ impl<const CONJUGATE: bool, const ONTO: bool> Kernel for Product<'_, CONJUGATE, 
                 few => few.min(4),
             };
             match taken {
-                8 => row_block::<L, CONJUGATE, ONTO, 8>(left, right, out, columns, &mut soon),
-                4 => row_block::<L, CONJUGATE, ONTO, 4>(left, right, out, columns, &mut soon),
-                3 => row_block::<L, CONJUGATE, ONTO, 3>(left, right, out, columns, &mut soon),
-                2 => row_block::<L, CONJUGATE, ONTO, 2>(left, right, out, columns, &mut soon),
-                _ => row_block::<L, CONJUGATE, ONTO, 1>(left, right, out, columns, &mut soon),
+                8 => row_block::<L, CONJUGATE, ONTO, 8>(left, right, out, columns, soon),
+                4 => row_block::<L, CONJUGATE, ONTO, 4>(left, right, out, columns, soon),
+                3 => row_block::<L, CONJUGATE, ONTO, 3>(left, right, out, columns, soon),
+                2 => row_block::<L, CONJUGATE, ONTO, 2>(left, right, out, columns, soon),
+                _ => row_block::<L, CONJUGATE, ONTO, 1>(left, right, out, columns, soon),
             }
             row += taken;
         }
@@ -110,7 +119,7 @@ fn row_block<L: Lanes, const CONJUGATE: bool, const ONTO: bool, const ROWS: usiz
     right: &[Octet],
     out: &mut [Octet],
     columns: usize,
-    soon: &mut Soon<'_>,
+    soon: *const f32,
 ) {
     let mut column = 0;
     while column + 2 * L::OCTETS <= columns {
@@ -136,7 +145,7 @@ fn tile<
     out: &mut [Octet],
     columns: usize,
     column: usize,
-    soon: &mut Soon<'_>,
+    mut next_left: *const f32,
 ) {
     let zero = L::splat(0.0);
     let mut sums = [[[zero; 2]; WIDTH]; ROWS];
@@ -146,6 +155,9 @@ fn tile<
         let at = column + v * L::OCTETS;
         *offset = [at, columns + at];
     }
+    let mut next_right = left.soon.right.as_ptr().wrapping_add(column);
+    // Rows that are read value by value are asked for line by line.
+    let (imaginary, next_step) = (left.imaginary, left.inner.max(LINE));
     let mut right = Walk::<Octet, L, WIDTH>::new(right, 2 * columns, inner, offsets);
     let mut offsets = [[0; 2]; ROWS];
     for (r, offset) in offsets.iter_mut().enumerate() {
@@ -153,7 +165,14 @@ fn tile<
     }
     let mut left = Walk::<f32, L, ROWS>::new(left.values, left.inner, inner, offsets);
     while let (Some(left), Some(right)) = (left.step(), right.step()) {
-        soon.ask();
+        prefetch(next_left);
+        prefetch(next_left.wrapping_add(imaginary));
+        next_left = next_left.wrapping_add(next_step);
+        for v in 0..WIDTH {
+            prefetch(next_right.wrapping_add(v * L::OCTETS));
+            prefetch(next_right.wrapping_add(v * L::OCTETS + columns));
+        }
+        next_right = next_right.wrapping_add(2 * columns);
         for r in 0..ROWS {
             let a = L::splat(left[r][0]);
             for v in 0..WIDTH {
@@ -211,7 +230,10 @@ mod tests {
                         row: 2 * inner,
                         inner: 1,
                         imaginary: inner,
-                        soon: [&right, &before],
+                        soon: Soon {
+                            left: &left,
+                            right: &right,
+                        },
                     };
                     if onto {
                         a.times_onto(isa, &right, &mut out, columns);

@@ -11,7 +11,7 @@ use super::fft::TimePlan;
 use super::norm::Pooled;
 use super::pooling::{Window, merge_sums};
 use super::shape::BlockShape;
-use super::simd::{Isa, NOWHERE, Octet, Octets, Rows, Table};
+use super::simd::{Isa, NOTHING, NOWHERE, Octet, Octets, Rows, Table};
 use super::single_stages::{Analyze, Scale, Synthesize};
 use super::spectral_plan::{by_group, signs};
 use super::spectral_stages::KernelRows;
@@ -178,7 +178,7 @@ impl Single {
                 table: &self.all,
                 stride: 2,
                 parts: [0, 1],
-                ahead: 0,
+                ahead: NOTHING,
             };
             for (source, target) in taxel_spectra
                 .chunks_exact(2 * length)
@@ -200,7 +200,7 @@ impl Single {
                     table,
                     stride: 2 * group,
                     parts: [0, group],
-                    ahead: 0,
+                    ahead: NOTHING,
                 };
                 rows.exchanged()
             });
@@ -284,7 +284,7 @@ impl Single {
             table,
             stride: 2 * group,
             parts: [0, group],
-            ahead: 0,
+            ahead: NOTHING,
         });
         for (taps, spectra) in taps
             .chunks_exact(kernel_steps * kernel_taxels * group)

@@ -14,9 +14,9 @@ use rayon::prelude::*;
 use super::buffers::Buffers;
 use super::norm::Pooled;
 use super::pooling::{Window, merge_sums};
-use super::product::Left;
+use super::product::{Left, Soon};
 use super::shape::BlockShape;
-use super::simd::{Isa, NOWHERE, Octet, Octets, Rows, floats};
+use super::simd::{Isa, NOTHING, NOWHERE, Octet, Octets, Rows, WRITTEN, floats};
 use super::spectral_plan::{Plan, by_group, following, in_blocks, signs};
 use super::spectral_stages::{Analyze, KernelRows, Maps, Synthesize};
 use super::weight::{Remembered, Weight};
@@ -248,7 +248,7 @@ impl Column<'_> {
                     table: wanted,
                     stride: plan.input_stride(),
                     parts: [at, at + ins],
-                    ahead: 0,
+                    ahead: WRITTEN,
                 };
                 let lanes = (plan.isa, ins);
                 plan.time
@@ -263,8 +263,8 @@ impl Column<'_> {
         for (weight, out) in weights.zip(outs) {
             let lefts = self.input.chunks_exact(plan.input_stride());
             let rights = weight.chunks_exact(plan.weight_stride());
-            let nexts = following(lefts.clone()).zip(following(rights.clone()));
             let products = self.spectrum.chunks_exact_mut(plan.output_stride());
+            let nexts = following(lefts.clone()).zip(following(rights.clone()));
             let products = lefts.zip(rights).zip(products).zip(nexts);
             for ((((left, right), out), next), &row) in products.zip(wanted.rows()) {
                 if row != NOWHERE {
@@ -273,7 +273,10 @@ impl Column<'_> {
                         row: 2 * maps_in,
                         inner: 1,
                         imaginary: maps_in,
-                        soon: [next.0, next.1],
+                        soon: Soon {
+                            left: floats(next.0),
+                            right: next.1,
+                        },
                     };
                     left.times(
                         plan.isa,
@@ -302,7 +305,7 @@ impl Column<'_> {
                         table: &plan.steps,
                         stride: 2 * block,
                         parts: [v, v + block],
-                        ahead: 0,
+                        ahead: WRITTEN,
                     };
                     plan.time.run(
                         (plan.isa, block),
@@ -345,13 +348,13 @@ fn weight_spectrum(
             table: &plan.taps,
             stride: 2 * group,
             parts: [0, group],
-            ahead: 0,
+            ahead: NOTHING,
         };
         let to = Rows {
             table: plan.wanted(column),
             stride: plan.weight_stride(),
             parts: [at, at + block],
-            ahead: 0,
+            ahead: WRITTEN,
         };
         plan.time
             .run((plan.isa, outs), (&lags, from), (spectrum, to), scratch);

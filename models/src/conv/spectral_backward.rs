@@ -6,9 +6,9 @@
 use rayon::prelude::*;
 
 use super::norm::OutputGradient;
-use super::product::Left;
+use super::product::{Left, Soon};
 use super::shape::BlockShape;
-use super::simd::{NOWHERE, Octet, Rows, floats};
+use super::simd::{NOTHING, NOWHERE, Octet, Rows, WRITTEN, floats};
 use super::spectral::{SavedSpectral, Spectral};
 use super::spectral_plan::{Plan, following};
 use super::spectral_stages::{InputGradient, Spread, TurnConjugated, WeightGradient};
@@ -180,7 +180,7 @@ impl ColumnBackward<'_> {
                     table: plan.wanted(self.column),
                     stride,
                     parts: [at, at + octets],
-                    ahead: 0,
+                    ahead: WRITTEN,
                 };
                 plan.time.run(
                     (plan.isa, octets),
@@ -205,10 +205,10 @@ impl ColumnBackward<'_> {
         let d_spectrum = &self.d_spectrum[block * plan.time.length() * plan.output_stride()..];
         let lefts = self.input.chunks_exact(plan.input_stride());
         let rights = d_spectrum.chunks_exact(plan.output_stride());
-        let nexts = following(lefts.clone()).zip(following(rights.clone()));
         let products = self
             .d_weight_spectrum
             .chunks_exact_mut(plan.weight_stride());
+        let nexts = following(lefts.clone()).zip(following(rights.clone()));
         let products = lefts.zip(rights).zip(products).zip(nexts);
         let wanted = plan.wanted(self.column).rows();
         for ((((x, dy), out), next), &row) in products.zip(wanted) {
@@ -218,7 +218,10 @@ impl ColumnBackward<'_> {
                     row: 1,
                     inner: 2 * maps_in,
                     imaginary: maps_in,
-                    soon: [next.0, next.1],
+                    soon: Soon {
+                        left: floats(next.0),
+                        right: next.1,
+                    },
                 };
                 left.conjugate_times(
                     plan.isa,
@@ -250,7 +253,7 @@ impl ColumnBackward<'_> {
                 table: &plan.taps,
                 stride: 2 * group,
                 parts: [0, group],
-                ahead: 0,
+                ahead: NOTHING,
             };
             plan.time.run(
                 (plan.isa, octets),
@@ -285,27 +288,21 @@ impl ColumnBackward<'_> {
                     ins,
                     outs: octets,
                 });
-                let next = if block + 1 < plan.out_blocks() {
-                    at + length
-                } else {
-                    s + 1
+                // The next block, or the first of the next frequency.
+                let next = match block + 1 {
+                    next if next < plan.out_blocks() => next * length + s,
+                    _ => (s + 1).min(length - 1),
                 };
-                let soon = [
-                    (&*self.d_spectrum, plan.output_stride()),
-                    (self.weight, plan.weight_stride()),
-                ]
-                .map(|(values, stride)| {
-                    values
-                        .get(next * stride..(next + 1) * stride)
-                        .unwrap_or_default()
-                });
                 let dy = &self.d_spectrum[at * plan.output_stride()..][..batch * 2 * octets];
                 let left = Left {
                     values: floats(dy),
                     row: 2 * octets * 8,
                     inner: 1,
                     imaginary: octets * 8,
-                    soon,
+                    soon: Soon {
+                        left: floats(&self.d_spectrum[next * plan.output_stride()..]),
+                        right: &self.weight[next * plan.weight_stride()..],
+                    },
                 };
                 if block == 0 {
                     left.times(plan.isa, self.turned, out, ins);
@@ -335,7 +332,7 @@ impl ColumnBackward<'_> {
                     table: &plan.steps,
                     stride: 2 * octets,
                     parts: [v, v + octets],
-                    ahead: 0,
+                    ahead: WRITTEN,
                 };
                 plan.time.run(
                     (plan.isa, ins),

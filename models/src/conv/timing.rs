@@ -1,8 +1,8 @@
 //! Transforms and products on their own, for `benches/crates.rs`, which sets them beside well-kept crates.
 
 use super::fft::TimePlan;
-use super::product::Left;
-use super::simd::{Isa, Octets, Rows, Table};
+use super::product::{Left, Soon};
+use super::simd::{Isa, NOTHING, Octets, Rows, Table};
 
 /// A complex transform of `length` points of 16 maps at once; every call does it once.
 pub fn transform(length: usize) -> impl FnMut() {
@@ -18,7 +18,7 @@ pub fn transform(length: usize) -> impl FnMut() {
                 table: &rows,
                 stride: 4,
                 parts: [v, 2 + v],
-                ahead: 0,
+                ahead: NOTHING,
             };
             plan.run((isa, 2), (&source, at), (&mut target, at), &mut scratch);
         }
@@ -37,7 +37,10 @@ pub fn product(rows: usize, inner: usize, columns: usize) -> impl FnMut() {
             row: 2 * inner,
             inner: 1,
             imaginary: inner,
-            soon: [&[]; 2],
+            soon: Soon {
+                left: &left,
+                right: &right,
+            },
         };
         left.times(isa, &right, &mut out, columns / 8);
     }

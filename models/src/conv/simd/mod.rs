@@ -16,8 +16,8 @@ mod walk;
 use std::fmt::Debug;
 use std::ops::{Deref, DerefMut};
 
-pub(super) use prefetch::{Soon, prefetch};
-pub(super) use rows::{NOWHERE, Reader, Rows, Sequence, Table, Writer, unrolled};
+pub(super) use prefetch::prefetch;
+pub(super) use rows::{NOTHING, NOWHERE, Reader, Rows, Sequence, Table, WRITTEN, Writer, unrolled};
 pub(super) use walk::Walk;
 
 /// Eight values in memory, aligned for one vector load.

@@ -10,6 +10,11 @@ use crate::conv::butterfly::Complex;
 /// A row that reads as zero, or is not wanted.
 pub(in crate::conv) const NOWHERE: u32 = u32::MAX;
 
+/// As [`Rows::ahead`]: what is read or written next is in cache.
+pub(in crate::conv) const NOTHING: usize = 0;
+/// As [`Rows::ahead`]: the rows themselves, before they are written.
+pub(in crate::conv) const WRITTEN: usize = 1;
+
 /// Which row of a buffer each element of a transform lies in; [`NOWHERE`] is allowed.
 #[derive(Debug, Clone)]
 pub(in crate::conv) struct Table {
@@ -41,7 +46,8 @@ pub(in crate::conv) struct Rows<'a> {
     pub(in crate::conv) table: &'a Table,
     pub(in crate::conv) stride: usize,
     pub(in crate::conv) parts: [usize; 2],
-    /// Octets from these rows to those that the next transform reads, so that they can be asked for; 0 if nothing is to be asked for.
+    /// What to ask for ahead of time, since it is not in cache: [`NOTHING`], or of rows to read, what lies this many octets after each; of
+    /// rows to write, [`WRITTEN`], themselves.
     pub(in crate::conv) ahead: usize,
 }
 
@@ -134,7 +140,7 @@ impl<'a, L: Lanes> Reader<'a, L> {
             let row = unsafe { *self.rows.get_unchecked(first + apart * k) };
             if row != NOWHERE {
                 let at = row as usize * self.stride;
-                if self.ahead > 0 {
+                if self.ahead != NOTHING {
                     prefetch(re.wrapping_add(at + self.ahead));
                     prefetch(im.wrapping_add(at + self.ahead));
                 }
