@@ -2,7 +2,8 @@
 //!
 //! Real and imaginary parts lie apart: a row of the right factor and of the result is `[2, columns]`. The left factor is read
 //! element by element with any strides, so that it may be transposed. A register block of 2 rows by 2 vectors keeps eight accumulators, four vectors
-//! of the right factor and the two broadcast parts in sixteen registers; AVX-512 has room for 4 rows.
+//! of the right factor and the two broadcast parts in sixteen registers; AVX-512 has room for 4 rows, or for 8 where a row is one vector.
+//! While a product is computed, the cache lines of the next one's factors are asked for.
 
 use super::simd::{Isa, Kernel, Lanes, Octet, Walk, prefetch};
 

@@ -4,8 +4,8 @@
 //! what wraps around falls on outputs that are cropped away. At every frequency the convolution is one complex matrix product,
 //! `[batch, maps_in] x [maps_in, maps_out]`. The same spectra serve the backward pass.
 //!
-//! One taxel frequency after the other (a *column*) is taken through its time spectrum, its products and back, so only a column's
-//! spectra need to stay in cache; columns are also what threads share out.
+//! One taxel frequency after the other (a *column*) is taken through its time spectrum, its products and back, and of its output maps one
+//! block of sixteen after the other, so only these spectra need to stay in a core's cache; columns are also what threads share out.
 
 use std::sync::Arc;
 

@@ -175,7 +175,8 @@ impl TaxelPlan {
         }
     }
 
-    /// One row from its spectrum, which lies as [`TaxelPlan::forward`] writes it; taxel `w` goes to `put(w, value)`.
+    /// One row from its spectrum, which lies as [`TaxelPlan::forward`] writes it; taxel `w` goes to `put(w, value)`. What lies `ahead` octets
+    /// further is asked for meanwhile, unless that is 0.
     #[inline(always)]
     pub(super) fn inverse<L: Lanes>(
         &self,
