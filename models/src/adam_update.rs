@@ -5,6 +5,8 @@ use burn::backend::{Backend, Dispatch, ExtensionType, Flex, TensorMetadata, back
 use burn::tensor::Tensor;
 use rayon::prelude::*;
 
+use crate::conv::in_order;
+
 /// Values that a thread takes at once.
 const RUN: usize = 1 << 14;
 
@@ -53,15 +55,6 @@ pub trait AdamUpdate: Backend {
 }
 
 type Primitive = FloatTensor<Flex>;
-
-/// With its values in order from the start of its memory.
-fn in_order(tensor: Primitive) -> Primitive {
-    if tensor.is_contiguous() && tensor.layout().start_offset() == 0 {
-        tensor
-    } else {
-        tensor.to_contiguous()
-    }
-}
 
 impl AdamUpdate for Flex {
     fn adam_update(

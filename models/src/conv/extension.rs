@@ -118,16 +118,21 @@ pub trait FrozenBlock: Backend {
 
 type Primitive = FloatTensor<Flex>;
 
+/// With its values in order from the start of its memory.
+pub(crate) fn in_order(tensor: Primitive) -> Primitive {
+    if tensor.is_contiguous() && tensor.layout().start_offset() == 0 {
+        tensor
+    } else {
+        tensor.to_contiguous()
+    }
+}
+
 /// A contiguous f32 tensor and its values.
 struct Values(Primitive);
 
 impl Values {
     fn of(tensor: Primitive) -> Self {
-        if tensor.is_contiguous() && tensor.layout().start_offset() == 0 {
-            Self(tensor)
-        } else {
-            Self(tensor.to_contiguous())
-        }
+        Self(in_order(tensor))
     }
 
     /// As weights: whoever else holds this tensor's memory copies it before changing it.

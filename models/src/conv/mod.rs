@@ -65,7 +65,7 @@ pub mod timing;
 mod weight;
 
 pub use extension::runs_on;
-pub(crate) use extension::{TrainedBlock, block_eval, block_train};
+pub(crate) use extension::{TrainedBlock, block_eval, block_train, in_order};
 pub(crate) use stream::{StreamBlock, StreamShape};
 pub(crate) use stream_head::StreamHead;
 
