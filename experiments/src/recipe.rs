@@ -10,10 +10,14 @@ use toml::{Table, Value};
 use crate::{ExperimentError, Study, TransferMethod};
 
 /// Experiments that ship with the binary, by name.
-const BUILT_IN: [(&str, &str); 12] = [
+const BUILT_IN: [(&str, &str); 13] = [
     (
         "crossval_tactnet2",
         include_str!("../recipes/crossval_tactnet2.toml"),
+    ),
+    (
+        "thesis_against_fast",
+        include_str!("../recipes/thesis_against_fast.toml"),
     ),
     (
         "crossval_baselines",

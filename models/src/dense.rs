@@ -8,6 +8,7 @@ use rand::Rng;
 
 use crate::DenseWeights;
 use crate::block::{BatchStatistics, NORM_EPSILON, follow};
+use crate::dense_product::dense_product;
 use crate::initial::{constant_parameter, uniform_parameter};
 use crate::weights::values;
 
@@ -46,8 +47,7 @@ impl NormalizedDense {
     /// Normalises with the batch's own statistics, and returns them.
     pub fn forward_train(&self, input: Tensor<2>) -> (Tensor<2>, BatchStatistics) {
         let batch = input.dims()[0];
-        // As W x^T, so that the weights' gradient comes out row by row and need not be transposed.
-        let activation = self.weight.val().matmul(input.transpose()).transpose();
+        let activation = dense_product(input, self.weight.val());
         let normalized =
             batch_norm_train(activation, self.gamma.val(), self.beta.val(), NORM_EPSILON);
         let statistics = BatchStatistics::from_biased(normalized.mean, normalized.variance, batch);
@@ -57,7 +57,7 @@ impl NormalizedDense {
     /// Normalises with the running statistics.
     pub fn forward(&self, input: Tensor<2>) -> Tensor<2> {
         relu(batch_norm(
-            input.matmul(self.weight.val().transpose()),
+            dense_product(input, self.weight.val()),
             self.gamma.val(),
             self.beta.val(),
             self.running_mean.clone(),

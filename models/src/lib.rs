@@ -13,6 +13,7 @@ mod block;
 mod compute;
 pub mod conv;
 mod dense;
+mod dense_product;
 mod dropout;
 mod features;
 mod heads;

@@ -3,6 +3,7 @@
 use super::buffers::Buffers;
 use super::direct::{self, SavedDirect};
 use super::norm::{Normalizer, OutputGradient, Pooled};
+use super::one_sweep::OneSweep;
 use super::shape::BlockShape;
 use super::simd::Isa;
 use super::single::{SavedSingle, Single};
@@ -17,6 +18,8 @@ const LEAST_PADDED: usize = 16;
 pub struct Block {
     shape: BlockShape,
     route: Route,
+    /// For one sweep with frozen statistics, where there is a quicker way.
+    one_sweep: Option<OneSweep>,
     values: Buffers<Vec<f32>>,
     bytes: Buffers<Vec<u8>>,
 }
@@ -100,6 +103,10 @@ impl Block {
         };
         Self {
             shape,
+            one_sweep: match route {
+                Route::Spectral(_) => OneSweep::new(shape, isa),
+                _ => None,
+            },
             route,
             values: Buffers::default(),
             bytes: Buffers::default(),
@@ -186,9 +193,16 @@ impl Block {
     ) -> Vec<f32> {
         let weight = weight.into();
         self.check(input, &weight, gamma, beta);
-        let (pooled, saved) = self.convolve(input, &weight, gamma, false);
         let normalizer = Normalizer::new(mean, variance, gamma, beta);
         let mut out = vec![0.0; self.shape.output_len()];
+        if let Some(one_sweep) = &self.one_sweep {
+            let mut winners = self.values.take(out.len());
+            one_sweep.forward(input, &weight, gamma, &mut winners);
+            normalizer.rectify(&winners, &mut out);
+            self.values.give(winners);
+            return out;
+        }
+        let (pooled, saved) = self.convolve(input, &weight, gamma, false);
         normalizer.rectify(&pooled.winners, &mut out);
         self.recycle(Saved {
             normalizer,

@@ -6,6 +6,7 @@
 //!      plans -> block             one planned shape: which way it is computed
 //!        ┌───────┼─────────┐
 //!     single  spectral   direct   one input map | multiples of eight maps | anything
+//!        │    one_sweep           the same for one sweep with frozen statistics
 //!        └───┬───┘
 //!    taxel  fft  product          transforms over taxels and time, products of spectra
 //!        pooling  norm            winners of every window, batch statistics, what they add to gradients
@@ -26,6 +27,8 @@
 //! - Backwards, only each window's winner has a gradient; what batch normalisation adds is affine in the maps (`norm.rs`). So the first
 //!   layer's weight gradient is a gather at the winners plus the autocorrelation of the input (`single_backward.rs`), and its input
 //!   gradient a scatter plus one wider convolution (`single_input.rs`).
+//! - One sweep by itself would mostly wait for the weights' spectra: it is transformed over time alone, where they are less than a third
+//!   (`one_sweep.rs`).
 //! - Spectra of the weights are kept while the weights stay the same (`weight.rs`), and buffers are handed out again (`buffers.rs`).
 //!
 //! Every sum has a fixed order, so results do not depend on the number of threads.
@@ -40,6 +43,8 @@ mod direct;
 mod extension;
 mod fft;
 mod norm;
+mod one_sweep;
+mod one_sweep_stages;
 mod plans;
 mod pooling;
 mod product;

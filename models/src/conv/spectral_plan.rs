@@ -52,7 +52,7 @@ pub(super) fn following<'a>(
 }
 
 /// Octets per time frequency: padded, as strides of powers of two would crowd into few cache sets.
-fn padded(octets: usize) -> usize {
+pub(super) fn padded(octets: usize) -> usize {
     octets + 2
 }
 

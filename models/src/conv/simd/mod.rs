@@ -82,7 +82,6 @@ pub(super) fn floats(octets: &[Octet]) -> &[f32] {
 }
 
 /// The values of a row of octets, to write.
-#[cfg(test)]
 pub(super) fn floats_mut(octets: &mut [Octet]) -> &mut [f32] {
     // SAFETY: as in `floats`; every bit pattern is a valid f32.
     unsafe { std::slice::from_raw_parts_mut(octets.as_mut_ptr().cast(), octets.len() * 8) }

@@ -1,0 +1,208 @@
+use super::*;
+use crate::{LabelSet, Samples, SweepRecord, group_findings};
+
+const SHAPE: SweepShape = SweepShape {
+    steps: 200,
+    rows: 2,
+    cols: 2,
+};
+
+/// Six sweeps of three materials, each different, every taxel moving between 0 and 40.
+fn values() -> Vec<f32> {
+    (0..6 * SHAPE.values())
+        .map(|i| ((i / 4 * (i / SHAPE.values() + 3) + i % 4 * 5) % 41) as f32)
+        .collect()
+}
+
+fn dataset_of(values: Vec<f32>, labels: &[usize]) -> Dataset {
+    let records = labels
+        .iter()
+        .enumerate()
+        .map(|(i, &label)| SweepRecord {
+            label,
+            sweep: i % 2,
+            block: None,
+            test: None,
+        })
+        .collect();
+    let labels = LabelSet::new(["cork", "denim", "wood"]).unwrap();
+    Dataset::new("t", 100.0, SHAPE, labels, records, Samples::F32(values)).unwrap()
+}
+
+fn check_values(values: Vec<f32>) -> Vec<Finding> {
+    check(&dataset_of(values, &[0, 0, 1, 1, 2, 2]))
+}
+
+fn at(sweep: usize, step: usize, taxel: usize) -> usize {
+    sweep * SHAPE.values() + step * 4 + taxel
+}
+
+fn only(findings: &[Finding]) -> &Finding {
+    assert_eq!(findings.len(), 1, "{findings:#?}");
+    &findings[0]
+}
+
+#[test]
+fn lively_sweeps_give_no_finding() {
+    assert_eq!(check_values(values()), []);
+}
+
+#[test]
+fn a_nan_is_found_with_its_place() {
+    let mut values = values();
+    values[at(3, 7, 2)] = f32::NAN;
+    values[at(3, 9, 1)] = f32::INFINITY;
+    let findings = check_values(values);
+    let found = only(&findings);
+    assert_eq!(
+        (found.severity, found.kind),
+        (Severity::Error, FindingKind::NotFinite)
+    );
+    assert_eq!(
+        found.at,
+        Place {
+            sweep: Some(3),
+            taxel: Some(2),
+            step: Some(7)
+        }
+    );
+    let message = "`denim` sweep 1: 2 not finite, the first at step 7, taxel (1, 0)";
+    assert_eq!(found.message, message);
+}
+
+#[test]
+fn a_dead_taxel_is_found_once_for_the_data_set() {
+    let mut values = values();
+    values.iter_mut().skip(3).step_by(4).for_each(|x| *x = 0.0);
+    let findings = check_values(values);
+    let found = only(&findings);
+    assert_eq!(
+        (found.severity, found.kind),
+        (Severity::Warning, FindingKind::DeadTaxel)
+    );
+    assert_eq!(
+        found.message,
+        "taxel (1, 1) is 0 at every step of every sweep"
+    );
+}
+
+#[test]
+fn a_stuck_taxel_is_a_warning_and_one_without_contact_a_note() {
+    let mut values = values();
+    for step in 0..SHAPE.steps {
+        values[at(0, step, 1)] = 12.0;
+        values[at(2, step, 0)] = 0.0;
+    }
+    let findings = check_values(values);
+    let severities: Vec<_> = findings
+        .iter()
+        .map(|f| (f.severity, f.kind, f.at.sweep))
+        .collect();
+    let kind = FindingKind::ConstantTaxel;
+    assert_eq!(
+        severities,
+        [
+            (Severity::Warning, kind, Some(0)),
+            (Severity::Note, kind, Some(2))
+        ]
+    );
+}
+
+#[test]
+fn a_constant_sweep_is_an_error() {
+    let mut values = values();
+    values[at(4, 0, 0)..at(5, 0, 0)].fill(5.0);
+    let findings = check_values(values);
+    assert_eq!(only(&findings).kind, FindingKind::ConstantSweep);
+    assert_eq!(only(&findings).at.sweep, Some(4));
+}
+
+#[test]
+fn identical_sweeps_are_named_both() {
+    let mut values = values();
+    values.copy_within(at(1, 0, 0)..at(2, 0, 0), at(4, 0, 0));
+    let findings = check_values(values);
+    let found = only(&findings);
+    assert_eq!(found.kind, FindingKind::IdenticalSweeps);
+    assert_eq!(
+        found.message,
+        "`wood` sweep 0 has the same values as `cork` sweep 1"
+    );
+}
+
+#[test]
+fn clipped_values_are_saturation_and_a_single_peak_is_not() {
+    let mut values = values();
+    values[at(1, 3, 0)] = 60.0;
+    assert_eq!(check_values(values.clone()), []);
+    for step in 50..90 {
+        values[at(1, step, 0)] = 60.0;
+    }
+    let findings = check_values(values);
+    let found = only(&findings);
+    assert_eq!(
+        (found.kind, found.at.sweep),
+        (FindingKind::Saturation, Some(1))
+    );
+    assert!(found.message.contains("5.1 %"), "{}", found.message);
+}
+
+#[test]
+fn the_top_of_the_element_type_is_a_ceiling() {
+    let mut values: Vec<u8> = values().iter().map(|&x| x as u8).collect();
+    for step in 50..60 {
+        values[at(1, step, 0)] = 255;
+    }
+    let plain = dataset_of(vec![0.0; 6 * SHAPE.values()], &[0, 0, 1, 1, 2, 2]);
+    let dataset = Dataset::new(
+        "t",
+        100.0,
+        SHAPE,
+        plain.labels().clone(),
+        plain.records().to_vec(),
+        Samples::U8(values),
+    );
+    let findings = check(&dataset.unwrap());
+    assert_eq!(only(&findings).kind, FindingKind::Saturation);
+}
+
+#[test]
+fn outliers_and_odd_negatives_are_out_of_range() {
+    let mut loud = values();
+    loud[at(5, 3, 0)] = 1e4;
+    let findings = check_values(loud);
+    assert_eq!(only(&findings).at.sweep, Some(5));
+    assert_eq!(only(&findings).kind, FindingKind::OutOfRange);
+
+    let signed = values().iter().map(|x| x - 20.0).collect();
+    assert_eq!(check_values(signed), [], "a signed signal is no fault");
+}
+
+#[test]
+fn few_and_unbalanced_sweeps_are_found() {
+    let findings = check(&dataset_of(values(), &[0, 0, 0, 1, 1, 2]));
+    let found: Vec<_> = findings.iter().map(|f| (f.severity, f.kind)).collect();
+    let expected = [
+        (Severity::Error, FindingKind::FewSweeps),
+        (Severity::Warning, FindingKind::UnbalancedMaterials),
+    ];
+    assert_eq!(found, expected);
+    assert!(
+        findings[1]
+            .message
+            .contains("from 1 (`wood`) to 3 (`cork`) sweeps")
+    );
+}
+
+#[test]
+fn groups_print_a_heading_and_a_limited_number_of_lines() {
+    let mut values = values();
+    for sweep in 0..6 {
+        values[at(sweep, 0, 0)] = f32::NAN;
+    }
+    let groups = group_findings(&check_values(values));
+    assert_eq!(groups.len(), 1);
+    let text = format!("{:.2}", groups[0]);
+    assert!(text.starts_with("error: values that are not finite (6)\n  `cork` sweep 0: 1 "));
+    assert!(text.ends_with("\n  and 4 more"), "{text}");
+}
