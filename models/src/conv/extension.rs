@@ -163,6 +163,12 @@ fn plan(input: &Primitive, weight: &Primitive, pool: usize) -> Arc<Block> {
     })
 }
 
+/// Runs a block's pass on a thread of rayon's pool: from another thread each of its parallel parts would be handed over to the pool and
+/// waited for.
+fn in_pool<R: Send>(pass: impl FnOnce() -> R + Send) -> R {
+    rayon::scope(|_| pass())
+}
+
 fn pooled(values: Vec<f32>, shape: &BlockShape) -> Primitive {
     let extents = [
         shape.batch,
@@ -177,7 +183,9 @@ fn pooled(values: Vec<f32>, shape: &BlockShape) -> Primitive {
 fn train(inputs: [Primitive; 4], pool: usize) -> (BlockOutput<Flex>, State) {
     let block = plan(&inputs[0], &inputs[1], pool);
     let [input, weight, gamma, beta] = inputs.map(Values::of);
-    let trained = block.forward_train(input.slice(), weight.weight(), gamma.slice(), beta.slice());
+    let trained = in_pool(|| {
+        block.forward_train(input.slice(), weight.weight(), gamma.slice(), beta.slice())
+    });
     let maps = [block.shape().maps_out];
     let output = BlockOutput {
         pooled: pooled(trained.pooled, block.shape()),
@@ -217,14 +225,16 @@ impl FrozenBlock for Flex {
         let block = plan(&input, &weight, pool);
         let [input, weight, gamma, beta, mean, variance] =
             [input, weight, gamma, beta, mean, variance].map(Values::of);
-        let out = block.forward_eval(
-            input.slice(),
-            weight.weight(),
-            gamma.slice(),
-            beta.slice(),
-            mean.slice(),
-            variance.slice(),
-        );
+        let out = in_pool(|| {
+            block.forward_eval(
+                input.slice(),
+                weight.weight(),
+                gamma.slice(),
+                beta.slice(),
+                mean.slice(),
+                variance.slice(),
+            )
+        });
         pooled(out, block.shape())
     }
 }
@@ -266,7 +276,8 @@ impl Backward<Flex, 4> for BlockBackward {
             .unwrap_or_else(|| panic!("a block's backward pass runs once"));
         let gradient = Values::of(graph.consume::<Flex>(&ops.node));
         let [input, weight, gamma, beta] = ops.parents;
-        let found = block.backward(saved, gradient.slice(), input.is_some());
+        let need_input = input.is_some();
+        let found = in_pool(|| block.backward(saved, gradient.slice(), need_input));
         let maps = [shape.maps_out];
         if let (Some(node), Some(values)) = (input, found.input) {
             let extents = [shape.batch, shape.steps, shape.taxels, shape.maps_in];

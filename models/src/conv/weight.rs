@@ -2,7 +2,7 @@
 
 use std::any::Any;
 use std::fmt;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Stands for the memory that weights lie in. As long as somebody holds it, nobody may change them.
 pub(crate) type Identity = Arc<dyn Any + Send + Sync>;
@@ -67,16 +67,21 @@ impl<T> Remembered<T> {
         let Some(identity) = &weight.identity else {
             return Arc::new(make(None));
         };
-        let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        match &*last {
-            Some((known, made)) if Arc::ptr_eq(known, identity) => Arc::clone(made),
-            _ => {
-                let before = last.take().and_then(|(_, made)| Arc::into_inner(made));
-                let made = Arc::new(make(before));
-                *last = Some((Arc::clone(identity), Arc::clone(&made)));
-                made
+        let before = {
+            let mut last = self.last();
+            match &*last {
+                Some((known, made)) if Arc::ptr_eq(known, identity) => return Arc::clone(made),
+                _ => last.take().and_then(|(_, made)| Arc::into_inner(made)),
             }
-        }
+        };
+        // Not locked meanwhile: a thread of the pool that waits for others' parts of this may be given work that asks here too.
+        let made = Arc::new(make(before));
+        *self.last() = Some((Arc::clone(identity), Arc::clone(&made)));
+        made
+    }
+
+    fn last(&self) -> MutexGuard<'_, Option<(Identity, Arc<T>)>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
