@@ -14,7 +14,7 @@ use burn::tensor::{Tensor, TensorData};
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
 
-use crate::conv::{in_order, runs_on};
+use crate::conv::{in_order, runs_on, spare};
 
 /// `x W^T`: `[rows, inputs]` and `[outputs, inputs]` to `[rows, outputs]`.
 pub(crate) fn dense_product(input: Tensor<2>, weight: Tensor<2>) -> Tensor<2> {
@@ -65,7 +65,7 @@ impl fmt::Debug for Matrix {
 
 fn product(left: MatRef<'_, f32>, right: MatRef<'_, f32>) -> Primitive {
     let (rows, columns) = (left.nrows(), right.ncols());
-    let mut values = vec![0.0; rows * columns];
+    let mut values = spare::take(rows * columns);
     let target = MatMut::from_row_major_slice_mut(&mut values, rows, columns);
     matmul(target, Accum::Replace, left, right, 1.0, Par::rayon(0));
     Primitive::from_data(TensorData::new(values, [rows, columns]))

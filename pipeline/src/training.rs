@@ -71,7 +71,8 @@ pub struct Training<'a> {
     config: TactNetConfig,
     seed: Seed,
     device: Device,
-    net: TactNet,
+    /// Absent only while the optimiser has it: what nobody else holds it changes in place.
+    net: Option<TactNet>,
     optimizer: ModuleOptimizer,
     position: Position,
     /// Epoch and batch of the last step, counted from 0, for messages.
@@ -107,7 +108,7 @@ impl<'a> Training<'a> {
             config: config.clone(),
             seed,
             device,
-            net,
+            net: Some(net),
             optimizer: adam(recipe),
             position: Position::default(),
             last: (0, 0),
@@ -119,7 +120,8 @@ impl<'a> Training<'a> {
     /// # Errors
     /// A state that belongs to another network.
     pub fn resume(mut self, state: TrainingState) -> Result<Self, PipelineError> {
-        self.net = TactNet::from_weights(&self.config, &state.weights, &self.device)?;
+        let net = TactNet::from_weights(&self.config, &state.weights, &self.device)?;
+        self.net = Some(net);
         if !state.optimizer.is_empty() {
             self.optimizer = adam(self.recipe)
                 .from_bytes(Bytes::from_bytes_vec(state.optimizer))
@@ -134,7 +136,7 @@ impl<'a> Training<'a> {
     /// # Errors
     /// A weight that is not finite: such a state is not worth keeping.
     pub fn state(&self) -> Result<TrainingState, PipelineError> {
-        let weights = self.net.weights();
+        let weights = self.net().weights();
         for (name, tensor) in &weights.0 {
             if tensor.values.iter().any(|v| !v.is_finite()) {
                 return Err(self.not_finite(format!("weight {name}")));
@@ -181,9 +183,9 @@ impl<'a> Training<'a> {
         let mask = |stream| self.mask(stream, positions.len());
 
         let pass = match self.recipe.training.method {
-            TrainingMethod::Base => base_pass(&self.net, sweeps, labels, mask("dropout")),
+            TrainingMethod::Base => base_pass(self.net(), sweeps, labels, mask("dropout")),
             TrainingMethod::Adversarial { alpha, epsilon } => adversarial_pass(
-                &self.net,
+                self.net(),
                 sweeps,
                 labels,
                 [mask("dropout"), mask("adversarial dropout")],
@@ -194,10 +196,10 @@ impl<'a> Training<'a> {
             return Err(self.not_finite("loss"));
         }
         let learning_rate = self.recipe.learning_rate(epoch, batch, self.batches());
-        self.net = self
-            .optimizer
-            .step(learning_rate, self.net.clone(), pass.gradients);
-        self.net.follow(&pass.statistics);
+        let net = self.net.take().unwrap_or_else(no_network);
+        let mut net = self.optimizer.step(learning_rate, net, pass.gradients);
+        net.follow(&pass.statistics);
+        self.net = Some(net);
 
         let batches = self.batches();
         let position = &mut self.position;
@@ -220,6 +222,10 @@ impl<'a> Training<'a> {
             };
         }
         Ok(Some(report))
+    }
+
+    fn net(&self) -> &TactNet {
+        self.net.as_ref().unwrap_or_else(no_network)
     }
 
     /// The epoch's order is drawn afresh and cut into batches whose sizes differ by one at most.
@@ -280,6 +286,10 @@ impl<'a> Training<'a> {
             batch: self.last.1 + 1,
         }
     }
+}
+
+fn no_network<T>() -> T {
+    panic!("the optimiser gives the network back")
 }
 
 fn adam(recipe: &Recipe) -> ModuleOptimizer {

@@ -7,6 +7,7 @@ use super::one_sweep::OneSweep;
 use super::shape::BlockShape;
 use super::simd::Isa;
 use super::single::{SavedSingle, Single};
+use super::spare;
 use super::spectral::{SavedSpectral, Spectral};
 use super::weight::Weight;
 
@@ -141,7 +142,7 @@ impl Block {
                 (pooled, SavedRoute::Spectral(saved))
             }
             Route::Single(single) => {
-                let (pooled, saved) = single.forward(input, weight, gamma, to());
+                let (pooled, saved) = single.forward(input, weight, gamma, keep, to());
                 (pooled, SavedRoute::Single(saved))
             }
         }
@@ -165,7 +166,7 @@ impl Block {
         let (pooled, route) = self.convolve(input, &weight, gamma, true);
         let (mean, variance) = (pooled.moments.mean(), pooled.moments.variance());
         let normalizer = Normalizer::new(&mean, &variance, gamma, beta);
-        let mut out = vec![0.0; self.shape.output_len()];
+        let mut out = spare::take(self.shape.output_len());
         normalizer.rectify(&pooled.winners, &mut out);
         let saved = Saved {
             normalizer,
@@ -194,7 +195,7 @@ impl Block {
         let weight = weight.into();
         self.check(input, &weight, gamma, beta);
         let normalizer = Normalizer::new(mean, variance, gamma, beta);
-        let mut out = vec![0.0; self.shape.output_len()];
+        let mut out = spare::take(self.shape.output_len());
         if let Some(one_sweep) = &self.one_sweep {
             let mut winners = self.values.take(out.len());
             one_sweep.forward(input, &weight, gamma, &mut winners);

@@ -8,9 +8,12 @@ use super::simd::Octets;
 /// Buffers kept at rest at most; a block needs fewer unless many forward passes wait for their backward pass.
 const MOST: usize = 64;
 
-/// Buffers at rest.
+/// Buffers at rest, the one that has rested longest first.
 #[derive(Debug)]
-pub(super) struct Buffers<B>(Mutex<Vec<B>>);
+pub(super) struct Buffers<B> {
+    resting: Mutex<Vec<B>>,
+    most: usize,
+}
 
 /// Something that holds a number of values, zero at first.
 pub(super) trait Buffer: Sized {
@@ -38,7 +41,17 @@ impl Buffer for Octets {
 
 impl<B> Default for Buffers<B> {
     fn default() -> Self {
-        Self(Mutex::new(Vec::new()))
+        Self::at_most(MOST)
+    }
+}
+
+impl<B> Buffers<B> {
+    /// Of which at most `most` rest.
+    pub(super) const fn at_most(most: usize) -> Self {
+        Self {
+            resting: Mutex::new(Vec::new()),
+            most,
+        }
     }
 }
 
@@ -47,7 +60,7 @@ impl<B: Buffer> Buffers<B> {
     pub(super) fn take(&self, len: usize) -> B {
         let mut resting = self.resting();
         match resting.iter().position(|buffer| buffer.len() == len) {
-            Some(found) => resting.swap_remove(found),
+            Some(found) => resting.remove(found),
             None => {
                 drop(resting);
                 B::zeros(len)
@@ -55,15 +68,16 @@ impl<B: Buffer> Buffers<B> {
         }
     }
 
-    /// Puts a buffer to rest.
+    /// Puts a buffer to rest; where there are too many, the one that has rested longest is freed.
     pub(super) fn give(&self, buffer: B) {
         let mut resting = self.resting();
-        if resting.len() < MOST {
-            resting.push(buffer);
-        }
+        let oldest = (resting.len() == self.most).then(|| resting.remove(0));
+        resting.push(buffer);
+        drop(resting);
+        drop(oldest);
     }
 
     fn resting(&self) -> MutexGuard<'_, Vec<B>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.resting.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

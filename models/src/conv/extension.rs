@@ -17,6 +17,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use super::block::{Block, Saved};
 use super::plans;
 use super::shape::BlockShape;
+use super::spare;
 use super::weight::Weight;
 
 /// Whether `device` is the processor, that is Burn's Flex backend, with or without autodiff: only there the fused operations run.
@@ -135,9 +136,10 @@ impl Values {
         Self(in_order(tensor))
     }
 
-    /// As weights: whoever else holds this tensor's memory copies it before changing it.
+    /// As weights: whoever changes a tensor does so by `Arc::make_mut`.
     fn weight(&self) -> Weight<'_> {
-        Weight::known(self.slice(), self.0.data_arc())
+        let memory = Arc::downgrade(&self.0.data_arc());
+        Weight::known(self.slice(), memory)
     }
 
     fn slice(&self) -> &[f32] {
@@ -169,6 +171,13 @@ fn in_pool<R: Send>(pass: impl FnOnce() -> R + Send) -> R {
     rayon::scope(|_| pass())
 }
 
+/// Keeps the memory of a block's input for later results. The first block's comes from outside, and nothing has its size.
+fn done(input: Values, block: &Block) {
+    if block.shape().maps_in > 1 {
+        spare::reclaim(input.0);
+    }
+}
+
 fn pooled(values: Vec<f32>, shape: &BlockShape) -> Primitive {
     let extents = [
         shape.batch,
@@ -187,6 +196,7 @@ fn train(inputs: [Primitive; 4], pool: usize) -> (BlockOutput<Flex>, State) {
         block.forward_train(input.slice(), weight.weight(), gamma.slice(), beta.slice())
     });
     let maps = [block.shape().maps_out];
+    done(input, &block);
     let output = BlockOutput {
         pooled: pooled(trained.pooled, block.shape()),
         mean: tensor(trained.mean, maps),
@@ -235,6 +245,7 @@ impl FrozenBlock for Flex {
                 variance.slice(),
             )
         });
+        done(input, &block);
         pooled(out, block.shape())
     }
 }
@@ -278,6 +289,7 @@ impl Backward<Flex, 4> for BlockBackward {
         let [input, weight, gamma, beta] = ops.parents;
         let need_input = input.is_some();
         let found = in_pool(|| block.backward(saved, gradient.slice(), need_input));
+        spare::reclaim(gradient.0);
         let maps = [shape.maps_out];
         if let (Some(node), Some(values)) = (input, found.input) {
             let extents = [shape.batch, shape.steps, shape.taxels, shape.maps_in];

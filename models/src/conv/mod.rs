@@ -29,7 +29,8 @@
 //!   gradient a scatter plus one wider convolution (`single_input.rs`).
 //! - One sweep by itself would mostly wait for the weights' spectra: it is transformed over time alone, where they are less than a third
 //!   (`one_sweep.rs`).
-//! - Spectra of the weights are kept while the weights stay the same (`weight.rs`), and buffers are handed out again (`buffers.rs`).
+//! - Spectra of the weights are kept while the weights stay the same (`weight.rs`); buffers and the memory of results are handed out again (`buffers.rs`,
+//!   `spare.rs`).
 //!
 //! Every sum has a fixed order, so results do not depend on the number of threads.
 
@@ -56,6 +57,7 @@ mod single;
 mod single_backward;
 mod single_input;
 mod single_stages;
+pub(crate) mod spare;
 mod spectral;
 mod spectral_backward;
 mod spectral_plan;

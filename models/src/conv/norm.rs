@@ -54,6 +54,17 @@ impl Moments {
         self.count += more;
     }
 
+    /// Adds the values of `other`, by the same update.
+    pub(super) fn merge(&mut self, other: &Self) {
+        let (n, more) = (self.count, other.count);
+        for (map, (&mean, &deviation)) in other.mean.iter().zip(&other.deviation).enumerate() {
+            let step = mean - self.mean[map];
+            self.mean[map] += step * more / (n + more);
+            self.deviation[map] += deviation + step * step * n * more / (n + more);
+        }
+        self.count += more;
+    }
+
     pub(super) fn mean(&self) -> Vec<f32> {
         self.mean.iter().map(|&m| m as f32).collect()
     }

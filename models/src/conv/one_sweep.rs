@@ -18,6 +18,7 @@ use super::one_sweep_stages::{Pool, Spectra, Tangle, Untangle};
 use super::product::{Left, Soon};
 use super::shape::BlockShape;
 use super::simd::{Isa, NOTHING, Octet, Octets, Rows, floats, floats_mut};
+use super::spare;
 use super::spectral_plan::{Plan, by_group, following, padded, signs};
 use super::weight::{Remembered, Weight};
 
@@ -66,7 +67,7 @@ impl OneSweep {
         });
         let input = self.input_spectra(input);
         let cells = shape.pooled_steps() * shape.taxels;
-        let mut found = vec![0.0; winners.len()];
+        let mut found = spare::take(winners.len());
         found
             .par_chunks_exact_mut(cells * 8 * block)
             .zip(weight.par_chunks_exact(self.weight_block()))
@@ -79,6 +80,7 @@ impl OneSweep {
                 to[at * 8 * block..][..8 * block].copy_from_slice(from);
             }
         }
+        spare::give(found);
     }
 
     /// Frequencies that do not mirror another.

@@ -1,5 +1,7 @@
 //! One pooling window, eight maps to a vector: winners, their steps, and sums for the batch statistics, while the maps are in cache.
 
+use rayon::prelude::*;
+
 use super::norm::Moments;
 use super::simd::{Lanes, Octet, floats};
 
@@ -55,17 +57,29 @@ pub(super) fn pool_column<L: Lanes>(
     squares.store(to.sums, 2 * columns + column);
 }
 
-/// Merges the sums of windows, in order; `count` tells how many values per map a window of that index holds.
+/// Windows whose sums a thread merges at once.
+const RUN: usize = 64;
+
+/// Merges the sums of windows, in an order that does not depend on threads; `count` tells how many values per map a window of that index
+/// holds.
 pub(super) fn merge_sums(
     sums: &[Octet],
     columns: usize,
-    count: impl Fn(usize) -> usize,
+    count: impl Fn(usize) -> usize + Sync,
 ) -> Moments {
+    let run = |(run, sums): (usize, &[Octet])| {
+        let mut moments = Moments::new(columns * 8);
+        for (window, sums) in sums.chunks_exact(3 * columns).enumerate() {
+            let (pivot, rest) = floats(sums).split_at(8 * columns);
+            let (sum, squares) = rest.split_at(8 * columns);
+            moments.add_shifted(count(run * RUN + window), pivot, sum, squares);
+        }
+        moments
+    };
+    let runs = sums.par_chunks(RUN * 3 * columns).enumerate().map(run);
     let mut moments = Moments::new(columns * 8);
-    for (window, sums) in sums.chunks_exact(3 * columns).enumerate() {
-        let (pivot, rest) = floats(sums).split_at(8 * columns);
-        let (sum, squares) = rest.split_at(8 * columns);
-        moments.add_shifted(count(window), pivot, sum, squares);
+    for run in runs.collect::<Vec<_>>() {
+        moments.merge(&run);
     }
     moments
 }

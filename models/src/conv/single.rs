@@ -12,7 +12,9 @@ use super::norm::Pooled;
 use super::pooling::{Window, merge_sums};
 use super::shape::BlockShape;
 use super::simd::{Isa, NOTHING, NOWHERE, Octet, Octets, Rows, Table};
+use super::single_backward::Winner;
 use super::single_stages::{Analyze, Scale, Synthesize};
+use super::spare;
 use super::spectral_plan::{by_group, signs};
 use super::spectral_stages::KernelRows;
 use super::taxel::TaxelPlan;
@@ -42,6 +44,8 @@ pub(super) struct Single {
     cropped: Table,
     weights: Remembered<Octets>,
     buffers: Buffers<Octets>,
+    pub(super) winners: Buffers<Vec<Winner>>,
+    pub(super) products: Buffers<Vec<f32>>,
 }
 
 /// What the backward pass needs.
@@ -99,6 +103,8 @@ impl Single {
             cropped: Table::new((0..length).map(cropped)),
             weights: Remembered::default(),
             buffers: Buffers::default(),
+            winners: Buffers::default(),
+            products: Buffers::default(),
             shape,
             isa,
             time,
@@ -106,12 +112,13 @@ impl Single {
         })
     }
 
-    /// Convolves, pools and keeps what the backward pass needs; winners and positions are written over `to`.
+    /// Convolves, pools and, with `keep`, saves what the backward pass needs; winners and positions are written over `to`.
     pub(super) fn forward(
         &self,
         input: &[f32],
         weight: &Weight<'_>,
         gamma: &[f32],
+        keep: bool,
         to: (Vec<f32>, Vec<u8>),
     ) -> (Pooled, SavedSingle) {
         let shape = &self.shape;
@@ -257,10 +264,14 @@ impl Single {
             (shape.steps - index % windows * shape.pool).min(shape.pool) * shape.taxels
         });
         self.buffers.give(sums);
-        let saved = SavedSingle {
-            input: input.to_vec(),
+        let mut saved = SavedSingle {
+            input: Vec::new(),
             weight: weight.values.to_vec(),
         };
+        if keep {
+            saved.input = spare::take(input.len());
+            saved.input.copy_from_slice(input);
+        }
         (
             Pooled {
                 winners,

@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use super::norm::OutputGradient;
 use super::simd::{Narrow, NarrowKernel};
 use super::single::{MOST_KERNEL, SavedSingle, Single};
+use super::spare;
 
 /// Values in a padded row: four zeros, up to sixteen taxels, zeros.
 pub(super) const ROW: usize = 24;
@@ -26,7 +27,7 @@ const RUN: usize = 1 << 11;
 const ACROSS: usize = 2 * MARGIN + 1;
 
 /// A winner with a gradient: the gradient times `ka`, and where its patch begins in the padded sweep.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Winner {
     pub(super) gradient: f32,
     pub(super) patch: u32,
@@ -80,7 +81,9 @@ impl Single {
                 let winners = self.winners(sweep, output);
                 let mut share = Share {
                     sparse: vec![0.0; shape.maps_out * MOST_KERNEL[0] * 8],
-                    products: vec![0.0; shape.kernel[0] * (1 + edges.len()) * ACROSS * 16],
+                    products: self
+                        .products
+                        .take(shape.kernel[0] * (1 + edges.len()) * ACROSS * 16),
                     sums: vec![0.0; (1 + edges.len()) * 16],
                     input: Vec::new(),
                 };
@@ -98,12 +101,17 @@ impl Single {
                 if let Some(composite) = &composite {
                     share.input = self.input_gradient(composite, &saved.weight, &padded, &winners);
                 }
+                self.winners.give(winners.all);
                 share
             })
             .collect();
         let weight = self.weight_gradient(&saved.weight, output, &shares, edges.len());
         let inputs: Vec<&[f32]> = shares.iter().map(|share| &*share.input).collect();
         let input = need_input.then(|| inputs.concat());
+        for share in shares {
+            self.products.give(share.products);
+        }
+        spare::give(saved.input);
         (weight, input)
     }
 
@@ -124,12 +132,8 @@ impl Single {
     fn winners(&self, sweep: usize, output: OutputGradient<'_>) -> Winners {
         let shape = &self.shape;
         let cells = shape.pooled_steps() * shape.taxels;
-        let none = Winner {
-            gradient: 0.0,
-            patch: 0,
-        };
         let mut found = Winners {
-            all: vec![none; shape.maps_out * cells],
+            all: self.winners.take(shape.maps_out * cells),
             counts: vec![0; shape.maps_out],
         };
         let span = sweep * cells * shape.maps_out..(sweep + 1) * cells * shape.maps_out;
@@ -326,9 +330,9 @@ struct Autocorrelation<'a> {
 }
 
 impl Autocorrelation<'_> {
-    /// Adds the products of padded rows `first..end` with those `distance` later to `out`, `[ACROSS, 16]`.
+    /// Sums the products of padded rows `first..end` with those `distance` later, `[ACROSS, 16]`.
     #[inline(always)]
-    fn add<L: Narrow>(padded: &[f32], first: usize, end: usize, distance: usize, out: &mut [f32]) {
+    fn sum<L: Narrow>(padded: &[f32], first: usize, end: usize, distance: usize, out: &mut [f32]) {
         for half in [0, 8] {
             let mut sums = [L::splat(0.0); ACROSS];
             for a in first..end {
@@ -350,7 +354,7 @@ impl Autocorrelation<'_> {
             }
             for across in 0..ACROSS {
                 if let Some(out) = out[across * 16 + half..].first_chunk_mut::<8>() {
-                    sums[across].add(L::load_slice(out)).store_slice(out);
+                    sums[across].store_slice(out);
                 }
             }
         }
@@ -370,7 +374,7 @@ impl NarrowKernel for Autocorrelation<'_> {
                     0 => (pad, pad + steps),
                     _ => (self.edges[line - 1], self.edges[line - 1] + 1),
                 };
-                Self::add::<L>(self.padded, first, end.min(pad + steps), distance, out);
+                Self::sum::<L>(self.padded, first, end.min(pad + steps), distance, out);
             }
         }
         for (line, out) in sums.chunks_exact_mut(16).enumerate() {

@@ -9,6 +9,7 @@ use super::norm::OutputGradient;
 use super::product::{Left, Soon};
 use super::shape::BlockShape;
 use super::simd::{NOTHING, NOWHERE, Octet, Rows, WRITTEN, floats};
+use super::spare;
 use super::spectral::{SavedSpectral, Spectral};
 use super::spectral_plan::{Plan, following};
 use super::spectral_stages::{InputGradient, Spread, TurnConjugated, WeightGradient};
@@ -87,7 +88,7 @@ impl Spectral {
                     .chain([turned, scratch])
                     .for_each(|buffer| self.buffers.give(buffer));
             });
-        let mut weight = vec![0f32; shape.weight_len()];
+        let mut weight = spare::take(shape.weight_len());
         weight
             .par_chunks_exact_mut(shape.weight_len() / plan.outs * plan.out_group)
             .enumerate()
@@ -101,7 +102,7 @@ impl Spectral {
                 plan.isa.run(plan.outs, stage)
             });
         let input = need_input.then(|| {
-            let mut input = vec![0f32; shape.input_len()];
+            let mut input = spare::take(shape.input_len());
             input
                 .par_chunks_exact_mut(shape.input_len() / shape.batch)
                 .enumerate()

@@ -2,10 +2,11 @@
 
 use std::any::Any;
 use std::fmt;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
-/// Stands for the memory that weights lie in. As long as somebody holds it, nobody may change them.
-pub(crate) type Identity = Arc<dyn Any + Send + Sync>;
+/// Stands for the memory that weights lie in. Whoever changes them, even the only one who holds them, moves them to another place first
+/// ([`Arc::make_mut`] does where there are [`Weak`] pointers); meanwhile nothing else can come to lie in this one.
+pub(crate) type Identity = Weak<dyn Any + Send + Sync>;
 
 /// The weights of one call, `[maps_out, maps_in, kernel steps, kernel taxels]`.
 ///
@@ -70,13 +71,13 @@ impl<T> Remembered<T> {
         let before = {
             let mut last = self.last();
             match &*last {
-                Some((known, made)) if Arc::ptr_eq(known, identity) => return Arc::clone(made),
+                Some((known, made)) if Weak::ptr_eq(known, identity) => return Arc::clone(made),
                 _ => last.take().and_then(|(_, made)| Arc::into_inner(made)),
             }
         };
         // Not locked meanwhile: a thread of the pool that waits for others' parts of this may be given work that asks here too.
         let made = Arc::new(make(before));
-        *self.last() = Some((Arc::clone(identity), Arc::clone(&made)));
+        *self.last() = Some((Weak::clone(identity), Arc::clone(&made)));
         made
     }
 
@@ -98,8 +99,11 @@ mod tests {
             *count.lock().unwrap()
         };
         let values = [1.0, 2.0];
-        let (first, second): (Identity, Identity) = (Arc::new(1), Arc::new(1));
-        let known = |identity: &Identity| Weight::known(&values, Arc::clone(identity));
+        let (mut first, second) = (Arc::new(1), Arc::new(1));
+        let known = |memory: &Arc<i32>| {
+            let identity: Weak<i32> = Arc::downgrade(memory);
+            Weight::known(&values, identity)
+        };
         assert_eq!(*remembered.get_or_make(&known(&first), make), 1);
         assert_eq!(*remembered.get_or_make(&known(&first), make), 1);
         assert_eq!(*remembered.get_or_make(&known(&second), make), 2);
@@ -107,5 +111,8 @@ mod tests {
         let nameless = Weight::from(&values[..]);
         assert_eq!(*remembered.get_or_make(&nameless, make), 4);
         assert_eq!(*remembered.get_or_make(&known(&first), make), 3);
+        // Changed by the only one who holds it.
+        *Arc::make_mut(&mut first) += 1;
+        assert_eq!(*remembered.get_or_make(&known(&first), make), 5);
     }
 }
