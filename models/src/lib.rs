@@ -38,6 +38,7 @@ pub use belief::{
 pub use block::{BatchStatistics, BlockConfig, ConvBlock, NORM_EPSILON};
 pub use compute::Compute;
 pub use conv::runs_on as is_processor;
+pub use conv::spare_memory;
 pub use dense::NormalizedDense;
 pub use dropout::dropout_masks;
 pub use features::Features;

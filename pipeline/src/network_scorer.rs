@@ -3,10 +3,11 @@
 use std::sync::{Mutex, PoisonError};
 
 use burn::tensor::{Device, Tensor, TensorData};
+use rayon::prelude::*;
 use tactnet_data::{Seed, SweepView};
 use tactnet_models::{
     Features, StreamingNet, TactNet, TactNetConfig, Weights, dropout_masks, log_mean_exp_into,
-    log_softmax, log_softmax_into, matrix, mutual_information,
+    log_softmax, log_softmax_into, matrix, mutual_information, spare_memory,
 };
 
 use crate::{Embedding, Normalizer, PipelineError, PredictionMethod, TactNetSetup};
@@ -132,9 +133,14 @@ impl NetworkScorer {
 
     fn load(&self, view: &SweepView<'_>, positions: &[usize]) -> Tensor<4> {
         let shape = view.shape();
-        let mut values = vec![0.0; positions.len() * shape.values()];
-        view.copy_batch(positions, &mut values);
-        self.normalizer.apply(&mut values, shape);
+        let mut values = spare_memory(positions.len() * shape.values());
+        values
+            .par_chunks_exact_mut(shape.values())
+            .zip(positions)
+            .for_each(|(sweep, &position)| {
+                view.copy_batch(&[position], sweep);
+                self.normalizer.apply(sweep, shape);
+            });
         let extents = [positions.len(), 1, shape.steps, shape.taxels()];
         Tensor::from_data(TensorData::new(values, extents), &self.device)
     }

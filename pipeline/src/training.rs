@@ -5,7 +5,7 @@ use burn::tensor::{Bytes, Device, Int, Tensor, TensorData};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use tactnet_data::{Seed, TrainSplit, shuffle};
-use tactnet_models::{TactNet, TactNetConfig, Weights, dropout_masks};
+use tactnet_models::{TactNet, TactNetConfig, Weights, dropout_masks, spare_memory};
 
 use crate::adam::FusedAdam;
 use crate::objective::{Perturbation, adversarial_pass, base_pass};
@@ -239,7 +239,7 @@ impl<'a> Training<'a> {
     /// `[batch, 1, steps, taxels]`, augmented and normalised, on the device without autodiff.
     fn load(&self, epoch: usize, positions: &[usize]) -> Tensor<4> {
         let shape = self.train.shape();
-        let mut values = vec![0.0; positions.len() * shape.values()];
+        let mut values = spare_memory(positions.len() * shape.values());
         let augmentation = self.recipe.training.augmentation;
         values
             .par_chunks_exact_mut(shape.values())

@@ -114,15 +114,19 @@ impl Block {
         }
     }
 
+    /// Winners are written over `winners`, with `keep` to be followed by a backward pass.
     fn convolve(
         &self,
         input: &[f32],
         weight: &Weight<'_>,
         gamma: &[f32],
         keep: bool,
+        winners: Vec<f32>,
     ) -> (Pooled, SavedRoute) {
-        let outputs = self.shape.output_len();
-        let to = || (self.values.take(outputs), self.bytes.take(outputs));
+        let to = || {
+            let positions = self.bytes.take(winners.len());
+            (winners, positions)
+        };
         match &self.route {
             Route::Direct => {
                 let (pooled, saved) = direct::forward(&self.shape, input, weight.values, gamma);
@@ -163,7 +167,8 @@ impl Block {
     ) -> Trained {
         let weight = weight.into();
         self.check(input, &weight, gamma, beta);
-        let (pooled, route) = self.convolve(input, &weight, gamma, true);
+        let winners = self.values.take(self.shape.output_len());
+        let (pooled, route) = self.convolve(input, &weight, gamma, true, winners);
         let (mean, variance) = (pooled.moments.mean(), pooled.moments.variance());
         let normalizer = Normalizer::new(&mean, &variance, gamma, beta);
         let mut out = spare::take(self.shape.output_len());
@@ -197,20 +202,14 @@ impl Block {
         let normalizer = Normalizer::new(mean, variance, gamma, beta);
         let mut out = spare::take(self.shape.output_len());
         if let Some(one_sweep) = &self.one_sweep {
-            let mut winners = self.values.take(out.len());
-            one_sweep.forward(input, &weight, gamma, &mut winners);
-            normalizer.rectify(&winners, &mut out);
-            self.values.give(winners);
-            return out;
+            one_sweep.forward(input, &weight, gamma, &mut out);
+        } else {
+            let (pooled, saved) = self.convolve(input, &weight, gamma, false, out);
+            self.recycle_route(saved);
+            self.bytes.give(pooled.positions);
+            out = pooled.winners;
         }
-        let (pooled, saved) = self.convolve(input, &weight, gamma, false);
-        normalizer.rectify(&pooled.winners, &mut out);
-        self.recycle(Saved {
-            normalizer,
-            winners: pooled.winners,
-            positions: pooled.positions,
-            route: saved,
-        });
+        normalizer.rectify_in_place(&mut out);
         out
     }
 
@@ -263,13 +262,17 @@ impl Block {
 
     /// Takes back the buffers of a forward pass whose gradient is not wanted.
     pub fn recycle(&self, saved: Saved) {
+        self.recycle_route(saved.route);
+        self.values.give(saved.winners);
+        self.bytes.give(saved.positions);
+    }
+
+    fn recycle_route(&self, saved: SavedRoute) {
         if let (Route::Spectral(spectral) | Route::Padded(spectral), SavedRoute::Spectral(saved)) =
-            (&self.route, saved.route)
+            (&self.route, saved)
         {
             spectral.recycle(saved);
         }
-        self.values.give(saved.winners);
-        self.bytes.give(saved.positions);
     }
 
     fn check(&self, input: &[f32], weight: &Weight<'_>, gamma: &[f32], beta: &[f32]) {

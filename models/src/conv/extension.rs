@@ -171,13 +171,6 @@ fn in_pool<R: Send>(pass: impl FnOnce() -> R + Send) -> R {
     rayon::scope(|_| pass())
 }
 
-/// Keeps the memory of a block's input for later results. The first block's comes from outside, and nothing has its size.
-fn done(input: Values, block: &Block) {
-    if block.shape().maps_in > 1 {
-        spare::reclaim(input.0);
-    }
-}
-
 fn pooled(values: Vec<f32>, shape: &BlockShape) -> Primitive {
     let extents = [
         shape.batch,
@@ -196,7 +189,7 @@ fn train(inputs: [Primitive; 4], pool: usize) -> (BlockOutput<Flex>, State) {
         block.forward_train(input.slice(), weight.weight(), gamma.slice(), beta.slice())
     });
     let maps = [block.shape().maps_out];
-    done(input, &block);
+    spare::reclaim(input.0);
     let output = BlockOutput {
         pooled: pooled(trained.pooled, block.shape()),
         mean: tensor(trained.mean, maps),
@@ -245,7 +238,7 @@ impl FrozenBlock for Flex {
                 variance.slice(),
             )
         });
-        done(input, &block);
+        spare::reclaim(input.0);
         pooled(out, block.shape())
     }
 }

@@ -18,7 +18,7 @@
 //! - With 15 x 5 kernels a convolution costs 75 products per output and pair of maps. In the frequency domain it is one complex product
 //!   per frequency: for layer 2, 0.57 instead of 17.7 GFLOP for 36 sweeps. SAME padding lets a transform of `steps + pad` by `taxels + pad`
 //!   points do: what wraps around falls on outputs that are cropped away (`spectral.rs`). The first layer has only one
-//!   input map and is cut into tiles of 100 steps (`single.rs`).
+//!   input map and is cut into tiles of 100 steps (`single.rs`), or computed tap by tap where products are cheap (`single_taps.rs`).
 //! - Lanes of a vector are maps, so transforms need no shuffles (`fft.rs`), and the few taxels are transformed by a dense product
 //!   that uses the row's symmetry (`taxel.rs`).
 //! - One taxel frequency after the other goes through its time spectrum, its products and back while it is in cache.
@@ -57,6 +57,7 @@ mod single;
 mod single_backward;
 mod single_input;
 mod single_stages;
+mod single_taps;
 pub(crate) mod spare;
 mod spectral;
 mod spectral_backward;
@@ -73,6 +74,7 @@ mod weight;
 
 pub use extension::runs_on;
 pub(crate) use extension::{TrainedBlock, block_eval, block_train, in_order};
+pub use spare::take as spare_memory;
 pub(crate) use stream::{StreamBlock, StreamShape};
 pub(crate) use stream_head::StreamHead;
 

@@ -14,6 +14,7 @@ use super::shape::BlockShape;
 use super::simd::{Isa, NOTHING, NOWHERE, Octet, Octets, Rows, Table};
 use super::single_backward::Winner;
 use super::single_stages::{Analyze, Scale, Synthesize};
+use super::single_taps::by_taps;
 use super::spare;
 use super::spectral_plan::{by_group, signs};
 use super::spectral_stages::KernelRows;
@@ -43,7 +44,8 @@ pub(super) struct Single {
     taps: Table,
     cropped: Table,
     weights: Remembered<Octets>,
-    buffers: Buffers<Octets>,
+    pub(super) buffers: Buffers<Octets>,
+    pub(super) values: Buffers<Vec<f32>>,
     pub(super) winners: Buffers<Vec<Winner>>,
     pub(super) products: Buffers<Vec<f32>>,
 }
@@ -57,8 +59,8 @@ pub(super) struct SavedSingle {
 
 /// One tile: its sweep, its first step and where its winners go.
 pub(super) struct Tile<'a> {
-    input: &'a [f32],
-    first: usize,
+    pub(super) input: &'a [f32],
+    pub(super) first: usize,
     pub(super) steps: usize,
     pub(super) to: Window<'a>,
 }
@@ -103,6 +105,7 @@ impl Single {
             cropped: Table::new((0..length).map(cropped)),
             weights: Remembered::default(),
             buffers: Buffers::default(),
+            values: Buffers::default(),
             winners: Buffers::default(),
             products: Buffers::default(),
             shape,
@@ -122,10 +125,6 @@ impl Single {
         to: (Vec<f32>, Vec<u8>),
     ) -> (Pooled, SavedSingle) {
         let shape = &self.shape;
-        let spectra = self.weights.get_or_make(weight, |before| {
-            before.into_iter().for_each(|made| self.buffers.give(made));
-            self.weight_spectra(weight.values)
-        });
         let signs = signs(gamma);
         let (windows, tile_windows) = (shape.pooled_steps(), self.tile / shape.pool);
         let window = shape.taxels * shape.maps_out;
@@ -162,103 +161,13 @@ impl Single {
                 });
             }
         }
-        // Eight tiles are analysed at once; few tiles are shared out more finely, so that no thread idles.
-        let at_once = tiles
-            .len()
-            .div_ceil(2 * rayon::current_num_threads())
-            .min(8);
-        tiles.par_chunks_mut(at_once).for_each(|tiles| {
-            let columns = self.taxel.frequencies();
-            let length = self.time.length();
-            let mut rows = self.buffers.take(length * shape.taxels);
-            let mut taxel_spectra = self.buffers.take(columns * length * 2);
-            let mut tile_spectra = self.buffers.take(columns * length * 2);
-            let mut scratch = self.buffers.take(self.time.scratch(2));
-            self.gather(tiles, &mut rows);
-            let stage = Analyze {
-                plan: self,
-                rows: &rows,
-                spectra: &mut taxel_spectra,
-            };
-            self.isa.run(1, stage);
-            let pairs = Rows {
-                table: &self.all,
-                stride: 2,
-                parts: [0, 1],
-                ahead: NOTHING,
-            };
-            for (source, target) in taxel_spectra
-                .chunks_exact(2 * length)
-                .zip(tile_spectra.chunks_exact_mut(2 * length))
-            {
-                self.time.run(
-                    (self.isa, 1),
-                    (source, pairs),
-                    (target, pairs),
-                    &mut scratch,
-                );
-            }
-            let group = self.group;
-            let mut product = self.buffers.take(2 * length * group);
-            let mut cropped = self.buffers.take(columns * self.tile * 2 * group);
-            let mut maps = self.buffers.take(shape.pool * shape.taxels * group);
-            let [whole, inside] = [&self.all, &self.cropped].map(|table| {
-                let rows = Rows {
-                    table,
-                    stride: 2 * group,
-                    parts: [0, group],
-                    ahead: NOTHING,
-                };
-                rows.exchanged()
-            });
-            for (kernels, v) in spectra
-                .chunks_exact(columns * 2 * length * group)
-                .zip((0..).step_by(group))
-            {
-                for (lane, tile) in tiles.iter_mut().enumerate() {
-                    let factors = tile_spectra
-                        .chunks_exact(2 * length)
-                        .zip(kernels.chunks_exact(2 * length * group));
-                    for ((spectrum, kernel), target) in
-                        factors.zip(cropped.chunks_exact_mut(self.tile * 2 * group))
-                    {
-                        let stage = Scale {
-                            spectrum,
-                            lane,
-                            kernel,
-                            product: &mut product,
-                        };
-                        self.isa.run(self.outs, stage);
-                        self.time.run(
-                            (self.isa, self.outs),
-                            (&product, whole),
-                            (target, inside),
-                            &mut scratch,
-                        );
-                    }
-                    let stage = Synthesize {
-                        plan: self,
-                        spectra: &cropped,
-                        maps: &mut maps,
-                        signs: &signs,
-                        tile,
-                        column: v,
-                    };
-                    self.isa.run(self.outs, stage);
-                }
-            }
-            for buffer in [
-                rows,
-                taxel_spectra,
-                tile_spectra,
-                scratch,
-                product,
-                cropped,
-                maps,
-            ] {
-                self.buffers.give(buffer);
-            }
-        });
+        if by_taps(shape, self.isa) {
+            let panels = self.panels(weight.values);
+            self.convolve_by_taps(&panels, &signs, &mut tiles);
+            self.buffers.give(panels);
+        } else {
+            self.convolve_by_tiles(weight, &signs, &mut tiles);
+        }
         drop(tiles);
         let moments = merge_sums(&sums, self.outs, |index| {
             (shape.steps - index % windows * shape.pool).min(shape.pool) * shape.taxels
@@ -280,6 +189,115 @@ impl Single {
             },
             saved,
         )
+    }
+
+    /// Convolves and pools every tile by its spectrum.
+    fn convolve_by_tiles(&self, weight: &Weight<'_>, signs: &[Octet], tiles: &mut [Tile<'_>]) {
+        let shape = &self.shape;
+        let spectra = self.weights.get_or_make(weight, |before| {
+            before.into_iter().for_each(|made| self.buffers.give(made));
+            self.weight_spectra(weight.values)
+        });
+        // Eight tiles are analysed at once; few tiles are shared out more finely, so that no thread idles.
+        let at_once = tiles
+            .len()
+            .div_ceil(2 * rayon::current_num_threads())
+            .min(8);
+        tiles
+            .par_chunks_mut(at_once)
+            .with_max_len(1)
+            .for_each(|tiles| {
+                let columns = self.taxel.frequencies();
+                let length = self.time.length();
+                let mut rows = self.buffers.take(length * shape.taxels);
+                let mut taxel_spectra = self.buffers.take(columns * length * 2);
+                let mut tile_spectra = self.buffers.take(columns * length * 2);
+                let mut scratch = self.buffers.take(self.time.scratch(2));
+                self.gather(tiles, &mut rows);
+                let stage = Analyze {
+                    plan: self,
+                    rows: &rows,
+                    spectra: &mut taxel_spectra,
+                };
+                self.isa.run(1, stage);
+                let pairs = Rows {
+                    table: &self.all,
+                    stride: 2,
+                    parts: [0, 1],
+                    ahead: NOTHING,
+                };
+                for (source, target) in taxel_spectra
+                    .chunks_exact(2 * length)
+                    .zip(tile_spectra.chunks_exact_mut(2 * length))
+                {
+                    self.time.run(
+                        (self.isa, 1),
+                        (source, pairs),
+                        (target, pairs),
+                        &mut scratch,
+                    );
+                }
+                let group = self.group;
+                let mut product = self.buffers.take(2 * length * group);
+                let mut cropped = self.buffers.take(columns * self.tile * 2 * group);
+                let mut maps = self.buffers.take(shape.pool * shape.taxels * group);
+                let [whole, inside] = [&self.all, &self.cropped].map(|table| {
+                    let rows = Rows {
+                        table,
+                        stride: 2 * group,
+                        parts: [0, group],
+                        ahead: NOTHING,
+                    };
+                    rows.exchanged()
+                });
+                for (kernels, v) in spectra
+                    .chunks_exact(columns * 2 * length * group)
+                    .zip((0..).step_by(group))
+                {
+                    for (lane, tile) in tiles.iter_mut().enumerate() {
+                        let factors = tile_spectra
+                            .chunks_exact(2 * length)
+                            .zip(kernels.chunks_exact(2 * length * group));
+                        for ((spectrum, kernel), target) in
+                            factors.zip(cropped.chunks_exact_mut(self.tile * 2 * group))
+                        {
+                            let stage = Scale {
+                                spectrum,
+                                lane,
+                                kernel,
+                                product: &mut product,
+                            };
+                            self.isa.run(self.outs, stage);
+                            self.time.run(
+                                (self.isa, self.outs),
+                                (&product, whole),
+                                (target, inside),
+                                &mut scratch,
+                            );
+                        }
+                        let stage = Synthesize {
+                            plan: self,
+                            spectra: &cropped,
+                            maps: &mut maps,
+                            signs,
+                            tile,
+                            column: v,
+                        };
+                        self.isa.run(self.outs, stage);
+                    }
+                }
+                for buffer in [
+                    rows,
+                    taxel_spectra,
+                    tile_spectra,
+                    scratch,
+                    product,
+                    cropped,
+                    maps,
+                ] {
+                    self.buffers.give(buffer);
+                }
+            });
     }
 
     /// `[group of maps_out octets, column, time frequency, 2]`

@@ -14,8 +14,9 @@ const LEAST: usize = 1 << 14;
 /// A training step has fewer results at once.
 static SPARE: Buffers<Vec<f32>> = Buffers::at_most(16);
 
-/// Memory for a result of `len` values, with whatever is in it.
-pub(crate) fn take(len: usize) -> Vec<f32> {
+/// Memory for `len` values, with whatever was in it: of large tensors that nobody holds any longer. Sweeps for a network that lie in such
+/// memory leave it for the next.
+pub fn take(len: usize) -> Vec<f32> {
     if len < LEAST {
         vec![0.0; len]
     } else {
