@@ -37,8 +37,7 @@ pub use belief::{
 };
 pub use block::{BatchStatistics, BlockConfig, ConvBlock, NORM_EPSILON};
 pub use compute::Compute;
-pub use conv::runs_on as is_processor;
-pub use conv::spare_memory;
+pub use conv::{runs_on as is_processor, spare_memory};
 pub use dense::NormalizedDense;
 pub use dropout::dropout_masks;
 pub use features::Features;
@@ -56,7 +55,7 @@ pub use tactnet::{
     Architecture, InputShape, TactNet, TactNetConfig, TrainingForward, default_pools,
 };
 pub use temperature::fit_inverse_temperature;
-pub use weights::{NamedTensor, Weights};
+pub use weights::{NamedTensor, Weights, values};
 
 /// What can be wrong with a network's description or its weights.
 #[derive(Debug, thiserror::Error)]

@@ -116,8 +116,8 @@ impl Weights {
     }
 }
 
-/// A tensor's numbers, row-major.
-pub(crate) fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+/// A tensor's numbers, row-major; not copied where nobody else holds them.
+pub fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor
         .into_data_as::<f32>()
         .try_into_vec::<f32>()

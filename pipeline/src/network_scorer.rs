@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use tactnet_data::{Seed, SweepView};
 use tactnet_models::{
     Features, StreamingNet, TactNet, TactNetConfig, Weights, dropout_masks, log_mean_exp_into,
-    log_softmax, log_softmax_into, matrix, mutual_information, spare_memory,
+    log_softmax, log_softmax_into, matrix, mutual_information, spare_memory, values,
 };
 
 use crate::{Embedding, Normalizer, PipelineError, PredictionMethod, TactNetSetup};
@@ -201,11 +201,4 @@ impl NetworkScorer {
         }
         runs
     }
-}
-
-fn values(tensor: Tensor<2>) -> Vec<f32> {
-    tensor
-        .into_data_as::<f32>()
-        .try_into_vec::<f32>()
-        .unwrap_or_else(|error| panic!("scores were converted to f32: {error:?}"))
 }

@@ -2,8 +2,12 @@
 
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::GradientsParams;
-use burn::tensor::{Gradients, Int, Tensor};
-use tactnet_models::{BatchStatistics, TactNet, cross_entropy};
+use burn::tensor::{Gradients, Int, Tensor, TensorData};
+use rayon::prelude::*;
+use tactnet_models::{BatchStatistics, TactNet, cross_entropy, is_processor, values};
+
+/// Values that a thread perturbs at once.
+const RUN: usize = 1 << 14;
 
 /// What one batch gives to the optimiser.
 pub struct Pass {
@@ -71,11 +75,11 @@ pub fn adversarial_pass(
         clean_mask,
         clean_weight,
     );
-    let direction = tracked
+    let gradient = tracked
         .grad_remove(&mut clean)
-        .unwrap_or_else(|| panic!("the loss depends on the sweeps"))
-        .sign();
-    let perturbed = (sweeps + direction.mul_scalar(epsilon)).autodiff();
+        .unwrap_or_else(|| panic!("the loss depends on the sweeps"));
+    drop(tracked);
+    let perturbed = perturbed(sweeps, gradient, epsilon).autodiff();
     let (mut adversarial, _, adversarial_loss, _) =
         pass(net, perturbed, labels, adversarial_mask, 1.0 - alpha);
     let mut gradients = GradientsParams::from_module(&mut adversarial, net);
@@ -93,6 +97,32 @@ pub fn adversarial_pass(
         loss,
         correct,
     }
+}
+
+/// `sweeps + epsilon sign(gradient)`; on the processor in one pass, where they lie.
+fn perturbed(sweeps: Tensor<4>, gradient: Tensor<4>, epsilon: f64) -> Tensor<4> {
+    let device = sweeps.device();
+    if !is_processor(&device) {
+        return sweeps + gradient.sign().mul_scalar(epsilon);
+    }
+    let extents = sweeps.dims();
+    let (mut digits, gradient) = (values(sweeps), values(gradient));
+    let epsilon = epsilon as f32;
+    digits
+        .par_chunks_mut(RUN)
+        .zip(gradient.par_chunks(RUN))
+        .for_each(|(digits, gradient)| {
+            for (digit, gradient) in digits.iter_mut().zip(gradient) {
+                // Rust's signum of zero is one.
+                let along = if *gradient == 0.0 {
+                    0.0
+                } else {
+                    gradient.signum()
+                };
+                *digit += epsilon * along;
+            }
+        });
+    Tensor::from_data(TensorData::new(digits, extents), &device)
 }
 
 /// Gradients of `weight` times the loss, batch statistics, the loss itself and the sweeps recognised.

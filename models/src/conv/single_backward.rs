@@ -57,8 +57,6 @@ struct Share {
     products: Vec<f32>,
     /// `[1 + edges, 16]`: column sums over all rows and the edge rows
     sums: Vec<f32>,
-    /// `[steps, taxels]`, empty if not wanted
-    input: Vec<f32>,
 }
 
 impl Single {
@@ -72,11 +70,18 @@ impl Single {
         let shape = &self.shape;
         let edges = self.edges();
         let composite = need_input.then(|| self.composite(&saved.weight, output.affine));
+        let values = shape.steps * shape.taxels;
+        let mut d_input = need_input.then(|| spare::take(saved.input.len()));
+        let targets: Vec<&mut [f32]> = match &mut d_input {
+            Some(d_input) => d_input.chunks_exact_mut(values).collect(),
+            None => (0..shape.batch).map(|_| <&mut [f32]>::default()).collect(),
+        };
         let shares: Vec<Share> = saved
             .input
-            .par_chunks_exact(shape.steps * shape.taxels)
+            .par_chunks_exact(values)
+            .zip(targets)
             .enumerate()
-            .map(|(sweep, input)| {
+            .map(|(sweep, (input, target))| {
                 let padded = self.pad(input);
                 let winners = self.winners(sweep, output);
                 let mut share = Share {
@@ -85,7 +90,6 @@ impl Single {
                         .products
                         .take(shape.kernel[0] * (1 + edges.len()) * ACROSS * 16),
                     sums: vec![0.0; (1 + edges.len()) * 16],
-                    input: Vec::new(),
                 };
                 self.isa.run_narrow(Gather {
                     padded: &padded,
@@ -99,20 +103,18 @@ impl Single {
                     share: &mut share,
                 });
                 if let Some(composite) = &composite {
-                    share.input = self.input_gradient(composite, &saved.weight, &padded, &winners);
+                    self.input_gradient(composite, &saved.weight, &padded, &winners, target);
                 }
                 self.winners.give(winners.all);
                 share
             })
             .collect();
         let weight = self.weight_gradient(&saved.weight, output, &shares, edges.len());
-        let inputs: Vec<&[f32]> = shares.iter().map(|share| &*share.input).collect();
-        let input = need_input.then(|| inputs.concat());
         for share in shares {
             self.products.give(share.products);
         }
         spare::give(saved.input);
-        (weight, input)
+        (weight, d_input)
     }
 
     /// The sweep within zeros: `pad` rows before, enough for a patch after.

@@ -107,14 +107,15 @@ impl Single {
         table
     }
 
-    /// One sweep's input gradient, `[steps, taxels]`.
+    /// One sweep's input gradient, `[steps, taxels]`, written over `out`.
     pub(super) fn input_gradient(
         &self,
         composite: &Composite,
         weight: &[f32],
         padded: &[f32],
         winners: &Winners,
-    ) -> Vec<f32> {
+        out: &mut [f32],
+    ) {
         let [kernel_steps, kernel_taxels] = self.shape.kernel;
         let (steps, taxels, pad) = (self.shape.steps, self.shape.taxels, self.shape.padding()[0]);
         // The same sweep with REACH zero rows on either side.
@@ -144,11 +145,10 @@ impl Single {
             wide: &wide,
             gradient: &mut gradient[pad * ROW..(pad + steps) * ROW],
         });
-        let mut inner = Vec::with_capacity(steps * taxels);
-        for row in gradient.chunks_exact(ROW).skip(pad).take(steps) {
-            inner.extend_from_slice(&row[MARGIN..MARGIN + taxels]);
+        let rows = gradient.chunks_exact(ROW).skip(pad);
+        for (out, row) in out.chunks_exact_mut(taxels).zip(rows) {
+            out.copy_from_slice(&row[MARGIN..MARGIN + taxels]);
         }
-        inner
     }
 }
 
