@@ -3,6 +3,8 @@
 //! A tile of `tile` steps needs `tile + 2 pad` input steps; its two-dimensional spectrum times those of the kernels gives all output
 //! maps. The spectra of eight tiles are computed at once, one tile a lane; from the product on, lanes are maps. A tile is
 //! pooled while it is in cache, so the full-resolution maps are never written. The backward pass does not need them either.
+//!
+//! Processors with AVX-512 go tap by tap instead (`single_taps.rs`).
 
 use rayon::prelude::*;
 

@@ -153,6 +153,15 @@ fn single_route_agrees_with_f64() {
     holds(shape(5, 105, 13, [1, 16], [7, 5], 7), 3);
 }
 
+/// Where there is AVX-512; elsewhere by tiles.
+#[test]
+fn single_route_by_taps_agrees_with_f64() {
+    holds(shape(2, 230, 16, [1, 32], [15, 5], 10), 1);
+    holds(shape(3, 47, 5, [1, 64], [7, 3], 20), 2);
+    holds(shape(1, 4, 1, [1, 32], [15, 5], 10), 3);
+    holds(shape(2, 125, 2, [1, 32], [1, 5], 30), 4);
+}
+
 #[test]
 fn spectral_route_agrees_with_f64() {
     holds(shape(2, 30, 16, [8, 16], [15, 5], 10), 1);
@@ -197,6 +206,14 @@ proptest! {
     }
 
     #[test]
+    fn any_small_shape_by_taps_agrees_with_f64(
+        batch in 1usize..3, steps in 2usize..130, taxels in 1usize..17,
+        outs in 1usize..3, kt in 0usize..8, kw in 0usize..3, pool in 1usize..4, seed in 0u64..1000,
+    ) {
+        holds(shape(batch, steps, taxels, [1, 32 * outs], [2 * kt + 1, 2 * kw + 1], 10 * pool), seed);
+    }
+
+    #[test]
     fn any_small_spectral_shape_agrees_with_f64(
         batch in 1usize..4, steps in 2usize..30, taxels in 1usize..33,
         ins in 1usize..3, outs in 1usize..4, kt in 1usize..8, kw in 0usize..3, pool in 1usize..11, seed in 0u64..1000,
@@ -232,10 +249,11 @@ fn step(s: BlockShape, isa: Isa, threads: usize) -> Vec<f32> {
     })
 }
 
-fn routes() -> [BlockShape; 4] {
+fn routes() -> [BlockShape; 5] {
     [
         shape(3, 50, 19, [1, 16], [15, 5], 10),
         shape(3, 230, 16, [1, 16], [15, 5], 10),
+        shape(3, 230, 16, [1, 32], [15, 5], 10),
         shape(5, 50, 16, [16, 24], [15, 5], 10),
         shape(3, 30, 6, [3, 5], [5, 3], 4),
     ]
