@@ -4,6 +4,7 @@ use super::buffers::Buffers;
 use super::direct::{self, SavedDirect};
 use super::norm::{Normalizer, OutputGradient, Pooled};
 use super::one_sweep::OneSweep;
+use super::pooling::{Goal, octets, signs};
 use super::shape::BlockShape;
 use super::simd::Isa;
 use super::single::{SavedSingle, Single};
@@ -114,18 +115,18 @@ impl Block {
         }
     }
 
-    /// Winners are written over `winners`, with `keep` to be followed by a backward pass.
+    /// Winners (or outputs) are written over `out`; the direct route knows winners only.
     fn convolve(
         &self,
         input: &[f32],
         weight: &Weight<'_>,
         gamma: &[f32],
-        keep: bool,
-        winners: Vec<f32>,
+        goal: Goal<'_>,
+        out: Vec<f32>,
     ) -> (Pooled, SavedRoute) {
         let to = || {
-            let positions = self.bytes.take(winners.len());
-            (winners, positions)
+            let positions = self.bytes.take(out.len());
+            (out, positions)
         };
         match &self.route {
             Route::Direct => {
@@ -133,7 +134,7 @@ impl Block {
                 (pooled, SavedRoute::Direct(saved))
             }
             Route::Spectral(spectral) => {
-                let (pooled, saved) = spectral.forward(input, weight, gamma, keep, to());
+                let (pooled, saved) = spectral.forward(input, weight, goal, to());
                 (pooled, SavedRoute::Spectral(saved))
             }
             Route::Padded(spectral) => {
@@ -141,12 +142,11 @@ impl Block {
                 let input = padded(input, maps, 1, spectral.plan.shape.maps_in);
                 let taps = self.shape.kernel[0] * self.shape.kernel[1];
                 let weight = padded(weight.values, maps, taps, spectral.plan.shape.maps_in);
-                let (pooled, saved) =
-                    spectral.forward(&input, &Weight::from(&weight), gamma, keep, to());
+                let (pooled, saved) = spectral.forward(&input, &Weight::from(&weight), goal, to());
                 (pooled, SavedRoute::Spectral(saved))
             }
             Route::Single(single) => {
-                let (pooled, saved) = single.forward(input, weight, gamma, keep, to());
+                let (pooled, saved) = single.forward(input, weight, goal, to());
                 (pooled, SavedRoute::Single(saved))
             }
         }
@@ -167,9 +167,13 @@ impl Block {
     ) -> Trained {
         let weight = weight.into();
         self.check(input, &weight, gamma, beta);
+        let signs = signs(gamma);
         let winners = self.values.take(self.shape.output_len());
-        let (pooled, route) = self.convolve(input, &weight, gamma, true, winners);
-        let (mean, variance) = (pooled.moments.mean(), pooled.moments.variance());
+        let (pooled, route) = self.convolve(input, &weight, gamma, Goal::winners(&signs), winners);
+        let moments = pooled
+            .moments
+            .unwrap_or_else(|| panic!("winners come with moments"));
+        let (mean, variance) = (moments.mean(), moments.variance());
         let normalizer = Normalizer::new(&mean, &variance, gamma, beta);
         let mut out = spare::take(self.shape.output_len());
         normalizer.rectify(&pooled.winners, &mut out);
@@ -200,16 +204,20 @@ impl Block {
         let weight = weight.into();
         self.check(input, &weight, gamma, beta);
         let normalizer = Normalizer::new(mean, variance, gamma, beta);
+        let [scale, shift] = [&normalizer.scale, &normalizer.shift].map(|values| octets(values));
+        let goal = Goal::outputs(&scale, &shift);
         let mut out = spare::take(self.shape.output_len());
         if let Some(one_sweep) = &self.one_sweep {
-            one_sweep.forward(input, &weight, gamma, &mut out);
-        } else {
-            let (pooled, saved) = self.convolve(input, &weight, gamma, false, out);
-            self.recycle_route(saved);
-            self.bytes.give(pooled.positions);
-            out = pooled.winners;
+            one_sweep.forward(input, &weight, goal, &mut out);
+            return out;
         }
-        normalizer.rectify_in_place(&mut out);
+        let (pooled, saved) = self.convolve(input, &weight, gamma, goal, out);
+        self.recycle_route(saved);
+        self.bytes.give(pooled.positions);
+        out = pooled.winners;
+        if matches!(self.route, Route::Direct) {
+            normalizer.rectify_in_place(&mut out);
+        }
         out
     }
 

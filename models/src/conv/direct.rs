@@ -132,7 +132,7 @@ fn pool(shape: &BlockShape, maps: &[f32], gamma: &[f32]) -> Pooled {
     Pooled {
         winners,
         positions,
-        moments,
+        moments: Some(moments),
     }
 }
 

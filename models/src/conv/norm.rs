@@ -101,7 +101,8 @@ pub(super) struct GradientAffine {
 pub(super) struct Pooled {
     pub(super) winners: Vec<f32>,
     pub(super) positions: Vec<u8>,
-    pub(super) moments: Moments,
+    /// Absent where nobody asked for them.
+    pub(super) moments: Option<Moments>,
 }
 
 /// Gradient of the winners, zero where ReLU cut off, with their steps and the affine part.

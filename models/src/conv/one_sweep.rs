@@ -15,11 +15,12 @@ use rayon::prelude::*;
 
 use super::buffers::Buffers;
 use super::one_sweep_stages::{Pool, Spectra, Tangle, Untangle};
+use super::pooling::Goal;
 use super::product::{Left, Soon};
 use super::shape::BlockShape;
 use super::simd::{Isa, NOTHING, Octet, Octets, Rows, floats, floats_mut};
 use super::spare;
-use super::spectral_plan::{Plan, by_group, following, padded, signs};
+use super::spectral_plan::{Plan, by_group, following, padded};
 use super::weight::{Remembered, Weight};
 
 /// Plan and workspace.
@@ -52,13 +53,13 @@ impl OneSweep {
         })
     }
 
-    /// Convolves and pools; the winners, `[pooled_steps, taxels, maps_out]`, are written over `winners`.
+    /// Convolves and pools; the outputs (or winners), `[pooled_steps, taxels, maps_out]`, are written over `out`.
     pub(super) fn forward(
         &self,
         input: &[f32],
         weight: &Weight<'_>,
-        gamma: &[f32],
-        winners: &mut [f32],
+        goal: Goal<'_>,
+        out: &mut [f32],
     ) {
         let (shape, block) = (self.plan.shape, self.plan.out_block);
         let weight = self.weights.get_or_make(weight, |before| {
@@ -67,15 +68,17 @@ impl OneSweep {
         });
         let input = self.input_spectra(input);
         let cells = shape.pooled_steps() * shape.taxels;
-        let mut found = spare::take(winners.len());
+        let mut found = spare::take(out.len());
         found
             .par_chunks_exact_mut(cells * 8 * block)
             .zip(weight.par_chunks_exact(self.weight_block()))
-            .zip(signs(gamma).par_chunks_exact(block))
-            .for_each(|((winners, weight), signs)| self.maps(&input, weight, signs, winners));
+            .enumerate()
+            .for_each(|(at, (found, weight))| {
+                self.maps(&input, weight, goal.of_block(at, block), found);
+            });
         self.buffers.give(input);
         for (at, found) in found.chunks_exact(cells * 8 * block).enumerate() {
-            let rows = winners.chunks_exact_mut(shape.maps_out);
+            let rows = out.chunks_exact_mut(shape.maps_out);
             for (to, from) in rows.zip(found.chunks_exact(8 * block)) {
                 to[at * 8 * block..][..8 * block].copy_from_slice(from);
             }
@@ -228,8 +231,8 @@ impl OneSweep {
         }
     }
 
-    /// One block of output maps: products, back to steps, winners `[pooled_steps, taxels, block's maps]`.
-    fn maps(&self, input: &[Octet], weight: &[Octet], signs: &[Octet], winners: &mut [f32]) {
+    /// One block of output maps: products, back to steps, pooled `[pooled_steps, taxels, block's maps]`.
+    fn maps(&self, input: &[Octet], weight: &[Octet], goal: Goal<'_>, outputs: &mut [f32]) {
         let plan = &self.plan;
         let BlockShape { steps, taxels, .. } = plan.shape;
         let (block, group) = (plan.out_block, plan.out_group);
@@ -269,8 +272,8 @@ impl OneSweep {
         let pool = Pool {
             plan,
             maps: &maps,
-            signs,
-            winners,
+            goal,
+            outputs,
         };
         plan.isa.run(block, pool);
         for buffer in [products, maps, both, scratch] {
@@ -313,6 +316,7 @@ mod tests {
     use super::super::reference::reference;
     use super::super::tests::{case, error, shape};
     use super::*;
+    use crate::conv::pooling::octets;
 
     #[test]
     fn one_sweep_agrees_with_f64_on_all_instruction_sets() {
@@ -360,7 +364,9 @@ mod tests {
                 .expect("threads");
             let mut found = vec![0.0; s.output_len()];
             let block = OneSweep::new(s, Isa::detect()).expect("one sweep's shape");
-            pool.install(|| block.forward(&c.x, &Weight::from(&c.weight), &c.gamma, &mut found));
+            let (scale, shift) = (octets(&c.gamma), octets(&c.beta));
+            let (weight, goal) = (Weight::from(&c.weight), Goal::outputs(&scale, &shift));
+            pool.install(|| block.forward(&c.x, &weight, goal, &mut found));
             found.into_iter().map(f32::to_bits).collect::<Vec<_>>()
         };
         assert_eq!(on(1), on(2));

@@ -1,6 +1,6 @@
 //! The steps of a single sweep's block that run on vector lanes: two taxels' spectra from one transform, and back; winners.
 
-use super::pooling::{Window, pool_column};
+use super::pooling::{Goal, Window, pool_column};
 use super::shape::BlockShape;
 use super::simd::{Kernel, Lanes, Octet};
 use super::spectral_plan::Plan;
@@ -94,14 +94,14 @@ impl Kernel for Tangle<'_> {
     }
 }
 
-/// Winners of all pooling windows of one block of maps.
+/// All pooling windows of one block of maps.
 pub(super) struct Pool<'a> {
     pub(super) plan: &'a Plan,
     /// `[steps, taxels, block]`
     pub(super) maps: &'a [Octet],
-    pub(super) signs: &'a [Octet],
+    pub(super) goal: Goal<'a>,
     /// `[pooled_steps, taxels, block's maps]`
-    pub(super) winners: &'a mut [f32],
+    pub(super) outputs: &'a mut [f32],
 }
 
 impl Kernel for Pool<'_> {
@@ -114,15 +114,15 @@ impl Kernel for Pool<'_> {
         let mut positions = vec![0; taxels * 8 * block];
         let mut sums = vec![Octet::ZERO; 3 * block];
         let windows = self.maps.chunks(pool * taxels * block);
-        for (tile, winners) in windows.zip(self.winners.chunks_exact_mut(taxels * 8 * block)) {
+        for (tile, outputs) in windows.zip(self.outputs.chunks_exact_mut(taxels * 8 * block)) {
             let mut to = Window {
-                winners,
+                winners: outputs,
                 positions: &mut positions,
                 sums: &mut sums,
                 columns: block,
             };
             for v in (0..block).step_by(L::OCTETS) {
-                pool_column::<L>((tile, block, v), taxels, self.signs, &mut to, v);
+                pool_column::<L>((tile, block, v), taxels, self.goal, &mut to, v);
             }
         }
     }

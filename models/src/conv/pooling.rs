@@ -1,9 +1,49 @@
-//! One pooling window, eight maps to a vector: winners, their steps, and sums for the batch statistics, while the maps are in cache.
+//! One pooling window, eight maps to a vector, while the maps are in cache: winners, their steps, and sums for the batch statistics; or, with
+//! frozen statistics, outputs.
 
 use rayon::prelude::*;
 
 use super::norm::Moments;
 use super::simd::{Lanes, Octet, floats};
+
+/// What is wanted of a window.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Goal<'a> {
+    factor: &'a [Octet],
+    shift: Option<&'a [Octet]>,
+}
+
+impl<'a> Goal<'a> {
+    /// The winners: the largest value where `signs` are 1, the smallest where they are -1.
+    pub(super) fn winners(signs: &'a [Octet]) -> Self {
+        Self {
+            factor: signs,
+            shift: None,
+        }
+    }
+
+    /// The outputs, `max(0, scale * y + shift)` of the winner `y`, in the winners' place; neither steps nor sums.
+    pub(super) fn outputs(scale: &'a [Octet], shift: &'a [Octet]) -> Self {
+        Self {
+            factor: scale,
+            shift: Some(shift),
+        }
+    }
+
+    /// Whether it is the winners.
+    pub(super) fn is_winners(&self) -> bool {
+        self.shift.is_none()
+    }
+
+    /// Of block `block` of `octets` octets of maps.
+    pub(super) fn of_block(self, block: usize, octets: usize) -> Self {
+        let range = block * octets..(block + 1) * octets;
+        Self {
+            factor: &self.factor[range.clone()],
+            shift: self.shift.map(|shift| &shift[range]),
+        }
+    }
+}
 
 /// Where a window's results go.
 pub(super) struct Window<'a> {
@@ -17,20 +57,30 @@ pub(super) struct Window<'a> {
     pub(super) columns: usize,
 }
 
-/// Chooses the winners of the map octets from `column` on within `tile`, `[steps, taxels, tile columns]`, where they lie from
-/// `tile_column` on.
-///
-/// `signs` are 1 where the largest value wins and -1 where the smallest does.
+/// Pools the map octets from `column` on within `tile`, `[steps, taxels, tile columns]`, where they lie from `tile_column` on.
 #[inline(always)]
 pub(super) fn pool_column<L: Lanes>(
     (tile, tile_columns, tile_column): (&[Octet], usize, usize),
     taxels: usize,
-    signs: &[Octet],
+    goal: Goal<'_>,
     to: &mut Window<'_>,
     column: usize,
 ) {
     let columns = to.columns;
-    let sign = L::load(signs, column);
+    let sign = L::load(goal.factor, column);
+    if let Some(shift) = goal.shift {
+        let (shift, zero) = (L::load(shift, column), L::splat(0.0));
+        for taxel in 0..taxels {
+            let first = taxel * tile_columns + tile_column;
+            let mut best = L::load(tile, first).mul(sign);
+            for row in tile.chunks_exact(taxels * tile_columns).skip(1) {
+                best = best.max(L::load(row, first).mul(sign));
+            }
+            let output = best.add(shift).max(zero);
+            output.store_floats(to.winners, taxel * columns + column);
+        }
+        return;
+    }
     let pivot = L::load(tile, taxels / 2 * tile_columns + tile_column);
     let (mut sum, mut squares) = (L::splat(0.0), L::splat(0.0));
     for taxel in 0..taxels {
@@ -82,4 +132,17 @@ pub(super) fn merge_sums(
         moments.merge(&run);
     }
     moments
+}
+
+/// Whole octets of one value for each map.
+pub(super) fn octets(values: &[f32]) -> Vec<Octet> {
+    let (octets, _) = values.as_chunks::<8>();
+    octets.iter().map(|octet| Octet(*octet)).collect()
+}
+
+/// 1 where gamma is not negative, else -1.
+pub(super) fn signs(gamma: &[f32]) -> Vec<Octet> {
+    let sign = |g: f32| if g < 0.0 { -1.0 } else { 1.0 };
+    let octets = octets(gamma).into_iter();
+    octets.map(|octet| Octet(octet.0.map(sign))).collect()
 }

@@ -11,14 +11,14 @@ use rayon::prelude::*;
 use super::buffers::Buffers;
 use super::fft::TimePlan;
 use super::norm::Pooled;
-use super::pooling::{Window, merge_sums};
+use super::pooling::{Goal, Window, merge_sums};
 use super::shape::BlockShape;
 use super::simd::{Isa, NOTHING, NOWHERE, Octet, Octets, Rows, Table};
 use super::single_backward::Winner;
 use super::single_stages::{Analyze, Scale, Synthesize};
 use super::single_taps::by_taps;
 use super::spare;
-use super::spectral_plan::{by_group, signs};
+use super::spectral_plan::by_group;
 use super::spectral_stages::KernelRows;
 use super::taxel::TaxelPlan;
 use super::weight::{Remembered, Weight};
@@ -117,17 +117,15 @@ impl Single {
         })
     }
 
-    /// Convolves, pools and, with `keep`, saves what the backward pass needs; winners and positions are written over `to`.
+    /// Convolves and pools; with the winners it saves what the backward pass needs. Winners (or outputs) and positions are written over `to`.
     pub(super) fn forward(
         &self,
         input: &[f32],
         weight: &Weight<'_>,
-        gamma: &[f32],
-        keep: bool,
+        goal: Goal<'_>,
         to: (Vec<f32>, Vec<u8>),
     ) -> (Pooled, SavedSingle) {
         let shape = &self.shape;
-        let signs = signs(gamma);
         let (windows, tile_windows) = (shape.pooled_steps(), self.tile / shape.pool);
         let window = shape.taxels * shape.maps_out;
         let (mut winners, mut positions) = to;
@@ -165,21 +163,23 @@ impl Single {
         }
         if by_taps(shape, self.isa) {
             let panels = self.panels(weight.values);
-            self.convolve_by_taps(&panels, &signs, &mut tiles);
+            self.convolve_by_taps(&panels, goal, &mut tiles);
             self.buffers.give(panels);
         } else {
-            self.convolve_by_tiles(weight, &signs, &mut tiles);
+            self.convolve_by_tiles(weight, goal, &mut tiles);
         }
         drop(tiles);
-        let moments = merge_sums(&sums, self.outs, |index| {
-            (shape.steps - index % windows * shape.pool).min(shape.pool) * shape.taxels
+        let moments = goal.is_winners().then(|| {
+            merge_sums(&sums, self.outs, |index| {
+                (shape.steps - index % windows * shape.pool).min(shape.pool) * shape.taxels
+            })
         });
         self.buffers.give(sums);
         let mut saved = SavedSingle {
             input: Vec::new(),
             weight: weight.values.to_vec(),
         };
-        if keep {
+        if goal.is_winners() {
             saved.input = spare::take(input.len());
             saved.input.copy_from_slice(input);
         }
@@ -194,7 +194,7 @@ impl Single {
     }
 
     /// Convolves and pools every tile by its spectrum.
-    fn convolve_by_tiles(&self, weight: &Weight<'_>, signs: &[Octet], tiles: &mut [Tile<'_>]) {
+    fn convolve_by_tiles(&self, weight: &Weight<'_>, goal: Goal<'_>, tiles: &mut [Tile<'_>]) {
         let shape = &self.shape;
         let spectra = self.weights.get_or_make(weight, |before| {
             before.into_iter().for_each(|made| self.buffers.give(made));
@@ -281,7 +281,7 @@ impl Single {
                             plan: self,
                             spectra: &cropped,
                             maps: &mut maps,
-                            signs,
+                            goal,
                             tile,
                             column: v,
                         };

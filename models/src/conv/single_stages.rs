@@ -1,6 +1,6 @@
 //! The steps of the first block that run on vector lanes.
 
-use super::pooling::{Window, pool_column};
+use super::pooling::{Goal, Window, pool_column};
 use super::shape::BlockShape;
 use super::simd::{Kernel, Lanes, Octet};
 use super::single::{Single, Tile};
@@ -58,7 +58,7 @@ pub(super) struct Synthesize<'a, 'b> {
     pub(super) plan: &'a Single,
     pub(super) spectra: &'a [Octet],
     pub(super) maps: &'a mut [Octet],
-    pub(super) signs: &'a [Octet],
+    pub(super) goal: Goal<'a>,
     pub(super) tile: &'a mut Tile<'b>,
     /// First octet of maps.
     pub(super) column: usize,
@@ -102,7 +102,7 @@ impl Kernel for Synthesize<'_, '_> {
                 columns: outs,
             };
             let tile = (&*maps, L::OCTETS, 0);
-            pool_column::<L>(tile, taxels, self.signs, &mut to, self.column);
+            pool_column::<L>(tile, taxels, self.goal, &mut to, self.column);
         }
     }
 }

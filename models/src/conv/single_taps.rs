@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use super::pooling::{Window, pool_column};
+use super::pooling::{Goal, Window, pool_column};
 use super::shape::BlockShape;
 use super::simd::{Isa, Kernel, Lanes, Octet, Octets, Walk};
 use super::single::{Single, Tile};
@@ -38,7 +38,7 @@ impl Single {
     pub(super) fn convolve_by_taps(
         &self,
         panels: &[Octet],
-        signs: &[Octet],
+        goal: Goal<'_>,
         tiles: &mut [Tile<'_>],
     ) {
         let BlockShape { taxels, pool, .. } = self.shape;
@@ -52,7 +52,7 @@ impl Single {
                 panels,
                 padded: &padded,
                 maps: &mut maps,
-                signs,
+                goal,
                 tile,
             };
             self.isa.run(self.outs, stage);
@@ -85,7 +85,7 @@ struct Taps<'a, 'b> {
     padded: &'a [f32],
     /// `[pool, taxels, octets of a panel]`
     maps: &'a mut [Octet],
-    signs: &'a [Octet],
+    goal: Goal<'a>,
     tile: &'a mut Tile<'b>,
 }
 
@@ -167,7 +167,7 @@ impl Kernel for Taps<'_, '_> {
                 };
                 for v in (0..octets).step_by(L::OCTETS) {
                     let tile = (&self.maps[..steps * taxels * octets], octets, v);
-                    pool_column::<L>(tile, taxels, self.signs, &mut to, column + v);
+                    pool_column::<L>(tile, taxels, self.goal, &mut to, column + v);
                 }
             }
         }

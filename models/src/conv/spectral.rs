@@ -13,11 +13,11 @@ use rayon::prelude::*;
 
 use super::buffers::Buffers;
 use super::norm::Pooled;
-use super::pooling::{Window, merge_sums};
+use super::pooling::{Goal, Window, merge_sums};
 use super::product::{Left, Soon};
 use super::shape::BlockShape;
 use super::simd::{Isa, NOTHING, NOWHERE, Octet, Octets, Rows, WRITTEN, floats};
-use super::spectral_plan::{Plan, by_group, following, in_blocks, signs};
+use super::spectral_plan::{Plan, by_group, following, in_blocks};
 use super::spectral_stages::{Analyze, KernelRows, Maps, Synthesize};
 use super::weight::{Remembered, Weight};
 
@@ -49,13 +49,12 @@ impl Spectral {
         })
     }
 
-    /// Convolves, pools and, with `keep`, keeps what the backward pass needs; winners and positions are written over `to`.
+    /// Convolves and pools; with the winners it saves what the backward pass needs. Winners (or outputs) and positions are written over `to`.
     pub(super) fn forward(
         &self,
         input: &[f32],
         weight: &Weight<'_>,
-        gamma: &[f32],
-        keep: bool,
+        goal: Goal<'_>,
         to: (Vec<f32>, Vec<u8>),
     ) -> (Pooled, SavedSpectral) {
         let plan = &self.plan;
@@ -96,10 +95,12 @@ impl Spectral {
                 self.buffers.give(spectrum);
                 self.buffers.give(scratch);
             });
-        let mut maps = self
-            .buffers
-            .take(if keep { shape.count() * plan.outs } else { 0 });
-        let pooled = self.pool(&products, &mut maps, gamma, to);
+        let mut maps = self.buffers.take(if goal.is_winners() {
+            shape.count() * plan.outs
+        } else {
+            0
+        });
+        let pooled = self.pool(&products, &mut maps, goal, to);
         for buffer in [rows, products] {
             self.buffers.give(buffer);
         }
@@ -135,14 +136,13 @@ impl Spectral {
         &self,
         products: &[Octet],
         maps: &mut [Octet],
-        gamma: &[f32],
+        goal: Goal<'_>,
         to: (Vec<f32>, Vec<u8>),
     ) -> Pooled {
         let plan = &self.plan;
         let shape = &plan.shape;
         let windows = shape.pooled_steps();
         let sweep = windows * shape.taxels * shape.maps_out;
-        let signs = signs(gamma);
         let (mut winners, mut positions) = to;
         let mut sums = self.buffers.take(shape.batch * windows * 3 * plan.outs);
         let kept: Vec<Option<&mut [Octet]>> = if maps.is_empty() {
@@ -177,15 +177,17 @@ impl Spectral {
                     sweep,
                     products,
                     maps,
-                    signs: &signs,
+                    goal,
                     to,
                 };
                 plan.isa.run(plan.outs, stage);
                 self.buffers.give(tile);
             });
-        let moments = merge_sums(&sums, plan.outs, |window| {
-            let first = window % windows * shape.pool;
-            (shape.steps - first).min(shape.pool) * shape.taxels
+        let moments = goal.is_winners().then(|| {
+            merge_sums(&sums, plan.outs, |window| {
+                let first = window % windows * shape.pool;
+                (shape.steps - first).min(shape.pool) * shape.taxels
+            })
         });
         self.buffers.give(sums);
         Pooled {

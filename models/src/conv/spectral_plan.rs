@@ -168,12 +168,3 @@ pub(super) fn by_group(weight: &[f32], row: usize, group: usize, out: &mut [Octe
             }
         });
 }
-
-/// 1 where gamma is not negative, else -1.
-pub(super) fn signs(gamma: &[f32]) -> Vec<Octet> {
-    let (octets, _) = gamma.as_chunks::<8>();
-    octets
-        .iter()
-        .map(|octet| Octet(octet.map(|g| if g < 0.0 { -1.0 } else { 1.0 })))
-        .collect()
-}

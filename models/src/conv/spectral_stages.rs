@@ -1,7 +1,7 @@
 //! The steps of a spectral block that run on vector lanes: taxel spectra of inputs, kernels and gradients, and back.
 
 use super::norm::OutputGradient;
-use super::pooling::{Window, pool_column};
+use super::pooling::{Goal, Window, pool_column};
 use super::shape::BlockShape;
 use super::simd::{Kernel, Lanes, Narrow, NarrowKernel, Octet, floats};
 use super::spectral_plan::{Plan, in_blocks};
@@ -70,7 +70,7 @@ pub(super) struct Synthesize<'a> {
     pub(super) sweep: usize,
     pub(super) products: &'a [Octet],
     pub(super) maps: Maps<'a>,
-    pub(super) signs: &'a [Octet],
+    pub(super) goal: Goal<'a>,
     pub(super) to: Window<'a>,
 }
 
@@ -115,7 +115,7 @@ impl Kernel for Synthesize<'_> {
                         },
                     );
                 }
-                pool_column::<L>((tile, outs, v), taxels, self.signs, &mut to, v);
+                pool_column::<L>((tile, outs, v), taxels, self.goal, &mut to, v);
             }
         }
     }
