@@ -6,7 +6,7 @@ use burn::tensor::{Gradients, Int, Tensor, TensorData};
 use rayon::prelude::*;
 use tactnet_models::{BatchStatistics, TactNet, cross_entropy, is_processor, values};
 
-/// Values that a thread perturbs at once.
+/// Values that a thread takes at once.
 const RUN: usize = 1 << 14;
 
 /// What one batch gives to the optimiser.
@@ -147,6 +147,21 @@ fn pass(
     (gradients, forward.statistics, value, correct)
 }
 
+/// `first + second`; on the processor on all threads.
+fn added<const D: usize>(first: Tensor<D>, second: Tensor<D>) -> Tensor<D> {
+    let device = first.device();
+    if !is_processor(&device) {
+        return first + second;
+    }
+    let extents = first.dims();
+    let (mut total, second) = (values(first), values(second));
+    let runs = total.par_chunks_mut(RUN).zip(second.par_chunks(RUN));
+    runs.for_each(|(total, second)| {
+        total.iter_mut().zip(second).for_each(|(t, s)| *t += s);
+    });
+    Tensor::from_data(TensorData::new(total, extents), &device)
+}
+
 fn sum(net: &TactNet, first: GradientsParams, second: GradientsParams) -> GradientsParams {
     struct Sum {
         first: GradientsParams,
@@ -157,7 +172,7 @@ fn sum(net: &TactNet, first: GradientsParams, second: GradientsParams) -> Gradie
         fn visit_float<const D: usize>(&mut self, parameter: &Param<Tensor<D>>) {
             let id = parameter.id;
             match (self.first.remove::<D>(id), self.second.remove::<D>(id)) {
-                (Some(a), Some(b)) => self.total.register(id, a + b),
+                (Some(a), Some(b)) => self.total.register(id, added(a, b)),
                 (Some(one), None) | (None, Some(one)) => self.total.register(id, one),
                 (None, None) => {}
             }

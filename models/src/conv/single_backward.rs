@@ -11,7 +11,7 @@
 use rayon::prelude::*;
 
 use super::norm::OutputGradient;
-use super::simd::{Narrow, NarrowKernel};
+use super::simd::{Narrow, NarrowKernel, Octet};
 use super::single::{MOST_KERNEL, SavedSingle, Single};
 use super::spare;
 
@@ -19,33 +19,41 @@ use super::spare;
 pub(super) const ROW: usize = 24;
 /// Zeros before the first taxel: the farthest that two taps of a row lie apart.
 pub(super) const MARGIN: usize = MOST_KERNEL[1] - 1;
-/// Values from a patch's first to its last.
-pub(super) const PATCH: usize = (MOST_KERNEL[0] - 1) * ROW + 8;
 /// Sums that a thread takes at once.
 const RUN: usize = 1 << 11;
 /// Distances between two taps of a row, from `-MARGIN` on.
 const ACROSS: usize = 2 * MARGIN + 1;
 
-/// A winner with a gradient: the gradient times `ka`, and where its patch begins in the padded sweep.
+/// A winner with a gradient: the gradient times `ka`, and the padded row that its patch begins with.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Winner {
     pub(super) gradient: f32,
-    pub(super) patch: u32,
+    pub(super) row: u32,
 }
 
-/// The winners of one sweep that have a gradient, map by map.
+/// The winners of one sweep that have a gradient, taxel by taxel and map by map.
+///
+/// The patches of one taxel's winners lie in the same few columns of the sweep. These are copied, an octet a row: patches are then whole
+/// octets, one after the other, in the nearest cache.
 pub(super) struct Winners {
-    /// `[maps_out, cells]`, of which each map's first `counts` are winners
+    /// `[taxels, maps_out, pooled_steps]`, of which each map's first `counts` are winners
     all: Vec<Winner>,
+    /// `[taxels, maps_out]`
     counts: Vec<usize>,
+    maps: usize,
 }
 
 impl Winners {
-    /// Each map's winners.
-    pub(super) fn by_map(&self) -> impl Iterator<Item = &[Winner]> {
-        let cells = self.all.len() / self.counts.len();
-        let maps = self.all.chunks_exact(cells).zip(&self.counts);
-        maps.map(|(winners, &count)| &winners[..count])
+    /// Of each taxel each map's winners.
+    pub(super) fn by_taxel(&self) -> impl Iterator<Item = impl Iterator<Item = &[Winner]>> {
+        let windows = self.all.len() / self.counts.len();
+        let taxels = self.all.chunks_exact(windows * self.maps);
+        taxels
+            .zip(self.counts.chunks_exact(self.maps))
+            .map(move |(winners, counts)| {
+                let maps = winners.chunks_exact(windows).zip(counts);
+                maps.map(|(winners, &count)| &winners[..count])
+            })
     }
 }
 
@@ -91,11 +99,15 @@ impl Single {
                         .take(shape.kernel[0] * (1 + edges.len()) * ACROSS * 16),
                     sums: vec![0.0; (1 + edges.len()) * 16],
                 };
+                let mut columns = self.buffers.take(padded.len() / ROW - 1);
                 self.isa.run_narrow(Gather {
+                    corner: self.corner(),
                     padded: &padded,
+                    columns: &mut columns,
                     winners: &winners,
                     out: &mut share.sparse,
                 });
+                self.buffers.give(columns);
                 self.isa.run_narrow(Autocorrelation {
                     plan: self,
                     padded: &padded,
@@ -131,29 +143,42 @@ impl Single {
         padded
     }
 
+    /// Where the patches of the first taxel begin in their rows.
+    pub(super) fn corner(&self) -> usize {
+        MARGIN - self.shape.padding()[1]
+    }
+
     fn winners(&self, sweep: usize, output: OutputGradient<'_>) -> Winners {
         let shape = &self.shape;
         let cells = shape.pooled_steps() * shape.taxels;
         let mut found = Winners {
             all: self.winners.take(shape.maps_out * cells),
-            counts: vec![0; shape.maps_out],
+            counts: vec![0; shape.taxels * shape.maps_out],
+            maps: shape.maps_out,
         };
         let span = sweep * cells * shape.maps_out..(sweep + 1) * cells * shape.maps_out;
         let rows = output.gradient[span.clone()].chunks_exact(shape.maps_out);
-        let corner = MARGIN - shape.padding()[1];
+        let windows = shape.pooled_steps();
         for (cell, (gradients, positions)) in rows
             .zip(output.positions[span].chunks_exact(shape.maps_out))
             .enumerate()
         {
-            let first = cell / shape.taxels * shape.pool * ROW + cell % shape.taxels + corner;
-            for (map, (&gradient, &position)) in gradients.iter().zip(positions).enumerate() {
+            let (first, taxel) = (cell / shape.taxels * shape.pool, cell % shape.taxels);
+            let maps = taxel * shape.maps_out..(taxel + 1) * shape.maps_out;
+            let all = &mut found.all[maps.start * windows..maps.end * windows];
+            let lists = all.chunks_exact_mut(windows).zip(&mut found.counts[maps]);
+            for (((&gradient, &position), ka), (winners, count)) in gradients
+                .iter()
+                .zip(positions)
+                .zip(&output.affine.ka)
+                .zip(lists)
+            {
                 // Written in any case and counted if it counts: half of them do, which no branch predictor can guess.
-                let count = found.counts[map];
-                found.all[map * cells + count] = Winner {
-                    gradient: gradient * output.affine.ka[map],
-                    patch: (first + usize::from(position) * ROW) as u32,
+                winners[*count] = Winner {
+                    gradient: gradient * ka,
+                    row: (first + usize::from(position)) as u32,
                 };
-                found.counts[map] = count + usize::from(gradient != 0.0);
+                *count += usize::from(gradient != 0.0);
             }
         }
         found
@@ -287,7 +312,10 @@ impl Single {
 
 /// Sums of `gradient * patch` per map.
 struct Gather<'a> {
+    corner: usize,
     padded: &'a [f32],
+    /// Of one taxel, a row of the sweep each.
+    columns: &'a mut [Octet],
     winners: &'a Winners,
     out: &'a mut [f32],
 }
@@ -296,28 +324,35 @@ impl NarrowKernel for Gather<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Narrow>(self) {
-        for (winners, out) in self
-            .winners
-            .by_map()
-            .zip(self.out.chunks_exact_mut(MOST_KERNEL[0] * 8))
-        {
-            let mut sums = [L::splat(0.0); MOST_KERNEL[0]];
-            for winner in winners {
-                let Some(patch) = self.padded[winner.patch as usize..].first_chunk::<PATCH>()
-                else {
-                    continue;
-                };
-                let gradient = L::splat(winner.gradient);
-                for row in 0..MOST_KERNEL[0] {
-                    let Some(values) = patch[row * ROW..].first_chunk::<8>() else {
-                        continue;
-                    };
-                    sums[row] = gradient.mul_add(L::load_slice(values), sums[row]);
+        for (taxel, winners) in self.winners.by_taxel().enumerate() {
+            let rows = self.padded[self.corner + taxel..].chunks(ROW);
+            for (row, columns) in rows.zip(self.columns.iter_mut()) {
+                if let Some(values) = row.first_chunk::<8>() {
+                    columns.0 = *values;
                 }
             }
-            let (out, _) = out.as_chunks_mut::<8>();
-            for row in 0..MOST_KERNEL[0] {
-                sums[row].store_slice(&mut out[row]);
+            for (winners, out) in winners.zip(self.out.chunks_exact_mut(MOST_KERNEL[0] * 8)) {
+                let (out, _) = out.as_chunks_mut::<8>();
+                let Some(out) = out.first_chunk_mut::<{ MOST_KERNEL[0] }>() else {
+                    continue;
+                };
+                let mut sums = [L::splat(0.0); MOST_KERNEL[0]];
+                for row in 0..MOST_KERNEL[0] {
+                    sums[row] = L::load_slice(&out[row]);
+                }
+                for winner in winners {
+                    let rows = &self.columns[winner.row as usize..];
+                    let Some(patch) = rows.first_chunk::<{ MOST_KERNEL[0] }>() else {
+                        continue;
+                    };
+                    let gradient = L::splat(winner.gradient);
+                    for row in 0..MOST_KERNEL[0] {
+                        sums[row] = gradient.mul_add(L::load(patch, row), sums[row]);
+                    }
+                }
+                for row in 0..MOST_KERNEL[0] {
+                    sums[row].store_slice(&mut out[row]);
+                }
             }
         }
     }

@@ -8,9 +8,9 @@
 use rayon::prelude::*;
 
 use super::norm::GradientAffine;
-use super::simd::{Narrow, NarrowKernel};
+use super::simd::{Narrow, NarrowKernel, Octet};
 use super::single::{MOST_KERNEL, Single};
-use super::single_backward::{MARGIN, PATCH, ROW, Winners};
+use super::single_backward::{MARGIN, ROW, Winners};
 
 /// Distances between two taps of a row, from `-MARGIN` on.
 const ACROSS: usize = 2 * MARGIN + 1;
@@ -135,11 +135,15 @@ impl Single {
             }
         }
         let mut gradient = vec![0f32; padded.len()];
+        let mut columns = self.buffers.take(padded.len() / ROW - 1);
         self.isa.run_narrow(Scatter {
+            corner: self.corner(),
             kernels: &kernels,
+            columns: &mut columns,
             winners,
             gradient: &mut gradient,
         });
+        self.buffers.give(columns);
         self.isa.run_narrow(Convolve {
             composite,
             wide: &wide,
@@ -154,7 +158,10 @@ impl Single {
 
 /// Adds `gradient * kernel` around every winner.
 struct Scatter<'a> {
+    corner: usize,
     kernels: &'a [f32],
+    /// Of one taxel, a row of the sweep each.
+    columns: &'a mut [Octet],
     winners: &'a Winners,
     gradient: &'a mut [f32],
 }
@@ -163,29 +170,31 @@ impl NarrowKernel for Scatter<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Narrow>(self) {
-        for (winners, kernel) in self
-            .winners
-            .by_map()
-            .zip(self.kernels.chunks_exact(MOST_KERNEL[0] * 8))
-        {
-            let (kernel, _) = kernel.as_chunks::<8>();
-            let mut rows = [L::splat(0.0); MOST_KERNEL[0]];
-            for row in 0..MOST_KERNEL[0] {
-                rows[row] = L::load_slice(&kernel[row]);
-            }
-            for winner in winners {
-                let Some(patch) = self.gradient[winner.patch as usize..].first_chunk_mut::<PATCH>()
-                else {
-                    continue;
-                };
-                let gradient = L::splat(winner.gradient);
+        for (taxel, winners) in self.winners.by_taxel().enumerate() {
+            self.columns.fill(Octet::ZERO);
+            for (winners, kernel) in winners.zip(self.kernels.chunks_exact(MOST_KERNEL[0] * 8)) {
+                let (kernel, _) = kernel.as_chunks::<8>();
+                let mut rows = [L::splat(0.0); MOST_KERNEL[0]];
                 for row in 0..MOST_KERNEL[0] {
-                    let Some(values) = patch[row * ROW..].first_chunk_mut::<8>() else {
+                    rows[row] = L::load_slice(&kernel[row]);
+                }
+                for winner in winners {
+                    let columns = &mut self.columns[winner.row as usize..];
+                    let Some(patch) = columns.first_chunk_mut::<{ MOST_KERNEL[0] }>() else {
                         continue;
                     };
-                    gradient
-                        .mul_add(rows[row], L::load_slice(values))
-                        .store_slice(values);
+                    let gradient = L::splat(winner.gradient);
+                    for row in 0..MOST_KERNEL[0] {
+                        let sum = gradient.mul_add(rows[row], L::load(patch, row));
+                        sum.store(patch, row);
+                    }
+                }
+            }
+            let rows = self.gradient[self.corner + taxel..].chunks_mut(ROW);
+            for (row, columns) in rows.zip(self.columns.iter()) {
+                if let Some(values) = row.first_chunk_mut::<8>() {
+                    let columns = L::load_slice(&columns.0);
+                    columns.add(L::load_slice(values)).store_slice(values);
                 }
             }
         }
