@@ -115,19 +115,17 @@ impl Block {
         }
     }
 
-    /// Winners (or outputs) are written over `out`; the direct route knows winners only.
+    /// Winners (or outputs) are written over what `out` gives; the direct route knows winners only and makes its own.
     fn convolve(
         &self,
         input: &[f32],
         weight: &Weight<'_>,
         gamma: &[f32],
         goal: Goal<'_>,
-        out: Vec<f32>,
+        out: impl FnOnce(usize) -> Vec<f32>,
     ) -> (Pooled, SavedRoute) {
-        let to = || {
-            let positions = self.bytes.take(out.len());
-            (out, positions)
-        };
+        let outputs = self.shape.output_len();
+        let to = || (out(outputs), self.bytes.take(outputs));
         match &self.route {
             Route::Direct => {
                 let (pooled, saved) = direct::forward(&self.shape, input, weight.values, gamma);
@@ -168,7 +166,7 @@ impl Block {
         let weight = weight.into();
         self.check(input, &weight, gamma, beta);
         let signs = signs(gamma);
-        let winners = self.values.take(self.shape.output_len());
+        let winners = |len| self.values.take(len);
         let (pooled, route) = self.convolve(input, &weight, gamma, Goal::winners(&signs), winners);
         let moments = pooled
             .moments
@@ -206,17 +204,18 @@ impl Block {
         let normalizer = Normalizer::new(mean, variance, gamma, beta);
         let [scale, shift] = [&normalizer.scale, &normalizer.shift].map(|values| octets(values));
         let goal = Goal::outputs(&scale, &shift);
-        let mut out = spare::take(self.shape.output_len());
         if let Some(one_sweep) = &self.one_sweep {
+            let mut out = spare::take(self.shape.output_len());
             one_sweep.forward(input, &weight, goal, &mut out);
             return out;
         }
-        let (pooled, saved) = self.convolve(input, &weight, gamma, goal, out);
+        let (pooled, saved) = self.convolve(input, &weight, gamma, goal, spare::take);
         self.recycle_route(saved);
-        self.bytes.give(pooled.positions);
-        out = pooled.winners;
+        let mut out = pooled.winners;
         if matches!(self.route, Route::Direct) {
             normalizer.rectify_in_place(&mut out);
+        } else {
+            self.bytes.give(pooled.positions);
         }
         out
     }
@@ -256,10 +255,8 @@ impl Block {
             }
             _ => panic!("the forward pass was another block's"),
         };
-        [gated, saved.winners]
-            .into_iter()
-            .for_each(|buffer| self.values.give(buffer));
-        self.bytes.give(saved.positions);
+        self.values.give(gated);
+        self.rest(saved.winners, saved.positions);
         Gradients {
             weight,
             gamma: affine.gamma,
@@ -271,8 +268,15 @@ impl Block {
     /// Takes back the buffers of a forward pass whose gradient is not wanted.
     pub fn recycle(&self, saved: Saved) {
         self.recycle_route(saved.route);
-        self.values.give(saved.winners);
-        self.bytes.give(saved.positions);
+        self.rest(saved.winners, saved.positions);
+    }
+
+    /// For the next pass; the direct route makes its own.
+    fn rest(&self, winners: Vec<f32>, positions: Vec<u8>) {
+        if !matches!(self.route, Route::Direct) {
+            self.values.give(winners);
+            self.bytes.give(positions);
+        }
     }
 
     fn recycle_route(&self, saved: SavedRoute) {

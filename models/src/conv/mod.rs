@@ -6,7 +6,7 @@
 //!      plans -> block             one planned shape: which way it is computed
 //!        ┌───────┼─────────┐
 //!     single  spectral   direct   one input map | multiples of eight maps | anything
-//!        │    one_sweep           the same for one sweep with frozen statistics
+//!   single_taps one_sweep          the same with AVX-512 | for one sweep with frozen statistics
 //!        └───┬───┘
 //!    taxel  fft  product          transforms over taxels and time, products of spectra
 //!        pooling  norm            winners of every window, batch statistics, what they add to gradients

@@ -9,6 +9,7 @@ use super::simd::{Lanes, Octet, floats};
 /// What is wanted of a window.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Goal<'a> {
+    /// Of each map: what makes its winner the largest value.
     factor: &'a [Octet],
     shift: Option<&'a [Octet]>,
 }
@@ -67,14 +68,14 @@ pub(super) fn pool_column<L: Lanes>(
     column: usize,
 ) {
     let columns = to.columns;
-    let sign = L::load(goal.factor, column);
+    let factor = L::load(goal.factor, column);
     if let Some(shift) = goal.shift {
         let (shift, zero) = (L::load(shift, column), L::splat(0.0));
         for taxel in 0..taxels {
             let first = taxel * tile_columns + tile_column;
-            let mut best = L::load(tile, first).mul(sign);
+            let mut best = L::load(tile, first).mul(factor);
             for row in tile.chunks_exact(taxels * tile_columns).skip(1) {
-                best = best.max(L::load(row, first).mul(sign));
+                best = best.max(L::load(row, first).mul(factor));
             }
             let output = best.add(shift).max(zero);
             output.store_floats(to.winners, taxel * columns + column);
@@ -86,7 +87,7 @@ pub(super) fn pool_column<L: Lanes>(
     for taxel in 0..taxels {
         let first = taxel * tile_columns + tile_column;
         let target = taxel * columns + column;
-        let mut best = L::load(tile, first).mul(sign);
+        let mut best = L::load(tile, first).mul(factor);
         let mut position = L::splat(0.0);
         let mut step = L::splat(0.0);
         for row in tile.chunks_exact(taxels * tile_columns) {
@@ -94,12 +95,12 @@ pub(super) fn pool_column<L: Lanes>(
             let offset = y.sub(pivot);
             sum = sum.add(offset);
             squares = offset.mul_add(offset, squares);
-            let signed = y.mul(sign);
+            let signed = y.mul(factor);
             position = signed.if_greater(best, step, position);
             best = best.max(signed);
             step = step.add(L::splat(1.0));
         }
-        best.mul(sign).store_floats(to.winners, target);
+        best.mul(factor).store_floats(to.winners, target);
         position.store_bytes(to.positions, target);
     }
     pivot.store(to.sums, column);

@@ -53,14 +53,16 @@ mod tests {
     #[test]
     fn memory_that_nobody_holds_is_taken_again() {
         let len = LEAST + 1234;
-        let lost = tensor(len);
-        let place = lost.storage::<f32>().as_ptr();
-        reclaim(lost);
-        let again = take(len);
-        assert_eq!(again.as_ptr(), place);
-        // It is handed out once.
-        let other = take(len);
-        assert_ne!(other.as_ptr(), place);
+        // Other tests may push it out meanwhile, but not every time.
+        let found = (0..100).any(|_| {
+            let lost = tensor(len);
+            reclaim(lost);
+            let (again, other) = (take(len), take(len));
+            // It is handed out once, as it was; fresh memory is zero.
+            assert!(other.iter().all(|&value| value == 0.0));
+            again.iter().all(|&value| value == 7.0)
+        });
+        assert!(found);
     }
 
     #[test]
