@@ -211,13 +211,13 @@ impl Block {
         }
         let (pooled, saved) = self.convolve(input, &weight, gamma, goal, spare::take);
         self.recycle_route(saved);
-        let mut out = pooled.winners;
         if matches!(self.route, Route::Direct) {
-            normalizer.rectify_in_place(&mut out);
-        } else {
-            self.bytes.give(pooled.positions);
+            let mut out = spare::take(self.shape.output_len());
+            normalizer.rectify(&pooled.winners, &mut out);
+            return out;
         }
-        out
+        self.bytes.give(pooled.positions);
+        pooled.winners
     }
 
     /// Gradients of a forward pass with batch statistics, from the gradient of its pooled output.

@@ -148,18 +148,6 @@ impl Normalizer {
             });
     }
 
-    /// The same, written over the winners.
-    pub(super) fn rectify_in_place(&self, winners: &mut [f32]) {
-        let maps = self.scale.len();
-        winners.par_chunks_mut(maps * RUN).for_each(|winners| {
-            for winners in winners.chunks_exact_mut(maps) {
-                for ((y, &scale), &shift) in winners.iter_mut().zip(&self.scale).zip(&self.shift) {
-                    *y = (scale * *y + shift).max(0.0);
-                }
-            }
-        });
-    }
-
     /// Copies the gradient to `gated`, with zeros for every output that ReLU cut off, and finds the affine part.
     ///
     /// `gradient`, `winners` and `gated` are `[batch, pooled_steps, taxels, maps_out]`.
