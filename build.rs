@@ -1,5 +1,6 @@
 //! Tells the binary which commit it was built from.
 
+use std::collections::BTreeSet;
 use std::process::Command;
 
 fn git(arguments: &[&str]) -> Option<String> {
@@ -20,14 +21,14 @@ fn main() {
         println!("cargo::rerun-if-changed={folder}/logs/HEAD");
         println!("cargo::rerun-if-changed={folder}/index");
     }
-    for watched in [
-        "src",
-        "data/src",
-        "models/src",
-        "pipeline/src",
-        "pipeline/recipes",
-        "Cargo.lock",
-    ] {
-        println!("cargo::rerun-if-changed={watched}");
+    // Whatever git tracks can make the tree differ from its commit.
+    let tracked = git(&["ls-files"]).unwrap_or_default();
+    let top: BTreeSet<&str> = tracked
+        .lines()
+        .filter_map(|path| path.split('/').next())
+        .collect();
+    println!("cargo::rerun-if-changed=build.rs");
+    for entry in top {
+        println!("cargo::rerun-if-changed={entry}");
     }
 }

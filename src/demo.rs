@@ -9,7 +9,7 @@ use anyhow::{Context, bail};
 use clap::Args;
 use tactnet_serving::ServeConfig;
 
-use crate::part::{OwnBus, Part};
+use crate::child_process::{ChildProcess, OwnBus};
 use crate::stop::Stop;
 
 /// Materials of the small network; the simulated skin touches two more, which are unknown to it.
@@ -74,7 +74,7 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
             ],
         ),
     ] {
-        parts.push(Part::start(name, &command, &path)?);
+        parts.push(ChildProcess::start(name, &command, &path)?);
     }
     eprintln!(
         "a simulated fingertip sweeps over {materials} materials; open http://{listen} in a browser; Ctrl-C ends"

@@ -68,7 +68,7 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
             arguments.run.display()
         );
     }
-    let known = run.known_sweeps()?;
+    let known = run.train_embeddings()?;
     let weights = run.weights()?;
     let device = arguments.device.compute().open()?;
     let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;

@@ -118,9 +118,9 @@ pub fn run(arguments: EvalArgs) -> anyhow::Result<ExitCode> {
             dataset.name()
         );
     }
-    let runs = arguments
+    let mc_samples = arguments
         .mc
-        .map_or(config.recipe.method().runs_or(100), |mc| mc as usize);
+        .map_or(config.recipe.method().mc_samples_or(100), |mc| mc as usize);
     let sweeps = arguments.sweeps as usize;
     let (known, unknown) = by_known_material(&classifier, &view);
     let verdicts = Verdicts::of(&run, &classifier, &known, &unknown)?;
@@ -130,7 +130,7 @@ pub fn run(arguments: EvalArgs) -> anyhow::Result<ExitCode> {
     let evaluations = if judged.is_empty() {
         BTreeMap::new()
     } else {
-        evaluate_all_ways(&classifier, judged, runs, sweeps, config.seed)?
+        evaluate_all_ways(&classifier, judged, mc_samples, sweeps, config.seed)?
             .into_iter()
             .map(|(name, burn, evaluation)| {
                 let evaluation = match arguments.runtime {

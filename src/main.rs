@@ -2,6 +2,7 @@
 
 mod allocations;
 mod channel;
+mod child_process;
 mod dashboard;
 mod data;
 mod demo;
@@ -12,7 +13,6 @@ mod export;
 mod failure;
 mod notify;
 mod output;
-mod part;
 mod record;
 mod replay;
 mod report;

@@ -18,7 +18,7 @@ use tactnet_serving::packets::{
     Command, SkinFrame, Stage, SweepCommand, TactileBelief, TactileStatus,
 };
 
-use crate::part::{OwnBus, Part};
+use crate::child_process::{ChildProcess, OwnBus};
 use crate::record::RUN;
 use crate::stop::Stop;
 use crate::{GIT, output};
@@ -335,7 +335,7 @@ fn alone(
         &run,
         "--table",
     ];
-    let classifier = Part::start("classifier", &serve, &path)?;
+    let classifier = ChildProcess::start("classifier", &serve, &path)?;
     let bus = Bus::open(Domain::Host, &table)?;
     let played = play(recording, &bus, &table, speed, stop);
     let served: Value = serde_json::from_str(&classifier.end()?)?;

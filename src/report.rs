@@ -10,14 +10,14 @@ use crate::output;
 
 /// How a result is shown.
 #[derive(Clone, Copy)]
-pub enum Shown {
+pub enum OutputFormat {
     /// For people.
     Table,
     /// For programs.
     Json,
 }
 
-impl Shown {
+impl OutputFormat {
     /// What `--json` asks for.
     pub fn from_flag(json: bool) -> Self {
         if json { Self::Json } else { Self::Table }
@@ -25,8 +25,12 @@ impl Shown {
 }
 
 /// Prints `result.json`, or a table.
-pub fn print_result(run: &RunDir, result: &RunResult, shown: Shown) -> anyhow::Result<ExitCode> {
-    if let Shown::Json = shown {
+pub fn print_result(
+    run: &RunDir,
+    result: &RunResult,
+    shown: OutputFormat,
+) -> anyhow::Result<ExitCode> {
+    if let OutputFormat::Json = shown {
         output::print_json(result)?;
         return Ok(ExitCode::SUCCESS);
     }

@@ -134,14 +134,19 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
     let names = service.names();
     eprintln!(
         "serving {} materials, {} frames of {} x {} taxels at {} Hz, {} dropout masks; Ctrl-C ends",
-        names.materials, names.steps, names.rows, names.cols, names.sample_rate_hz, names.runs
+        names.materials,
+        names.steps,
+        names.rows,
+        names.cols,
+        names.sample_rate_hz,
+        names.mc_samples
     );
     if !service.tells_unknown() {
         eprintln!(
             "unknown materials are not told: the run was trained without `--calibrate`, or there are no dropout masks"
         );
     }
-    service.forget_backlog()?;
+    service.drain()?;
     output::print(format_args!("ready"))?;
     let mut system = notify::System::from_environment();
     system.say("READY=1");

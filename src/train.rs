@@ -12,12 +12,13 @@ use clap::Args;
 use tactnet_data::{Dataset, Fold, Scheme, Seed, Severity, TrainSplit, check};
 use tactnet_models::Compute;
 use tactnet_pipeline::{
-    BaselineRecipe, Calibration, Classifier, ClassifierConfig, EpochMetrics, KnownSweeps,
-    LabelOrder, Levels, ModelConfig, ModelRecipe, Promise, Provenance, Recipe, RunConfig, RunDir,
-    Strangeness, StrangenessScore, TactNetSetup, Trained, Training, fit_baseline, judge,
+    BaselineRecipe, Calibration, CalibrationTarget, Classifier, ClassifierConfig, EpochMetrics,
+    LabelOrder, MeanRemoval, ModelConfig, ModelRecipe, NoveltyScore, NoveltyScorer, Provenance,
+    Recipe, RunConfig, RunDir, TactNetSetup, TrainEmbeddings, Training, TrainingSummary,
+    evaluate_run, fit_baseline,
 };
 
-use crate::report::Shown;
+use crate::report::OutputFormat;
 use crate::stop::Stop;
 use crate::{GIT, failure, report, source};
 use choices::{ModelChoice, SplitChoice};
@@ -62,9 +63,9 @@ pub struct TrainArgs {
     /// Fold to test on, counted from 0 [default: 0]
     #[arg(long, value_name = "K")]
     fold: Option<usize>,
-    /// Run of the cross-validation, counted from 0; every run deals its folds anew
-    #[arg(long, value_name = "R", default_value_t = 0)]
-    run: usize,
+    /// Repeat of the cross-validation, counted from 0; every repeat deals its folds anew
+    #[arg(long, alias = "run", value_name = "R", default_value_t = 0)]
+    repeat: usize,
     /// Judge by part I of the fold's training sweeps instead of its test sweeps, and train on the other parts: for choosing settings
     #[arg(long, value_name = "I")]
     inner: Option<usize>,
@@ -90,7 +91,7 @@ pub struct TrainArgs {
     #[arg(long, value_enum, default_value_t)]
     device: DeviceChoice,
     /// Continue an interrupted run with its own settings; --data says where its data set is now, if it was moved
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["model", "recipe", "levels", "steps", "permute_labels", "inner", "calibrate", "split", "fold", "run", "out", "seed", "epochs", "device"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["model", "recipe", "levels", "steps", "permute_labels", "inner", "calibrate", "split", "fold", "repeat", "out", "seed", "epochs", "device"])]
     resume: Option<PathBuf>,
     /// Print result.json instead of a table
     #[arg(long)]
@@ -99,9 +100,9 @@ pub struct TrainArgs {
 
 impl TrainArgs {
     /// What `--calibrate` and its settings ask for.
-    fn promise(&self) -> Option<Promise> {
-        let usual = Promise::default();
-        self.calibrate.then(|| Promise {
+    fn promise(&self) -> Option<CalibrationTarget> {
+        let usual = CalibrationTarget::default();
+        self.calibrate.then(|| CalibrationTarget {
             false_alarms: self.false_alarms.unwrap_or(usual.false_alarms),
             coverage: self.coverage.unwrap_or(usual.coverage),
         })
@@ -120,7 +121,7 @@ fn share(text: &str) -> Result<f64, String> {
 /// Runs the command.
 pub fn run(arguments: TrainArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen()?;
-    let shown = Shown::from_flag(arguments.json);
+    let shown = OutputFormat::from_flag(arguments.json);
     let (dataset, run) = match &arguments.resume {
         Some(path) => reopen(path, arguments.data.as_deref())?,
         None => prepare(&arguments)?,
@@ -167,19 +168,19 @@ pub fn run(arguments: TrainArgs) -> anyhow::Result<ExitCode> {
     let weights = run.weights()?;
     let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
     if let ModelConfig::TactNet2(_) = config.classifier.model {
-        let known = KnownSweeps::of(&classifier.embed(&fitted.train)?);
-        run.write_known_sweeps(&known)?;
+        let known = TrainEmbeddings::of(&classifier.embed(&fitted.train)?);
+        run.write_train_embeddings(&known)?;
         if let Some((promise, aside)) = &aside {
-            let strangeness = Strangeness::fit(&classifier, &known)?;
+            let strangeness = NoveltyScorer::fit(&classifier, &known)?;
             let held_out = classifier.embed(aside)?;
-            let score = StrangenessScore::BEST;
+            let score = NoveltyScore::BEST;
             let calibration = Calibration::fit(*promise, score, &strangeness, &held_out)?;
             run.write_calibration(&calibration)?;
         }
     }
     eprintln!("predicting {} test sweeps …", fold.test.len());
     let command = command_line(&config, &fold);
-    let result = judge(
+    let result = evaluate_run(
         &run,
         &config,
         &classifier,
@@ -224,7 +225,7 @@ fn prepare(arguments: &TrainArgs) -> anyhow::Result<(Dataset, RunDir)> {
         &dataset,
         scheme,
         seed,
-        arguments.run,
+        arguments.repeat,
         arguments.fold.unwrap_or(0),
     )?;
     let fold = match arguments.inner {
@@ -314,12 +315,12 @@ fn free_folder(dataset: &str, config: &RunConfig, fold: &Fold<'_>) -> PathBuf {
     let part = match fold.scheme() {
         Scheme::TestFlag => "test_flag".to_string(),
         Scheme::LeaveBlockOut => format!("block{}", fold.fold()),
-        Scheme::StratifiedKFold { .. } if fold.run() == 0 => format!("fold{}", fold.fold()),
-        Scheme::StratifiedKFold { .. } => format!("run{}_fold{}", fold.run(), fold.fold()),
+        Scheme::StratifiedKFold { .. } if fold.repeat() == 0 => format!("fold{}", fold.fold()),
+        Scheme::StratifiedKFold { .. } => format!("run{}_fold{}", fold.repeat(), fold.fold()),
     };
     let levels = match config.recipe.levels() {
-        Levels::Kept => "",
-        Levels::Removed => "-no_levels",
+        MeanRemoval::None => "",
+        MeanRemoval::PerSweep => "-no_levels",
     };
     let name: String = format!(
         "{dataset}-{}{levels}-{part}-{}",
@@ -393,7 +394,7 @@ fn fit(
     recipe: &BaselineRecipe,
     fold: &Fold<'_>,
     stop: &Stop,
-) -> anyhow::Result<Option<Trained>> {
+) -> anyhow::Result<Option<TrainingSummary>> {
     let begun = Instant::now();
     let say = |line: String| eprintln!("{:>4.0} s: {line}", begun.elapsed().as_secs_f64());
     let fitted = fit_baseline(recipe, fold, config.seed, say)?;
@@ -406,7 +407,7 @@ fn fit(
         "weights.safetensors",
         &fitted.weights.to_safetensors(metadata)?,
     )?;
-    Ok(Some(Trained {
+    Ok(Some(TrainingSummary {
         seconds,
         sweeps: fold.train.len(),
         epochs: None,
@@ -422,7 +423,7 @@ fn train_epochs(
     setup: &TactNetSetup,
     train: &TrainSplit<'_>,
     stop: &Stop,
-) -> anyhow::Result<Option<Trained>> {
+) -> anyhow::Result<Option<TrainingSummary>> {
     let device = config.compute.open()?;
     let network = config.classifier.network_config(setup)?;
     let mut training = Training::start(
@@ -482,11 +483,11 @@ fn train_epochs(
         "weights.safetensors",
         &state.weights.to_safetensors(metadata)?,
     )?;
-    Ok(Some(Trained {
+    Ok(Some(TrainingSummary {
         seconds,
         sweeps: train.len(),
         epochs: Some(recipe.training.epochs),
-        ..Trained::default()
+        ..TrainingSummary::default()
     }))
 }
 
@@ -530,10 +531,10 @@ fn command_line(config: &RunConfig, fold: &Fold<'_>) -> String {
         )
     });
     format!(
-        "tactnet train --data {}{steps}{permuted} --recipe {}{epochs} --levels {levels} --split {split} --run {} --fold {}{inner}{calibrate} --seed {} --device {device}",
+        "tactnet train --data {}{steps}{permuted} --recipe {}{epochs} --levels {levels} --split {split} --repeat {} --fold {}{inner}{calibrate} --seed {} --device {device}",
         file_name(&config.data),
         file_name(&config.recipe_source),
-        fold.run(),
+        fold.repeat(),
         fold.fold(),
         config.seed.0
     )

@@ -1,7 +1,7 @@
 //! How a data set falls into sweeps to learn from and sweeps to be judged by.
 //!
 //! ```text
-//! Dataset ── Scheme, seed, run, fold ──> Fold { train, test } ──> SplitManifest
+//! Dataset ── Scheme, seed, repeat, fold ──> Fold { train, test } ──> SplitManifest
 //!                                          └─ inner(i) ──> (TrainSplit, ValidationSplit)
 //! ```
 
@@ -16,7 +16,7 @@ pub use split::{SweepView, TestSplit, TrainSplit, ValidationSplit};
 use crate::{DataError, Dataset, Seed, shuffle};
 use scheme::blocks_of_each_label;
 
-/// One split of a data set. It depends on the data set's content, the scheme, the seed, the run and
+/// One split of a data set. It depends on the data set's content, the scheme, the seed, the repeat and
 /// the fold, and on nothing else.
 #[derive(Debug, Clone)]
 pub struct Fold<'a> {
@@ -27,7 +27,7 @@ pub struct Fold<'a> {
     dataset: &'a Dataset,
     scheme: Scheme,
     seed: Seed,
-    run: usize,
+    repeat: usize,
     fold: usize,
 }
 
@@ -39,21 +39,21 @@ impl<'a> Fold<'a> {
 
     /// Splits `dataset`.
     ///
-    /// - `run`: which repetition, below [`Scheme::runs`]
-    /// - `fold`: which fold of that run, below [`Scheme::folds`]
+    /// - `repeat`: which repetition, below [`Scheme::repeats`]
+    /// - `fold`: which fold of that repeat, below [`Scheme::folds`]
     ///
     /// # Errors
-    /// No such run or fold, a material with fewer sweeps than folds, or what [`Scheme::folds`]
+    /// No such repeat or fold, a material with fewer sweeps than folds, or what [`Scheme::folds`]
     /// refuses; a `test_flag` that leaves one side empty.
     pub fn new(
         dataset: &'a Dataset,
         scheme: Scheme,
         seed: Seed,
-        run: usize,
+        repeat: usize,
         fold: usize,
     ) -> Result<Self, DataError> {
         let folds = scheme.folds(dataset)?;
-        for (item, limit, found) in [("run", scheme.runs(), run), ("fold", folds, fold)] {
+        for (item, limit, found) in [("repeat", scheme.repeats(), repeat), ("fold", folds, fold)] {
             if found >= limit {
                 return Err(DataError::inconsistent(
                     item,
@@ -65,7 +65,7 @@ impl<'a> Fold<'a> {
         let tested: Vec<bool> = match scheme {
             Scheme::StratifiedKFold { folds, .. } => {
                 let everything: Vec<usize> = (0..dataset.len()).collect();
-                let parts = deal(dataset, &everything, folds, seed, "folds", run)?;
+                let parts = deal(dataset, &everything, folds, seed, "folds", repeat)?;
                 parts.into_iter().map(|part| part == fold).collect()
             }
             Scheme::TestFlag => dataset
@@ -98,7 +98,7 @@ impl<'a> Fold<'a> {
             dataset,
             scheme,
             seed,
-            run,
+            repeat,
             fold,
         })
     }
@@ -114,11 +114,11 @@ impl<'a> Fold<'a> {
     }
 
     /// Which repetition this is.
-    pub fn run(&self) -> usize {
-        self.run
+    pub fn repeat(&self) -> usize {
+        self.repeat
     }
 
-    /// Which fold of the run this is.
+    /// Which fold of the repeat this is.
     pub fn fold(&self) -> usize {
         self.fold
     }
@@ -148,7 +148,7 @@ impl<'a> Fold<'a> {
             Self::INNER_FOLDS,
             self.seed,
             &stream,
-            self.run,
+            self.repeat,
         )?;
         let side = |validates: bool| -> Vec<usize> {
             let members = sweeps
@@ -172,7 +172,7 @@ impl<'a> Fold<'a> {
         for &sweep in self.train.indices() {
             of_label[self.dataset.records()[sweep].label].push(sweep);
         }
-        let stream = format!("shots, run {}", self.run);
+        let stream = format!("shots, run {}", self.repeat);
         let mut drawn = Vec::new();
         for (label, mut sweeps) in of_label.into_iter().enumerate() {
             if shots == 0 || sweeps.len() < shots {
@@ -232,14 +232,14 @@ impl<'a> Fold<'a> {
 /// - `sweeps`: indices into the data set
 ///
 /// Gives the part of each of `sweeps`, below `parts`. The order of label `l` comes from the stream
-/// `(stream, run, l)`.
+/// `(stream, repeat, l)`.
 fn deal(
     dataset: &Dataset,
     sweeps: &[usize],
     parts: usize,
     seed: Seed,
     stream: &str,
-    run: usize,
+    repeat: usize,
 ) -> Result<Vec<usize>, DataError> {
     let mut positions_of_label = vec![Vec::new(); dataset.labels().len()];
     for (position, &sweep) in sweeps.iter().enumerate() {
@@ -255,7 +255,7 @@ fn deal(
                 positions.len().to_string(),
             ));
         }
-        shuffle(&mut positions, &mut seed.rng((stream, run, label)));
+        shuffle(&mut positions, &mut seed.rng((stream, repeat, label)));
         for position in positions {
             part_of[position] = next;
             next = (next + 1) % parts;

@@ -9,6 +9,7 @@
 //! them to `f32` one sweep at a time.
 
 mod check;
+mod data_origin;
 mod dataset;
 mod error;
 mod fetch;
@@ -25,6 +26,7 @@ mod shuffle;
 pub mod twin;
 
 pub use check::check;
+pub use data_origin::DataOrigin;
 pub use dataset::{Dataset, SweepRecord, SweepShape};
 pub use error::DataError;
 pub use fetch::{FetchError, Fetched, Origin, Progress, Source, fetch, git_blob_id};

@@ -43,7 +43,7 @@ fn main() -> anyhow::Result<()> {
     let classifier = Classifier::new(config, &base.state()?.weights, &device)?;
     let batch = SweepView::new(&twin, (0..36).collect());
     let sweep = SweepView::new(&twin, vec![0]);
-    let monte_carlo = PredictionMethod::McDropout { runs: 100 };
+    let monte_carlo = PredictionMethod::McDropout { mc_samples: 100 };
 
     let mut answers = std::io::stdout().lock();
     for line in std::io::stdin().lock().lines() {

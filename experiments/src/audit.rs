@@ -71,7 +71,7 @@ fn audit(data: &str, levels: &str, steps: usize, rows: &[&Row]) -> Option<Audit>
 }
 
 /// What predictions score that know nothing of their sweeps but predict each material as often as `row`'s do, and its standard
-/// deviation. Every sweep counts once, however many runs tested it. Sweeps of one fold depend on each other through training
+/// deviation. Every sweep counts once, however many repeats tested it. Sweeps of one fold depend on each other through training
 /// (simulated with ridge and nearest neighbours: 1.1 to 1.2 times the binomial deviation), so it is made a fifth larger.
 fn guessing(row: &Row) -> (f64, f64) {
     let all: usize = row.confusion.iter().flatten().sum();
@@ -82,7 +82,7 @@ fn guessing(row: &Row) -> (f64, f64) {
             truly as f64 / all as f64 * (predicted as f64 / all as f64)
         })
         .sum();
-    let sweeps = all as f64 / row.runs() as f64;
+    let sweeps = all as f64 / row.repeats() as f64;
     (chance, 1.2 * (chance * (1.0 - chance) / sweeps).sqrt())
 }
 

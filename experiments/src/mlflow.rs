@@ -117,7 +117,7 @@ fn export_task(
         ("levels".into(), config.recipe.levels().name().into()),
         ("split".into(), result.split.clone()),
         ("split_sha256".into(), result.split_sha256.clone()),
-        ("run".into(), result.run.to_string()),
+        ("repeat".into(), result.repeat.to_string()),
         ("fold".into(), result.fold.to_string()),
         ("seed".into(), result.seed.0.to_string()),
         ("command".into(), result.command.clone()),

@@ -6,7 +6,7 @@ use std::path::Path;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 use tactnet_data::Seed;
-use tactnet_pipeline::{Levels, ModelRecipe};
+use tactnet_pipeline::{MeanRemoval, ModelRecipe};
 use toml::{Table, Value};
 
 use crate::recipe::{Range, set};
@@ -203,24 +203,24 @@ fn tasks(recipe: &ExperimentRecipe, models: &[Model]) -> Vec<Task> {
     let lengths = lengths(recipe);
     let mut tasks = Vec::new();
     // Fold by fold, so that an experiment that is looked at early has the same folds of every model.
-    for run in 0..recipe.runs {
+    for repeat in 0..recipe.repeats {
         for fold in 0..recipe.folds {
             for data in &recipe.data {
                 for &levels in &recipe.levels {
                     for &steps in &lengths {
                         for &split in &recipe.split {
-                            // Only random folds are dealt anew in every run, and the author's split has one fold.
-                            let once = run > 0 && split != Split::KFold;
+                            // Only random folds are dealt anew in every repeat, and the author's split has one fold.
+                            let once = repeat > 0 && split != Split::KFold;
                             if once || fold > 0 && split == Split::TestFlag {
                                 continue;
                             }
-                            let setting = Setting {
+                            let setting = GridPoint {
                                 recipe,
                                 data,
                                 levels,
                                 steps,
                                 split,
-                                run,
+                                repeat,
                                 fold,
                             };
                             tasks.extend(recipe.probes.iter().map(|probe| setting.probe(*probe)));
@@ -239,8 +239,8 @@ fn study_tasks(recipe: &ExperimentRecipe, study: &StudySettings, models: &[Model
     let numbers: Vec<usize> = match recipe.splits {
         Some(splits) => (0..splits).collect(),
         None if study.kind.draws_materials() => vec![0],
-        None => (0..recipe.runs)
-            .flat_map(|run| (0..recipe.folds).map(move |fold| 5 * run + fold))
+        None => (0..recipe.repeats)
+            .flat_map(|repeat| (0..recipe.folds).map(move |fold| 5 * repeat + fold))
             .collect(),
     };
     let methods = if recipe.methods.is_empty() && study.kind == Study::Nshot {
@@ -275,7 +275,7 @@ fn study_tasks(recipe: &ExperimentRecipe, study: &StudySettings, models: &[Model
 fn study_task(
     recipe: &ExperimentRecipe,
     data: &str,
-    levels: Levels,
+    levels: MeanRemoval,
     steps: Option<usize>,
     model: &Model,
     task: &StudyTask,
@@ -294,13 +294,13 @@ fn study_task(
         add("--epochs", epochs.to_string());
     }
     add("--task", text);
-    let setting = Setting {
+    let setting = GridPoint {
         recipe,
         data,
         levels,
         steps,
         split: Split::KFold,
-        run: 0,
+        repeat: 0,
         fold: 0,
     };
     Task {
@@ -320,17 +320,17 @@ fn lengths(recipe: &ExperimentRecipe) -> Vec<Option<usize>> {
     }
 }
 
-struct Setting<'a> {
+struct GridPoint<'a> {
     recipe: &'a ExperimentRecipe,
     data: &'a str,
-    levels: Levels,
+    levels: MeanRemoval,
     steps: Option<usize>,
     split: Split,
-    run: usize,
+    repeat: usize,
     fold: usize,
 }
 
-impl Setting<'_> {
+impl GridPoint<'_> {
     fn arguments(&self, recipe: &str) -> Vec<String> {
         let mut arguments: Vec<String> = vec!["train".into()];
         let mut add = |flag: &str, value: String| arguments.extend([flag.into(), value]);
@@ -341,7 +341,7 @@ impl Setting<'_> {
             add("--steps", steps.to_string());
         }
         add("--split", self.split.name().into());
-        add("--run", self.run.to_string());
+        add("--repeat", self.repeat.to_string());
         add("--fold", self.fold.to_string());
         add("--seed", self.recipe.seed.to_string());
         arguments
@@ -349,7 +349,7 @@ impl Setting<'_> {
 
     /// Data set, model, levels and steps, as they stand in a name: before and behind the model.
     fn parts(&self) -> [String; 2] {
-        let levels = if self.levels.are_kept() {
+        let levels = if self.levels.is_none() {
             ""
         } else {
             "-no_levels"
@@ -363,7 +363,7 @@ impl Setting<'_> {
     fn id(&self, model: &str) -> String {
         let [data, rest] = self.parts();
         match self.split {
-            Split::KFold => format!("{data}-{model}{rest}-run{}-fold{}", self.run, self.fold),
+            Split::KFold => format!("{data}-{model}{rest}-run{}-fold{}", self.repeat, self.fold),
             Split::TestFlag => format!("{data}-{model}{rest}-test_flag"),
             Split::LeaveBlockOut => format!("{data}-{model}{rest}-block{}", self.fold),
         }

@@ -63,7 +63,7 @@ pub fn published_for(
         && config.steps.is_none()
         && config.inner.is_none()
         && config.label_order == LabelOrder::True
-        && config.recipe.levels().are_kept()
+        && config.recipe.levels().is_none()
         && matches!(split.scheme, Scheme::StratifiedKFold { .. })
         && recipe.network == Recipe::load("thesis").ok()?.network
         && recipe.training.epochs >= shortest;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::{Deserialize, Deserializer, Serialize};
-use tactnet_pipeline::Levels;
+use tactnet_pipeline::MeanRemoval;
 use toml::{Table, Value};
 
 use crate::{ExperimentError, Study, TransferMethod};
@@ -70,16 +70,16 @@ pub struct ExperimentRecipe {
     pub models: Vec<String>,
     /// Whether levels are kept, removed, or both one after the other.
     #[serde(default = "kept", deserialize_with = "one_or_many")]
-    pub levels: Vec<Levels>,
+    pub levels: Vec<MeanRemoval>,
     /// How data sets are split.
     #[serde(default = "k_fold", deserialize_with = "one_or_many")]
     pub split: Vec<Split>,
-    /// Folds of each run that are trained.
+    /// Folds of each repeat that are trained.
     #[serde(default = "five")]
     pub folds: usize,
-    /// Runs of the cross-validation.
-    #[serde(default = "one")]
-    pub runs: usize,
+    /// Repeats of the cross-validation.
+    #[serde(default = "one", alias = "runs")]
+    pub repeats: usize,
     /// Time steps kept of every sweep, one experiment each; empty: all.
     #[serde(default, deserialize_with = "one_or_many")]
     pub steps: Vec<usize>,
@@ -99,7 +99,7 @@ pub struct ExperimentRecipe {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub study: Option<StudySettings>,
     /// With a study: how often new materials are drawn, at first once; or, where a study draws none, how many of the two times five folds
-    /// are used instead of `folds` and `runs`.
+    /// are used instead of `folds` and `repeats`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub splits: Option<usize>,
     /// With `nshot` and `enrolment`: sweeps of every new material that are learnt from. With `differentiate`, `unknown` and `sequential`:
@@ -249,8 +249,8 @@ pub enum Range {
     },
 }
 
-fn kept() -> Vec<Levels> {
-    vec![Levels::Kept]
+fn kept() -> Vec<MeanRemoval> {
+    vec![MeanRemoval::None]
 }
 
 fn k_fold() -> Vec<Split> {
@@ -345,7 +345,7 @@ impl ExperimentRecipe {
                 .ok_or_else(|| refused(format!("`--set {setting}`: expected FIELD=VALUE")))?;
             let value = parse_value(value.trim())
                 .map_err(|e| refused(format!("`--set {setting}`: {e}")))?;
-            set(&mut table, path.trim(), value).map_err(refused)?;
+            set(&mut table, current_name(path), value).map_err(refused)?;
         }
         let recipe: Self = Value::Table(table)
             .try_into()
@@ -358,8 +358,8 @@ impl ExperimentRecipe {
             .iter()
             .filter_map(|setting| setting.split_once('='));
         if let Some((path, _)) = unused
-            .map(|(path, value)| (path.trim(), value))
-            .find(|(path, _)| drawn && ["folds", "runs"].contains(path))
+            .map(|(path, value)| (current_name(path), value))
+            .find(|(path, _)| drawn && ["folds", "repeats"].contains(path))
         {
             return Err(refused(format!(
                 "`{path}`: this study draws materials; use `splits`"
@@ -400,11 +400,11 @@ impl ExperimentRecipe {
                 return Some(format!("`{field}`: expected at least one, found none"));
             }
         }
-        // Data sets are always dealt into five random folds in two runs; these say how many of them are trained.
+        // Data sets are always dealt into five random folds in two repeats; these say how many of them are trained.
         let random = self.split == [Split::KFold];
         for (field, value, most) in [
             ("folds", self.folds, if random { 5 } else { usize::MAX }),
-            ("runs", self.runs, 2),
+            ("repeats", self.repeats, 2),
         ] {
             if value == 0 || value > most {
                 let most = if most == usize::MAX {
@@ -426,7 +426,7 @@ impl ExperimentRecipe {
         let kind = self.study.as_ref().map(|study| study.kind);
         if kind.is_none() && self.splits.is_some() {
             return Some(
-                "`splits`: belong to a study; here `folds` and `runs` say how many".into(),
+                "`splits`: belong to a study; here `folds` and `repeats` say how many".into(),
             );
         }
         if !kind.is_some_and(Study::counts_sweeps) && !self.shots.is_empty() {
@@ -445,7 +445,7 @@ impl ExperimentRecipe {
         }
         if !study.kind.draws_materials() && splits > 10 {
             return Some(format!(
-                "`splits`: expected 1 to 10 (two runs of five folds), found {splits}"
+                "`splits`: expected 1 to 10 (two repeats of five folds), found {splits}"
             ));
         }
         if study.new_materials < 2 {
@@ -501,6 +501,14 @@ fn parse_value(text: &str) -> Result<Value, String> {
     }
 }
 
+/// The name of a field that `--set` calls by an older one.
+fn current_name(path: &str) -> &str {
+    match path.trim() {
+        "runs" => "repeats",
+        path => path,
+    }
+}
+
 /// Sets a field by its path (`training.learning_rate`), making tables on the way.
 pub(crate) fn set(table: &mut Table, path: &str, value: Value) -> Result<(), String> {
     match path.split_once('.') {
@@ -546,9 +554,9 @@ mod tests {
         .map(String::from);
         let recipe = ExperimentRecipe::load("crossval_baselines", &settings).unwrap();
         assert_eq!(recipe.data, ["a b.h5"]);
-        assert_eq!((recipe.runs, recipe.epochs), (2, Some(1)));
+        assert_eq!((recipe.repeats, recipe.epochs), (2, Some(1)));
         assert_eq!(recipe.models, ["minirocket"]);
-        assert_eq!(recipe.levels, [Levels::Removed]);
+        assert_eq!(recipe.levels, [MeanRemoval::PerSweep]);
     }
 
     #[test]

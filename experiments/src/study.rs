@@ -22,7 +22,7 @@ use burn::tensor::Device;
 use rand::Rng;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
-use tactnet_data::{Dataset, Seed};
+use tactnet_data::{DataOrigin, Dataset, Seed};
 use tactnet_pipeline::{BatchReport, PipelineError, Provenance, Recipe};
 
 use crate::ExperimentError;
@@ -176,8 +176,11 @@ pub struct StudyResult {
     pub schema_version: u32,
     /// What was asked.
     pub task: StudyTask,
-    /// Name of the data set; "twin" is synthetic.
+    /// Name of the data set.
     pub data: String,
+    /// Where its sweeps come from.
+    #[serde(default)]
+    pub origin: DataOrigin,
     /// SHA-256 of its content.
     pub data_sha256: String,
     /// Its materials in label order.
@@ -224,7 +227,7 @@ impl StudyTask {
 }
 
 /// What a study needs besides its task.
-pub(crate) struct Bench<'a> {
+pub(crate) struct StudyContext<'a> {
     pub(crate) dataset: &'a Dataset,
     pub(crate) recipe: &'a Recipe,
     pub(crate) device: &'a Device,
@@ -233,29 +236,29 @@ pub(crate) struct Bench<'a> {
 }
 
 /// Why a task ended without an answer.
-pub(crate) enum Ended {
+pub(crate) enum Cancelled {
     /// Somebody asked to stop.
     Stopped,
     /// It cannot be done.
     Failed(PipelineError),
 }
 
-impl<E: Into<PipelineError>> From<E> for Ended {
+impl<E: Into<PipelineError>> From<E> for Cancelled {
     fn from(error: E) -> Self {
         Self::Failed(error.into())
     }
 }
 
-impl Bench<'_> {
+impl StudyContext<'_> {
     /// Says what comes next.
     ///
     /// # Errors
     /// Somebody asked to stop.
-    pub(crate) fn say(&self, what: &str) -> Result<(), Ended> {
+    pub(crate) fn say(&self, what: &str) -> Result<(), Cancelled> {
         if (self.go_on)(what, None) {
             Ok(())
         } else {
-            Err(Ended::Stopped)
+            Err(Cancelled::Stopped)
         }
     }
 
@@ -289,7 +292,7 @@ pub fn run_study(
     go_on: impl Fn(&str, Option<&BatchReport>) -> bool,
 ) -> Result<Option<StudyResult>, ExperimentError> {
     let begun = Instant::now();
-    let bench = Bench {
+    let context = StudyContext {
         dataset,
         recipe,
         device,
@@ -298,20 +301,20 @@ pub fn run_study(
     };
     let mut maps = Vec::new();
     let answer = match task.study {
-        Study::FeatureMaps => feature_maps::feature_maps(task, &bench).map(|(answer, drawn)| {
+        Study::FeatureMaps => feature_maps::feature_maps(task, &context).map(|(answer, drawn)| {
             maps = drawn;
             answer
         }),
-        Study::Nshot => transfer::transfer(task, &bench),
-        Study::Differentiate => differentiate::differentiate(task, &bench),
-        Study::Unknown => unknown::unknown(task, &bench),
-        Study::Sequential => sequential::sequential(task, &bench),
-        Study::Enrolment => enrolment::enrolment(task, &bench),
+        Study::Nshot => transfer::transfer(task, &context),
+        Study::Differentiate => differentiate::differentiate(task, &context),
+        Study::Unknown => unknown::unknown(task, &context),
+        Study::Sequential => sequential::sequential(task, &context),
+        Study::Enrolment => enrolment::enrolment(task, &context),
     };
     let answer = match answer {
         Ok(answer) => answer,
-        Err(Ended::Stopped) => return Ok(None),
-        Err(Ended::Failed(error)) => return Err(error.into()),
+        Err(Cancelled::Stopped) => return Ok(None),
+        Err(Cancelled::Failed(error)) => return Err(error.into()),
     };
     let hex = |text: &str| -> String {
         let digest = Sha256::digest(text);
@@ -321,6 +324,7 @@ pub fn run_study(
         schema_version: StudyResult::SCHEMA_VERSION,
         task: task.clone(),
         data: dataset.name().into(),
+        origin: dataset.origin(),
         data_sha256: dataset.sha256().into(),
         materials: dataset.labels().names().map(String::from).collect(),
         levels: recipe.input.levels.name().into(),

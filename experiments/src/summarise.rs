@@ -4,7 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use tactnet_data::{Scheme, SplitManifest};
 use tactnet_pipeline::{
-    Evaluation, Levels, PredictionMethod, Predictions, RunConfig, RunDir, RunResult, SweepScore,
+    Evaluation, MeanRemoval, PredictionMethod, Predictions, RunConfig, RunDir, RunResult,
+    SweepScore,
 };
 
 use crate::tasks::{ExperimentDir, TaskState};
@@ -19,8 +20,8 @@ const BINS: usize = 15;
 /// Points of the risk-coverage curve.
 const COVERAGES: usize = 50;
 
-/// One ended task with everything the summary takes from it.
-struct Ended<'a> {
+/// One finished task with everything the summary takes from it.
+struct FinishedTask<'a> {
     task: &'a Task,
     config: RunConfig,
     split: SplitManifest,
@@ -28,15 +29,15 @@ struct Ended<'a> {
     run: RunDir,
 }
 
-/// One way of predicting of one ended task.
+/// One way of predicting of one finished task.
 struct Fold<'a> {
-    ended: &'a Ended<'a>,
+    finished: &'a FinishedTask<'a>,
     evaluation: &'a Evaluation,
     predictions: Predictions,
     file: String,
 }
 
-/// Reads every task that has ended.
+/// Reads every task that has finished.
 ///
 /// # Errors
 /// A run directory that is damaged.
@@ -45,12 +46,12 @@ pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
     if let Some(study) = &recipe.study {
         return summarise_study(dir, study.kind);
     }
-    let mut ended = Vec::new();
+    let mut finished = Vec::new();
     for task in &dir.plan.tasks {
         if dir.state(task) == TaskState::Done {
             let run = RunDir::open(&dir.task_dir(task))?;
             if let Some(result) = run.result()? {
-                ended.push(Ended {
+                finished.push(FinishedTask {
                     task,
                     config: run.config()?,
                     split: run.split()?,
@@ -62,9 +63,9 @@ pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
     }
     let mut by_row: BTreeMap<(usize, String), Vec<Fold<'_>>> = BTreeMap::new();
     let mut order: Vec<String> = Vec::new();
-    for ended in &ended {
-        for (way, evaluation) in &ended.result.evaluations {
-            let key = row_key(ended, way);
+    for finished in &finished {
+        for (way, evaluation) in &finished.result.evaluations {
+            let key = row_key(finished, way);
             let place = order
                 .iter()
                 .position(|known| *known == key)
@@ -72,9 +73,9 @@ pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
                     order.push(key.clone());
                     order.len() - 1
                 });
-            let (file, predictions) = ended.run.predictions(way)?;
+            let (file, predictions) = finished.run.predictions(way)?;
             by_row.entry((place, key)).or_default().push(Fold {
-                ended,
+                finished,
                 evaluation,
                 predictions,
                 file,
@@ -84,7 +85,7 @@ pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
     let rows: Vec<Row> = by_row
         .into_iter()
         .map(|((_, key), mut folds)| {
-            folds.sort_by_key(|fold| (fold.ended.result.run, fold.ended.result.fold));
+            folds.sort_by_key(|fold| (fold.finished.result.repeat, fold.finished.result.fold));
             unmixed(dir, &key, &folds)?;
             Ok(row(key, &folds))
         })
@@ -97,12 +98,12 @@ pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
         {
             groups.insert(
                 row.key.clone(),
-                grouping_of_counts(&row.confusion, recipe.groups, row.runs(), recipe.seed),
+                grouping_of_counts(&row.confusion, recipe.groups, row.repeats(), recipe.seed),
             );
         }
     }
-    let set = |of: fn(&Ended<'_>) -> Vec<String>| -> Vec<String> {
-        ended
+    let set = |of: fn(&FinishedTask<'_>) -> Vec<String>| -> Vec<String> {
+        finished
             .iter()
             .flat_map(of)
             .collect::<BTreeSet<_>>()
@@ -117,9 +118,9 @@ pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
         command: dir.plan.command.clone(),
         git: set(|e| e.result.git.split(' ').map(String::from).collect()),
         seed: recipe.seed,
-        tasks_done: ended.len(),
+        tasks_done: finished.len(),
         tasks: dir.plan.tasks.len(),
-        train_seconds: ended.iter().map(|e| e.result.train_seconds).sum(),
+        train_seconds: finished.iter().map(|e| e.result.train_seconds).sum(),
         processors: set(|e| {
             e.result
                 .provenance
@@ -127,7 +128,7 @@ pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
                 .map(|p| p.processor.clone())
                 .collect()
         }),
-        data_sha256: ended
+        data_sha256: finished
             .iter()
             .map(|e| (e.result.data.clone(), e.result.data_sha256.clone()))
             .collect(),
@@ -141,9 +142,9 @@ pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
 
 fn summarise_study(dir: &ExperimentDir, kind: Study) -> Result<Summary, ExperimentError> {
     let recipe = &dir.plan.recipe;
-    let ended = study_summary::ended(dir)?;
+    let finished = study_summary::ended(dir)?;
     let set = |of: fn(&StudyResult) -> &String| -> Vec<String> {
-        let all: BTreeSet<&String> = ended.iter().map(|e| of(&e.result)).collect();
+        let all: BTreeSet<&String> = finished.iter().map(|e| of(&e.result)).collect();
         all.into_iter().cloned().collect()
     };
     Ok(Summary {
@@ -154,11 +155,11 @@ fn summarise_study(dir: &ExperimentDir, kind: Study) -> Result<Summary, Experime
         command: dir.plan.command.clone(),
         git: set(|result| &result.provenance.git),
         seed: recipe.seed,
-        tasks_done: ended.len(),
+        tasks_done: finished.len(),
         tasks: dir.plan.tasks.len(),
-        train_seconds: ended.iter().map(|e| e.result.seconds).sum(),
+        train_seconds: finished.iter().map(|e| e.result.seconds).sum(),
         processors: set(|result| &result.provenance.processor),
-        data_sha256: ended
+        data_sha256: finished
             .iter()
             .map(|e| (e.result.data.clone(), e.result.data_sha256.clone()))
             .collect(),
@@ -166,19 +167,19 @@ fn summarise_study(dir: &ExperimentDir, kind: Study) -> Result<Summary, Experime
         comparisons: Vec::new(),
         audits: Vec::new(),
         groups: BTreeMap::new(),
-        study: Some(study_summary::summary(dir, kind, &ended)?),
+        study: Some(study_summary::summary(dir, kind, &finished)?),
     })
 }
 
 /// The data set's name without what was done to it.
-fn data_name(ended: &Ended<'_>) -> String {
-    let name = &ended.result.data;
+fn data_name(finished: &FinishedTask<'_>) -> String {
+    let name = &finished.result.data;
     name.split(", ").next().unwrap_or(name).into()
 }
 
 /// The model's name; a recipe that says more about itself (drawn settings) says it here.
-fn shown_model(ended: &Ended<'_>) -> String {
-    let (name, title) = (&ended.task.model, &ended.result.recipe);
+fn shown_model(finished: &FinishedTask<'_>) -> String {
+    let (name, title) = (&finished.task.model, &finished.result.recipe);
     if title.starts_with(name.as_str()) {
         title.clone()
     } else {
@@ -186,38 +187,38 @@ fn shown_model(ended: &Ended<'_>) -> String {
     }
 }
 
-fn split_name(ended: &Ended<'_>) -> String {
-    let scheme = match ended.split.scheme {
+fn split_name(finished: &FinishedTask<'_>) -> String {
+    let scheme = match finished.split.scheme {
         Scheme::StratifiedKFold { folds, .. } => format!("{folds} random folds"),
         Scheme::TestFlag => "author's test sweeps".into(),
         Scheme::LeaveBlockOut => "block left out".into(),
     };
-    match ended.config.inner {
+    match finished.config.inner {
         None => scheme,
         Some(part) => format!("{scheme}, judged by inner part {part}"),
     }
 }
 
-fn row_key(ended: &Ended<'_>, way: &str) -> String {
-    let levels = match ended.config.recipe.levels() {
-        Levels::Kept => "",
-        Levels::Removed => ", levels removed",
+fn row_key(finished: &FinishedTask<'_>, way: &str) -> String {
+    let levels = match finished.config.recipe.levels() {
+        MeanRemoval::None => "",
+        MeanRemoval::PerSweep => ", levels removed",
     };
-    let steps = ended
+    let steps = finished
         .config
         .steps
         .map_or(String::new(), |steps| format!(", {steps} steps"));
     let way = if way == "plain" { "" } else { ", MC dropout" };
     format!(
         "{}{levels}{steps}, {}: {}{way}",
-        data_name(ended),
-        split_name(ended),
-        ended.task.model
+        data_name(finished),
+        split_name(finished),
+        finished.task.model
     )
 }
 
 fn row(key: String, folds: &[Fold<'_>]) -> Row {
-    let first = folds[0].ended;
+    let first = folds[0].finished;
     let (n_train, n_test) = (first.result.n_train, first.result.n_test);
     let share = n_test as f64 / n_train as f64;
     let of =
@@ -259,7 +260,7 @@ fn row(key: String, folds: &[Fold<'_>]) -> Row {
         negative_log_likelihood: of(&|f| f.evaluation.negative_log_likelihood),
         expected_calibration_error: of(&|f| f.evaluation.expected_calibration_error),
         brier: of(&|f| f.evaluation.brier),
-        train_seconds: of(&|f| f.ended.result.train_seconds),
+        train_seconds: of(&|f| f.finished.result.train_seconds),
         one_sweep,
         n_train,
         n_test,
@@ -274,24 +275,25 @@ fn row(key: String, folds: &[Fold<'_>]) -> Row {
 
 /// Folds of one row come from one data set and one recipe, each once.
 fn unmixed(dir: &ExperimentDir, key: &str, folds: &[Fold<'_>]) -> Result<(), ExperimentError> {
-    let first = &folds[0].ended.result;
+    let first = &folds[0].finished.result;
     for (what, mixed) in [
         (
             "data sets (the file has changed between tasks)",
             folds
                 .iter()
-                .any(|f| f.ended.result.data_sha256 != first.data_sha256),
+                .any(|f| f.finished.result.data_sha256 != first.data_sha256),
         ),
         (
             "recipes",
             folds
                 .iter()
-                .any(|f| f.ended.result.recipe_sha256 != first.recipe_sha256),
+                .any(|f| f.finished.result.recipe_sha256 != first.recipe_sha256),
         ),
         (
             "results of one fold",
             folds.windows(2).any(|pair| {
-                let place = |fold: &Fold<'_>| (fold.ended.result.run, fold.ended.result.fold);
+                let place =
+                    |fold: &Fold<'_>| (fold.finished.result.repeat, fold.finished.result.fold);
                 place(&pair[0]) == place(&pair[1])
             }),
         ),
@@ -308,29 +310,29 @@ fn unmixed(dir: &ExperimentDir, key: &str, folds: &[Fold<'_>]) -> Result<(), Exp
 
 fn record(fold: &Fold<'_>) -> FoldRecord {
     let RunResult {
-        run,
+        repeat,
         fold: number,
         command,
         git,
         split_sha256,
         recipe_sha256,
         ..
-    } = &fold.ended.result;
+    } = &fold.finished.result;
     FoldRecord {
-        run: *run,
+        repeat: *repeat,
         fold: *number,
         command: command.clone(),
         git: git.clone(),
         split_sha256: split_sha256.clone(),
         recipe_sha256: recipe_sha256.clone(),
-        predictions: format!("tasks/{}/{}", fold.ended.task.id, fold.file),
+        predictions: format!("tasks/{}/{}", fold.finished.task.id, fold.file),
         one_sweep: fold.evaluation.one_sweep.mean,
     }
 }
 
 /// What was published for this recipe, asked this way.
-fn published(ended: &Ended<'_>, way: PredictionMethod) -> Option<Published> {
-    let row = published_for(&ended.config, &ended.split, way)?;
+fn published(finished: &FinishedTask<'_>, way: PredictionMethod) -> Option<Published> {
+    let row = published_for(&finished.config, &finished.split, way)?;
     Some(Published {
         classifier: row.classifier.into(),
         one_sweep: row.one_sweep.0,

@@ -104,10 +104,10 @@ pub struct Row {
 
 impl Row {
     /// Runs of the cross-validation: how often every sweep was tested.
-    pub(crate) fn runs(&self) -> usize {
-        let runs: std::collections::BTreeSet<usize> =
-            self.folds.iter().map(|fold| fold.run).collect();
-        runs.len().max(1)
+    pub(crate) fn repeats(&self) -> usize {
+        let repeats: std::collections::BTreeSet<usize> =
+            self.folds.iter().map(|fold| fold.repeat).collect();
+        repeats.len().max(1)
     }
 }
 
@@ -146,8 +146,9 @@ pub struct Published {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FoldRecord {
     /// Run of the cross-validation.
-    pub run: usize,
-    /// Fold of the run.
+    #[serde(alias = "run")]
+    pub repeat: usize,
+    /// Fold of the repeat.
     pub fold: usize,
     /// The call that repeats this fold.
     pub command: String,

@@ -24,7 +24,7 @@ pub struct AdamStep {
 }
 
 /// The parameter and both moments after a step from `[parameter, gradient, first moment, second moment]`, all of one shape and on the
-/// processor ([`crate::is_processor`]).
+/// processor ([`crate::is_cpu`]).
 ///
 /// What nobody else holds is changed in place, the rest copied first.
 pub fn adam_update<const D: usize>(step: AdamStep, tensors: [Tensor<D>; 4]) -> [Tensor<D>; 3] {

@@ -24,22 +24,22 @@ pub fn log_softmax_into(scores: &[f32], out: &mut [f64]) {
     }
 }
 
-/// `ln(mean over runs of exp)` for each material, normalised; stable however small a probability is.
+/// `ln(mean over samples of exp)` for each material, normalised; stable however small a probability is.
 ///
-/// - `runs`: `[runs][materials]` log-probabilities
+/// - `samples`: `[samples][materials]` log-probabilities
 /// - `out`: `[materials]`
 ///
 /// # Panics
-/// If the runs are not whole rows.
-pub fn log_mean_exp_into(runs: &[f64], out: &mut [f64]) {
+/// If the samples are not whole rows.
+pub fn log_mean_exp_into(samples: &[f64], out: &mut [f64]) {
     let materials = out.len();
     assert!(
-        !runs.is_empty() && runs.len().is_multiple_of(materials),
-        "whole runs of {materials} materials"
+        !samples.is_empty() && samples.len().is_multiple_of(materials),
+        "whole samples of {materials} materials"
     );
-    let number = (runs.len() / materials) as f64;
+    let number = (samples.len() / materials) as f64;
     for (material, mean) in out.iter_mut().enumerate() {
-        let column = runs.iter().skip(material).step_by(materials);
+        let column = samples.iter().skip(material).step_by(materials);
         let largest = column.clone().copied().fold(f64::NEG_INFINITY, f64::max);
         let sum: f64 = column.map(|log_p| (log_p - largest).exp()).sum();
         *mean = largest + (sum / number).ln();
@@ -60,13 +60,13 @@ pub fn entropy(log_p: &[f64]) -> f64 {
         .sum::<f64>()
 }
 
-/// How much runs disagree: the mutual information of label and weights, entropy of the mean minus mean of the entropies, nats
+/// How much samples disagree: the mutual information of label and weights, entropy of the mean minus mean of the entropies, nats
 /// (Houlsby et al., 2011; Gal & Ghahramani, 2016).
 ///
-/// - `runs`: `[runs][materials]` log-probabilities
+/// - `samples`: `[samples][materials]` log-probabilities
 /// - `mean`: `[materials]`, see [`log_mean_exp_into`]
-pub fn mutual_information(runs: &[f64], mean: &[f64]) -> f64 {
-    let rows = runs.chunks_exact(mean.len());
+pub fn mutual_information(samples: &[f64], mean: &[f64]) -> f64 {
+    let rows = samples.chunks_exact(mean.len());
     let number = rows.len() as f64;
     entropy(mean) - rows.map(entropy).sum::<f64>() / number
 }
@@ -151,7 +151,7 @@ impl Belief {
 
     /// The most probable label; the lowest among equals.
     pub fn label(&self) -> usize {
-        first_largest(&self.log_likelihood)
+        argmax(&self.log_likelihood)
     }
 }
 
@@ -159,7 +159,7 @@ impl Belief {
 const LOWEST_LOG_PROBABILITY: f64 = -100.0;
 
 /// Index of the largest value, the first among equals.
-pub fn first_largest(values: &[f64]) -> usize {
+pub fn argmax(values: &[f64]) -> usize {
     let mut best = 0;
     for (index, value) in values.iter().enumerate() {
         if *value > values[best] {
@@ -181,7 +181,7 @@ pub fn majority_vote(sweeps: &[&[f64]]) -> usize {
     let mut votes = vec![0_usize; materials];
     let mut belief = Belief::flat(materials);
     for sweep in sweeps {
-        votes[first_largest(sweep)] += 1;
+        votes[argmax(sweep)] += 1;
         belief.fuse(sweep);
     }
     let most = votes.iter().copied().max().unwrap_or(0);
@@ -194,7 +194,7 @@ pub fn majority_vote(sweeps: &[&[f64]]) -> usize {
             }
         })
         .collect();
-    first_largest(&contested)
+    argmax(&contested)
 }
 
 #[cfg(test)]
@@ -248,10 +248,10 @@ mod tests {
     fn runs_that_agree_tell_nothing_about_the_weights() {
         let sure = log_softmax(&[0.0, 3.0]);
         let unlike = log_softmax(&[3.0, 0.0]);
-        let information = |runs: &[f64]| {
+        let information = |samples: &[f64]| {
             let mut mean = [0.0; 2];
-            log_mean_exp_into(runs, &mut mean);
-            mutual_information(runs, &mean)
+            log_mean_exp_into(samples, &mut mean);
+            mutual_information(samples, &mean)
         };
         assert!(information(&[sure.clone(), sure.clone()].concat()).abs() < 1e-12);
         let apart = information(&[sure.clone(), unlike].concat());
@@ -261,9 +261,9 @@ mod tests {
 
     #[test]
     fn the_mean_over_runs_survives_probabilities_below_f32() {
-        let mean = |runs: &[Vec<f64>]| {
+        let mean = |samples: &[Vec<f64>]| {
             let mut mean = [0.0; 2];
-            log_mean_exp_into(&runs.concat(), &mut mean);
+            log_mean_exp_into(&samples.concat(), &mut mean);
             mean
         };
         let found = mean(&[log_softmax(&[0.0, -300.0]), log_softmax(&[0.0, -310.0])]);

@@ -41,7 +41,7 @@ impl BatchStatistics {
 }
 
 /// `running <- (1 - momentum) running + momentum batch`
-pub(crate) fn follow(running: &Tensor<1>, batch: Tensor<1>) -> Tensor<1> {
+pub(crate) fn updated_running_stat(running: &Tensor<1>, batch: Tensor<1>) -> Tensor<1> {
     let batch = if running.device().is_autodiff() {
         batch.autodiff()
     } else {
@@ -173,8 +173,9 @@ impl ConvBlock {
         (values(scale), values(shift))
     }
 
-    pub(crate) fn follow(&mut self, batch: &BatchStatistics) {
-        self.running_mean = follow(&self.running_mean, batch.mean.clone());
-        self.running_variance = follow(&self.running_variance, batch.variance.clone());
+    pub(crate) fn update_running_stats(&mut self, batch: &BatchStatistics) {
+        self.running_mean = updated_running_stat(&self.running_mean, batch.mean.clone());
+        self.running_variance =
+            updated_running_stat(&self.running_variance, batch.variance.clone());
     }
 }

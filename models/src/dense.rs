@@ -7,7 +7,7 @@ use burn::tensor::{Device, Tensor};
 use rand::Rng;
 
 use crate::DenseWeights;
-use crate::block::{BatchStatistics, NORM_EPSILON, follow};
+use crate::block::{BatchStatistics, NORM_EPSILON, updated_running_stat};
 use crate::dense_product::dense_product;
 use crate::initial::{constant_parameter, uniform_parameter};
 use crate::weights::values;
@@ -76,8 +76,9 @@ impl NormalizedDense {
         }
     }
 
-    pub(crate) fn follow(&mut self, batch: &BatchStatistics) {
-        self.running_mean = follow(&self.running_mean, batch.mean.clone());
-        self.running_variance = follow(&self.running_variance, batch.variance.clone());
+    pub(crate) fn update_running_stats(&mut self, batch: &BatchStatistics) {
+        self.running_mean = updated_running_stat(&self.running_mean, batch.mean.clone());
+        self.running_variance =
+            updated_running_stat(&self.running_variance, batch.variance.clone());
     }
 }

@@ -32,12 +32,12 @@ mod weights;
 
 pub use adam_update::{AdamStep, adam_update};
 pub use belief::{
-    Belief, entropy, first_largest, log_mean_exp_into, log_softmax, log_softmax_into,
-    majority_vote, mutual_information,
+    Belief, argmax, entropy, log_mean_exp_into, log_softmax, log_softmax_into, majority_vote,
+    mutual_information,
 };
 pub use block::{BatchStatistics, BlockConfig, ConvBlock, NORM_EPSILON};
 pub use compute::Compute;
-pub use conv::{runs_on as is_processor, spare_memory};
+pub use conv::{runs_on as is_cpu, spare_memory};
 pub use dense::NormalizedDense;
 pub use dropout::dropout_masks;
 pub use features::Features;

@@ -52,7 +52,7 @@ impl FeatureRows {
 impl StreamingNet {
     /// Copies the weights of `net`.
     ///
-    /// - `masks`: `[runs][features]`, see [`crate::dropout_masks`]; may be empty
+    /// - `masks`: `[mc_samples][features]`, see [`crate::dropout_masks`]; may be empty
     ///
     /// # Panics
     /// If `config` does not describe `net`, or the masks are not whole rows.
@@ -185,8 +185,8 @@ impl StreamingNet {
     }
 
     /// Number of dropout masks.
-    pub fn runs(&self) -> usize {
-        self.head.runs()
+    pub fn mc_samples(&self) -> usize {
+        self.head.mc_samples()
     }
 }
 
@@ -228,7 +228,7 @@ mod tests {
         );
         let mask = dropout_masks(6, config.features(), 0.8, &Device::flex(), &mut rng);
         let trained = net.forward_train(sweeps, mask);
-        net.follow(&trained.statistics);
+        net.update_running_stats(&trained.statistics);
         (net, config)
     }
 
@@ -292,13 +292,16 @@ mod tests {
         sweep
             .chunks_exact(taxels)
             .for_each(|frame| streaming.push(frame));
-        assert!(streaming.is_complete() && streaming.runs() == 5);
+        assert!(streaming.is_complete() && streaming.mc_samples() == 5);
         let data = TensorData::new(sweep, [1, 1, steps, taxels]);
         let features = net.features(Tensor::from_data(data, &device));
-        let (mut plain, mut runs) = (Vec::new(), Vec::new());
+        let (mut plain, mut mc_samples) = (Vec::new(), Vec::new());
         streaming.scores(|scores| plain.extend_from_slice(scores));
-        streaming.monte_carlo_scores(|scores| runs.extend_from_slice(scores));
+        streaming.monte_carlo_scores(|scores| mc_samples.extend_from_slice(scores));
         close(&plain, &values(net.head(features.clone())));
-        close(&runs, &values(net.head(features.repeat_dim(0, 5) * masks)));
+        close(
+            &mc_samples,
+            &values(net.head(features.repeat_dim(0, 5) * masks)),
+        );
     }
 }

@@ -178,7 +178,7 @@ impl Svm {
                 pair.second
             }] += 1.0;
         }
-        crate::first_largest(&won)
+        crate::argmax(&won)
     }
 
     /// Log-probabilities `[sweeps][materials]` from decisions `[sweeps][pairs]`.
@@ -382,7 +382,7 @@ mod tests {
         let scores = svm.log_probabilities(&decisions, &sigmoids);
         for ((row, decision), truth) in scores.iter().zip(&decisions).zip(&truth) {
             assert_eq!(svm.vote(decision), *truth);
-            assert_eq!(crate::first_largest(row), *truth);
+            assert_eq!(crate::argmax(row), *truth);
             let sum: f64 = row.iter().map(|log_p| log_p.exp()).sum();
             assert!((sum - 1.0).abs() < 1e-9, "{sum}");
         }

@@ -272,16 +272,17 @@ impl TactNet {
     ///
     /// # Panics
     /// If `statistics` does not hold one entry for each block and one for the dense layer.
-    pub fn follow(&mut self, statistics: &[BatchStatistics]) {
+    pub fn update_running_stats(&mut self, statistics: &[BatchStatistics]) {
         assert_eq!(
             statistics.len(),
             self.blocks.len() + 1,
             "one entry for each normalised layer"
         );
         for (block, batch) in self.blocks.iter_mut().zip(statistics) {
-            block.follow(batch);
+            block.update_running_stats(batch);
         }
-        self.hidden.follow(&statistics[self.blocks.len()]);
+        self.hidden
+            .update_running_stats(&statistics[self.blocks.len()]);
     }
 
     /// Features with frozen statistics: `[batch, 1, steps, taxels] -> [batch, features]`.

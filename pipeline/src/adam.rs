@@ -9,7 +9,7 @@ use burn::optim::{
     Adam, AdamConfig, AdamState, AdaptiveMomentumState, LearningRate, ModuleOptimizer, Optimizer,
 };
 use burn::tensor::{Device, Tensor};
-use tactnet_models::{AdamStep, adam_update, is_processor};
+use tactnet_models::{AdamStep, adam_update, is_cpu};
 
 const BETA: [f32; 2] = [0.9, 0.999];
 const EPSILON: f32 = 1e-8;
@@ -45,7 +45,7 @@ impl Optimizer for FusedAdam {
         gradient: Tensor<D>,
         state: Option<AdamState<D>>,
     ) -> (Tensor<D>, Option<AdamState<D>>) {
-        if !is_processor(&tensor.device()) {
+        if !is_cpu(&tensor.device()) {
             return self.composed.step(learning_rate, tensor, gradient, state);
         }
         let (time, first, second) = match state.map(|state| state.momentum) {

@@ -10,7 +10,7 @@ use tactnet_models::{
 use crate::arrays::{get, get_doubles, get_indices, put, put_doubles, put_indices};
 use crate::extractor::Extractor;
 use crate::scaler::Scaler;
-use crate::{ClassifierConfig, FeatureSet, Levels, PipelineError};
+use crate::{ClassifierConfig, FeatureSet, MeanRemoval, PipelineError};
 
 /// How a baseline comes about.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -21,8 +21,8 @@ pub struct BaselineRecipe {
     /// What is computed from a sweep.
     pub features: FeatureSet,
     /// Whether the mean of each taxel over a sweep may be used.
-    #[serde(default, skip_serializing_if = "Levels::are_kept")]
-    pub levels: Levels,
+    #[serde(default, skip_serializing_if = "MeanRemoval::is_none")]
+    pub levels: MeanRemoval,
     /// What happens to the features.
     #[serde(default)]
     pub scaling: FeatureScaling,
@@ -102,7 +102,7 @@ impl BaselineRecipe {
 }
 
 /// A fitted classifier on features.
-pub(crate) enum Reader {
+pub(crate) enum FittedClassifier {
     Knn(Knn),
     Svm(Svm, PlattSigmoids),
     /// With the inverse temperature of its scores.
@@ -113,7 +113,7 @@ pub(crate) enum Reader {
 pub(crate) struct Baseline {
     pub extractor: Extractor,
     pub scaler: Option<Scaler>,
-    pub reader: Reader,
+    pub reader: FittedClassifier,
 }
 
 impl Baseline {
@@ -124,11 +124,11 @@ impl Baseline {
             scaler.apply(&mut features);
         }
         match &self.reader {
-            Reader::Knn(knn) => knn.log_probabilities(&features),
-            Reader::Svm(svm, sigmoids) => {
+            FittedClassifier::Knn(knn) => knn.log_probabilities(&features),
+            FittedClassifier::Svm(svm, sigmoids) => {
                 svm.log_probabilities(&svm.decisions(&features), sigmoids)
             }
-            Reader::Ridge(ridge, inverse_temperature) => ridge
+            FittedClassifier::Ridge(ridge, inverse_temperature) => ridge
                 .scores(&features)
                 .iter()
                 .map(|row| {
@@ -151,12 +151,12 @@ impl Baseline {
             scaler.save(w);
         }
         match &self.reader {
-            Reader::Knn(knn) => {
+            FittedClassifier::Knn(knn) => {
                 put(w, "knn.features", knn.features.values().to_vec());
                 put_indices(w, "knn.labels", &knn.labels);
                 put_indices(w, "knn.neighbours", &[knn.neighbours]);
             }
-            Reader::Svm(svm, sigmoids) => {
+            FittedClassifier::Svm(svm, sigmoids) => {
                 put(w, "svm.features", svm.features.values().to_vec());
                 put_doubles(w, "svm.gamma", &[svm.gamma]);
                 let counts: Vec<usize> = svm.pairs.iter().map(|pair| pair.rows.len()).collect();
@@ -170,7 +170,7 @@ impl Baseline {
                 put_doubles(w, "svm.rho", &rho);
                 put_doubles(w, "svm.platt", sigmoids.0.as_flattened());
             }
-            Reader::Ridge(ridge, inverse_temperature) => {
+            FittedClassifier::Ridge(ridge, inverse_temperature) => {
                 put(w, "ridge.coefficients", ridge.coefficients.clone());
                 put_doubles(w, "ridge.intercepts", &ridge.intercepts);
                 put_doubles(w, "ridge.penalty", &[ridge.penalty]);
@@ -208,7 +208,7 @@ impl Baseline {
             Ok::<_, PipelineError>(values[0])
         };
         let reader = match recipe.classifier {
-            ClassicalClassifier::Knn { .. } => Reader::Knn(Knn {
+            ClassicalClassifier::Knn { .. } => FittedClassifier::Knn(Knn {
                 features: features("knn.features")?,
                 labels: get_indices(weights, "knn.labels")?,
                 materials,
@@ -237,7 +237,7 @@ impl Baseline {
                     &rho,
                 );
                 let sigmoids = platt.chunks_exact(2).map(|s| [s[0], s[1]]).collect();
-                Reader::Svm(svm, PlattSigmoids(sigmoids))
+                FittedClassifier::Svm(svm, PlattSigmoids(sigmoids))
             }
             ClassicalClassifier::Ridge { .. } => {
                 let ridge = Ridge {
@@ -251,7 +251,7 @@ impl Baseline {
                     width * materials,
                 )?;
                 of_length("ridge.intercepts", ridge.intercepts.len(), materials)?;
-                Reader::Ridge(ridge, one("ridge.inverse_temperature")?)
+                FittedClassifier::Ridge(ridge, one("ridge.inverse_temperature")?)
             }
         };
         let scaler = match recipe.scaling {

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use tactnet_data::{Fold, Seed};
 use tactnet_models::{
-    Features, Gram, Knn, Ridge, Svm, Weights, first_largest, fit_inverse_temperature, fit_platt,
+    Features, Gram, Knn, Ridge, Svm, Weights, argmax, fit_inverse_temperature, fit_platt,
 };
 
-use crate::baseline::{Baseline, Reader, svm_grid};
+use crate::baseline::{Baseline, FittedClassifier, svm_grid};
 use crate::extractor::Extractor;
 use crate::scaler::Scaler;
 use crate::{BaselineRecipe, ClassicalClassifier, FeatureScaling, PipelineError};
@@ -107,14 +107,14 @@ pub fn fit_baseline(
         ClassicalClassifier::Knn { neighbours } => {
             let k = choose(neighbours, fold, &train, &mut say, |&k, fit, held| {
                 let scores = knn(fit.0, fit.1, train.materials, k).log_probabilities(held);
-                Ok(scores.iter().map(|row| first_largest(row)).collect())
+                Ok(scores.iter().map(|row| argmax(row)).collect())
             })?;
             if neighbours.len() > 1 {
                 chosen.insert("neighbours".into(), k as f64);
             }
             let (features, _, scaler) = train.part(&everything, &[]);
             (
-                Reader::Knn(knn(features, train.labels, train.materials, k)),
+                FittedClassifier::Knn(knn(features, train.labels, train.materials, k)),
                 scaler,
             )
         }
@@ -141,7 +141,7 @@ pub fn fit_baseline(
             let sigmoids = fit_platt(&decisions, &labels, train.materials)?;
             let (features, _, scaler) = train.part(&everything, &[]);
             let svm = Svm::fit(&features, &train.labels, train.materials, settings)?;
-            (Reader::Svm(svm, sigmoids), scaler)
+            (FittedClassifier::Svm(svm, sigmoids), scaler)
         }
         ClassicalClassifier::Ridge { penalties } => {
             let Train {
@@ -167,7 +167,7 @@ pub fn fit_baseline(
             let ridge = Ridge::fit(&features, gram, &labels, materials, penalties)?;
             chosen.insert("penalty".into(), ridge.penalty);
             chosen.insert("temperature".into(), 1.0 / inverse);
-            (Reader::Ridge(ridge, inverse), scaler)
+            (FittedClassifier::Ridge(ridge, inverse), scaler)
         }
     };
     let baseline = Baseline {

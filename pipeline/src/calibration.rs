@@ -4,21 +4,21 @@
 //! Sadinle et al., 2019), so they hold for new sweeps of the same materials, whatever the network.
 
 use serde::{Deserialize, Serialize};
-use tactnet_models::first_largest;
+use tactnet_models::argmax;
 
-use crate::{Embedding, PipelineError, Strangeness, StrangenessScore};
+use crate::{Embedding, NoveltyScore, NoveltyScorer, PipelineError};
 
 /// What a calibrated classifier promises.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Promise {
+pub struct CalibrationTarget {
     /// Share of sweeps of known materials that may be called unknown, 0 to 1.
     pub false_alarms: f64,
     /// Share of sweeps whose material is to be in the prediction set, 0 to 1.
     pub coverage: f64,
 }
 
-impl Default for Promise {
+impl Default for CalibrationTarget {
     fn default() -> Self {
         Self {
             false_alarms: 0.05,
@@ -27,7 +27,7 @@ impl Default for Promise {
     }
 }
 
-impl Promise {
+impl CalibrationTarget {
     /// Whether order statistics of `sweeps` sweeps can keep it.
     ///
     /// # Errors
@@ -39,7 +39,7 @@ impl Promise {
         if bounds.iter().all(|bound| bound.is_finite()) {
             return Ok(());
         }
-        Err(PipelineError::Misfit {
+        Err(PipelineError::Incompatible {
             item: "calibration",
             expected: format!(
                 "enough sweeps for {} % false alarms and {} % coverage",
@@ -58,9 +58,9 @@ pub struct Calibration {
     /// Version of this layout.
     pub schema_version: u32,
     /// What was promised.
-    pub promise: Promise,
+    pub promise: CalibrationTarget,
     /// What tells unknown materials.
-    pub score: StrangenessScore,
+    pub score: NoveltyScore,
     /// A sweep with a larger score is unknown.
     pub threshold: f64,
     /// Materials of at least this probability are in the prediction set.
@@ -89,9 +89,9 @@ impl Calibration {
     /// # Errors
     /// Too few sweeps for the promise; a model that is no network.
     pub fn fit(
-        promise: Promise,
-        score: StrangenessScore,
-        strangeness: &Strangeness<'_>,
+        promise: CalibrationTarget,
+        score: NoveltyScore,
+        strangeness: &NoveltyScorer<'_>,
         held_out: &Embedding,
     ) -> Result<Self, PipelineError> {
         promise.check(held_out.len())?;
@@ -117,7 +117,7 @@ impl Calibration {
     /// A model that is no network.
     pub fn judge(
         &self,
-        strangeness: &Strangeness<'_>,
+        strangeness: &NoveltyScorer<'_>,
         embedding: &Embedding,
     ) -> Result<Vec<Verdict>, PipelineError> {
         let scores = strangeness.score(self.score, embedding)?;
@@ -148,7 +148,7 @@ pub fn least_probability(log_probabilities: &[Vec<f64>], labels: &[usize], cover
 
 /// Every material of at least that probability, and the most probable one.
 pub fn prediction_set(log_probabilities: &[f64], least_probability: f64) -> Vec<usize> {
-    let best = first_largest(log_probabilities);
+    let best = argmax(log_probabilities);
     (0..log_probabilities.len())
         .filter(|&label| {
             label == best || 1.0 - log_probabilities[label].exp() <= 1.0 - least_probability

@@ -138,7 +138,7 @@ impl Classifier {
 
     /// Scores every sweep of `view`. Its materials are found by their names, in whatever order; the classifier may know more.
     ///
-    /// The `runs` Monte Carlo masks are drawn once from the classifier's seed: run `m` stands for the same draw of the
+    /// The `mc_samples` Monte Carlo masks are drawn once from the classifier's seed: run `m` stands for the same draw of the
     /// weights for every sweep, so a sweep's score does not depend on its neighbours.
     ///
     /// # Errors
@@ -155,7 +155,7 @@ impl Classifier {
                 baseline.log_probabilities(view)
             }
             (Model::Baseline(_), PredictionMethod::McDropout { .. }) => {
-                return Err(PipelineError::Misfit {
+                return Err(PipelineError::Incompatible {
                     item: "prediction",
                     expected: "to be asked plainly, as it has no dropout".into(),
                     found: "to do with this; asked was Monte Carlo dropout".into(),
@@ -187,18 +187,18 @@ impl Classifier {
         Ok(self.scorer()?.embed(view))
     }
 
-    /// How much `runs` dropout masks disagree about every sweep: mutual information of label and weights, nats.
+    /// How much `mc_samples` dropout masks disagree about every sweep: mutual information of label and weights, nats.
     ///
     /// # Errors
     /// A model that is no network.
     pub fn mutual_information(
         &self,
         embedding: &Embedding,
-        runs: usize,
+        mc_samples: usize,
     ) -> Result<Vec<f64>, PipelineError> {
         Ok(self
             .scorer()?
-            .mutual_information(&embedding.convolution, runs))
+            .mutual_information(&embedding.convolution, mc_samples))
     }
 
     /// The trained network.
@@ -209,18 +209,18 @@ impl Classifier {
         Ok(self.scorer()?.net())
     }
 
-    /// The dropout masks of a Monte Carlo prediction, for other forms of the network: `[runs][features]`.
+    /// The dropout masks of a Monte Carlo prediction, for other forms of the network: `[mc_samples][features]`.
     ///
     /// # Errors
     /// A model that is no network.
-    pub fn masks(&self, runs: usize) -> Result<Vec<f32>, PipelineError> {
-        Ok(self.scorer()?.mask_values(runs))
+    pub fn masks(&self, mc_samples: usize) -> Result<Vec<f32>, PipelineError> {
+        Ok(self.scorer()?.mask_values(mc_samples))
     }
 
     pub(crate) fn scorer(&self) -> Result<&NetworkScorer, PipelineError> {
         match &self.model {
             Model::Network(network) => Ok(network),
-            Model::Baseline(_) => Err(PipelineError::Misfit {
+            Model::Baseline(_) => Err(PipelineError::Incompatible {
                 item: "embedding",
                 expected: "none, as it is no network".into(),
                 found: "sweeps to embed".into(),
@@ -240,7 +240,7 @@ impl Classifier {
         (0..view.len())
             .map(|position| {
                 let label = view.label(position);
-                found[label].ok_or_else(|| PipelineError::Misfit {
+                found[label].ok_or_else(|| PipelineError::Incompatible {
                     item: "materials",
                     expected: format!(
                         "some of its {} ({}, …)",
@@ -261,7 +261,7 @@ impl Classifier {
         } = &self.config;
         let dataset = view.dataset();
         let misfit = |item, expected: String, found: String| {
-            Err(PipelineError::Misfit {
+            Err(PipelineError::Incompatible {
                 item,
                 expected,
                 found,

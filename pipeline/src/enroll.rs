@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use tactnet_data::{LabelSet, SweepView};
 use tactnet_models::{WeightPrior, Weights, fit_new_class};
 
-use crate::{Classifier, ClassifierConfig, KnownSweeps, PipelineError};
+use crate::{Classifier, ClassifierConfig, PipelineError, TrainEmbeddings};
 
 /// A classifier with one more material.
 #[derive(Debug, Clone)]
@@ -14,7 +14,7 @@ pub struct Enrolled {
     /// With a row more in the output layer.
     pub weights: Weights,
     /// With the new sweeps.
-    pub known: KnownSweeps,
+    pub known: TrainEmbeddings,
 }
 
 /// `enrolled.json`: where the materials come from that were added to a trained classifier.
@@ -48,7 +48,7 @@ const WEAKER: f64 = 10.0;
 /// A name that is known already; sweeps of another shape or rate; a model that is no network; a fit that does not end.
 pub fn enroll(
     classifier: &Classifier,
-    known: &KnownSweeps,
+    known: &TrainEmbeddings,
     sweeps: &SweepView<'_>,
     material: &str,
 ) -> Result<Enrolled, PipelineError> {

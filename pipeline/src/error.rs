@@ -52,7 +52,7 @@ pub enum PipelineError {
     },
     /// Sweeps that do not fit the classifier.
     #[error("{item}: the classifier expects {expected}, the data set has {found}")]
-    Misfit {
+    Incompatible {
         /// What differs.
         item: &'static str,
         /// What the classifier was trained on.

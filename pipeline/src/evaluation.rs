@@ -5,7 +5,7 @@ use tactnet_data::{Seed, SweepView};
 
 use crate::{Classifier, Estimate, FusedAccuracy, PipelineError, PredictionMethod, Predictions};
 
-/// Predicts `view` plainly and, where the model has dropout, with `runs` passes of MC dropout: name of the way, predictions, what
+/// Predicts `view` plainly and, where the model has dropout, with `mc_samples` passes of MC dropout: name of the way, predictions, what
 /// they are worth.
 ///
 /// # Errors
@@ -13,13 +13,13 @@ use crate::{Classifier, Estimate, FusedAccuracy, PipelineError, PredictionMethod
 pub fn evaluate_all_ways(
     classifier: &Classifier,
     view: &SweepView<'_>,
-    runs: usize,
+    mc_samples: usize,
     sweeps: usize,
     seed: Seed,
 ) -> Result<Vec<(&'static str, Predictions, Evaluation)>, PipelineError> {
     let mut methods = vec![PredictionMethod::Plain];
     if classifier.has_dropout() {
-        methods.push(PredictionMethod::McDropout { runs });
+        methods.push(PredictionMethod::McDropout { mc_samples });
     }
     methods
         .into_iter()

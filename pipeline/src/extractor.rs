@@ -10,7 +10,7 @@ use crate::hydra::Hydra;
 use crate::rocket::{Kernels, Order, Pooling, WAYS, Workspace};
 use crate::series::Series;
 use crate::spectrum::{HighFeatures, LowFeatures};
-use crate::{Levels, PipelineError};
+use crate::{MeanRemoval, PipelineError};
 
 /// MiniRocket's features, rounded down to a multiple of 84 (Dempster et al., 2021).
 const MINIROCKET_FEATURES: usize = 10_000;
@@ -41,8 +41,8 @@ impl FeatureSet {
     pub fn check(self, shape: SweepShape, rate: f64) -> Result<(), PipelineError> {
         match self {
             Self::Means => Ok(()),
-            Self::L => LowFeatures::new(shape, rate, Levels::Kept).map(|_| ()),
-            Self::H => HighFeatures::new(shape, rate, Levels::Kept).map(|_| ()),
+            Self::L => LowFeatures::new(shape, rate, MeanRemoval::None).map(|_| ()),
+            Self::H => HighFeatures::new(shape, rate, MeanRemoval::None).map(|_| ()),
             Self::MiniRocket | Self::MultiRocketHydra => enough_steps(shape),
         }
     }
@@ -51,7 +51,7 @@ impl FeatureSet {
 /// A feature set, fitted where it has something to fit.
 pub(crate) struct Extractor {
     shape: SweepShape,
-    levels: Levels,
+    levels: MeanRemoval,
     kind: Kind,
 }
 
@@ -74,7 +74,7 @@ impl Extractor {
     /// Sweeps that are too short for the feature set.
     pub fn fit(
         set: FeatureSet,
-        levels: Levels,
+        levels: MeanRemoval,
         train: &TrainSplit<'_>,
         seed: Seed,
     ) -> Result<Self, PipelineError> {
@@ -125,7 +125,7 @@ impl Extractor {
 
     fn unfitted(
         set: FeatureSet,
-        levels: Levels,
+        levels: MeanRemoval,
         shape: SweepShape,
         rate: f64,
     ) -> Result<Self, PipelineError> {
@@ -147,7 +147,7 @@ impl Extractor {
     /// Tensors that are missing or do not belong together.
     pub fn load(
         set: FeatureSet,
-        levels: Levels,
+        levels: MeanRemoval,
         shape: SweepShape,
         rate: f64,
         weights: &Weights,
@@ -265,8 +265,8 @@ impl Extractor {
 }
 
 /// Mean of every taxel; exactly zero where levels are removed, so that rounding cannot tell materials apart.
-fn write_means(sweep: &[f32], levels: Levels, out: &mut [f32]) {
-    if levels == Levels::Removed {
+fn write_means(sweep: &[f32], levels: MeanRemoval, out: &mut [f32]) {
+    if levels == MeanRemoval::PerSweep {
         out.fill(0.0);
         return;
     }
@@ -287,7 +287,7 @@ fn enough_steps(shape: SweepShape) -> Result<(), PipelineError> {
     if shape.steps >= LEAST {
         return Ok(());
     }
-    Err(PipelineError::Misfit {
+    Err(PipelineError::Incompatible {
         item: "sweeps",
         expected: format!("at least {LEAST} steps for random convolution kernels"),
         found: format!("{} steps", shape.steps),

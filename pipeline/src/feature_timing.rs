@@ -4,7 +4,7 @@ use tactnet_data::{Seed, SweepView, TrainSplit};
 use tactnet_models::Features;
 
 use crate::extractor::Extractor;
-use crate::{FeatureSet, Levels, PipelineError};
+use crate::{FeatureSet, MeanRemoval, PipelineError};
 
 /// Computes a feature set as baselines do, so that its time can be measured by itself.
 #[doc(hidden)]
@@ -16,7 +16,7 @@ impl FeatureTimer {
     /// # Errors
     /// Sweeps that are too short for the feature set.
     pub fn fit(set: FeatureSet, train: &TrainSplit<'_>, seed: Seed) -> Result<Self, PipelineError> {
-        Extractor::fit(set, Levels::Kept, train, seed).map(Self)
+        Extractor::fit(set, MeanRemoval::None, train, seed).map(Self)
     }
 
     /// Features of every sweep of `view`: `[sweeps][width]`.

@@ -3,7 +3,7 @@
 use tactnet_data::SweepShape;
 use tactnet_models::{Features, Gram, NamedTensor, Ridge, Weights};
 
-use crate::Levels;
+use crate::MeanRemoval;
 use crate::arrays::get;
 use crate::extractor::{load_kernels, load_lists};
 use crate::hydra::Hydra;
@@ -191,8 +191,8 @@ fn spectral_features_are_numpys() {
             cols: taxels,
         };
         let rate = f64::from(of("rate").values[0]);
-        let low = LowFeatures::new(shape, rate, Levels::Kept).unwrap();
-        let high = HighFeatures::new(shape, rate, Levels::Kept).unwrap();
+        let low = LowFeatures::new(shape, rate, MeanRemoval::None).unwrap();
+        let high = HighFeatures::new(shape, rate, MeanRemoval::None).unwrap();
         let (mut found_low, mut found_high) = (Vec::new(), Vec::new());
         for sweep in sweeps.values.chunks_exact(shape.values()) {
             found_low.extend(low.of(sweep));
@@ -209,7 +209,7 @@ fn spectral_features_are_numpys() {
             rows: 4,
             cols: 4,
         };
-        HighFeatures::new(shape, rate, Levels::Kept)
+        HighFeatures::new(shape, rate, MeanRemoval::None)
             .unwrap()
             .width()
     };
@@ -224,7 +224,7 @@ fn a_sweep_without_room_for_a_window_is_refused() {
         rows: 4,
         cols: 4,
     };
-    let refused = HighFeatures::new(shape, 750.0, Levels::Kept)
+    let refused = HighFeatures::new(shape, 750.0, MeanRemoval::None)
         .err()
         .unwrap()
         .to_string();
@@ -232,7 +232,7 @@ fn a_sweep_without_room_for_a_window_is_refused() {
         refused.contains("0.1 s") && refused.contains("60 steps at 750 Hz"),
         "{refused}"
     );
-    let refused = LowFeatures::new(shape, 30.0, Levels::Kept)
+    let refused = LowFeatures::new(shape, 30.0, MeanRemoval::None)
         .err()
         .unwrap()
         .to_string();

@@ -19,6 +19,7 @@ mod confusion_picture;
 mod embedding;
 mod enroll;
 mod error;
+mod evaluate_run;
 mod evaluation;
 mod extractor;
 mod feature_timing;
@@ -26,13 +27,12 @@ mod fit_mlp;
 #[cfg(test)]
 mod golden;
 mod hydra;
-mod judge;
-mod known;
-mod levels;
+mod mean_removal;
 mod metrics;
 mod model_recipe;
 mod network_scorer;
 mod normalize;
+mod novelty;
 mod objective;
 mod online;
 mod onnx;
@@ -47,7 +47,7 @@ mod run_dir;
 mod scaler;
 mod series;
 mod spectrum;
-mod strangeness;
+mod train_embeddings;
 mod train_network;
 mod training;
 mod write_whole;
@@ -57,12 +57,13 @@ pub use baseline::{BaselineRecipe, ClassicalClassifier, FeatureScaling};
 pub use baseline_fit::{BaselineFit, fit_baseline};
 pub use burn::tensor::Device;
 pub use calibration::{
-    Calibration, Promise, Verdict, least_probability, prediction_set, upper_quantile,
+    Calibration, CalibrationTarget, Verdict, least_probability, prediction_set, upper_quantile,
 };
 pub use classifier::{Classifier, ClassifierConfig, ModelConfig, TactNetSetup};
 pub use embedding::Embedding;
 pub use enroll::{Enrolled, EnrolledMaterial, enroll};
 pub use error::PipelineError;
+pub use evaluate_run::{TrainingSummary, evaluate_run};
 pub use evaluation::{Evaluation, evaluate_all_ways};
 pub use extractor::FeatureSet;
 #[doc(hidden)]
@@ -70,12 +71,11 @@ pub use feature_timing::FeatureTimer;
 pub use fit_mlp::{
     MlpTraining, SweepPair, fit_difference, fit_embedding, fit_labels, predict_difference,
 };
-pub use judge::{Trained, judge};
-pub use known::KnownSweeps;
-pub use levels::Levels;
+pub use mean_removal::MeanRemoval;
 pub use metrics::{Estimate, FusedAccuracy};
 pub use model_recipe::ModelRecipe;
 pub use normalize::{Normalizer, Scaling};
+pub use novelty::{NoveltyScore, NoveltyScorer};
 pub use objective::{Pass, Perturbation, adversarial_pass, base_pass};
 pub use online::{OnlineClassifier, SweepBelief};
 pub use onnx::{to_onnx, to_safetensors};
@@ -89,7 +89,7 @@ pub use recipe::{
 pub use result::{RunResult, describe_split};
 pub use run_config::{EpochMetrics, LabelOrder, RunConfig};
 pub use run_dir::RunDir;
-pub use strangeness::{Strangeness, StrangenessScore};
+pub use train_embeddings::TrainEmbeddings;
 pub use train_network::train_network;
 pub use training::{BatchReport, Position, Training, TrainingState};
 pub use write_whole::{UNFINISHED, write_whole};

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{BaselineRecipe, Levels, PipelineError, PredictionMethod, Recipe};
+use crate::{BaselineRecipe, MeanRemoval, PipelineError, PredictionMethod, Recipe};
 
 /// Recipes of baselines that ship with the binary, by name.
 const BASELINES: [(&str, &str); 7] = [
@@ -103,7 +103,7 @@ impl ModelRecipe {
     }
 
     /// Whether the mean of each taxel over a sweep may be used.
-    pub fn levels(&self) -> Levels {
+    pub fn levels(&self) -> MeanRemoval {
         match self {
             Self::TactNet2(recipe) => recipe.input.levels,
             Self::Baseline(recipe) => recipe.levels,
@@ -111,7 +111,7 @@ impl ModelRecipe {
     }
 
     /// The same recipe with other levels.
-    pub fn with_levels(mut self, levels: Levels) -> Self {
+    pub fn with_levels(mut self, levels: MeanRemoval) -> Self {
         match &mut self {
             Self::TactNet2(recipe) => recipe.input.levels = levels,
             Self::Baseline(recipe) => recipe.levels = levels,

@@ -58,7 +58,7 @@ impl NetworkScorer {
     ) -> Vec<Vec<f64>> {
         let masks = match method {
             PredictionMethod::Plain => None,
-            PredictionMethod::McDropout { runs } => Some(self.masks(runs)),
+            PredictionMethod::McDropout { mc_samples } => Some(self.masks(mc_samples)),
         };
         let positions: Vec<usize> = (0..view.len()).collect();
         let mut rows = Vec::with_capacity(view.len());
@@ -94,31 +94,31 @@ impl NetworkScorer {
     }
 
     /// How much the dropout masks disagree about every sweep, nats; see [`mutual_information`].
-    pub fn mutual_information(&self, convolution: &Features, runs: usize) -> Vec<f64> {
-        let masks = self.masks(runs);
+    pub fn mutual_information(&self, convolution: &Features, mc_samples: usize) -> Vec<f64> {
+        let masks = self.masks(mc_samples);
         let mut mean = vec![0.0; self.network.materials()];
         let features = matrix(convolution, &self.device);
         (0..convolution.len())
             .map(|sweep| {
-                let runs = self.run_log_probabilities(&features, sweep, &masks);
-                log_mean_exp_into(&runs, &mut mean);
-                mutual_information(&runs, &mean)
+                let mc_samples = self.run_log_probabilities(&features, sweep, &masks);
+                log_mean_exp_into(&mc_samples, &mut mean);
+                mutual_information(&mc_samples, &mean)
             })
             .collect()
     }
 
-    /// The same network for one sweep as it happens, with `runs` masks.
-    pub fn streaming(&self, runs: usize) -> StreamingNet {
-        let masks = match runs {
+    /// The same network for one sweep as it happens, with `mc_samples` masks.
+    pub fn streaming(&self, mc_samples: usize) -> StreamingNet {
+        let masks = match mc_samples {
             0 => Vec::new(),
-            runs => values(self.masks(runs)),
+            mc_samples => values(self.masks(mc_samples)),
         };
         StreamingNet::new(&self.net, &self.network, &masks)
     }
 
-    /// `[runs][features]`: the masks behind a Monte Carlo prediction, for other forms of the network.
-    pub fn mask_values(&self, runs: usize) -> Vec<f32> {
-        values(self.masks(runs))
+    /// `[mc_samples][features]`: the masks behind a Monte Carlo prediction, for other forms of the network.
+    pub fn mask_values(&self, mc_samples: usize) -> Vec<f32> {
+        values(self.masks(mc_samples))
     }
 
     /// What is done to a frame before.
@@ -145,20 +145,20 @@ impl NetworkScorer {
         Tensor::from_data(TensorData::new(values, extents), &self.device)
     }
 
-    /// `[runs, features]`
-    fn masks(&self, runs: usize) -> Tensor<2> {
+    /// `[mc_samples, features]`
+    fn masks(&self, mc_samples: usize) -> Tensor<2> {
         let mut drawn = self.masks.lock().unwrap_or_else(PoisonError::into_inner);
         match &*drawn {
-            Some((known, masks)) if *known == runs => masks.clone(),
+            Some((known, masks)) if *known == mc_samples => masks.clone(),
             _ => {
                 let masks = dropout_masks(
-                    runs,
+                    mc_samples,
                     self.network.features(),
                     self.network.architecture().keep_probability,
                     &self.device,
                     &mut self.seed.rng("monte carlo dropout"),
                 );
-                *drawn = Some((runs, masks.clone()));
+                *drawn = Some((mc_samples, masks.clone()));
                 masks
             }
         }
@@ -178,14 +178,14 @@ impl NetworkScorer {
         (0..sweeps)
             .map(|sweep| {
                 let mut mean = vec![0.0; self.network.materials()];
-                let runs = self.run_log_probabilities(&features, sweep, masks);
-                log_mean_exp_into(&runs, &mut mean);
+                let mc_samples = self.run_log_probabilities(&features, sweep, masks);
+                log_mean_exp_into(&mc_samples, &mut mean);
                 mean
             })
             .collect()
     }
 
-    /// `[runs][materials]`
+    /// `[mc_samples][materials]`
     fn run_log_probabilities(
         &self,
         features: &Tensor<2>,
@@ -195,10 +195,13 @@ impl NetworkScorer {
         let materials = self.network.materials();
         let rows = features.clone().narrow(0, sweep, 1) * masks.clone();
         let scores = values(self.net.head(rows));
-        let mut runs = vec![0.0; scores.len()];
-        for (run, scores) in runs.chunks_mut(materials).zip(scores.chunks(materials)) {
-            log_softmax_into(scores, run);
+        let mut mc_samples = vec![0.0; scores.len()];
+        for (sample, scores) in mc_samples
+            .chunks_mut(materials)
+            .zip(scores.chunks(materials))
+        {
+            log_softmax_into(scores, sample);
         }
-        runs
+        mc_samples
     }
 }

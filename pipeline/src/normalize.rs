@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use tactnet_data::{SweepShape, SweepView, TrainSplit};
 
-use crate::Levels;
+use crate::MeanRemoval;
 
 /// What to fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -24,13 +24,13 @@ pub struct Normalizer {
     offset: Vec<f32>,
     /// `[taxels]`, per digit
     gain: Vec<f32>,
-    #[serde(default, skip_serializing_if = "Levels::are_kept")]
-    levels: Levels,
+    #[serde(default, skip_serializing_if = "MeanRemoval::is_none")]
+    levels: MeanRemoval,
 }
 
 impl Normalizer {
     /// Fits `scaling` to the training sweeps; a taxel that never changes keeps a gain of one.
-    pub fn fit(scaling: Scaling, levels: Levels, train: &TrainSplit<'_>) -> Self {
+    pub fn fit(scaling: Scaling, levels: MeanRemoval, train: &TrainSplit<'_>) -> Self {
         let taxels = train.shape().taxels();
         match scaling {
             Scaling::Digits => Self {
@@ -88,12 +88,12 @@ impl Normalizer {
 
     /// Whether it removes levels, which are known only after the last frame.
     pub fn needs_whole_sweep(&self) -> bool {
-        !self.levels.are_kept()
+        !self.levels.is_none()
     }
 }
 
 /// Two passes in `f64`: means first, then squared deviations, so that large offsets do not cost digits.
-fn per_taxel(train: &SweepView<'_>, levels: Levels) -> Normalizer {
+fn per_taxel(train: &SweepView<'_>, levels: MeanRemoval) -> Normalizer {
     let taxels = train.shape().taxels();
     let frames = (train.len() * train.shape().steps) as f64;
     let mut mean = vec![0.0_f64; taxels];
@@ -127,7 +127,7 @@ fn per_taxel(train: &SweepView<'_>, levels: Levels) -> Normalizer {
     }
 }
 
-fn for_each_frame(view: &SweepView<'_>, levels: Levels, mut visit: impl FnMut(&[f32])) {
+fn for_each_frame(view: &SweepView<'_>, levels: MeanRemoval, mut visit: impl FnMut(&[f32])) {
     let shape = view.shape();
     let mut sweep = vec![0.0; shape.values()];
     for position in 0..view.len() {

@@ -4,7 +4,7 @@ use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::GradientsParams;
 use burn::tensor::{Gradients, Int, Tensor, TensorData};
 use rayon::prelude::*;
-use tactnet_models::{BatchStatistics, TactNet, cross_entropy, is_processor, values};
+use tactnet_models::{BatchStatistics, TactNet, cross_entropy, is_cpu, values};
 
 /// Values that a thread takes at once.
 const RUN: usize = 1 << 14;
@@ -102,7 +102,7 @@ pub fn adversarial_pass(
 /// `sweeps + epsilon sign(gradient)`; on the processor in one pass, where they lie.
 fn perturbed(sweeps: Tensor<4>, gradient: Tensor<4>, epsilon: f64) -> Tensor<4> {
     let device = sweeps.device();
-    if !is_processor(&device) {
+    if !is_cpu(&device) {
         return sweeps + gradient.sign().mul_scalar(epsilon);
     }
     let extents = sweeps.dims();
@@ -150,7 +150,7 @@ fn pass(
 /// `first + second`; on the processor on all threads.
 fn added<const D: usize>(first: Tensor<D>, second: Tensor<D>) -> Tensor<D> {
     let device = first.device();
-    if !is_processor(&device) {
+    if !is_cpu(&device) {
         return first + second;
     }
     let extents = first.dims();

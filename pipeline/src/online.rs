@@ -12,9 +12,7 @@ use tactnet_models::{
     Belief, StreamingNet, entropy, log_mean_exp_into, log_softmax_into, mutual_information,
 };
 
-use crate::{
-    Calibration, Classifier, ClassifierConfig, Normalizer, PipelineError, StrangenessScore,
-};
+use crate::{Calibration, Classifier, ClassifierConfig, Normalizer, NoveltyScore, PipelineError};
 
 /// Follows one sweep at a time, and fuses the sweeps of one object.
 #[derive(Debug)]
@@ -27,11 +25,11 @@ pub struct OnlineClassifier {
     frame: Vec<f32>,
     /// `[materials]`: the newest judgement
     log_probability: Vec<f64>,
-    /// `[runs][materials]`
-    runs: Vec<f64>,
+    /// `[mc_samples][materials]`
+    mc_samples: Vec<f64>,
     /// Minus the energy of the newest judgement.
     log_total: f64,
-    /// Strangeness by the plain scores of this sweep.
+    /// NoveltyScorer by the plain scores of this sweep.
     plain_strangeness: Option<f64>,
     fused: Belief,
 }
@@ -55,16 +53,16 @@ impl OnlineClassifier {
     /// For sweeps of the shape and rate of `classifier`'s.
     ///
     /// - `calibration`: tells unknown materials, see [`Calibration`]
-    /// - `runs`: Monte Carlo dropout masks, the first so many of the offline classifier's; 0: plain judgements only
+    /// - `mc_samples`: Monte Carlo dropout masks, the first so many of the offline classifier's; 0: plain judgements only
     ///
     /// # Errors
     /// A model that needs the whole sweep (a baseline, a network without levels); a strangeness that cannot be had online.
     pub fn new(
         classifier: &Classifier,
         calibration: Option<Calibration>,
-        runs: usize,
+        mc_samples: usize,
     ) -> Result<Self, PipelineError> {
-        let misfit = |expected: &str, found: &str| PipelineError::Misfit {
+        let misfit = |expected: &str, found: &str| PipelineError::Incompatible {
             item: "online classification",
             expected: expected.into(),
             found: found.into(),
@@ -78,18 +76,18 @@ impl OnlineClassifier {
             ));
         }
         match calibration.as_ref().map(|calibration| calibration.score) {
-            Some(StrangenessScore::WhitenedDistance) => {
+            Some(NoveltyScore::WhitenedDistance) => {
                 return Err(misfit(
                     "another measure of strangeness",
                     "the whitened distance",
                 ));
             }
-            Some(StrangenessScore::MutualInformation)
-                if runs != 0 && runs != crate::strangeness::RUNS =>
+            Some(NoveltyScore::MutualInformation)
+                if mc_samples != 0 && mc_samples != crate::novelty::MC_SAMPLES =>
             {
                 return Err(misfit(
                     "as many dropout masks as its calibration, 100, or none",
-                    &runs.to_string(),
+                    &mc_samples.to_string(),
                 ));
             }
             _ => {}
@@ -97,10 +95,10 @@ impl OnlineClassifier {
         let config = classifier.config().clone();
         let materials = config.labels.len();
         Ok(Self {
-            net: scorer.streaming(runs),
+            net: scorer.streaming(mc_samples),
             frame: vec![0.0; normalizer.taxels()],
             log_probability: vec![0.0; materials],
-            runs: vec![0.0; runs * materials],
+            mc_samples: vec![0.0; mc_samples * materials],
             log_total: 0.0,
             plain_strangeness: None,
             fused: Belief::flat(materials),
@@ -116,8 +114,8 @@ impl OnlineClassifier {
     }
 
     /// Number of dropout masks.
-    pub fn runs(&self) -> usize {
-        self.net.runs()
+    pub fn mc_samples(&self) -> usize {
+        self.net.mc_samples()
     }
 
     /// Forgets the sweep that is going on; the next frame is the first of a new one.
@@ -166,8 +164,8 @@ impl OnlineClassifier {
         let largest = self.log_probability.iter().copied();
         let largest = largest.fold(f64::NEG_INFINITY, f64::max);
         self.plain_strangeness = match self.calibration.as_ref().map(|c| c.score) {
-            Some(StrangenessScore::Energy) => Some(-self.log_total),
-            Some(StrangenessScore::LargestProbability) => Some(-largest),
+            Some(NoveltyScore::Energy) => Some(-self.log_total),
+            Some(NoveltyScore::LargestProbability) => Some(-largest),
             _ => None,
         };
         self.belief(None)
@@ -179,14 +177,14 @@ impl OnlineClassifier {
     /// Before the first frame; without masks.
     pub fn judge_by_dropout(&mut self) -> SweepBelief<'_> {
         let materials = self.log_probability.len();
-        let mut rows = self.runs.chunks_exact_mut(materials);
+        let mut rows = self.mc_samples.chunks_exact_mut(materials);
         self.net.monte_carlo_scores(|scores| {
             if let Some(row) = rows.next() {
                 log_softmax_into(scores, row);
             }
         });
-        log_mean_exp_into(&self.runs, &mut self.log_probability);
-        let information = mutual_information(&self.runs, &self.log_probability);
+        log_mean_exp_into(&self.mc_samples, &mut self.log_probability);
+        let information = mutual_information(&self.mc_samples, &self.log_probability);
         self.belief(Some(information))
     }
 
@@ -194,7 +192,7 @@ impl OnlineClassifier {
         let log_p = &self.log_probability;
         // All but the mutual information are defined on the plain scores, and hold for the sweep.
         let strangeness = match self.calibration.as_ref().map(|c| c.score) {
-            Some(StrangenessScore::MutualInformation) => information,
+            Some(NoveltyScore::MutualInformation) => information,
             _ => self.plain_strangeness,
         };
         let threshold = self.calibration.as_ref().map(|c| c.threshold);
@@ -217,7 +215,7 @@ impl OnlineClassifier {
     /// Whether it can tell unknown materials.
     pub fn tells_unknown(&self) -> bool {
         self.calibration.as_ref().is_some_and(|calibration| {
-            calibration.score != StrangenessScore::MutualInformation || self.runs() > 0
+            calibration.score != NoveltyScore::MutualInformation || self.mc_samples() > 0
         })
     }
 

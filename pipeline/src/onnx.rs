@@ -126,11 +126,14 @@ pub fn to_onnx(
     let (steps, taxels) = (config.shape.steps, config.shape.taxels());
     let (features, materials) = (network.features(), network.materials());
     let tensor = |name: &str| -> Result<(&[usize], &[f32]), PipelineError> {
-        let found = weights.0.get(name).ok_or_else(|| PipelineError::Misfit {
-            item: "weights",
-            expected: name.into(),
-            found: "none".into(),
-        })?;
+        let found = weights
+            .0
+            .get(name)
+            .ok_or_else(|| PipelineError::Incompatible {
+                item: "weights",
+                expected: name.into(),
+                found: "none".into(),
+            })?;
         Ok((&found.shape, &found.values))
     };
 
@@ -368,7 +371,7 @@ pub fn to_safetensors(
 fn network_setup(config: &ClassifierConfig) -> Result<&TactNetSetup, PipelineError> {
     match &config.model {
         ModelConfig::TactNet2(setup) => Ok(setup),
-        ModelConfig::Baseline(_) => Err(PipelineError::Misfit {
+        ModelConfig::Baseline(_) => Err(PipelineError::Incompatible {
             item: "export",
             expected: "a network".into(),
             found: "a baseline".into(),

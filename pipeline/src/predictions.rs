@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use tactnet_data::LabelSet;
-use tactnet_models::first_largest;
+use tactnet_models::argmax;
 
 use crate::PredictionMethod;
 
@@ -21,7 +21,7 @@ pub struct SweepScore {
 impl SweepScore {
     /// The most probable label; the lowest among equals.
     pub fn predicted(&self) -> usize {
-        first_largest(&self.log_probability)
+        argmax(&self.log_probability)
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use tactnet_models::Architecture;
 
-use crate::{Augmentation, Levels, PipelineError, Scaling};
+use crate::{Augmentation, MeanRemoval, PipelineError, Scaling};
 
 /// Recipes that ship with the binary, by name.
 const BUILT_IN: [(&str, &str); 2] = [
@@ -39,8 +39,8 @@ pub struct Input {
     /// See [`Scaling`].
     pub scaling: Scaling,
     /// Whether the mean of each taxel over a sweep may be used.
-    #[serde(skip_serializing_if = "Levels::are_kept")]
-    pub levels: Levels,
+    #[serde(skip_serializing_if = "MeanRemoval::is_none")]
+    pub levels: MeanRemoval,
 }
 
 /// Settings of the optimisation (Adam with beta 0.9 and 0.999, epsilon 1e-8).
@@ -134,10 +134,11 @@ pub enum PredictionMethod {
     /// One pass without dropout.
     #[default]
     Plain,
-    /// Mean of the softmax over `runs` passes with dropout kept on and batch norm frozen (Gal & Ghahramani, 2016).
+    /// Mean of the softmax over `mc_samples` passes with dropout kept on and batch norm frozen (Gal & Ghahramani, 2016).
     McDropout {
         /// Number of passes M.
-        runs: usize,
+        #[serde(alias = "runs")]
+        mc_samples: usize,
     },
 }
 
@@ -151,10 +152,10 @@ impl PredictionMethod {
     }
 
     /// Number of Monte Carlo passes, or `otherwise` for a plain prediction.
-    pub fn runs_or(self, otherwise: usize) -> usize {
+    pub fn mc_samples_or(self, otherwise: usize) -> usize {
         match self {
             Self::Plain => otherwise,
-            Self::McDropout { runs } => runs,
+            Self::McDropout { mc_samples } => mc_samples,
         }
     }
 }
@@ -289,8 +290,8 @@ impl Recipe {
                 return wrong("training.method.epsilon", "at least 0", epsilon.to_string());
             }
         }
-        if let PredictionMethod::McDropout { runs: 0 } = self.prediction.method {
-            return wrong("prediction.method.runs", "at least 1", "0".into());
+        if let PredictionMethod::McDropout { mc_samples: 0 } = self.prediction.method {
+            return wrong("prediction.method.mc_samples", "at least 1", "0".into());
         }
         Ok(())
     }
@@ -324,7 +325,7 @@ mod tests {
         assert_eq!(recipe.training.method, adversarial);
         assert_eq!(
             recipe.prediction.method,
-            PredictionMethod::McDropout { runs: 100 }
+            PredictionMethod::McDropout { mc_samples: 100 }
         );
     }
 
@@ -367,7 +368,7 @@ mod tests {
                 "training.learning_rate",
             ),
             ("alpha = 0.5", "alpha = 1.5", "alpha"),
-            ("runs = 100", "runs = 0", "runs"),
+            ("mc_samples = 100", "mc_samples = 0", "mc_samples"),
             ("\"digits\"", "\"volts\"", "volts"),
         ] {
             let message = message(from, to);

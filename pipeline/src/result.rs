@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use tactnet_data::{Seed, SplitManifest};
+use tactnet_data::{DataOrigin, Seed, SplitManifest};
 
 use crate::{Estimate, Evaluation, Provenance};
 
@@ -12,8 +12,11 @@ use crate::{Estimate, Evaluation, Provenance};
 pub struct RunResult {
     /// Version of this layout, [`RunResult::SCHEMA_VERSION`].
     pub schema_version: u32,
-    /// Name of the data set; "twin" is synthetic.
+    /// Name of the data set.
     pub data: String,
+    /// Where its sweeps come from.
+    #[serde(default)]
+    pub origin: DataOrigin,
     /// SHA-256 of its content.
     pub data_sha256: String,
     /// Commit of the program; all commits where it was resumed by another build.
@@ -32,8 +35,9 @@ pub struct RunResult {
     pub split_sha256: String,
     /// How the data set was split.
     pub split: String,
-    /// Run of the cross-validation, counted from 0.
-    pub run: usize,
+    /// Repeat of the cross-validation, counted from 0.
+    #[serde(alias = "run")]
+    pub repeat: usize,
     /// Fold, counted from 0.
     pub fold: usize,
     /// Sweeps trained on.
@@ -72,7 +76,7 @@ impl RunResult {
 pub fn describe_split(manifest: &SplitManifest, inner: Option<usize>) -> String {
     let inner = inner.map_or(String::new(), |part| format!(", inner part {part}"));
     format!(
-        "{}, run {}, fold {}{inner}",
-        manifest.scheme, manifest.run, manifest.fold
+        "{}, repeat {}, fold {}{inner}",
+        manifest.scheme, manifest.repeat, manifest.fold
     )
 }

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use tactnet_data::Seed;
 use tactnet_models::Compute;
 
-use crate::{ClassifierConfig, ModelRecipe, Promise};
+use crate::{CalibrationTarget, ClassifierConfig, ModelRecipe};
 
 /// `config.json`: all that is decided before the first batch.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -25,7 +25,7 @@ pub struct RunConfig {
     pub inner: Option<usize>,
     /// A fifth of the training sweeps is set aside to calibrate with; absent: all are trained on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub promise: Option<Promise>,
+    pub promise: Option<CalibrationTarget>,
     /// Built-in name or file of the recipe, as it was asked for.
     pub recipe_source: String,
     /// SHA-256 of the data set's content.

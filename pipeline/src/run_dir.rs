@@ -25,8 +25,8 @@ use tactnet_models::Weights;
 
 use crate::checkpoint::{decode_checkpoint, encode_checkpoint};
 use crate::{
-    Calibration, Enrolled, EnrolledMaterial, EpochMetrics, KnownSweeps, PipelineError,
-    PredictionMethod, Predictions, Provenance, RunConfig, RunResult, TrainingState, write_whole,
+    Calibration, Enrolled, EnrolledMaterial, EpochMetrics, PipelineError, PredictionMethod,
+    Predictions, Provenance, RunConfig, RunResult, TrainEmbeddings, TrainingState, write_whole,
 };
 
 /// Name of the lock file.
@@ -131,7 +131,7 @@ impl RunDir {
             PredictionMethod::Plain
         } else {
             PredictionMethod::McDropout {
-                runs: own.runs_or(100),
+                mc_samples: own.mc_samples_or(100),
             }
         };
         let test = self.split()?.test;
@@ -251,7 +251,7 @@ impl RunDir {
     ///
     /// # Errors
     /// There are none, or they are damaged.
-    pub fn known_sweeps(&self) -> Result<KnownSweeps, PipelineError> {
+    pub fn train_embeddings(&self) -> Result<TrainEmbeddings, PipelineError> {
         let path = self.file(KNOWN);
         if !path.exists() {
             return Err(self.refused(
@@ -266,14 +266,14 @@ impl RunDir {
         };
         let weights =
             Weights::from_safetensors(&bytes).map_err(|error| damaged(error.to_string()))?;
-        KnownSweeps::from_weights(&weights, materials).map_err(damaged)
+        TrainEmbeddings::from_weights(&weights, materials).map_err(damaged)
     }
 
     /// Writes embeddings of the training sweeps.
     ///
     /// # Errors
     /// They cannot be written.
-    pub fn write_known_sweeps(&self, known: &KnownSweeps) -> Result<(), PipelineError> {
+    pub fn write_train_embeddings(&self, known: &TrainEmbeddings) -> Result<(), PipelineError> {
         let metadata = [("format".to_string(), "tactnet known sweeps 1".to_string())].into();
         self.write(KNOWN, &known.to_weights().to_safetensors(metadata)?)
     }
@@ -350,7 +350,7 @@ impl RunDir {
         let run = Self::create(path, &config, &self.split()?, last)?;
         run.write_json("environment.json", &sessions)?;
         run.write_json(ENROLLED, &materials)?;
-        run.write_known_sweeps(&enrolled.known)?;
+        run.write_train_embeddings(&enrolled.known)?;
         if let Some(calibration) = self.calibration()? {
             run.write_calibration(&calibration)?;
         }

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use realfft::{RealFftPlanner, RealToComplex, num_complex::Complex};
 use tactnet_data::SweepShape;
 
-use crate::{Levels, PipelineError};
+use crate::{MeanRemoval, PipelineError};
 
 /// Width of an H-feature's frequency bin, Hz; also where the L-features divide low from high.
 const BAND_HZ: f64 = 20.0;
@@ -24,7 +24,7 @@ const HOP_SECONDS: f64 = 0.05;
 pub struct LowFeatures {
     shape: SweepShape,
     rate: f64,
-    levels: Levels,
+    levels: MeanRemoval,
     transform: Arc<dyn RealToComplex<f64>>,
 }
 
@@ -36,7 +36,7 @@ impl LowFeatures {
     ///
     /// # Errors
     /// A rate or a length that leaves one of the two bands without a frequency.
-    pub fn new(shape: SweepShape, rate: f64, levels: Levels) -> Result<Self, PipelineError> {
+    pub fn new(shape: SweepShape, rate: f64, levels: MeanRemoval) -> Result<Self, PipelineError> {
         let this = Self {
             shape,
             rate,
@@ -117,7 +117,7 @@ impl LowFeatures {
 pub struct HighFeatures {
     shape: SweepShape,
     rate: f64,
-    levels: Levels,
+    levels: MeanRemoval,
     transform: Arc<dyn RealToComplex<f64>>,
     /// First step of every window.
     starts: Vec<usize>,
@@ -129,7 +129,7 @@ impl HighFeatures {
     ///
     /// # Errors
     /// A sweep shorter than one window of 0.1 s, or a rate below 20 Hz.
-    pub fn new(shape: SweepShape, rate: f64, levels: Levels) -> Result<Self, PipelineError> {
+    pub fn new(shape: SweepShape, rate: f64, levels: MeanRemoval) -> Result<Self, PipelineError> {
         let window = (WINDOW_SECONDS * rate).round() as usize;
         if shape.steps < window || window < 2 {
             return Err(too_short(
@@ -195,9 +195,9 @@ impl HighFeatures {
 }
 
 /// `[taxels]`, summing to one.
-fn taxel_weights(sweep: &[f32], taxels: usize, levels: Levels) -> Vec<f64> {
+fn taxel_weights(sweep: &[f32], taxels: usize, levels: MeanRemoval) -> Vec<f64> {
     let equal = || vec![1.0 / taxels as f64; taxels];
-    if levels == Levels::Removed {
+    if levels == MeanRemoval::PerSweep {
         return equal();
     }
     let mut sums = vec![0.0_f64; taxels];
@@ -225,7 +225,7 @@ fn transform(
 }
 
 fn too_short(what: &str, needed: String, shape: SweepShape, rate: f64) -> PipelineError {
-    PipelineError::Misfit {
+    PipelineError::Incompatible {
         item: "sweeps",
         expected: format!("sweeps with {needed} for {what}"),
         found: format!("{} steps at {rate} Hz", shape.steps),

@@ -93,7 +93,7 @@ impl<'a> Training<'a> {
         device: &Device,
     ) -> Result<Self, PipelineError> {
         if train.is_empty() {
-            return Err(PipelineError::Misfit {
+            return Err(PipelineError::Incompatible {
                 item: "training sweeps",
                 expected: "at least one".into(),
                 found: "none".into(),
@@ -198,7 +198,7 @@ impl<'a> Training<'a> {
         let learning_rate = self.recipe.learning_rate(epoch, batch, self.batches());
         let net = self.net.take().unwrap_or_else(no_network);
         let mut net = self.optimizer.step(learning_rate, net, pass.gradients);
-        net.follow(&pass.statistics);
+        net.update_running_stats(&pass.statistics);
         self.net = Some(net);
 
         let batches = self.batches();

@@ -1,6 +1,6 @@
 //! Where sweeps begin and end in the stream of frames, and which of them can be used.
 //!
-//! Pure logic: a [`SweepFollower`] is told of frames and commands of one finger and says what they mean. Every fault of the sensor or of the motion
+//! Pure logic: a [`SweepSegmenter`] is told of frames and commands of one finger and says what they mean. Every fault of the sensor or of the motion
 //! controller ends in a [`Reject`] with its reason; a rejected sweep gives no final belief, whatever was said of its beginning.
 
 mod config;
@@ -20,7 +20,7 @@ pub enum Followed {
     /// A sweep began.
     Begun,
     /// The window has new rows.
-    Grown,
+    Extended,
     /// The window is whole.
     Complete,
     /// The sweep cannot be used.
@@ -40,7 +40,7 @@ enum State {
 
 /// Follows the frames of one finger.
 #[derive(Debug, Clone)]
-pub struct SweepFollower {
+pub struct SweepSegmenter {
     config: FollowConfig,
     steps: usize,
     period_ns: f64,
@@ -57,7 +57,7 @@ pub struct SweepFollower {
     examined: usize,
 }
 
-impl SweepFollower {
+impl SweepSegmenter {
     /// Allocates everything it will ever need.
     ///
     /// - `steps`: frames of a window
@@ -135,7 +135,7 @@ impl SweepFollower {
     pub fn push(&mut self, frame: &Frame<'_>) -> Followed {
         let contact = match self.config.segmentation {
             Segmentation::Command => Followed::Nothing,
-            Segmentation::Contact(contact) => self.feel(contact, frame.taxels),
+            Segmentation::Contact(contact) => self.update_contact(contact, frame.taxels),
         };
         if contact != Followed::Nothing || self.state != State::Sweeping {
             self.window.see(frame);
@@ -145,7 +145,7 @@ impl SweepFollower {
         let taken = self.take(frame);
         self.newest = Some((frame.sequence, frame.sensor_time_nanos));
         match taken {
-            Ok(Push::Taken) => Followed::Grown,
+            Ok(Push::Taken) => Followed::Extended,
             Ok(Push::Complete) => {
                 self.state = State::Over;
                 Followed::Complete
@@ -159,7 +159,7 @@ impl SweepFollower {
     }
 
     /// Whether a contact begins or ends with this frame.
-    fn feel(&mut self, contact: Contact, taxels: &[f32]) -> Followed {
+    fn update_contact(&mut self, contact: Contact, taxels: &[f32]) -> Followed {
         let mean = taxels.iter().sum::<f32>() / taxels.len().max(1) as f32;
         // A broken taxel must not keep a contact for ever.
         let mean = if mean.is_finite() { mean } else { 0.0 };
@@ -213,7 +213,7 @@ impl SweepFollower {
     }
 }
 
-impl SweepFollower {
+impl SweepSegmenter {
     /// - `since`: sequence and sensor time of an earlier frame
     /// - `tolerance`: periods
     fn check_clock(
@@ -294,17 +294,17 @@ mod tests {
         }
     }
 
-    fn follower(config: FollowConfig) -> SweepFollower {
-        SweepFollower::new(config, 6, 2, 1e9 / PERIOD as f64)
+    fn follower(config: FollowConfig) -> SweepSegmenter {
+        SweepSegmenter::new(config, 6, 2, 1e9 / PERIOD as f64)
     }
 
     /// A frame on time whose digits change.
-    fn good(follower: &mut SweepFollower, sequence: u64) -> Followed {
+    fn good(follower: &mut SweepSegmenter, sequence: u64) -> Followed {
         let digits = [20.0 + (sequence % 3) as f32, 30.0 + (sequence % 2) as f32];
         push(follower, sequence, sequence * PERIOD, digits)
     }
 
-    fn push(follower: &mut SweepFollower, sequence: u64, time: u64, digits: [f32; 2]) -> Followed {
+    fn push(follower: &mut SweepSegmenter, sequence: u64, time: u64, digits: [f32; 2]) -> Followed {
         follower.push(&Frame {
             sequence,
             sensor_time_nanos: time,
@@ -318,7 +318,7 @@ mod tests {
         assert_eq!(good(&mut follower, 4), Followed::Nothing);
         assert_eq!(follower.start(), Followed::Begun);
         for sequence in 5..12 {
-            assert_eq!(good(&mut follower, sequence), Followed::Grown);
+            assert_eq!(good(&mut follower, sequence), Followed::Extended);
         }
         assert_eq!(good(&mut follower, 12), Followed::Complete);
         assert_eq!(follower.window().kept(), 6);
@@ -340,7 +340,7 @@ mod tests {
         };
         // One lost frame is filled in, two are too many.
         let mut lost = begun();
-        assert_eq!(good(&mut lost, 5), Followed::Grown);
+        assert_eq!(good(&mut lost, 5), Followed::Extended);
         assert_eq!(lost.window().filled_in(), 1);
         let rejected = good(&mut begun(), 6);
         assert!(matches!(
@@ -359,7 +359,7 @@ mod tests {
         let mut late = begun();
         assert_eq!(
             push(&mut late, 4, 4 * PERIOD + 400_000, [1.0, 2.0]),
-            Followed::Grown
+            Followed::Extended
         );
         let mut short = begun();
         let expected = Reject::Short {
@@ -374,7 +374,7 @@ mod tests {
         let mut twice = begun();
         assert_eq!(twice.start(), Followed::RejectedAndBegun(second));
         assert_eq!(twice.window().kept(), 0);
-        assert_eq!(good(&mut twice, 4), Followed::Grown);
+        assert_eq!(good(&mut twice, 4), Followed::Extended);
     }
 
     #[test]
@@ -391,7 +391,7 @@ mod tests {
         late.stop();
         good(&mut late, 0);
         late.start();
-        assert_eq!(good(&mut late, 1), Followed::Grown);
+        assert_eq!(good(&mut late, 1), Followed::Extended);
 
         // Each frame is in time, all together are not.
         let mut slow = follower(FollowConfig {
@@ -412,7 +412,7 @@ mod tests {
         });
         holes.start();
         good(&mut holes, 0);
-        assert_eq!(good(&mut holes, 2), Followed::Grown);
+        assert_eq!(good(&mut holes, 2), Followed::Extended);
         let losses = Reject::Losses {
             found: 2,
             allowed: 1,
@@ -435,7 +435,7 @@ mod tests {
             follower.start();
             (0..8)
                 .map(|sequence| push(&mut follower, sequence, sequence * PERIOD, digits(sequence)))
-                .find(|followed| *followed != Followed::Grown)
+                .find(|followed| *followed != Followed::Extended)
                 .unwrap()
         };
         let stalled = Reject::Stalled {
@@ -475,7 +475,7 @@ mod tests {
         assert_eq!(touch(12.0), Followed::Nothing);
         assert_eq!(touch(12.0), Followed::Begun);
         for mean in [11.0, 4.0, 8.0, 7.0, 4.0] {
-            assert_eq!(touch(mean), Followed::Grown, "{mean}");
+            assert_eq!(touch(mean), Followed::Extended, "{mean}");
         }
         let short = Reject::Short {
             found: 5,

@@ -7,6 +7,7 @@ mod follow;
 mod line;
 mod measures;
 mod model;
+mod model_worker;
 pub mod packets;
 mod percentile;
 mod realtime;
@@ -16,9 +17,8 @@ mod service;
 pub mod simulate;
 pub mod stress;
 mod window;
-mod workshop;
 
-pub use follow::{Contact, FollowConfig, Followed, Reject, Segmentation, SweepFollower};
+pub use follow::{Contact, FollowConfig, Followed, Reject, Segmentation, SweepSegmenter};
 pub use measures::Measures;
 pub use model::{ModelSource, ServedModel};
 pub use percentile::percentile;

@@ -6,12 +6,12 @@ use sha2::{Digest, Sha256};
 use tactnet_data::{Dataset, LabelSet, Samples, SweepRecord, SweepView};
 use tactnet_models::Compute;
 use tactnet_pipeline::{
-    Calibration, Classifier, EnrolledMaterial, KnownSweeps, OnlineClassifier, PipelineError,
-    RunDir, enroll,
+    Calibration, Classifier, EnrolledMaterial, OnlineClassifier, PipelineError, RunDir,
+    TrainEmbeddings, enroll,
 };
 
 use crate::ServeError;
-use crate::packets::{MOST_MATERIALS, MOST_TAXELS, ModelNames, Text};
+use crate::packets::{MAX_MATERIALS, MAX_TAXELS, ModelNames, Text};
 
 /// Where models come from.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -51,15 +51,18 @@ impl ModelSource {
 
     /// Loads the newest version that can serve, with what is wrong with newer ones.
     ///
-    /// - `runs`: Monte Carlo dropout masks that it is to serve with
+    /// - `mc_samples`: Monte Carlo dropout masks that it is to serve with
     ///
     /// # Errors
     /// What is wrong with the newest, where none can serve.
-    pub fn load_newest(&self, runs: usize) -> Result<(ServedModel, Vec<ServeError>), ServeError> {
+    pub fn load_newest(
+        &self,
+        mc_samples: usize,
+    ) -> Result<(ServedModel, Vec<ServeError>), ServeError> {
         let mut damaged = Vec::new();
         for (version, path) in self.versions()? {
             let loaded = ServedModel::load(&path, version);
-            match loaded.and_then(|model| model.online(runs).map(|_| model)) {
+            match loaded.and_then(|model| model.online(mc_samples).map(|_| model)) {
                 Ok(model) => return Ok((model, damaged)),
                 Err(error) => damaged.push(error),
             }
@@ -94,7 +97,7 @@ pub struct ServedModel {
     run: RunDir,
     classifier: Classifier,
     /// What enrolment needs.
-    known: Option<KnownSweeps>,
+    known: Option<TrainEmbeddings>,
     calibration: Option<Calibration>,
 }
 
@@ -116,17 +119,17 @@ impl ServedModel {
                 reason: "its training has not ended".into(),
             });
         }
-        if config.labels.len() > MOST_MATERIALS {
-            return Err(unfit("materials", MOST_MATERIALS, config.labels.len()));
+        if config.labels.len() > MAX_MATERIALS {
+            return Err(unfit("materials", MAX_MATERIALS, config.labels.len()));
         }
-        if config.shape.taxels() > MOST_TAXELS {
-            return Err(unfit("taxels", MOST_TAXELS, config.shape.taxels()));
+        if config.shape.taxels() > MAX_TAXELS {
+            return Err(unfit("taxels", MAX_TAXELS, config.shape.taxels()));
         }
         let weights = run.weights()?;
         let classifier = Classifier::new(config, &weights, &Compute::Cpu.open()?)?;
         Ok(Self {
             version,
-            known: run.known_sweeps().ok(),
+            known: run.train_embeddings().ok(),
             calibration: run.calibration()?,
             classifier,
             run,
@@ -155,15 +158,15 @@ impl ServedModel {
 
     /// A classifier for the frames of one finger.
     ///
-    /// - `runs`: Monte Carlo dropout masks
+    /// - `mc_samples`: Monte Carlo dropout masks
     ///
     /// # Errors
     /// A model that needs whole sweeps.
-    pub fn online(&self, runs: usize) -> Result<OnlineClassifier, ServeError> {
+    pub fn online(&self, mc_samples: usize) -> Result<OnlineClassifier, ServeError> {
         Ok(OnlineClassifier::new(
             &self.classifier,
             self.calibration.clone(),
-            runs,
+            mc_samples,
         )?)
     }
 
@@ -204,9 +207,9 @@ impl ServedModel {
     }
 
     /// What onlookers are told.
-    pub fn names(&self, runs: usize) -> ModelNames {
+    pub fn names(&self, mc_samples: usize) -> ModelNames {
         let config = self.classifier.config();
-        let mut names = [Text::default(); MOST_MATERIALS];
+        let mut names = [Text::default(); MAX_MATERIALS];
         for (text, name) in names.iter_mut().zip(config.labels.names()) {
             *text = Text::new(name);
         }
@@ -216,7 +219,7 @@ impl ServedModel {
             steps: config.shape.steps as u32,
             rows: config.shape.rows as u32,
             cols: config.shape.cols as u32,
-            runs: runs as u32,
+            mc_samples: mc_samples as u32,
             materials: config.labels.len() as u32,
             reserved: 0,
             names,
@@ -241,13 +244,13 @@ impl ServedModel {
         let known = match &self.known {
             Some(known) => known,
             // Says what is missing.
-            None => &self.run.known_sweeps()?,
+            None => &self.run.train_embeddings()?,
         };
         let config = self.classifier.config();
-        if config.labels.len() == MOST_MATERIALS {
+        if config.labels.len() == MAX_MATERIALS {
             return Err(ServeError::Config(format!(
-                "`{material}` would be material {}, packets hold {MOST_MATERIALS}",
-                MOST_MATERIALS + 1
+                "`{material}` would be material {}, packets hold {MAX_MATERIALS}",
+                MAX_MATERIALS + 1
             )));
         }
         let sweeps = digits.len() / config.shape.values();

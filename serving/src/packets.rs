@@ -14,9 +14,9 @@ use bytemuck::{Pod, Zeroable};
 use tactnet_channel::Packet;
 
 /// Most taxels of a frame.
-pub const MOST_TAXELS: usize = 32;
+pub const MAX_TAXELS: usize = 32;
 /// Most materials of a classifier that serves.
-pub const MOST_MATERIALS: usize = 64;
+pub const MAX_MATERIALS: usize = 64;
 
 /// Up to `BYTES` bytes of UTF-8, filled up with zeros.
 #[repr(C)]
@@ -72,13 +72,13 @@ pub struct SkinFrame {
     /// 20: zero.
     pub reserved: u32,
     /// 24: digits, row by row; the rest is zero.
-    pub digits: [f32; MOST_TAXELS],
+    pub digits: [f32; MAX_TAXELS],
 }
 
 impl SkinFrame {
     /// The valid taxels.
     pub fn values(&self) -> &[f32] {
-        &self.digits[..(self.taxels as usize).min(MOST_TAXELS)]
+        &self.digits[..(self.taxels as usize).min(MAX_TAXELS)]
     }
 }
 
@@ -172,9 +172,9 @@ pub struct TactileBelief {
     /// 92: zero.
     pub reserved: u32,
     /// 96: probabilities given this sweep alone; the rest is zero.
-    pub posterior: [f32; MOST_MATERIALS],
+    pub posterior: [f32; MAX_MATERIALS],
     /// 352: probabilities given all fused sweeps; the rest is zero.
-    pub fused: [f32; MOST_MATERIALS],
+    pub fused: [f32; MAX_MATERIALS],
     /// 608: zero.
     pub reserved_end: [u64; 3],
 }
@@ -286,13 +286,13 @@ pub struct ModelNames {
     /// 24: columns of taxels.
     pub cols: u32,
     /// 28: Monte Carlo dropout masks.
-    pub runs: u32,
+    pub mc_samples: u32,
     /// 32: number of materials that are valid.
     pub materials: u32,
     /// 36: zero.
     pub reserved: u32,
     /// 40: their names.
-    pub names: [Text<64>; MOST_MATERIALS],
+    pub names: [Text<64>; MAX_MATERIALS],
 }
 
 macro_rules! packets {
@@ -349,7 +349,7 @@ mod tests {
                 entropy strangeness threshold fused_sweeps fused_label fused_entropy reserved posterior fused reserved_end }
             TactileStatus { event finger sweep motion model_version counters text }
             Counters { frames dropped_frames beliefs sweeps rejected unknown deadline_misses worst_delay_ns allocations }
-            ModelNames { version sample_rate_hz steps rows cols runs materials reserved names }
+            ModelNames { version sample_rate_hz steps rows cols mc_samples materials reserved names }
         };
         assert_eq!(found, compiled);
     }

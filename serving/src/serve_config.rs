@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use tactnet_channel::{ChannelConfig, Table};
 
 use crate::packets::{ModelNames, SkinFrame, SweepCommand, TactileBelief, TactileStatus};
-use crate::service::MOST_FINGERS;
+use crate::service::MAX_FINGERS;
 use crate::{FollowConfig, Segmentation, ServeError};
 
 /// Name of the section, `[components.tactnet]`.
@@ -27,7 +27,8 @@ pub struct ServeConfig {
     /// Time between beliefs while a sweep goes on, milliseconds; 0: none.
     pub anytime_ms: f64,
     /// Monte Carlo dropout masks; 0: plain judgements only.
-    pub runs: usize,
+    #[serde(alias = "runs")]
+    pub mc_samples: usize,
     /// Promised time from a sweep's last frame to its plain belief, milliseconds.
     pub plain_deadline_ms: f64,
     /// Promised time from a sweep's last frame to its Monte Carlo belief, milliseconds.
@@ -45,7 +46,7 @@ impl Default for ServeConfig {
             status: "tactile/status".into(),
             model: "tactile/model".into(),
             anytime_ms: 50.0,
-            runs: 100,
+            mc_samples: 100,
             plain_deadline_ms: 1.333,
             dropout_deadline_ms: 4.0,
             follow: FollowConfig::default(),
@@ -104,7 +105,7 @@ impl ServeConfig {
         let mut fingers = config.fingers.clone();
         fingers.sort();
         fingers.dedup();
-        if fingers.len() > MOST_FINGERS {
+        if fingers.len() > MAX_FINGERS {
             return wrong("fingers", "more than 16");
         }
         if fingers.len() != config.fingers.len() {
@@ -167,7 +168,7 @@ mod tests {
     fn a_table_keeps_the_section_and_wrong_settings_are_named() {
         let config = ServeConfig {
             fingers: vec!["skin/a".into(), "skin/b".into()],
-            runs: 0,
+            mc_samples: 0,
             ..ServeConfig::default()
         };
         let text = toml::to_string(&config.table("justin")).unwrap();

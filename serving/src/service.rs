@@ -1,9 +1,9 @@
 //! The service: frames and commands in, beliefs and status out.
 //!
 //! ```text
-//! skin/<finger> ──> SweepFollower ──> OnlineClassifier ──> tactile/belief
+//! skin/<finger> ──> SweepSegmenter ──> OnlineClassifier ──> tactile/belief
 //! sweep/command ──┘        └──────── events, counters ───> tactile/status
-//!                   Workshop (a thread): new versions, enrolment ──> swapped in between sweeps
+//!                   ModelWorker (a thread): new versions, enrolment ──> swapped in between sweeps
 //! ```
 //!
 //! One thread, no clock but the channels' own. While frames come nothing is allocated, and the only system calls are the waits and wake-ups of the channels.
@@ -21,25 +21,25 @@ use tactnet_channel::{
 use tactnet_data::Frame;
 use tactnet_pipeline::OnlineClassifier;
 
-use crate::follow::{Followed, Reject, Segmentation, SweepFollower};
+use crate::follow::{Followed, Reject, Segmentation, SweepSegmenter};
 use crate::line::Line;
 use crate::measures::Measures;
 use crate::model::ModelSource;
+use crate::model_worker::{Job, ModelWorker, WorkerEvent};
 use crate::packets::{
     Command, Counters, Event, ModelNames, SkinFrame, Stage, SweepCommand, TactileBelief,
     TactileStatus, Text,
 };
-use crate::workshop::{Job, News, Workshop};
 use crate::{ServeConfig, ServeError};
 use recent_sweeps::RecentSweeps;
-use waiting_commands::{MOST_COMMANDS, WaitingCommands};
+use waiting_commands::{MAX_COMMANDS, WaitingCommands};
 
 /// Status is put at least this often.
 const ALIVE_EVERY_NS: u64 = 100_000_000;
 /// Frames of a finger in one go.
-const MOST_FRAMES: usize = 256;
+const MAX_FRAMES: usize = 256;
 /// Most fingers of a service.
-pub(crate) const MOST_FINGERS: usize = 16;
+pub(crate) const MAX_FINGERS: usize = 16;
 
 /// The classifier on its channels.
 pub struct Service {
@@ -58,8 +58,8 @@ pub struct Service {
     sweeps: u64,
     lost_commands: u64,
     alive_ns: u64,
-    workshop: Workshop,
-    news: Option<News>,
+    workshop: ModelWorker,
+    news: Option<WorkerEvent>,
     /// Classifiers that have served, on their way to the workshop.
     retired: Option<Vec<OnlineClassifier>>,
     /// Allocations of this thread so far.
@@ -67,7 +67,7 @@ pub struct Service {
 }
 
 struct Finger {
-    follower: SweepFollower,
+    follower: SweepSegmenter,
     classifier: OnlineClassifier,
     sweep: u64,
     motion: u64,
@@ -93,21 +93,21 @@ impl Service {
         source: ModelSource,
         git: &'static str,
     ) -> Result<Self, ServeError> {
-        let (served, damaged) = source.load_newest(config.runs)?;
+        let (served, damaged) = source.load_newest(config.mc_samples)?;
         let version = served.version();
-        let names = Box::new(served.names(config.runs));
+        let names = Box::new(served.names(config.mc_samples));
         let measures = Arc::<Measures>::default();
         measures.serve(Some(&served.path().display().to_string()), version);
         let shape = served.classifier().config().shape;
         let fingers = config.fingers.iter().map(|_| {
             Ok(Finger {
-                follower: SweepFollower::new(
+                follower: SweepSegmenter::new(
                     config.follow,
                     shape.steps,
                     shape.taxels(),
                     names.sample_rate_hz,
                 ),
-                classifier: served.online(config.runs)?,
+                classifier: served.online(config.mc_samples)?,
                 sweep: 0,
                 motion: 0,
                 taken: 0,
@@ -141,16 +141,16 @@ impl Service {
             sweeps: 0,
             lost_commands: 0,
             alive_ns: 0,
-            workshop: Workshop::start(served, source, &config, git)?,
+            workshop: ModelWorker::start(served, source, &config, git)?,
             news: None,
             retired: None,
             allocations: || 0,
             config,
         };
         service.model.put_copy(&[*service.names])?;
-        service.tell(Event::Swapped, 0, format_args!("version {version} serves"))?;
+        service.publish_status(Event::Swapped, 0, format_args!("version {version} serves"))?;
         for error in damaged {
-            service.tell(Event::ModelRejected, 0, format_args!("{error}"))?;
+            service.publish_status(Event::ModelRejected, 0, format_args!("{error}"))?;
         }
         Ok(service)
     }
@@ -166,7 +166,7 @@ impl Service {
     ///
     /// # Errors
     /// The channels have broken down.
-    pub fn forget_backlog(&mut self) -> Result<(), ServeError> {
+    pub fn drain(&mut self) -> Result<(), ServeError> {
         for skin in &self.skins {
             while skin.try_get()?.is_some() {}
         }
@@ -215,7 +215,7 @@ impl Service {
         {
             let before = (self.allocations)();
             // Not for ever, however fast a driver puts.
-            for _ in 0..MOST_FRAMES {
+            for _ in 0..MAX_FRAMES {
                 let Some(frame) = self.skins[finger].try_get()? else {
                     break;
                 };
@@ -230,22 +230,22 @@ impl Service {
             }
             self.counters.allocations += (self.allocations)() - before;
             // Who looks on since this frame is met now, not when the next belief is due.
-            self.beliefs.meet()?;
-            self.status.meet()?;
+            self.beliefs.update_connections()?;
+            self.status.update_connections()?;
         } else if ready.is_none() {
             // The skin is silent: nothing that a command could come too early for.
             self.follow_waiting(u64::MAX, None)?;
         }
         let now = now_ns();
         if now.saturating_sub(self.alive_ns) >= ALIVE_EVERY_NS {
-            self.model.welcome()?;
-            self.tell(Event::Alive, 0, format_args!(""))?;
+            self.model.send_history()?;
+            self.publish_status(Event::Alive, 0, format_args!(""))?;
         }
         self.take_news()
     }
 
     fn receive_commands(&mut self) -> Result<(), ServeError> {
-        for _ in 0..MOST_COMMANDS {
+        for _ in 0..MAX_COMMANDS {
             let Some(command) = self.commands.try_get()? else {
                 break;
             };
@@ -255,11 +255,11 @@ impl Service {
             if let Some(command) = command.first()
                 && !self.waiting.add(put_ns, *command)
             {
-                self.tell(
+                self.publish_status(
                     Event::Refused,
                     command.finger,
                     format_args!(
-                        "more than {MOST_COMMANDS} commands wait for frames of this finger"
+                        "more than {MAX_COMMANDS} commands wait for frames of this finger"
                     ),
                 )?;
             }
@@ -268,7 +268,7 @@ impl Service {
         if lost > self.lost_commands {
             let more = lost - self.lost_commands;
             self.lost_commands = lost;
-            self.tell(Event::Refused, 0, format_args!("{more} commands were lost"))?;
+            self.publish_status(Event::Refused, 0, format_args!("{more} commands were lost"))?;
         }
         Ok(())
     }
@@ -285,7 +285,7 @@ impl Service {
         let number = command.finger;
         let by_contact = self.config.follow.segmentation != Segmentation::Command;
         let Some(finger) = self.fingers.get_mut(number as usize) else {
-            return self.tell(
+            return self.publish_status(
                 Event::Refused,
                 number,
                 format_args!(
@@ -295,7 +295,7 @@ impl Service {
             );
         };
         match command.command() {
-            Some(Command::Start | Command::Stop) if by_contact => self.tell(
+            Some(Command::Start | Command::Stop) if by_contact => self.publish_status(
                 Event::Refused,
                 number,
                 format_args!("sweeps begin and end by contact"),
@@ -314,12 +314,12 @@ impl Service {
             Some(Command::Reset) => {
                 finger.classifier.reset();
                 finger.recent.forget();
-                self.tell(Event::Reset, number, format_args!("fused sweeps forgotten"))
+                self.publish_status(Event::Reset, number, format_args!("fused sweeps forgotten"))
             }
             Some(Command::Enroll) => self.enroll(number, command),
             None => {
                 let kind = command.kind;
-                self.tell(Event::Refused, number, format_args!("no command {kind}"))
+                self.publish_status(Event::Refused, number, format_args!("no command {kind}"))
             }
         }
     }
@@ -329,10 +329,10 @@ impl Service {
         let kept = recent.kept();
         let (material, sweeps) = (command.material, command.sweeps);
         if material.as_str().is_empty() {
-            return self.tell(Event::Refused, number, format_args!("enrol: no name"));
+            return self.publish_status(Event::Refused, number, format_args!("enrol: no name"));
         }
         let Some(digits) = recent.newest(sweeps as usize) else {
-            return self.tell(
+            return self.publish_status(
                 Event::Refused,
                 number,
                 format_args!(
@@ -350,7 +350,7 @@ impl Service {
             })
             .is_err()
         {
-            return self.tell(
+            return self.publish_status(
                 Event::Refused,
                 number,
                 format_args!("enrol `{}`: busy, try again", material.as_str()),
@@ -400,7 +400,7 @@ impl Service {
                 self.reject(number, &reject)?;
                 self.begin(number, 0)
             }
-            Followed::Grown => {
+            Followed::Extended => {
                 let finger = &mut self.fingers[number];
                 finger.catch_up();
                 let due = self.config.anytime_ms > 0.0 && finger.taken >= finger.next_belief;
@@ -415,7 +415,7 @@ impl Service {
                 let finger = &mut self.fingers[number];
                 finger.catch_up();
                 self.judge(number, Stage::Plain, sequence, put_ns)?;
-                if self.config.runs > 0 {
+                if self.config.mc_samples > 0 {
                     self.judge(number, Stage::Dropout, sequence, put_ns)?;
                 }
                 let finger = &mut self.fingers[number];
@@ -423,7 +423,7 @@ impl Service {
                     finger.recent.keep(sweep);
                 }
                 self.counters.sweeps += 1;
-                self.tell(Event::Judged, number as u32, format_args!(""))
+                self.publish_status(Event::Judged, number as u32, format_args!(""))
             }
         }
     }
@@ -437,12 +437,12 @@ impl Service {
         finger.motion = motion;
         finger.taken = 0;
         finger.next_belief = (every.ceil() as usize).max(1);
-        self.tell(Event::Begun, number as u32, format_args!(""))
+        self.publish_status(Event::Begun, number as u32, format_args!(""))
     }
 
     fn reject(&mut self, number: usize, reject: &Reject) -> Result<(), ServeError> {
         self.counters.rejected += 1;
-        self.tell(Event::Rejected, number as u32, format_args!("{reject}"))
+        self.publish_status(Event::Rejected, number as u32, format_args!("{reject}"))
     }
 
     fn take_news(&mut self) -> Result<(), ServeError> {
@@ -459,18 +459,18 @@ impl Service {
         let sweeping = self.fingers.iter().any(|f| f.follower.is_sweeping());
         match &self.news {
             None => return Ok(()),
-            Some(News::Ready { .. }) if sweeping || self.retired.is_some() => return Ok(()),
+            Some(WorkerEvent::Ready { .. }) if sweeping || self.retired.is_some() => return Ok(()),
             Some(_) => {}
         }
         match self.news.take() {
-            Some(News::Ready {
+            Some(WorkerEvent::Ready {
                 mut classifiers,
                 names,
                 event,
                 finger: asked,
                 text,
             }) => {
-                let mut forgotten = [false; MOST_FINGERS];
+                let mut forgotten = [false; MAX_FINGERS];
                 let fingers = self.fingers.iter_mut().zip(&mut classifiers);
                 for ((finger, classifier), forgotten) in fingers.zip(&mut forgotten) {
                     std::mem::swap(&mut finger.classifier, classifier);
@@ -482,25 +482,25 @@ impl Service {
                 self.measures.serve(None, self.names.version);
                 self.retired = Some(classifiers);
                 self.model.put_copy(&[*self.names])?;
-                self.tell(event, asked, format_args!("{}", text.as_str()))?;
+                self.publish_status(event, asked, format_args!("{}", text.as_str()))?;
                 for (number, forgotten) in forgotten.into_iter().enumerate() {
                     if forgotten {
                         let text = format_args!("fused sweeps forgotten: other materials");
-                        self.tell(Event::Reset, number as u32, text)?;
+                        self.publish_status(Event::Reset, number as u32, text)?;
                     }
                 }
                 Ok(())
             }
-            Some(News::Failed {
+            Some(WorkerEvent::Failed {
                 event,
                 finger,
                 text,
-            }) => self.tell(event, finger, format_args!("{}", text.as_str())),
+            }) => self.publish_status(event, finger, format_args!("{}", text.as_str())),
             None => Ok(()),
         }
     }
 
-    fn tell(
+    fn publish_status(
         &mut self,
         event: Event,
         finger: u32,

@@ -75,9 +75,9 @@ pub fn compare(
     view: &SweepView<'_>,
     burn: &Predictions,
 ) -> anyhow::Result<(Predictions, Compared)> {
-    let runs = match burn.method {
+    let mc_samples = match burn.method {
         PredictionMethod::Plain => 0,
-        PredictionMethod::McDropout { runs } => runs,
+        PredictionMethod::McDropout { mc_samples } => mc_samples,
     };
     match choice {
         RuntimeChoice::Burn => {
@@ -92,7 +92,7 @@ pub fn compare(
             })
         }
         RuntimeChoice::Online => {
-            let mut online = OnlineClassifier::new(classifier, None, runs)?;
+            let mut online = OnlineClassifier::new(classifier, None, mc_samples)?;
             let taxels = view.shape().taxels();
             judge("online", view, burn, |_, sweep| {
                 let (before, last) = sweep.split_at(sweep.len() - taxels);
@@ -111,7 +111,7 @@ pub fn compare(
             })
         }
         RuntimeChoice::Onnxruntime | RuntimeChoice::Candle => {
-            let mut scorer = exported(choice, classifier, runs)?;
+            let mut scorer = exported(choice, classifier, mc_samples)?;
             judge(scorer.name(), view, burn, |_, sweep| {
                 let begun = Instant::now();
                 let found = scorer.score(sweep)?;
@@ -125,15 +125,15 @@ pub fn compare(
 fn exported(
     choice: RuntimeChoice,
     classifier: &Classifier,
-    runs: usize,
+    mc_samples: usize,
 ) -> anyhow::Result<Box<dyn Scorer>> {
     use std::collections::BTreeMap;
 
     let weights = classifier.network()?.weights();
     let config = classifier.config();
-    let masks = match runs {
+    let masks = match mc_samples {
         0 => Vec::new(),
-        runs => classifier.masks(runs)?,
+        mc_samples => classifier.masks(mc_samples)?,
     };
     let about = BTreeMap::new();
     match choice {

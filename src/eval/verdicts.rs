@@ -2,14 +2,14 @@
 
 use serde::Serialize;
 use tactnet_data::SweepView;
-use tactnet_pipeline::{Classifier, Estimate, Promise, RunDir, Strangeness};
+use tactnet_pipeline::{CalibrationTarget, Classifier, Estimate, NoveltyScorer, RunDir};
 
 use crate::output;
 
 /// How well the promises of `train --calibrate` were kept.
 #[derive(Serialize)]
 pub struct Verdicts {
-    promise: Promise,
+    promise: CalibrationTarget,
     /// Of sweeps of known materials: share called unknown.
     false_alarms: Option<Estimate>,
     /// Of sweeps of known materials: share whose material is in the prediction set.
@@ -49,8 +49,8 @@ impl Verdicts {
         let Some(calibration) = run.calibration()? else {
             return Ok(None);
         };
-        let sweeps = run.known_sweeps()?;
-        let strangeness = Strangeness::fit(classifier, &sweeps)?;
+        let sweeps = run.train_embeddings()?;
+        let strangeness = NoveltyScorer::fit(classifier, &sweeps)?;
         let judged = |view: &SweepView<'_>| -> anyhow::Result<_> {
             Ok(calibration.judge(&strangeness, &classifier.embed(view)?)?)
         };

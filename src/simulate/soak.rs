@@ -21,7 +21,7 @@ use tactnet_serving::simulate::{
 use tactnet_serving::{Realtime, ServeConfig, percentile};
 
 use super::{REST, order_of, unseen_by};
-use crate::part::{OwnBus, Part};
+use crate::child_process::{ChildProcess, OwnBus};
 use crate::stop::Stop;
 use crate::{GIT, output, source};
 
@@ -120,7 +120,7 @@ impl Wanted {
 }
 
 /// The processes of the catching stack.
-pub(super) struct Stack(Vec<Part>);
+pub(super) struct Stack(Vec<ChildProcess>);
 
 /// How processes are scheduled.
 #[derive(Clone, Copy, PartialEq, Eq, Serialize)]
@@ -143,7 +143,9 @@ impl Stack {
                 arguments.extend(["--priority", "80"]);
             }
             arguments.push("--table");
-            stack.0.push(Part::start(role.name(), &arguments, table)?);
+            stack
+                .0
+                .push(ChildProcess::start(role.name(), &arguments, table)?);
         }
         Ok(stack)
     }
@@ -300,9 +302,9 @@ fn soak(
                 serve.extend(["--priority", "60", "--lock-memory"]);
             }
             serve.push("--table");
-            let classifier = Part::start("classifier", &serve, path)?;
+            let classifier = ChildProcess::start("classifier", &serve, path)?;
             let page = ["dashboard", "--listen", "127.0.0.1:0", "--table"];
-            let dashboard = Part::start("dashboard", &page, path)?;
+            let dashboard = ChildProcess::start("dashboard", &page, path)?;
             with.push(rest(window, stop));
             served.push(serde_json::from_str::<Value>(&classifier.end()?)?);
             dashboard.end()?;

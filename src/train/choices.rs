@@ -2,7 +2,7 @@
 
 use clap::ValueEnum;
 use tactnet_models::Compute;
-use tactnet_pipeline::Levels;
+use tactnet_pipeline::MeanRemoval;
 
 /// What to train.
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
@@ -52,10 +52,10 @@ pub enum LevelsChoice {
 
 impl LevelsChoice {
     /// For recipes.
-    pub fn levels(self) -> Levels {
+    pub fn levels(self) -> MeanRemoval {
         match self {
-            Self::Kept => Levels::Kept,
-            Self::Removed => Levels::Removed,
+            Self::Kept => MeanRemoval::None,
+            Self::Removed => MeanRemoval::PerSweep,
         }
     }
 }

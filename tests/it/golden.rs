@@ -177,7 +177,7 @@ fn check_against_pytorch(name: &str) {
             assert_weights_close(&combined, &golden, "combined.gradient.", 1e-4);
         }
         net = adam.step(1e-3, net, pass.gradients);
-        net.follow(&pass.statistics);
+        net.update_running_stats(&pass.statistics);
     }
     assert_weights_close(&net.weights(), &golden, "final.", 2e-3);
     let valid = net.valid();

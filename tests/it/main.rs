@@ -6,6 +6,7 @@
 )]
 
 mod baselines;
+mod build_script;
 mod channel;
 #[cfg(feature = "zenoh")]
 mod channel_hosts;

@@ -218,7 +218,10 @@ fn beliefs_of_live_sweeps_are_those_of_the_offline_classifier() {
     let view = SweepView::new(&dataset, played.clone());
     for (stage, method) in [
         (Stage::Plain, PredictionMethod::Plain),
-        (Stage::Dropout, PredictionMethod::McDropout { runs: 100 }),
+        (
+            Stage::Dropout,
+            PredictionMethod::McDropout { mc_samples: 100 },
+        ),
     ] {
         let offline = classifier.predict(&view, method).unwrap();
         let live: Vec<&TactileBelief> = seen.iter().filter(|b| b.stage == stage as u32).collect();

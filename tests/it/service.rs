@@ -29,7 +29,7 @@ impl Bench {
         let config = ServeConfig {
             fingers: vec!["skin/left".into(), "skin/right".into()],
             anytime_ms: 0.0,
-            runs: 0,
+            mc_samples: 0,
             follow: FollowConfig {
                 skip: SKIP,
                 ..FollowConfig::default()

@@ -17,9 +17,10 @@ pub struct SplitManifest {
     pub schema_version: u32,
     /// How the data set was split.
     pub scheme: Scheme,
-    /// Which repetition.
-    pub run: usize,
-    /// Which fold of that run.
+    /// Which repetition; `run` in the file, whose hash covers that name.
+    #[serde(rename = "run", alias = "repeat")]
+    pub repeat: usize,
+    /// Which fold of that repeat.
     pub fold: usize,
     /// The seed of the random choices.
     pub seed: Seed,
@@ -46,7 +47,7 @@ impl SplitManifest {
         let fields = (
             self.schema_version,
             self.scheme,
-            self.run,
+            self.repeat,
             self.fold,
             self.seed,
             &self.data_sha256,
@@ -94,7 +95,7 @@ impl SplitManifest {
             dataset,
             scheme: self.scheme,
             seed: self.seed,
-            run: self.run,
+            repeat: self.repeat,
             fold: self.fold,
             train: TrainSplit::new(dataset, self.train.clone()),
             test: TestSplit::new(dataset, self.test.clone()),
@@ -132,7 +133,7 @@ impl Fold<'_> {
         let mut manifest = SplitManifest {
             schema_version: SplitManifest::SCHEMA_VERSION,
             scheme: self.scheme,
-            run: self.run,
+            repeat: self.repeat,
             fold: self.fold,
             seed: self.seed,
             data_sha256: self.dataset.sha256().to_owned(),
@@ -230,8 +231,11 @@ mod tests {
     fn the_hash_is_the_one_that_the_documentation_describes() {
         let manifest = SplitManifest {
             schema_version: 1,
-            scheme: Scheme::StratifiedKFold { folds: 5, runs: 2 },
-            run: 0,
+            scheme: Scheme::StratifiedKFold {
+                folds: 5,
+                repeats: 2,
+            },
+            repeat: 0,
             fold: 1,
             seed: Seed(7),
             data_sha256: "00ff".into(),

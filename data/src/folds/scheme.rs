@@ -12,13 +12,13 @@ use std::collections::BTreeSet;
 /// [split]
 /// kind = "stratified-k-fold"   # or "test-flag", "leave-block-out", which have no settings
 /// folds = 5
-/// runs = 2
+/// repeats = 2
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "SchemeConfig", into = "SchemeConfig")]
 pub enum Scheme {
     /// Every material's sweeps are dealt at random into `folds` equal parts, afresh in each of
-    /// `runs` runs; fold `k` tests on part `k`. The published numbers use 5 folds in 2 runs: of 100
+    /// `repeats` repeats; fold `k` tests on part `k`. The published numbers use 5 folds in 2 repeats: of 100
     /// sweeps of a material 80 train and 20 test.
     ///
     /// Sweeps of one recording block fall on both sides, so this measures how well *these*
@@ -27,7 +27,7 @@ pub enum Scheme {
         /// Parts, at least 2.
         folds: usize,
         /// Repetitions with another random deal, at least 1.
-        runs: usize,
+        repeats: usize,
     },
     /// The split that the author of the data set published; one fold.
     TestFlag,
@@ -45,8 +45,9 @@ enum SchemeConfig {
     StratifiedKFold {
         #[serde(default = "published_folds")]
         folds: usize,
-        #[serde(default = "published_runs")]
-        runs: usize,
+        // The name that the hashes of split manifests cover.
+        #[serde(rename = "runs", alias = "repeats", default = "published_repeats")]
+        repeats: usize,
     },
     TestFlag {},
     LeaveBlockOut {},
@@ -56,22 +57,22 @@ fn published_folds() -> usize {
     5
 }
 
-fn published_runs() -> usize {
+fn published_repeats() -> usize {
     2
 }
 
 impl Default for Scheme {
-    /// The published one: 5 folds in 2 runs.
+    /// The published one: 5 folds in 2 repeats.
     fn default() -> Self {
         Self::StratifiedKFold {
             folds: published_folds(),
-            runs: published_runs(),
+            repeats: published_repeats(),
         }
     }
 }
 
 impl Scheme {
-    /// The author's own split where the data set has one, else the published 5 folds in 2 runs.
+    /// The author's own split where the data set has one, else the published 5 folds in 2 repeats.
     pub fn default_for(dataset: &Dataset) -> Self {
         if dataset.has_test_flag() {
             Self::TestFlag
@@ -81,14 +82,14 @@ impl Scheme {
     }
 
     /// How often the whole data set is split anew; 1 where nothing is random.
-    pub fn runs(self) -> usize {
+    pub fn repeats(self) -> usize {
         match self {
-            Self::StratifiedKFold { runs, .. } => runs,
+            Self::StratifiedKFold { repeats, .. } => repeats,
             Self::TestFlag | Self::LeaveBlockOut => 1,
         }
     }
 
-    /// Number of folds that `dataset` has in one run.
+    /// Number of folds that `dataset` has in one repeat.
     ///
     /// # Errors
     /// Settings out of range; no `test_flag` or `blocks` in the data set where the scheme needs
@@ -115,7 +116,7 @@ impl Scheme {
     }
 
     fn checked(self) -> Result<Self, DataError> {
-        let Self::StratifiedKFold { folds, runs } = self else {
+        let Self::StratifiedKFold { folds, repeats } = self else {
             return Ok(self);
         };
         if folds < 2 {
@@ -125,11 +126,11 @@ impl Scheme {
                 folds.to_string(),
             ));
         }
-        if runs < 1 {
+        if repeats < 1 {
             return Err(DataError::inconsistent(
-                "`runs`",
+                "`repeats`",
                 "at least 1",
-                runs.to_string(),
+                repeats.to_string(),
             ));
         }
         Ok(self)
@@ -148,10 +149,10 @@ impl std::fmt::Display for Scheme {
     /// What the scheme does, as a verb phrase.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::StratifiedKFold { folds, runs } => {
+            Self::StratifiedKFold { folds, repeats } => {
                 write!(
                     f,
-                    "split into {folds} stratified folds in each of {runs} runs"
+                    "split into {folds} stratified folds in each of {repeats} repeats"
                 )
             }
             Self::TestFlag => f.write_str("split by the author's test flag"),
@@ -165,8 +166,8 @@ impl TryFrom<SchemeConfig> for Scheme {
 
     fn try_from(config: SchemeConfig) -> Result<Self, DataError> {
         match config {
-            SchemeConfig::StratifiedKFold { folds, runs } => {
-                Self::StratifiedKFold { folds, runs }.checked()
+            SchemeConfig::StratifiedKFold { folds, repeats } => {
+                Self::StratifiedKFold { folds, repeats }.checked()
             }
             SchemeConfig::TestFlag {} => Ok(Self::TestFlag),
             SchemeConfig::LeaveBlockOut {} => Ok(Self::LeaveBlockOut),
@@ -177,7 +178,7 @@ impl TryFrom<SchemeConfig> for Scheme {
 impl From<Scheme> for SchemeConfig {
     fn from(scheme: Scheme) -> Self {
         match scheme {
-            Scheme::StratifiedKFold { folds, runs } => Self::StratifiedKFold { folds, runs },
+            Scheme::StratifiedKFold { folds, repeats } => Self::StratifiedKFold { folds, repeats },
             Scheme::TestFlag => Self::TestFlag {},
             Scheme::LeaveBlockOut => Self::LeaveBlockOut {},
         }
@@ -200,7 +201,10 @@ mod tests {
     #[test]
     fn a_scheme_reads_back_what_it_writes() {
         for scheme in [
-            Scheme::StratifiedKFold { folds: 3, runs: 4 },
+            Scheme::StratifiedKFold {
+                folds: 3,
+                repeats: 4,
+            },
             Scheme::TestFlag,
             Scheme::LeaveBlockOut,
         ] {
@@ -216,7 +220,13 @@ mod tests {
     #[test]
     fn a_scheme_defaults_to_the_published_one() {
         let scheme: Scheme = serde_json::from_str(r#"{"kind": "stratified-k-fold"}"#).unwrap();
-        assert_eq!(scheme, Scheme::StratifiedKFold { folds: 5, runs: 2 });
+        assert_eq!(
+            scheme,
+            Scheme::StratifiedKFold {
+                folds: 5,
+                repeats: 2
+            }
+        );
         assert_eq!(scheme, Scheme::default());
     }
 
@@ -232,8 +242,8 @@ mod tests {
                 "unknown field `folds`",
             ),
             (
-                r#"{"kind": "leave-block-out", "runs": 2}"#,
-                "unknown field `runs`",
+                r#"{"kind": "leave-block-out", "repeats": 2}"#,
+                "unknown field `repeats`",
             ),
             (r#"{"kind": "bootstrap"}"#, "unknown variant `bootstrap`"),
             (
@@ -241,8 +251,8 @@ mod tests {
                 "`folds`: expected at least 2, found 1",
             ),
             (
-                r#"{"kind": "stratified-k-fold", "runs": 0}"#,
-                "`runs`: expected at least 1, found 0",
+                r#"{"kind": "stratified-k-fold", "repeats": 0}"#,
+                "`repeats`: expected at least 1, found 0",
             ),
         ] {
             let error = serde_json::from_str::<Scheme>(json)

@@ -39,8 +39,8 @@ fn stripped(dataset: &Dataset) -> Dataset {
     assemble(dataset.labels().len(), records)
 }
 
-fn refusal(dataset: &Dataset, scheme: Scheme, run: usize, fold: usize) -> String {
-    Fold::new(dataset, scheme, Seed(0), run, fold)
+fn refusal(dataset: &Dataset, scheme: Scheme, repeat: usize, fold: usize) -> String {
+    Fold::new(dataset, scheme, Seed(0), repeat, fold)
         .unwrap_err()
         .to_string()
 }
@@ -66,7 +66,8 @@ prop_compose! {
 
 fn any_scheme() -> impl Strategy<Value = Scheme> {
     prop_oneof![
-        (2usize..=7, 1usize..=3).prop_map(|(folds, runs)| Scheme::StratifiedKFold { folds, runs }),
+        (2usize..=7, 1usize..=3)
+            .prop_map(|(folds, repeats)| Scheme::StratifiedKFold { folds, repeats }),
         Just(Scheme::TestFlag),
         Just(Scheme::LeaveBlockOut),
     ]
@@ -93,7 +94,7 @@ proptest! {
     fn over_all_folds_every_sweep_is_tested_once(
         dataset in any_recording(), folds in 2usize..=7, by_block: bool, seed: u64,
     ) {
-        let k_fold = Scheme::StratifiedKFold { folds, runs: 1 };
+        let k_fold = Scheme::StratifiedKFold { folds, repeats: 1 };
         let scheme = if by_block { Scheme::LeaveBlockOut } else { k_fold };
         let mut tested = Vec::new();
         for fold in 0..scheme.folds(&dataset).unwrap() {
@@ -107,7 +108,7 @@ proptest! {
     fn stratified_folds_differ_by_at_most_one_sweep(
         dataset in any_recording(), folds in 2usize..=7, seed: u64,
     ) {
-        let scheme = Scheme::StratifiedKFold { folds, runs: 1 };
+        let scheme = Scheme::StratifiedKFold { folds, repeats: 1 };
         let tests: Vec<_> = (0..folds)
             .map(|fold| Fold::new(&dataset, scheme, Seed(seed), 0, fold).unwrap().test)
             .collect();
@@ -119,14 +120,14 @@ proptest! {
 
     #[test]
     fn a_fold_depends_on_the_seed_alone(
-        dataset in any_recording(), seed in 0..u64::MAX, run in 0usize..2, fold in 0usize..5,
+        dataset in any_recording(), seed in 0..u64::MAX, repeat in 0usize..2, fold in 0usize..5,
     ) {
         let split = |dataset, seed| {
-            sides(&Fold::new(dataset, Scheme::default(), Seed(seed), run, fold).unwrap())
+            sides(&Fold::new(dataset, Scheme::default(), Seed(seed), repeat, fold).unwrap())
         };
         let first = split(&dataset, seed);
         // Not on what was drawn before, and not on what is known besides the labels.
-        let other = Fold::new(&dataset, Scheme::default(), Seed(seed), 1 - run, fold).unwrap();
+        let other = Fold::new(&dataset, Scheme::default(), Seed(seed), 1 - repeat, fold).unwrap();
         other.inner(0).unwrap();
         prop_assert_eq!(&split(&dataset, seed), &first);
         prop_assert_eq!(&split(&stripped(&dataset), seed), &first);
@@ -206,16 +207,19 @@ fn the_published_scheme_tests_20_of_100_sweeps_and_tunes_on_16_of_80() {
 #[test]
 fn seeds_runs_and_folds_give_different_splits() {
     let dataset = recorded(&[20, 20], 5);
-    let tested = |seed, run, fold| {
-        sides(&Fold::new(&dataset, Scheme::default(), Seed(seed), run, fold).unwrap()).1
+    let tested = |seed, repeat, fold| {
+        sides(&Fold::new(&dataset, Scheme::default(), Seed(seed), repeat, fold).unwrap()).1
     };
     let different: BTreeSet<_> = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
         .map(|(s, r, f)| tested(s, r, f))
         .into();
     assert_eq!(different.len(), 4);
-    let validated = |run, fold| {
-        let fold =
-            Fold::new(&dataset, Scheme::TestFlag, Seed(0), 0, 0).map(|f| Fold { run, fold, ..f });
+    let validated = |repeat, fold| {
+        let fold = Fold::new(&dataset, Scheme::TestFlag, Seed(0), 0, 0).map(|f| Fold {
+            repeat,
+            fold,
+            ..f
+        });
         fold.unwrap().inner(0).unwrap().1.indices().to_vec()
     };
     let different: BTreeSet<_> = [validated(0, 0), validated(0, 1), validated(1, 0)].into();
@@ -257,7 +261,7 @@ fn impossible_splits_say_what_is_missing() {
         ),
         (
             refusal(&dataset, k_fold, 2, 0),
-            "run: expected a number below 2",
+            "repeat: expected a number below 2",
         ),
         (
             refusal(&dataset, Scheme::TestFlag, 0, 1),
@@ -290,7 +294,10 @@ fn impossible_splits_say_what_is_missing() {
         (
             refusal(
                 &dataset,
-                Scheme::StratifiedKFold { folds: 1, runs: 1 },
+                Scheme::StratifiedKFold {
+                    folds: 1,
+                    repeats: 1,
+                },
                 0,
                 0,
             ),

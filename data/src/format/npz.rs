@@ -361,7 +361,7 @@ fn archive(dataset: &Dataset) -> zip::result::ZipResult<Vec<u8>> {
             .collect();
         add("test_flag", "|b1", &leading, &flags)?;
     }
-    if dataset.is_synthetic() {
+    if dataset.origin().is_synthetic() {
         add(SYNTHETIC_ATTRIBUTE, "<f8", &[], &1.0_f64.to_le_bytes())?;
     }
     add(

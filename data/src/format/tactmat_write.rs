@@ -68,7 +68,7 @@ fn plan(dataset: &Dataset, order: &[usize]) -> hdf5_writer::Result<Hdf5WritePlan
             [names.len() as u64],
             &names,
         )?);
-    if dataset.is_synthetic() {
+    if dataset.origin().is_synthetic() {
         let mark = AttributeBuilder::scalar(tactmat::SYNTHETIC_ATTRIBUTE, 1.0)?;
         file = file.attribute(mark);
     }

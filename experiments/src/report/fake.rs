@@ -242,7 +242,7 @@ fn row(data: &str, model: &str, accuracy: f64, materials: &[String]) -> Row {
             .iter()
             .enumerate()
             .map(|(fold, &one_sweep)| FoldRecord {
-                run: 0,
+                repeat: 0,
                 fold,
                 command: HOSTILE.into(),
                 git: "0123456789abcdef".into(),

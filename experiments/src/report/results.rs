@@ -168,7 +168,7 @@ fn provenance(summary: &Summary, sets: &[DataSet]) -> String {
                 format!(
                     "<tr><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td>{}</td>\
                      <td>{}</td><td>{}</td><td><code>{}</code></td><td>{}</td></tr>\n",
-                    fold.run,
+                    fold.repeat,
                     fold.fold,
                     percent(fold.one_sweep),
                     hash(&fold.git),

@@ -11,7 +11,7 @@ use tactnet_pipeline::{Embedding, MlpTraining, SweepPair, fit_difference, predic
 use super::hard_pairs::hard_pairs;
 use super::knowledge::{embedded, trained};
 use super::pairs::{draw, random_pairs, rows_of_label};
-use super::{Answer, Bench, Ended, Measurement, StudyTask};
+use super::{Answer, Cancelled, Measurement, StudyContext, StudyTask};
 
 /// As published.
 const TRAINING_PAIRS: usize = 36_000;
@@ -65,7 +65,7 @@ impl Apart {
 }
 
 /// Something that was fitted to training pairs and gives the probability that two sweeps differ.
-enum Judge {
+enum PairScorer {
     /// The published network, or the same on all differences. Inputs are divided by `scale`.
     Network {
         apart: Apart,
@@ -78,7 +78,7 @@ enum Judge {
     Posterior,
 }
 
-impl Judge {
+impl PairScorer {
     fn probabilities(&self, embedding: &Embedding, pairs: &[SweepPair]) -> Vec<f64> {
         match self {
             Self::Network { apart, mlp, scale } => {
@@ -108,12 +108,21 @@ fn scaled(mut features: Features, scale: f32) -> Features {
     features
 }
 
-pub(super) fn differentiate(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, Ended> {
-    let (run, number) = (task.number / 5, task.number % 5);
-    let fold = Fold::new(bench.dataset, Scheme::default(), bench.seed, run, number)?;
-    let seed = bench.seed_for("differentiation", task.number);
-    let classifier = trained(bench, "classifier", &fold.train, seed)?;
-    bench.say("embedding")?;
+pub(super) fn differentiate(
+    task: &StudyTask,
+    context: &StudyContext<'_>,
+) -> Result<Answer, Cancelled> {
+    let (repeat, number) = (task.number / 5, task.number % 5);
+    let fold = Fold::new(
+        context.dataset,
+        Scheme::default(),
+        context.seed,
+        repeat,
+        number,
+    )?;
+    let seed = context.seed_for("differentiation", task.number);
+    let classifier = trained(context, "classifier", &fold.train, seed)?;
+    context.say("embedding")?;
     let train = embedded(&classifier, &fold.train)?;
     let test = embedded(&classifier, &fold.test)?;
     let pairs = random_pairs(
@@ -121,14 +130,14 @@ pub(super) fn differentiate(task: &StudyTask, bench: &Bench<'_>) -> Result<Answe
         TRAINING_PAIRS,
         &mut seed.rng("training pairs"),
     );
-    let mut judges = vec![("posterior", Judge::Posterior)];
-    bench.say("threshold")?;
-    judges.push(("threshold", threshold(&train, &pairs)?));
+    let mut scorers = vec![("posterior", PairScorer::Posterior)];
+    context.say("threshold")?;
+    scorers.push(("threshold", threshold(&train, &pairs)?));
     for (name, apart) in [
         ("siamese", Apart::Outputs),
         ("siamese, every output", Apart::EveryOutput),
     ] {
-        bench.say(name)?;
+        context.say(name)?;
         let distances = apart.of(&train, &pairs);
         let scale = distances.values().iter().sum::<f32>() / distances.values().len() as f32;
         let layers: Vec<DenseWeights> = Mlp::init(
@@ -138,17 +147,17 @@ pub(super) fn differentiate(task: &StudyTask, bench: &Bench<'_>) -> Result<Answe
         )
         .layers();
         let mlp = fit_difference(&layers, &scaled(distances, scale), &pairs, TRAINING, seed)?;
-        judges.push((
+        scorers.push((
             name,
-            Judge::Network {
+            PairScorer::Network {
                 apart,
                 mlp: Box::new(mlp),
                 scale,
             },
         ));
     }
-    bench.say("test pairs")?;
-    let names: Vec<&str> = bench.dataset.labels().names().collect();
+    context.say("test pairs")?;
+    let names: Vec<&str> = context.dataset.labels().names().collect();
     let hard = hard_pairs(&names);
     let mut measurements = Vec::new();
     let fewest = rows_of_label(&test.labels).iter().map(Vec::len).min();
@@ -169,8 +178,8 @@ pub(super) fn differentiate(task: &StudyTask, bench: &Bench<'_>) -> Result<Answe
         }
         for (setting, trials) in trials {
             let pairs: Vec<SweepPair> = trials.concat();
-            for (name, judge) in &judges {
-                let p = judge.probabilities(&test, &pairs);
+            for (name, scorer) in &scorers {
+                let p = scorer.probabilities(&test, &pairs);
                 let right = p.chunks(sweeps).zip(&trials).filter(|(p, trial)| {
                     let votes = p.iter().filter(|p| **p > 0.5).count();
                     (2 * votes > sweeps) == trial[0].different
@@ -186,7 +195,7 @@ pub(super) fn differentiate(task: &StudyTask, bench: &Bench<'_>) -> Result<Answe
     }
     Ok(Answer {
         measurements,
-        split: format!("run {run}, fold {number}"),
+        split: format!("repeat {repeat}, fold {number}"),
         split_content: fold.manifest().sha256,
         chosen: BTreeMap::new(),
     })
@@ -234,14 +243,14 @@ fn trials(
 }
 
 /// Logistic regression of 'different' on the distance of embeddings.
-fn threshold(train: &Embedding, pairs: &[SweepPair]) -> Result<Judge, Ended> {
+fn threshold(train: &Embedding, pairs: &[SweepPair]) -> Result<PairScorer, Cancelled> {
     let distances = Apart::Embedding.of(train, pairs);
     let different: Vec<usize> = pairs
         .iter()
         .map(|pair| usize::from(pair.different))
         .collect();
     let prior = WeightPrior::weight_decay(1, 1e-6, pairs.len());
-    Ok(Judge::Threshold(LinearHead::fit(
+    Ok(PairScorer::Threshold(LinearHead::fit(
         &distances, &different, 2, &prior,
     )?))
 }

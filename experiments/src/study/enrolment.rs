@@ -3,22 +3,27 @@
 use std::collections::BTreeMap;
 
 use tactnet_data::{Fold, MaterialSplit, Scheme, SweepView};
-use tactnet_models::{Features, LinearHead, WeightPrior, first_largest, fit_new_class};
+use tactnet_models::{Features, LinearHead, WeightPrior, argmax, fit_new_class};
 
 use super::knowledge::{embedded, trained};
-use super::{Answer, Bench, Ended, Measurement, StudyTask};
+use super::{Answer, Cancelled, Measurement, StudyContext, StudyTask};
 
-pub(super) fn enrolment(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, Ended> {
-    let split = MaterialSplit::draw(bench.dataset, task.new_materials, bench.seed, task.number)?;
-    let fold = Fold::new(&split.known, Scheme::default(), bench.seed, 0, 0)?;
-    let seed = bench.seed_for("network of the known materials", task.number);
-    let classifier = trained(bench, "network of the known materials", &fold.train, seed)?;
-    bench.say("embedding")?;
+pub(super) fn enrolment(task: &StudyTask, context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
+    let split = MaterialSplit::draw(
+        context.dataset,
+        task.new_materials,
+        context.seed,
+        task.number,
+    )?;
+    let fold = Fold::new(&split.known, Scheme::default(), context.seed, 0, 0)?;
+    let seed = context.seed_for("network of the known materials", task.number);
+    let classifier = trained(context, "network of the known materials", &fold.train, seed)?;
+    context.say("embedding")?;
     let seen = embedded(&classifier, &fold.train)?;
     let test = embedded(&classifier, &fold.test)?;
     let everything = SweepView::all(&split.new);
     let whole = embedded(&classifier, &everything)?;
-    let own = bench.seed_for("folds of new materials", task.number);
+    let own = context.seed_for("folds of new materials", task.number);
     let new = Fold::new(&split.new, Scheme::default(), own, 0, 0)?;
     let head = classifier.network()?.output_layer();
     let right = |head: &LinearHead, features: &Features, labels: &[usize]| {
@@ -26,7 +31,7 @@ pub(super) fn enrolment(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, E
         let right = scores
             .iter()
             .zip(labels)
-            .filter(|(row, label)| first_largest(row) == **label);
+            .filter(|(row, label)| argmax(row) == **label);
         right.count()
     };
     let before = right(&head, &test.hidden, &test.labels);
@@ -34,7 +39,7 @@ pub(super) fn enrolment(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, E
     let knowledge = WeightPrior::of_knowledge(&head);
     let tenth = knowledge.weaker(10.0);
     let decay = WeightPrior {
-        strength: WeightPrior::weight_decay(0, bench.recipe.training.l2, seen.len()).strength,
+        strength: WeightPrior::weight_decay(0, context.recipe.training.l2, seen.len()).strength,
         ..knowledge.clone()
     };
     let priors = [
@@ -45,7 +50,7 @@ pub(super) fn enrolment(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, E
     let mut measurements = Vec::new();
     for &shots in &task.shots {
         let Ok(few) = new.shots(shots) else { continue };
-        bench.say(&format!("enrolment with {shots} shots"))?;
+        context.say(&format!("enrolment with {shots} shots"))?;
         let support = whole.part(&everything, &few.train);
         let queries = whole.part(&everything, &few.test);
         for (name, prior) in priors {

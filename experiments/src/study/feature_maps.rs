@@ -12,7 +12,7 @@ use tactnet_data::{Fold, MaterialSplit, Scheme, SweepView};
 use tactnet_models::Features;
 
 use super::knowledge::{embedded, trained};
-use super::{Answer, Bench, Ended, Measurement, StudyTask};
+use super::{Answer, Cancelled, Measurement, StudyContext, StudyTask};
 use crate::published_confusion::{TACTMAT_MATERIALS, robot};
 
 /// Neighbours that should be of the same material.
@@ -41,21 +41,21 @@ pub struct FeatureMap {
 /// Task 0 shows an easy choice of materials, task 1 a hard one.
 pub(super) fn feature_maps(
     task: &StudyTask,
-    bench: &Bench<'_>,
-) -> Result<(Answer, Vec<FeatureMap>), Ended> {
+    context: &StudyContext<'_>,
+) -> Result<(Answer, Vec<FeatureMap>), Cancelled> {
     let choice = if task.number == 0 { "easy" } else { "hard" };
-    let alike = likeness(bench)?;
+    let alike = likeness(context)?;
     let new = choose(&alike, task.new_materials, task.number != 0);
-    let split = MaterialSplit::of(bench.dataset, &new)?;
-    let fold = Fold::new(&split.known, Scheme::default(), bench.seed, 0, 0)?;
-    let seed = bench.seed_for("feature maps", task.number);
-    let classifier = trained(bench, "network of the known materials", &fold.train, seed)?;
+    let split = MaterialSplit::of(context.dataset, &new)?;
+    let fold = Fold::new(&split.known, Scheme::default(), context.seed, 0, 0)?;
+    let seed = context.seed_for("feature maps", task.number);
+    let classifier = trained(context, "network of the known materials", &fold.train, seed)?;
     let everything = SweepView::all(&split.new);
     let embedding = embedded(&classifier, &everything)?;
     let mut digits = vec![0.0; everything.len() * everything.shape().values()];
     let positions: Vec<usize> = (0..everything.len()).collect();
     everything.copy_batch(&positions, &mut digits);
-    bench
+    context
         .recipe
         .input
         .levels
@@ -64,7 +64,7 @@ pub(super) fn feature_maps(
     let materials: Vec<String> = split.new.labels().names().map(String::from).collect();
     let (mut measurements, mut maps) = (Vec::new(), Vec::new());
     for (space, features) in [("input", &input), ("embedding", &embedding.hidden)] {
-        bench.say(&format!("t-SNE of the {space} space, {choice} materials"))?;
+        context.say(&format!("t-SNE of the {space} space, {choice} materials"))?;
         let plane = plane(features, &mut seed.rng(("t-SNE", maps.len())));
         let flat = Features::new(2, plane.concat());
         for (what, features) in [("whole space", features), ("plane", &flat)] {
@@ -93,8 +93,8 @@ pub(super) fn feature_maps(
 
 /// How often materials are taken for each other, `[material][material]`: as published where the materials are TactMat's, else by a
 /// network of its own, which is asked about test sweeps.
-fn likeness(bench: &Bench<'_>) -> Result<Vec<Vec<f64>>, Ended> {
-    let names: Vec<&str> = bench.dataset.labels().names().collect();
+fn likeness(context: &StudyContext<'_>) -> Result<Vec<Vec<f64>>, Cancelled> {
+    let names: Vec<&str> = context.dataset.labels().names().collect();
     let ids: Option<Vec<usize>> = names
         .iter()
         .map(|name| TACTMAT_MATERIALS.iter().position(|known| known == name))
@@ -107,10 +107,10 @@ fn likeness(bench: &Bench<'_>) -> Result<Vec<Vec<f64>>, Ended> {
                 .collect()
         }
         _ => {
-            let fold = Fold::new(bench.dataset, Scheme::default(), bench.seed, 0, 0)?;
-            let seed = bench.seed_for("likeness", 0);
+            let fold = Fold::new(context.dataset, Scheme::default(), context.seed, 0, 0)?;
+            let seed = context.seed_for("likeness", 0);
             let classifier = trained(
-                bench,
+                context,
                 "network that says which materials are alike",
                 &fold.train,
                 seed,

@@ -3,21 +3,24 @@
 use tactnet_data::{Seed, SweepView, TrainSplit};
 use tactnet_pipeline::{Classifier, Embedding, train_network};
 
-use super::{Bench, Ended};
+use super::{Cancelled, StudyContext};
 
 /// Trains a network on `train`.
 pub(crate) fn trained(
-    bench: &Bench<'_>,
+    context: &StudyContext<'_>,
     what: &str,
     train: &TrainSplit<'_>,
     seed: Seed,
-) -> Result<Classifier, Ended> {
-    bench.say(what)?;
-    let go_on = |batch: &tactnet_pipeline::BatchReport| (bench.go_on)(what, Some(batch));
-    train_network(bench.recipe, train, seed, bench.device, go_on)?.ok_or(Ended::Stopped)
+) -> Result<Classifier, Cancelled> {
+    context.say(what)?;
+    let go_on = |batch: &tactnet_pipeline::BatchReport| (context.go_on)(what, Some(batch));
+    train_network(context.recipe, train, seed, context.device, go_on)?.ok_or(Cancelled::Stopped)
 }
 
 /// Every sweep of `view` as the network sees it.
-pub(crate) fn embedded(classifier: &Classifier, view: &SweepView<'_>) -> Result<Embedding, Ended> {
+pub(crate) fn embedded(
+    classifier: &Classifier,
+    view: &SweepView<'_>,
+) -> Result<Embedding, Cancelled> {
     Ok(classifier.embed(view)?)
 }

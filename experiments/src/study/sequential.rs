@@ -8,7 +8,7 @@ use tactnet_pipeline::PredictionMethod;
 
 use super::knowledge::trained;
 use super::pairs::rows_of_label;
-use super::{Answer, Bench, Ended, Measurement, StudyTask};
+use super::{Answer, Cancelled, Measurement, StudyContext, StudyTask};
 
 /// Probabilities at which it stops.
 const THRESHOLDS: [f64; 6] = [0.8, 0.9, 0.95, 0.99, 0.999, 0.9999];
@@ -19,7 +19,7 @@ const MOST: usize = 10;
 /// Orders in which the sweeps of a material are taken.
 const ORDERS: usize = 20;
 /// Passes of Monte Carlo dropout.
-const RUNS: usize = 100;
+const MC_SAMPLES: usize = 100;
 
 /// When it stops.
 #[derive(Clone, Copy)]
@@ -28,16 +28,30 @@ enum Rule {
     Fixed(usize),
 }
 
-pub(super) fn sequential(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, Ended> {
-    let (run, number) = (task.number / 5, task.number % 5);
-    let fold = Fold::new(bench.dataset, Scheme::default(), bench.seed, run, number)?;
-    let seed = bench.seed_for("sequential", task.number);
-    let classifier = trained(bench, "classifier", &fold.train, seed)?;
-    bench.say("beliefs")?;
+pub(super) fn sequential(
+    task: &StudyTask,
+    context: &StudyContext<'_>,
+) -> Result<Answer, Cancelled> {
+    let (repeat, number) = (task.number / 5, task.number % 5);
+    let fold = Fold::new(
+        context.dataset,
+        Scheme::default(),
+        context.seed,
+        repeat,
+        number,
+    )?;
+    let seed = context.seed_for("sequential", task.number);
+    let classifier = trained(context, "classifier", &fold.train, seed)?;
+    context.say("beliefs")?;
     let mut measurements = Vec::new();
     for (method, way) in [
         ("plain", PredictionMethod::Plain),
-        ("mc_dropout", PredictionMethod::McDropout { runs: RUNS }),
+        (
+            "mc_dropout",
+            PredictionMethod::McDropout {
+                mc_samples: MC_SAMPLES,
+            },
+        ),
     ] {
         let predictions = classifier.predict(&fold.test, way)?;
         let labels: Vec<usize> = predictions.sweeps.iter().map(|sweep| sweep.label).collect();
@@ -90,7 +104,7 @@ pub(super) fn sequential(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, 
     }
     Ok(Answer {
         measurements,
-        split: format!("run {run}, fold {number}"),
+        split: format!("repeat {repeat}, fold {number}"),
         split_content: fold.manifest().sha256,
         chosen: BTreeMap::new(),
     })

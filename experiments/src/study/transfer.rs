@@ -9,15 +9,14 @@
 use rayon::prelude::*;
 use tactnet_data::{Fold, MaterialSplit, Scheme, Seed, SweepView};
 use tactnet_models::{
-    DenseWeights, Features, LinearHead, NearestMean, SimpleShot, WeightPrior, Whitening,
-    first_largest,
+    DenseWeights, Features, LinearHead, NearestMean, SimpleShot, WeightPrior, Whitening, argmax,
 };
 use tactnet_pipeline::{Classifier, Embedding, MlpTraining, Recipe, fit_embedding, fit_labels};
 
 use super::knowledge::{embedded, trained};
 use super::pairs::random_pairs;
 use super::tuning::{Tuned, tune};
-use super::{Answer, Bench, Ended, Measurement, StudyTask, TransferMethod};
+use super::{Answer, Cancelled, Measurement, StudyContext, StudyTask, TransferMethod};
 
 /// Folds of the new materials' sweeps.
 const FOLDS: usize = 5;
@@ -38,13 +37,18 @@ struct Knowledge {
     siamese: Option<Vec<DenseWeights>>,
 }
 
-pub(super) fn transfer(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, Ended> {
-    let split = MaterialSplit::draw(bench.dataset, task.new_materials, bench.seed, task.number)?;
-    let knowledge = learn(task, bench, &split)?;
+pub(super) fn transfer(task: &StudyTask, context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
+    let split = MaterialSplit::draw(
+        context.dataset,
+        task.new_materials,
+        context.seed,
+        task.number,
+    )?;
+    let knowledge = learn(task, context, &split)?;
     let everything = SweepView::all(&split.new);
     let whole = embedded(&knowledge.classifier, &everything)?;
     // Draws deal folds and shots of their own, which all methods share.
-    let own = bench.seed_for("folds of new materials", task.number);
+    let own = context.seed_for("folds of new materials", task.number);
     let folds: Vec<Fold<'_>> = (0..FOLDS)
         .map(|fold| Fold::new(&split.new, Scheme::default(), own, 0, fold))
         .collect::<Result<_, _>>()?;
@@ -60,7 +64,7 @@ pub(super) fn transfer(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, En
             continue;
         };
         for &method in &task.methods {
-            bench.say(&format!("{} with {shots} shots", method.name()))?;
+            context.say(&format!("{} with {shots} shots", method.name()))?;
             let own: &[Fold<'_>] = match method {
                 // Another fold in every draw.
                 TransferMethod::Nk => {
@@ -70,14 +74,14 @@ pub(super) fn transfer(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, En
             };
             let mut right = 0;
             let mut decisions = 0;
-            let answers: Vec<Result<Vec<usize>, Ended>> = if method == TransferMethod::Nk {
+            let answers: Vec<Result<Vec<usize>, Cancelled>> = if method == TransferMethod::Nk {
                 own.iter()
-                    .map(|fold| from_scratch(task, bench, fold))
+                    .map(|fold| from_scratch(task, context, fold))
                     .collect()
             } else {
-                let recipe = bench.recipe;
+                let recipe = context.recipe;
                 let seeds: Vec<Seed> = (0..FOLDS)
-                    .map(|fold| bench.seed_for("fine-tuning", task.number * FOLDS + fold))
+                    .map(|fold| context.seed_for("fine-tuning", task.number * FOLDS + fold))
                     .collect();
                 own.par_iter()
                     .map(|fold| {
@@ -127,11 +131,15 @@ fn rotated<'a>(folds: &[Fold<'a>], by: usize) -> Vec<Fold<'a>> {
 }
 
 /// Trains the network on the known materials and derives what the methods need.
-fn learn(task: &StudyTask, bench: &Bench<'_>, split: &MaterialSplit) -> Result<Knowledge, Ended> {
-    let fold = Fold::new(&split.known, Scheme::default(), bench.seed, 0, 0)?;
-    let seed = bench.seed_for("knowledge network", task.number);
-    let classifier = trained(bench, "network of the known materials", &fold.train, seed)?;
-    bench.say("embedding")?;
+fn learn(
+    task: &StudyTask,
+    context: &StudyContext<'_>,
+    split: &MaterialSplit,
+) -> Result<Knowledge, Cancelled> {
+    let fold = Fold::new(&split.known, Scheme::default(), context.seed, 0, 0)?;
+    let seed = context.seed_for("knowledge network", task.number);
+    let classifier = trained(context, "network of the known materials", &fold.train, seed)?;
+    context.say("embedding")?;
     let seen = embedded(&classifier, &fold.train)?;
     let unseen = embedded(&classifier, &fold.test)?;
     let materials = split.known.labels().len();
@@ -143,11 +151,11 @@ fn learn(task: &StudyTask, bench: &Bench<'_>, split: &MaterialSplit) -> Result<K
             .zip(row)
             .for_each(|(sum, v)| *sum += f64::from(*v) / seen.len() as f64);
     }
-    bench.say("whitening, prior strengths")?;
-    let (whitening, tuned) = tune(task, bench, &seen, &unseen, materials)?;
+    context.say("whitening, prior strengths")?;
+    let (whitening, tuned) = tune(task, context, &seen, &unseen, materials)?;
     let siamese = if task.methods.contains(&TransferMethod::Siamese) {
-        bench.say("Siamese embedding")?;
-        Some(siamese_layers(bench, &classifier, &seen, task.number)?)
+        context.say("Siamese embedding")?;
+        Some(siamese_layers(context, &classifier, &seen, task.number)?)
     } else {
         None
     };
@@ -164,12 +172,12 @@ fn learn(task: &StudyTask, bench: &Bench<'_>, split: &MaterialSplit) -> Result<K
 /// The dense layer, trained further so that sweeps of one known material come close and others keep away. The margin is the mean
 /// distance between materials before.
 fn siamese_layers(
-    bench: &Bench<'_>,
+    context: &StudyContext<'_>,
     classifier: &Classifier,
     seen: &Embedding,
     number: usize,
-) -> Result<Vec<DenseWeights>, Ended> {
-    let seed = bench.seed_for("siamese", number);
+) -> Result<Vec<DenseWeights>, Cancelled> {
+    let seed = context.seed_for("siamese", number);
     let pairs = random_pairs(&seen.labels, PAIRS, &mut seed.rng("pairs"));
     let apart: Vec<f64> = pairs
         .iter()
@@ -193,21 +201,25 @@ fn siamese_layers(
 }
 
 /// A network trained on the few sweeps alone: its answers to the test sweeps.
-fn from_scratch(task: &StudyTask, bench: &Bench<'_>, fold: &Fold<'_>) -> Result<Vec<usize>, Ended> {
-    let batches = fold.train.len().div_ceil(bench.recipe.training.batch);
-    let mut recipe: Recipe = bench.recipe.clone();
+fn from_scratch(
+    task: &StudyTask,
+    context: &StudyContext<'_>,
+    fold: &Fold<'_>,
+) -> Result<Vec<usize>, Cancelled> {
+    let batches = fold.train.len().div_ceil(context.recipe.training.batch);
+    let mut recipe: Recipe = context.recipe.clone();
     recipe.training.epochs = (SCRATCH_STEPS / batches).max(recipe.training.epochs);
-    let scratch = Bench {
+    let scratch = StudyContext {
         recipe: &recipe,
-        ..*bench
+        ..*context
     };
-    let seed = bench.seed_for("network from scratch", task.number * FOLDS + fold.fold());
+    let seed = context.seed_for("network from scratch", task.number * FOLDS + fold.fold());
     let classifier = trained(&scratch, "network from scratch", &fold.train, seed)?;
     let embedding = embedded(&classifier, &fold.test)?;
     Ok(embedding
         .log_probabilities()
         .iter()
-        .map(|row| first_largest(row))
+        .map(|row| argmax(row))
         .collect())
 }
 
@@ -227,7 +239,7 @@ impl FewShots<'_> {
         method: TransferMethod,
         queries: &Embedding,
         seed: Seed,
-    ) -> Result<Vec<usize>, Ended> {
+    ) -> Result<Vec<usize>, Cancelled> {
         let Knowledge {
             prior,
             whitening,
@@ -235,11 +247,11 @@ impl FewShots<'_> {
             ..
         } = self.knowledge;
         let (support, labels) = (&self.support.hidden, &self.support.labels);
-        let largest = |rows: Vec<Vec<f64>>| rows.iter().map(|row| first_largest(row)).collect();
+        let largest = |rows: Vec<Vec<f64>>| rows.iter().map(|row| argmax(row)).collect();
         let linear = |support: &Features,
                       queries: &Features,
                       prior: &WeightPrior|
-         -> Result<Vec<usize>, Ended> {
+         -> Result<Vec<usize>, Cancelled> {
             let head = LinearHead::fit(support, labels, self.materials, prior)?;
             Ok(largest(head.log_probabilities(queries)))
         };
@@ -316,9 +328,7 @@ impl FewShots<'_> {
                 let scores = mlp.apply(&queries.convolution);
                 scores
                     .rows()
-                    .map(|row| {
-                        first_largest(&row.iter().map(|v| f64::from(*v)).collect::<Vec<_>>())
-                    })
+                    .map(|row| argmax(&row.iter().map(|v| f64::from(*v)).collect::<Vec<_>>()))
                     .collect()
             }
         })
@@ -334,7 +344,7 @@ fn nearest(support: &Features, labels: &[usize], queries: &Features) -> Vec<usiz
                 .rows()
                 .map(|row| -squared_distance(row, query))
                 .collect();
-            labels[first_largest(&distances)]
+            labels[argmax(&distances)]
         })
         .collect()
 }

@@ -6,12 +6,12 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use tactnet_data::shuffle;
 use tactnet_models::{
-    Features, LinearHead, ModelError, NearestMean, WeightPrior, Whitening, first_largest,
+    Features, LinearHead, ModelError, NearestMean, WeightPrior, Whitening, argmax,
 };
 use tactnet_pipeline::Embedding;
 
 use super::pairs::rows_of_label;
-use super::{Bench, Ended, StudyTask};
+use super::{Cancelled, StudyContext, StudyTask};
 
 /// Tasks that every setting is tried on.
 const TASKS: usize = 12;
@@ -58,7 +58,7 @@ impl Tuned {
 
 /// The middle one of those that are best: accuracies tie where a task is easy.
 fn middle_of_best(values: &[f64]) -> usize {
-    let most = values[first_largest(values)];
+    let most = values[argmax(values)];
     let best: Vec<usize> = (0..values.len())
         .filter(|i| values[*i] >= most - 1e-12)
         .collect();
@@ -113,7 +113,7 @@ impl Trial {
         let right = scores
             .iter()
             .zip(&self.query_labels)
-            .filter(|(row, label)| first_largest(row) == **label);
+            .filter(|(row, label)| argmax(row) == **label);
         right.count() as f64 / self.query_labels.len() as f64
     }
 
@@ -132,11 +132,11 @@ impl Trial {
 /// Fits the whitening to the sweeps that the network was trained on, and chooses on known materials' other sweeps.
 pub(super) fn tune(
     task: &StudyTask,
-    bench: &Bench<'_>,
+    context: &StudyContext<'_>,
     seen: &Embedding,
     unseen: &Embedding,
     known: usize,
-) -> Result<(Whitening, Tuned), Ended> {
+) -> Result<(Whitening, Tuned), Cancelled> {
     let of_label = rows_of_label(&unseen.labels);
     let fewest = of_label.iter().map(Vec::len).min().unwrap_or(0);
     let materials = task.new_materials.min(known);
@@ -158,7 +158,7 @@ pub(super) fn tune(
         return Ok((whitening, tuned));
     }
     let trials = |shots: usize| -> Vec<Trial> {
-        let mut rng = bench.seed.rng(("tuning", task.number, shots));
+        let mut rng = context.seed.rng(("tuning", task.number, shots));
         (0..TASKS)
             .map(|_| Trial::draw(&of_label, materials, shots, &mut rng))
             .collect()

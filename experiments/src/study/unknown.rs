@@ -11,13 +11,13 @@ use std::collections::BTreeMap;
 
 use tactnet_data::{Fold, MaterialSplit, Scheme, Seed, SweepView, shuffle};
 use tactnet_pipeline::{
-    KnownSweeps, Strangeness, least_probability, prediction_set, upper_quantile,
+    NoveltyScorer, TrainEmbeddings, least_probability, prediction_set, upper_quantile,
 };
 
 use super::knowledge::{embedded, trained};
 use super::pairs::rows_of_label;
 use super::roc::auroc;
-use super::{Answer, Bench, Ended, Measurement, StudyTask};
+use super::{Answer, Cancelled, Measurement, StudyContext, StudyTask};
 
 /// Sweeps whose scores are averaged.
 const SWEEPS: [usize; 2] = [1, 3];
@@ -26,22 +26,27 @@ const FALSE_ALARMS: f64 = 0.05;
 /// Shares of sweeps whose label the prediction set should hold.
 const COVERAGES: [f64; 2] = [0.9, 0.95];
 
-pub(super) fn unknown(task: &StudyTask, bench: &Bench<'_>) -> Result<Answer, Ended> {
-    let split = MaterialSplit::draw(bench.dataset, task.new_materials, bench.seed, task.number)?;
+pub(super) fn unknown(task: &StudyTask, context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
+    let split = MaterialSplit::draw(
+        context.dataset,
+        task.new_materials,
+        context.seed,
+        task.number,
+    )?;
     let fold = Fold::new(
         &split.known,
         Scheme::default(),
-        bench.seed,
+        context.seed,
         0,
         task.number % 5,
     )?;
     let (train, calibration) = fold.inner(0)?;
-    let seed = bench.seed_for("network of the known materials", task.number);
-    let classifier = trained(bench, "network of the known materials", &train, seed)?;
-    bench.say("scores")?;
+    let seed = context.seed_for("network of the known materials", task.number);
+    let classifier = trained(context, "network of the known materials", &train, seed)?;
+    context.say("scores")?;
     let seen = embedded(&classifier, &train)?;
-    let strangeness = Strangeness::fit(&classifier, &KnownSweeps::of(&seen))?;
-    let scored = |view: &SweepView<'_>| -> Result<Scored, Ended> {
+    let strangeness = NoveltyScorer::fit(&classifier, &TrainEmbeddings::of(&seen))?;
+    let scored = |view: &SweepView<'_>| -> Result<Scored, Cancelled> {
         let embedding = embedded(&classifier, view)?;
         Ok(Scored {
             scores: strangeness.all(&embedding)?,

@@ -41,7 +41,7 @@ enum Route {
 
 /// What a forward pass with batch statistics gives.
 #[derive(Debug)]
-pub struct Trained {
+pub struct ForwardTrain {
     /// `[batch, pooled_steps, taxels, maps_out]`
     pub pooled: Vec<f32>,
     /// Mean per map over batch, steps and taxels.
@@ -162,7 +162,7 @@ impl Block {
         weight: impl Into<Weight<'a>>,
         gamma: &[f32],
         beta: &[f32],
-    ) -> Trained {
+    ) -> ForwardTrain {
         let weight = weight.into();
         self.check(input, &weight, gamma, beta);
         let signs = signs(gamma);
@@ -181,7 +181,7 @@ impl Block {
             positions: pooled.positions,
             route,
         };
-        Trained {
+        ForwardTrain {
             pooled: out,
             mean,
             variance,

@@ -78,6 +78,6 @@ pub use spare::take as spare_memory;
 pub(crate) use stream::{StreamBlock, StreamShape};
 pub(crate) use stream_head::StreamHead;
 
-pub use block::{Block, Gradients, Saved, Trained};
+pub use block::{Block, ForwardTrain, Gradients, Saved};
 pub use shape::BlockShape;
 pub use weight::Weight;

@@ -26,9 +26,9 @@ use super::weight::{Remembered, Weight};
 /// Steps that a tile should have at most.
 const TILE: usize = 100;
 /// Most taxels.
-const MOST_TAXELS: usize = 16;
+const MAX_TAXELS: usize = 16;
 /// Most kernel steps and taxels.
-pub(super) const MOST_KERNEL: [usize; 2] = [15, 5];
+pub(super) const MAX_KERNEL: [usize; 2] = [15, 5];
 
 /// Plan and workspace.
 #[derive(Debug)]
@@ -72,10 +72,10 @@ impl Single {
     pub(super) fn new(shape: BlockShape, isa: Isa) -> Option<Self> {
         let [pad_steps, pad_taxels] = shape.padding();
         if shape.maps_in != 1
-            || shape.taxels > MOST_TAXELS
+            || shape.taxels > MAX_TAXELS
             || !shape.maps_out.is_multiple_of(8)
-            || shape.kernel[0] > MOST_KERNEL[0]
-            || shape.kernel[1] > MOST_KERNEL[1]
+            || shape.kernel[0] > MAX_KERNEL[0]
+            || shape.kernel[1] > MAX_KERNEL[1]
         {
             return None;
         }

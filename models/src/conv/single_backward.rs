@@ -12,13 +12,13 @@ use rayon::prelude::*;
 
 use super::norm::OutputGradient;
 use super::simd::{Narrow, NarrowKernel, Octet};
-use super::single::{MOST_KERNEL, SavedSingle, Single};
+use super::single::{MAX_KERNEL, SavedSingle, Single};
 use super::spare;
 
 /// Values in a padded row: four zeros, up to sixteen taxels, zeros.
 pub(super) const ROW: usize = 24;
 /// Zeros before the first taxel: the farthest that two taps of a row lie apart.
-pub(super) const MARGIN: usize = MOST_KERNEL[1] - 1;
+pub(super) const MARGIN: usize = MAX_KERNEL[1] - 1;
 /// Sums that a thread takes at once.
 const RUN: usize = 1 << 11;
 /// Distances between two taps of a row, from `-MARGIN` on.
@@ -59,7 +59,7 @@ impl Winners {
 
 /// One sweep's share.
 struct Share {
-    /// `[maps_out, MOST_KERNEL[0], 8]`
+    /// `[maps_out, MAX_KERNEL[0], 8]`
     sparse: Vec<f32>,
     /// `[time distance, rows, ACROSS, 16]`, rows as [`Autocorrelation::edges`] numbers them
     products: Vec<f32>,
@@ -93,7 +93,7 @@ impl Single {
                 let padded = self.pad(input);
                 let winners = self.winners(sweep, output);
                 let mut share = Share {
-                    sparse: vec![0.0; shape.maps_out * MOST_KERNEL[0] * 8],
+                    sparse: vec![0.0; shape.maps_out * MAX_KERNEL[0] * 8],
                     products: self
                         .products
                         .take(shape.kernel[0] * (1 + edges.len()) * ACROSS * 16),
@@ -132,7 +132,7 @@ impl Single {
     /// The sweep within zeros: `pad` rows before, enough for a patch after.
     fn pad(&self, input: &[f32]) -> Vec<f32> {
         let (taxels, pad) = (self.shape.taxels, self.shape.padding()[0]);
-        let mut padded = vec![0.0; (self.shape.steps + pad + MOST_KERNEL[0] + 1) * ROW];
+        let mut padded = vec![0.0; (self.shape.steps + pad + MAX_KERNEL[0] + 1) * ROW];
         for (row, values) in padded
             .chunks_exact_mut(ROW)
             .skip(pad)
@@ -231,7 +231,7 @@ impl Single {
             );
             for (tap, out) in out.iter_mut().enumerate() {
                 let gathered =
-                    sparse[(map * MOST_KERNEL[0] + tap / kernel_taxels) * 8 + tap % kernel_taxels];
+                    sparse[(map * MAX_KERNEL[0] + tap / kernel_taxels) * 8 + tap % kernel_taxels];
                 let row = &correlation[tap * taps..(tap + 1) * taps];
                 let mixed: f64 = row.iter().zip(weight).map(|(r, &w)| r * f64::from(w)).sum();
                 *out = (gathered + kb * patch_sums[tap] + kc * mixed) as f32;
@@ -331,26 +331,26 @@ impl NarrowKernel for Gather<'_> {
                     columns.0 = *values;
                 }
             }
-            for (winners, out) in winners.zip(self.out.chunks_exact_mut(MOST_KERNEL[0] * 8)) {
+            for (winners, out) in winners.zip(self.out.chunks_exact_mut(MAX_KERNEL[0] * 8)) {
                 let (out, _) = out.as_chunks_mut::<8>();
-                let Some(out) = out.first_chunk_mut::<{ MOST_KERNEL[0] }>() else {
+                let Some(out) = out.first_chunk_mut::<{ MAX_KERNEL[0] }>() else {
                     continue;
                 };
-                let mut sums = [L::splat(0.0); MOST_KERNEL[0]];
-                for row in 0..MOST_KERNEL[0] {
+                let mut sums = [L::splat(0.0); MAX_KERNEL[0]];
+                for row in 0..MAX_KERNEL[0] {
                     sums[row] = L::load_slice(&out[row]);
                 }
                 for winner in winners {
                     let rows = &self.columns[winner.row as usize..];
-                    let Some(patch) = rows.first_chunk::<{ MOST_KERNEL[0] }>() else {
+                    let Some(patch) = rows.first_chunk::<{ MAX_KERNEL[0] }>() else {
                         continue;
                     };
                     let gradient = L::splat(winner.gradient);
-                    for row in 0..MOST_KERNEL[0] {
+                    for row in 0..MAX_KERNEL[0] {
                         sums[row] = gradient.mul_add(L::load(patch, row), sums[row]);
                     }
                 }
-                for row in 0..MOST_KERNEL[0] {
+                for row in 0..MAX_KERNEL[0] {
                     sums[row].store_slice(&mut out[row]);
                 }
             }

@@ -9,13 +9,13 @@ use rayon::prelude::*;
 
 use super::norm::GradientAffine;
 use super::simd::{Narrow, NarrowKernel, Octet};
-use super::single::{MOST_KERNEL, Single};
+use super::single::{MAX_KERNEL, Single};
 use super::single_backward::{MARGIN, ROW, Winners};
 
 /// Distances between two taps of a row, from `-MARGIN` on.
 const ACROSS: usize = 2 * MARGIN + 1;
 /// Zero rows around the sweep: the farthest that two taps lie apart.
-const REACH: usize = MOST_KERNEL[0] - 1;
+const REACH: usize = MAX_KERNEL[0] - 1;
 /// Steps that are computed together.
 const STEPS: usize = 4;
 
@@ -122,9 +122,9 @@ impl Single {
         let mut wide = vec![0f32; (steps + 2 * REACH + STEPS) * ROW];
         wide[REACH * ROW..(REACH + steps) * ROW]
             .copy_from_slice(&padded[pad * ROW..(pad + steps) * ROW]);
-        let mut kernels = vec![0f32; self.shape.maps_out * MOST_KERNEL[0] * 8];
+        let mut kernels = vec![0f32; self.shape.maps_out * MAX_KERNEL[0] * 8];
         for (kernel, weight) in kernels
-            .chunks_exact_mut(MOST_KERNEL[0] * 8)
+            .chunks_exact_mut(MAX_KERNEL[0] * 8)
             .zip(weight.chunks_exact(kernel_steps * kernel_taxels))
         {
             for (row, weight) in kernel
@@ -172,19 +172,19 @@ impl NarrowKernel for Scatter<'_> {
     fn run<L: Narrow>(self) {
         for (taxel, winners) in self.winners.by_taxel().enumerate() {
             self.columns.fill(Octet::ZERO);
-            for (winners, kernel) in winners.zip(self.kernels.chunks_exact(MOST_KERNEL[0] * 8)) {
+            for (winners, kernel) in winners.zip(self.kernels.chunks_exact(MAX_KERNEL[0] * 8)) {
                 let (kernel, _) = kernel.as_chunks::<8>();
-                let mut rows = [L::splat(0.0); MOST_KERNEL[0]];
-                for row in 0..MOST_KERNEL[0] {
+                let mut rows = [L::splat(0.0); MAX_KERNEL[0]];
+                for row in 0..MAX_KERNEL[0] {
                     rows[row] = L::load_slice(&kernel[row]);
                 }
                 for winner in winners {
                     let columns = &mut self.columns[winner.row as usize..];
-                    let Some(patch) = columns.first_chunk_mut::<{ MOST_KERNEL[0] }>() else {
+                    let Some(patch) = columns.first_chunk_mut::<{ MAX_KERNEL[0] }>() else {
                         continue;
                     };
                     let gradient = L::splat(winner.gradient);
-                    for row in 0..MOST_KERNEL[0] {
+                    for row in 0..MAX_KERNEL[0] {
                         let sum = gradient.mul_add(rows[row], L::load(patch, row));
                         sum.store(patch, row);
                     }

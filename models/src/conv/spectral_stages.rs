@@ -5,7 +5,7 @@ use super::pooling::{Goal, Window, pool_column};
 use super::shape::BlockShape;
 use super::simd::{Kernel, Lanes, Narrow, NarrowKernel, Octet, floats};
 use super::spectral_plan::{Plan, in_blocks};
-use super::taxel::{MOST_TAXELS, TaxelPlan};
+use super::taxel::{MAX_TAXELS, TaxelPlan};
 
 /// Taxel spectra of one sweep: `[steps, taxels, maps_in]` to `[column, block of maps_in, steps, 2, block's octets]`.
 pub(super) struct Analyze<'a> {
@@ -146,7 +146,7 @@ impl Kernel for Spread<'_> {
         for (window, tile) in self.maps.chunks(pool * window_row).enumerate() {
             let first = (self.sweep * plan.shape.pooled_steps() + window) * window_row;
             for v in (0..outs).step_by(L::OCTETS) {
-                let mut sparse = [[L::splat(0.0); 2]; MOST_TAXELS];
+                let mut sparse = [[L::splat(0.0); 2]; MAX_TAXELS];
                 for taxel in 0..taxels {
                     let at = first + taxel * outs + v;
                     let gradient = L::load_floats(self.output.gradient, at);

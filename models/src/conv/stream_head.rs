@@ -2,7 +2,7 @@
 //!
 //! The masks are known in advance. A run drops few features (or keeps few), so its dense layer is the plain one less what it drops: with a keep
 //! probability of 0.8 a fifth of the products of a masked matrix product. The dense layer's outputs are gone through in panels whose weights stay in the
-//! second-level cache for all runs.
+//! second-level cache for all Monte Carlo samples.
 
 use super::simd::{Isa, Kernel, Lanes, Octet, Octets, floats};
 
@@ -24,7 +24,7 @@ pub(crate) struct StreamHead {
     /// `[octets of materials]`
     output_bias: Octets,
     masks: Vec<Mask>,
-    /// `[runs or one][panels][PANEL]`
+    /// `[mc_samples or 1][panels][PANEL]`
     activations: Octets,
     /// `[octets of materials]`
     scores: Octets,
@@ -63,7 +63,7 @@ impl Mask {
 impl StreamHead {
     /// - `hidden_weight`: `[hidden][features]`, `hidden_bias`: `[hidden]`, with batch normalisation folded in
     /// - `output_weight`: `[materials][hidden]`, `output_bias`: `[materials]`
-    /// - `masks`: `[runs][features]`, see [`crate::dropout_masks`]
+    /// - `masks`: `[mc_samples][features]`, see [`crate::dropout_masks`]
     pub(crate) fn new(
         [hidden_weight, hidden_bias]: [&[f32]; 2],
         [output_weight, output_bias]: [&[f32]; 2],
@@ -105,7 +105,7 @@ impl StreamHead {
     }
 
     /// Number of dropout masks.
-    pub(crate) fn runs(&self) -> usize {
+    pub(crate) fn mc_samples(&self) -> usize {
         self.masks.len()
     }
 
@@ -121,8 +121,8 @@ impl StreamHead {
         self.visit_scores(self.masks.len(), visit);
     }
 
-    /// Fills the activations of `runs` masks, or of none.
-    fn hidden(&mut self, features: &[f32], runs: usize) {
+    /// Fills the activations of `mc_samples` masks, or of none.
+    fn hidden(&mut self, features: &[f32], mc_samples: usize) {
         assert_eq!(features.len(), self.features, "number of features");
         let units = self.bias.len();
         for panel in 0..units / PANEL {
@@ -133,7 +133,7 @@ impl StreamHead {
                     features,
                     weights: &self.hidden[stretch],
                     bias: &self.bias[panel * PANEL..][..PANEL],
-                    masks: &self.masks[..runs],
+                    masks: &self.masks[..mc_samples],
                     activations: &mut self.activations[panel * PANEL..],
                     units,
                 },
@@ -141,13 +141,13 @@ impl StreamHead {
         }
     }
 
-    fn visit_scores(&mut self, runs: usize, mut visit: impl FnMut(&[f32])) {
+    fn visit_scores(&mut self, mc_samples: usize, mut visit: impl FnMut(&[f32])) {
         let units = self.bias.len();
-        for run in 0..runs {
+        for sample in 0..mc_samples {
             self.isa.run(
                 2,
                 Output {
-                    activations: floats(&self.activations[run * units..][..units]),
+                    activations: floats(&self.activations[sample * units..][..units]),
                     weights: &self.output,
                     bias: &self.output_bias,
                     scores: &mut self.scores,
@@ -166,7 +166,7 @@ struct Hidden<'a> {
     bias: &'a [Octet],
     /// None for the plain layer.
     masks: &'a [Mask],
-    /// `[runs]`, `units` octets apart
+    /// `[mc_samples]`, `units` octets apart
     activations: &'a mut [Octet],
     units: usize,
 }
@@ -266,12 +266,12 @@ mod tests {
         for (features, hidden, materials, keep) in
             [(40, 70, 5, 0.8_f32), (33, 8, 36, 0.2), (7, 64, 17, 1.0)]
         {
-            let runs = 6;
+            let mc_samples = 6;
             let hidden_weight = noise(hidden * features, 1);
             let hidden_bias = noise(hidden, 2);
             let output_weight = noise(materials * hidden, 3);
             let output_bias = noise(materials, 4);
-            let masks: Vec<f32> = noise(runs * features, 5)
+            let masks: Vec<f32> = noise(mc_samples * features, 5)
                 .iter()
                 .map(|v| {
                     if (v + 1.0) / 2.0 < keep {
@@ -312,7 +312,7 @@ mod tests {
                 head.monte_carlo(&input, |scores| found.push(scores.to_vec()));
                 let whole = vec![1.0; features];
                 let all = std::iter::once(whole.as_slice()).chain(masks.chunks_exact(features));
-                assert_eq!(found.len(), 1 + runs);
+                assert_eq!(found.len(), 1 + mc_samples);
                 for (found, mask) in found.iter().zip(all) {
                     for (found, expected) in found.iter().zip(expected(mask)) {
                         assert!(

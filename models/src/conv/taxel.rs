@@ -8,11 +8,11 @@
 use super::simd::{Lanes, Octet, prefetch};
 
 /// Most taxels that a plan takes.
-pub(super) const MOST_TAXELS: usize = 32;
+pub(super) const MAX_TAXELS: usize = 32;
 /// Pairs of taxels that are handled together, few or many; narrower rows are padded with zero pairs. Sums and differences of eight pairs
 /// fill sixteen registers.
 const FEW: usize = 8;
-const MANY: usize = MOST_TAXELS / 2;
+const MANY: usize = MAX_TAXELS / 2;
 
 /// How the time spectrum of one taxel frequency repeats itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,7 +44,7 @@ impl TaxelPlan {
     /// For rows of `taxels` and kernels of `2 pad + 1`; the inverse also multiplies by `scale`. None if the row is too wide.
     pub(super) fn new(taxels: usize, pad: usize, scale: f64) -> Option<Self> {
         let length = taxels + pad;
-        if taxels > MOST_TAXELS {
+        if taxels > MAX_TAXELS {
             return None;
         }
         let half = if taxels.is_multiple_of(2) { 0.5 } else { 0.0 };

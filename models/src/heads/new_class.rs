@@ -138,7 +138,7 @@ mod tests {
         let label = |features: &Features| -> Vec<usize> {
             both.log_probabilities(features)
                 .iter()
-                .map(|row| crate::first_largest(row))
+                .map(|row| crate::argmax(row))
                 .collect()
         };
         assert_eq!(label(&known), labels, "the known classes keep their sweeps");

@@ -9,10 +9,10 @@ use std::time::{Duration, Instant};
 use iceoryx2::prelude::*;
 use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
 
-use crate::bell::Bell;
 use crate::packet::{Block, Header};
 use crate::table::describe;
 use crate::transport::{AnyChannel, AnyNode, Either, both};
+use crate::wake_event::WakeEvent;
 use crate::{
     ChannelConfig, ChannelError, ChannelId, ChannelState, GetPort, Packet, Priority, PutPort,
     Start, SyncGroup, Table,
@@ -43,9 +43,9 @@ struct Inner {
     node: AnyNode,
     table: Table,
     /// Of channels that were opened, in the process domain.
-    bells: Mutex<BTreeMap<ChannelId, Arc<Bell>>>,
+    bells: Mutex<BTreeMap<ChannelId, Arc<WakeEvent>>>,
     /// Rung for groups that are too large for the kernel.
-    crowd: Arc<Bell>,
+    crowd: Arc<WakeEvent>,
 }
 
 /// A channel that was opened.
@@ -53,8 +53,8 @@ pub(crate) struct Opened {
     pub(crate) id: ChannelId,
     pub(crate) config: ChannelConfig,
     pub(crate) channel: AnyChannel,
-    pub(crate) bell: Arc<Bell>,
-    pub(crate) crowd: Arc<Bell>,
+    pub(crate) bell: Arc<WakeEvent>,
+    pub(crate) crowd: Arc<WakeEvent>,
     /// Folder and beginning of the names of its files in shared memory.
     pub(crate) prefix: Option<String>,
 }
@@ -84,7 +84,7 @@ impl Bus {
                 static BUSES: AtomicU32 = AtomicU32::new(0);
                 let number = BUSES.fetch_add(1, Ordering::Relaxed);
                 let config = iceoryx_config(&format!("{}-{number}", table.bus))?;
-                (Either::Process(node(&config)?), Bell::local())
+                (Either::Process(node(&config)?), WakeEvent::local())
             }
             Domain::Host => {
                 let crowd = crowd_file(&table.local_name());
@@ -94,7 +94,7 @@ impl Bus {
                     });
                 }
                 let config = iceoryx_config(&table.local_name())?;
-                (Either::Host(node(&config)?), Bell::open(&crowd)?)
+                (Either::Host(node(&config)?), WakeEvent::open(&crowd)?)
             }
         };
         Ok(Self {
@@ -205,7 +205,10 @@ impl Bus {
             Either::Host(node) => {
                 let channel = open(node, id, &self.inner.table.bus)?;
                 check_attributes(&channel, id, config)?;
-                let bell = Arc::new(Bell::open(&bell_file(&self.inner.table.local_name(), id)?)?);
+                let bell = Arc::new(WakeEvent::open(&bell_file(
+                    &self.inner.table.local_name(),
+                    id,
+                )?)?);
                 (Either::Host(channel), bell)
             }
         };
@@ -220,7 +223,7 @@ impl Bus {
         })
     }
 
-    fn local_bell(&self, id: ChannelId) -> Arc<Bell> {
+    fn local_bell(&self, id: ChannelId) -> Arc<WakeEvent> {
         let mut bells = self
             .inner
             .bells
@@ -228,7 +231,7 @@ impl Bus {
             .unwrap_or_else(PoisonError::into_inner);
         bells
             .entry(id)
-            .or_insert_with(|| Arc::new(Bell::local()))
+            .or_insert_with(|| Arc::new(WakeEvent::local()))
             .clone()
     }
 }

@@ -9,9 +9,9 @@ use std::time::{Duration, Instant};
 use iceoryx2::port::ReceiveError;
 use iceoryx2::port::subscriber::SubscriberCreateError;
 
-use crate::bell::Bell;
 use crate::bus::{Opened, create_port};
 use crate::transport::{AnySample, AnySubscriber, Either, both};
+use crate::wake_event::WakeEvent;
 use crate::{ChannelConfig, ChannelError, ChannelId, Header, Packet};
 
 /// Where a get-port begins.
@@ -20,7 +20,7 @@ pub enum Start {
     /// With the first packet put from now on.
     Now,
     /// With the last packets of every put-port, at most so many. They come with the put-port's next put or
-    /// [`crate::PutPort::welcome`].
+    /// [`crate::PutPort::send_history`].
     History(usize),
 }
 
@@ -63,9 +63,9 @@ pub struct GetInner {
     id: ChannelId,
     config: ChannelConfig,
     subscriber: AnySubscriber,
-    pub(crate) bell: Arc<Bell>,
+    pub(crate) bell: Arc<WakeEvent>,
     /// The bus's, for groups that are too large for the kernel.
-    pub(crate) crowd: Arc<Bell>,
+    pub(crate) crowd: Arc<WakeEvent>,
 }
 
 impl<T: Packet> GetPort<T> {

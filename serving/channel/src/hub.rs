@@ -12,10 +12,10 @@ use std::time::{Duration, Instant};
 use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::publish_subscribe;
 
-use crate::bell::Bell;
 use crate::bus::{SHARED_MEMORY, bell_file, create, crowd_file, iceoryx_config, node};
 use crate::packet::{Block, Header};
 use crate::transport::Ipc;
+use crate::wake_event::WakeEvent;
 use crate::{ChannelError, ChannelId, Table};
 
 /// How long another process may clean up before the hub does it.
@@ -77,10 +77,10 @@ impl Hub {
         for (id, config) in &table.channels {
             let id = ChannelId::new(id)?;
             let channel = create(&node, id, config)?;
-            Bell::create(&bell_file(&table.local_name(), id)?)?;
+            WakeEvent::create(&bell_file(&table.local_name(), id)?)?;
             channels.push((id, channel));
         }
-        Bell::create(&crowd_file(&table.local_name()))?;
+        WakeEvent::create(&crowd_file(&table.local_name()))?;
         Ok(Self {
             #[cfg(feature = "zenoh")]
             bridge: crate::bridge::Bridge::start(table)?,

@@ -8,7 +8,6 @@
 //! ```
 #![doc = include_str!("../README.md")]
 
-mod bell;
 #[cfg(feature = "zenoh")]
 mod bridge;
 mod bus;
@@ -22,6 +21,7 @@ mod shared;
 mod sync_group;
 mod table;
 mod transport;
+mod wake_event;
 
 pub use bus::{AsChannelId, Bus, Domain};
 pub use error::ChannelError;

@@ -12,10 +12,10 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::BackpressureStrategy;
 use parking_lot::Mutex;
 
-use crate::bell::{Bell, reserve};
 use crate::bus::{Opened, SHARED_MEMORY, create_port};
 use crate::packet::{Block, blocks};
 use crate::transport::{AnyLoan, AnyPublisher, Either, both};
+use crate::wake_event::{WakeEvent, reserve};
 use crate::{ChannelConfig, ChannelError, ChannelId, Header, Packet, Priority};
 
 /// Puts packets of `T` into one channel. Its functions neither allocate nor start a thread.
@@ -24,8 +24,8 @@ pub struct PutPort<T> {
     id: ChannelId,
     config: ChannelConfig,
     publisher: AnyPublisher,
-    bell: Arc<Bell>,
-    crowd: Arc<Bell>,
+    bell: Arc<WakeEvent>,
+    crowd: Arc<WakeEvent>,
     sender: u64,
     priority: Priority,
     next: Mutex<u64>,
@@ -216,7 +216,7 @@ impl<T: Packet> PutPort<T> {
     ///
     /// # Errors
     /// The transport has broken down.
-    pub fn meet(&self) -> Result<(), ChannelError> {
+    pub fn update_connections(&self) -> Result<(), ChannelError> {
         both!(&self.publisher, publisher => publisher.update_connections())
             .map_err(|error| ChannelError::transport(self.id, error))
     }
@@ -225,8 +225,8 @@ impl<T: Packet> PutPort<T> {
     ///
     /// # Errors
     /// The transport has broken down.
-    pub fn welcome(&self) -> Result<(), ChannelError> {
-        self.meet()?;
+    pub fn send_history(&self) -> Result<(), ChannelError> {
+        self.update_connections()?;
         self.bell.ring();
         self.crowd.ring_sleepers();
         Ok(())

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::bell::{Bell, FutexWait, MOST_AT_ONCE};
 use crate::get::GetInner;
+use crate::wake_event::{FutexWait, MAX_AT_ONCE, WakeEvent};
 use crate::{ChannelError, GetSide, Wait};
 
 /// Get-ports that are waited for together (thesis, section 2.2). It does not take packets; that is done with the port it names.
@@ -14,18 +14,18 @@ pub struct SyncGroup {
     waits: Vec<FutexWait>,
     /// The port to look at first, so that a busy one does not starve the others.
     first: usize,
-    crowd: Arc<Bell>,
+    crowd: Arc<WakeEvent>,
 }
 
 impl SyncGroup {
-    pub(crate) fn new(ports: &[&dyn GetSide], crowd: Arc<Bell>) -> Result<Self, ChannelError> {
+    pub(crate) fn new(ports: &[&dyn GetSide], crowd: Arc<WakeEvent>) -> Result<Self, ChannelError> {
         if ports.is_empty() {
             return Err(ChannelError::EmptyGroup);
         }
         let ports: Vec<Arc<GetInner>> = ports.iter().map(|port| port.inner()).collect();
-        if ports.len() > MOST_AT_ONCE {
+        if ports.len() > MAX_AT_ONCE {
             if ports.iter().any(|port| !Arc::ptr_eq(&port.crowd, &crowd)) {
-                return Err(ChannelError::MixedGroup { most: MOST_AT_ONCE });
+                return Err(ChannelError::MixedGroup { most: MAX_AT_ONCE });
             }
             // Putters must count up from now on, or a packet between look and sleep would go unnoticed.
             crowd.attend();
@@ -60,9 +60,9 @@ impl SyncGroup {
             match deadline {
                 None => std::hint::spin_loop(),
                 Some(deadline) if Instant::now() >= deadline => return Ok(None),
-                Some(deadline) if ports <= MOST_AT_ONCE => {
+                Some(deadline) if ports <= MAX_AT_ONCE => {
                     let bells = self.ports.iter().map(|port| &*port.bell);
-                    Bell::sleep_on_all(bells, &self.waits, deadline);
+                    WakeEvent::sleep_on_all(bells, &self.waits, deadline);
                 }
                 Some(deadline) => self.crowd.sleep(crowd, deadline),
             }
@@ -72,7 +72,7 @@ impl SyncGroup {
 
 impl Drop for SyncGroup {
     fn drop(&mut self) {
-        if self.ports.len() > MOST_AT_ONCE {
+        if self.ports.len() > MAX_AT_ONCE {
             self.crowd.leave();
         }
     }

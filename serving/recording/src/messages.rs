@@ -207,7 +207,7 @@ impl Recordable for ModelNames {
             steps: self.steps,
             rows: self.rows,
             cols: self.cols,
-            runs: self.runs,
+            mc_samples: self.mc_samples,
             materials: self.names[..materials]
                 .iter()
                 .map(|name| name.as_str().into())
@@ -225,7 +225,7 @@ impl Recordable for ModelNames {
             steps: message.steps,
             rows: message.rows,
             cols: message.cols,
-            runs: message.runs,
+            mc_samples: message.mc_samples,
             materials: message.materials.len() as u32,
             reserved: 0,
             names: filled(&names.collect::<Option<Vec<_>>>()?)?,

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use tactnet_data::{Dataset, Frame, LabelSet, Samples, SweepRecord, SweepShape};
 use tactnet_serving::packets::Command;
-use tactnet_serving::{Followed, Segmentation, ServeConfig, SweepFollower};
+use tactnet_serving::{Followed, Segmentation, ServeConfig, SweepSegmenter};
 
 use crate::RecordingError;
 use crate::recording::{RecordedPacket, Recording};
@@ -97,12 +97,12 @@ pub fn sweeps(
     }
     let fallback = material.or(recording.material.as_deref());
     let by_command = config.follow.segmentation == Segmentation::Command;
-    let mut fingers: Vec<(SweepFollower, Option<String>)> = config
+    let mut fingers: Vec<(SweepSegmenter, Option<String>)> = config
         .fingers
         .iter()
         .map(|_| {
             (
-                SweepFollower::new(config.follow, steps, taxels, rate_hz),
+                SweepSegmenter::new(config.follow, steps, taxels, rate_hz),
                 None,
             )
         })
@@ -157,7 +157,7 @@ pub fn sweeps(
             Followed::Rejected(reject) | Followed::RejectedAndBegun(reject) => {
                 rejected.push(reject.to_string());
             }
-            Followed::Nothing | Followed::Begun | Followed::Grown => {}
+            Followed::Nothing | Followed::Begun | Followed::Extended => {}
         }
     }
     if found.is_empty() {

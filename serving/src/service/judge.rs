@@ -1,11 +1,11 @@
 //! From a finger's classifier to a packet with its belief.
 
 use tactnet_channel::now_ns;
-use tactnet_models::{entropy, first_largest};
+use tactnet_models::{argmax, entropy};
 
 use super::Service;
 use crate::ServeError;
-use crate::packets::{MOST_MATERIALS, Stage, Verdict};
+use crate::packets::{MAX_MATERIALS, Stage, Verdict};
 
 impl Service {
     /// Judges what the finger has felt of its sweep, and puts the belief.
@@ -20,7 +20,7 @@ impl Service {
         let finger = &mut self.fingers[number];
         let last = match stage {
             Stage::Anytime => false,
-            Stage::Plain => self.config.runs == 0,
+            Stage::Plain => self.config.mc_samples == 0,
             Stage::Dropout => true,
         };
         let mut packet = self.beliefs.loan(1)?;
@@ -37,7 +37,7 @@ impl Service {
         };
         *out = bytemuck::Zeroable::zeroed();
         out.materials = log_p.len() as u32;
-        out.label = first_largest(log_p) as u32;
+        out.label = argmax(log_p) as u32;
         out.verdict = verdict as u32;
         out.entropy = belief.entropy as f32;
         out.strangeness = belief.strangeness.unwrap_or(0.0) as f32;
@@ -50,11 +50,11 @@ impl Service {
             finger.classifier.fuse();
         }
         let fused = finger.classifier.fused();
-        let mut probabilities = [0.0; MOST_MATERIALS];
+        let mut probabilities = [0.0; MAX_MATERIALS];
         let probabilities = &mut probabilities[..out.materials as usize];
         fused.probabilities_into(probabilities);
         out.fused_sweeps = fused.sweeps() as u32;
-        out.fused_label = first_largest(probabilities) as u32;
+        out.fused_label = argmax(probabilities) as u32;
         for (out, p) in out.fused.iter_mut().zip(probabilities.iter()) {
             *out = *p as f32;
         }

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use crate::packets::SweepCommand;
 
 /// Most that wait for one finger, and for none.
-pub(super) const MOST_COMMANDS: usize = 32;
+pub(super) const MAX_COMMANDS: usize = 32;
 
 /// Commands with the time that they were put at, in its order.
 pub(super) struct WaitingCommands {
@@ -16,7 +16,7 @@ pub(super) struct WaitingCommands {
 impl WaitingCommands {
     pub(super) fn new(fingers: usize) -> Self {
         Self {
-            waiting: VecDeque::with_capacity(MOST_COMMANDS * (fingers + 1)),
+            waiting: VecDeque::with_capacity(MAX_COMMANDS * (fingers + 1)),
             fingers,
         }
     }
@@ -27,7 +27,7 @@ impl WaitingCommands {
         let finger = |command: &SweepCommand| (command.finger as usize).min(self.fingers);
         let waiting = self.waiting.iter();
         let own = waiting.filter(|(_, other)| finger(other) == finger(&command));
-        if own.count() == MOST_COMMANDS {
+        if own.count() == MAX_COMMANDS {
             return false;
         }
         let at = self.waiting.partition_point(|(other, _)| *other <= put_ns);
@@ -96,7 +96,7 @@ mod tests {
     #[test]
     fn one_too_many_is_refused_and_changes_nothing() {
         let mut waiting = WaitingCommands::new(1);
-        for motion in 0..MOST_COMMANDS as u64 {
+        for motion in 0..MAX_COMMANDS as u64 {
             assert!(waiting.add(motion, command(0, motion)));
         }
         assert!(!waiting.add(0, command(0, 99)));
@@ -104,7 +104,7 @@ mod tests {
         assert!(waiting.add(99, command(5, 99)));
         assert_eq!(
             motions(&mut waiting, u64::MAX, None),
-            (0..MOST_COMMANDS as u64).chain([99]).collect::<Vec<_>>()
+            (0..MAX_COMMANDS as u64).chain([99]).collect::<Vec<_>>()
         );
     }
 }

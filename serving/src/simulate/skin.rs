@@ -2,7 +2,7 @@
 
 use tactnet_data::Dataset;
 
-use crate::packets::{Command, MOST_TAXELS, SkinFrame, SweepCommand, Text};
+use crate::packets::{Command, MAX_TAXELS, SkinFrame, SweepCommand, Text};
 
 /// Plays sweeps one after the other: rest, start, lead-in, the sweep, lead-out, stop.
 ///
@@ -44,7 +44,7 @@ impl<'a> SkinSimulator<'a> {
     pub fn new(dataset: &'a Dataset, order: Vec<usize>, lead: usize, rest: usize) -> Self {
         assert!(!order.is_empty(), "a sweep to play");
         let shape = dataset.shape();
-        assert!(shape.taxels() <= MOST_TAXELS, "taxels of a frame");
+        assert!(shape.taxels() <= MAX_TAXELS, "taxels of a frame");
         Self {
             order,
             lead,
@@ -84,7 +84,7 @@ impl<'a> SkinSimulator<'a> {
                 .copy_sweep(self.sweep_of(self.motion), &mut self.sweep);
             command = Some(Command::Start);
         }
-        let mut digits = [0.0; MOST_TAXELS];
+        let mut digits = [0.0; MAX_TAXELS];
         if self.at >= self.rest {
             let row = mirrored(self.at - self.rest, self.lead, shape.steps) * taxels;
             digits[..taxels].copy_from_slice(&self.sweep[row..row + taxels]);
@@ -140,7 +140,7 @@ mod tests {
     use tactnet_data::twin::{TwinConfig, generate};
 
     use super::*;
-    use crate::{FollowConfig, Followed, SweepFollower};
+    use crate::{FollowConfig, Followed, SweepSegmenter};
 
     #[test]
     fn the_follower_finds_the_recorded_sweeps_again() {
@@ -156,7 +156,7 @@ mod tests {
             skip: 20,
             ..FollowConfig::default()
         };
-        let mut follower = SweepFollower::new(config, 60, 16, twin.sample_rate_hz());
+        let mut follower = SweepSegmenter::new(config, 60, 16, twin.sample_rate_hz());
         let mut found = Vec::new();
         for _ in 0..3 * skin.frames_of_a_motion() {
             let step = skin.step();

@@ -20,7 +20,7 @@ pub struct Candle {
     blocks: Vec<Block>,
     hidden: Affine,
     output: Affine,
-    /// `[runs, features]`
+    /// `[mc_samples, features]`
     masks: Option<Tensor>,
 }
 
@@ -62,7 +62,7 @@ fn named(tensors: &HashMap<String, Tensor>, name: &str) -> anyhow::Result<Tensor
 
 impl Candle {
     /// - `bytes`: a safetensors file as `tactnet export` writes it
-    /// - `masks`: `[runs][features]`; empty: plain prediction
+    /// - `masks`: `[mc_samples][features]`; empty: plain prediction
     ///
     /// # Errors
     /// A file that is none of ours.
@@ -177,8 +177,9 @@ impl Scorer for Candle {
                 let rows = (0..features.dim(0)?)
                     .map(|sweep| {
                         let dropped = masks.broadcast_mul(&features.narrow(0, sweep, 1)?)?;
-                        let runs = self.head(&dropped)?;
-                        runs.log_sum_exp(0)?
+                        let mc_samples = self.head(&dropped)?;
+                        mc_samples
+                            .log_sum_exp(0)?
                             .affine(1.0, -(masks.dim(0)? as f64).ln())
                     })
                     .collect::<candle_core::Result<Vec<_>>>()?;

@@ -39,7 +39,7 @@ pub struct OnnxRuntime {
 
 impl OnnxRuntime {
     /// - `model`: bytes of an ONNX file as `tactnet export` writes it
-    /// - `masks`: `[runs][features]`; empty: plain prediction
+    /// - `masks`: `[mc_samples][features]`; empty: plain prediction
     ///
     /// # Errors
     /// No ONNX Runtime; a model that it refuses.
@@ -78,8 +78,8 @@ impl Scorer for OnnxRuntime {
             outputs = self.session.run(ort::inputs!["digits" => digits])?;
             "log_probability"
         } else {
-            let runs = self.masks.len() / self.features;
-            let masks = TensorRef::from_array_view(([runs, self.features], &*self.masks))?;
+            let mc_samples = self.masks.len() / self.features;
+            let masks = TensorRef::from_array_view(([mc_samples, self.features], &*self.masks))?;
             outputs = self
                 .session
                 .run(ort::inputs!["digits" => digits, "masks" => masks])?;

@@ -87,7 +87,7 @@ pub(super) fn efficiency(study: &StudySummary) -> String {
         })
         .collect();
     let table = format!(
-        "<table>\n<caption class=\"hidden\">Sweeps saved by transfer</caption>\n<thead><tr><th scope=\"col\">Data</th><th scope=\"col\">Levels</th>\
+        "<table>\n<caption class=\"hidden\">Sweeps saved by transfer</caption>\n<thead><tr><th scope=\"col\">Data</th><th scope=\"col\">MeanRemoval</th>\
          <th scope=\"col\" class=\"number\">Shots of transfer</th><th scope=\"col\" class=\"number\">Its accuracy, %</th>\
          <th scope=\"col\" class=\"number\">Shots without pre-knowledge</th><th scope=\"col\" class=\"number\">95 % interval</th>\
          <th scope=\"col\" class=\"number\">Ratio</th><th scope=\"col\" class=\"number\">Published ratio</th></tr></thead>\n<tbody>\n{lines}</tbody>\n</table>\n"

@@ -147,7 +147,7 @@ pub fn a_late_joiner_gets_the_history_it_asks_for(world: &World) {
         .near
         .get_port::<Reading>("a", Start::History(5))
         .unwrap();
-    put.welcome().unwrap();
+    put.send_history().unwrap();
     assert_eq!(wait_for(&three, 3), [6, 7, 8]);
     assert_eq!(numbers(&five), [4, 5, 6, 7, 8]);
     put.put_copy(&[reading(9)]).unwrap();

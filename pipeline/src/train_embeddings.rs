@@ -6,14 +6,14 @@ use crate::Embedding;
 
 /// Embeddings of the sweeps behind a classifier, with their labels.
 #[derive(Debug, Clone, PartialEq)]
-pub struct KnownSweeps {
+pub struct TrainEmbeddings {
     /// `[sweeps][hidden]`: what the output layer sees.
     pub hidden: Features,
     /// `[sweeps]`
     pub labels: Vec<usize>,
 }
 
-impl KnownSweeps {
+impl TrainEmbeddings {
     /// Of embedded training sweeps.
     pub fn of(embedding: &Embedding) -> Self {
         Self {

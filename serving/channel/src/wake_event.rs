@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use crate::ChannelError;
 
 /// Counters that one call can sleep on (`FUTEX_WAITV_MAX`).
-pub(crate) const MOST_AT_ONCE: usize = 128;
+pub(crate) const MAX_AT_ONCE: usize = 128;
 const FUTEX2_SIZE_U32: u32 = 2;
 /// A page.
 const FILE_BYTES: usize = 4096;
@@ -29,7 +29,7 @@ struct Memory {
 
 /// A bell of one channel.
 #[derive(Debug)]
-pub(crate) struct Bell {
+pub(crate) struct WakeEvent {
     memory: NonNull<Memory>,
     home: Home,
 }
@@ -41,11 +41,11 @@ enum Home {
 }
 
 // SAFETY: the memory holds atomics only and lives as long as the bell.
-unsafe impl Send for Bell {}
+unsafe impl Send for WakeEvent {}
 // SAFETY: as above.
-unsafe impl Sync for Bell {}
+unsafe impl Sync for WakeEvent {}
 
-impl Bell {
+impl WakeEvent {
     /// Within this process.
     pub(crate) fn local() -> Self {
         let memory = Box::new(Memory {
@@ -143,12 +143,12 @@ impl Bell {
         }
     }
 
-    /// Counts as a sleeper until [`Bell::leave`].
+    /// Counts as a sleeper until [`WakeEvent::leave`].
     pub(crate) fn attend(&self) {
         self.memory().sleepers.fetch_add(1, Ordering::SeqCst);
     }
 
-    /// The end of [`Bell::attend`].
+    /// The end of [`WakeEvent::attend`].
     pub(crate) fn leave(&self) {
         self.memory().sleepers.fetch_sub(1, Ordering::SeqCst);
     }
@@ -180,9 +180,9 @@ impl Bell {
 
     /// Sleeps while every bell has rung as often as `waits` says, at most until `deadline`. May return early.
     ///
-    /// - `waits`: made by [`Bell::wait`], at most [`MOST_AT_ONCE`]
+    /// - `waits`: made by [`WakeEvent::wait`], at most [`MAX_AT_ONCE`]
     pub(crate) fn sleep_on_all<'a>(
-        bells: impl Iterator<Item = &'a Bell> + Clone,
+        bells: impl Iterator<Item = &'a WakeEvent> + Clone,
         waits: &[FutexWait],
         deadline: Instant,
     ) {
@@ -227,7 +227,7 @@ impl Bell {
     }
 }
 
-impl Drop for Bell {
+impl Drop for WakeEvent {
     fn drop(&mut self) {
         match self.home {
             // SAFETY: it came from `Box::leak` and nobody else has it.
@@ -292,7 +292,7 @@ mod tests {
 
     #[test]
     fn a_ring_between_look_and_sleep_is_not_lost() {
-        let bell = Bell::local();
+        let bell = WakeEvent::local();
         let seen = bell.rings();
         bell.ring();
         let begun = Instant::now();
@@ -301,7 +301,7 @@ mod tests {
             value: u64::from(seen),
             ..bell.wait()
         }];
-        Bell::sleep_on_all([&bell].into_iter(), &waits, soon());
+        WakeEvent::sleep_on_all([&bell].into_iter(), &waits, soon());
         assert!(begun.elapsed() < Duration::from_secs(10));
     }
 
@@ -309,10 +309,13 @@ mod tests {
     fn sleepers_wake_by_any_of_their_bells_and_by_the_deadline() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("bell");
-        Bell::create(&path).unwrap();
+        WakeEvent::create(&path).unwrap();
         // Two mappings of one file, as two processes have them.
-        let (own, other) = (Bell::open(&path).unwrap(), Bell::open(&path).unwrap());
-        let quiet = Bell::local();
+        let (own, other) = (
+            WakeEvent::open(&path).unwrap(),
+            WakeEvent::open(&path).unwrap(),
+        );
+        let quiet = WakeEvent::local();
         let own = Arc::new(own);
         let sleeper = {
             let own = own.clone();
@@ -320,7 +323,7 @@ mod tests {
                 let waits = [quiet.wait(), own.wait()];
                 let begun = Instant::now();
                 while own.rings() == 0 {
-                    Bell::sleep_on_all([&quiet, &*own].into_iter(), &waits, soon());
+                    WakeEvent::sleep_on_all([&quiet, &*own].into_iter(), &waits, soon());
                 }
                 begun.elapsed()
             })

@@ -1,31 +1,32 @@
-//! Whether a sweep's levels may be used.
+//! Removes each taxel's mean over a sweep.
 
 use serde::{Deserialize, Serialize};
 use tactnet_data::SweepShape;
 
 /// What happens to the mean of every taxel over a sweep, which in some recordings gives the material away by itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Levels {
+pub enum MeanRemoval {
     /// It stays.
     #[default]
-    Kept,
+    #[serde(rename = "kept", alias = "none")]
+    None,
     /// It is subtracted, sweep by sweep and taxel by taxel.
-    Removed,
+    #[serde(rename = "removed", alias = "per-sweep")]
+    PerSweep,
 }
 
-impl Levels {
+impl MeanRemoval {
     /// Its name on the command line and in results.
     pub fn name(self) -> &'static str {
         match self {
-            Self::Kept => "kept",
-            Self::Removed => "removed",
+            Self::None => "kept",
+            Self::PerSweep => "removed",
         }
     }
 
-    /// Whether they stay.
-    pub fn are_kept(&self) -> bool {
-        *self == Self::Kept
+    /// True if the means stay.
+    pub fn is_none(&self) -> bool {
+        *self == Self::None
     }
 
     /// Changes whole sweeps in place.
@@ -36,7 +37,7 @@ impl Levels {
     /// If the values are not whole sweeps of `shape`.
     pub fn apply(self, sweeps: &mut [f32], shape: SweepShape) {
         assert_eq!(sweeps.len() % shape.values(), 0, "whole sweeps of {shape}");
-        if self == Self::Kept {
+        if self == Self::None {
             return;
         }
         let taxels = shape.taxels();
@@ -72,9 +73,9 @@ mod tests {
             cols: 2,
         };
         let mut sweeps = [1.0, 10.0, 3.0, 20.0, 5.0, 5.0, 5.0, 7.0];
-        Levels::Kept.apply(&mut sweeps, shape);
+        MeanRemoval::None.apply(&mut sweeps, shape);
         assert_eq!(sweeps[0], 1.0);
-        Levels::Removed.apply(&mut sweeps, shape);
+        MeanRemoval::PerSweep.apply(&mut sweeps, shape);
         assert_eq!(sweeps, [-1.0, -5.0, 1.0, 5.0, 0.0, -1.0, 0.0, 1.0]);
     }
 }

@@ -9,15 +9,15 @@ use std::thread::JoinHandle;
 use anyhow::{Context, bail};
 use tactnet_channel::{Table, remove_bus};
 
-/// A process that says `ready`; it is killed if this is dropped before [`Part::end`].
-pub struct Part {
+/// A process that says `ready`; it is killed if this is dropped before [`ChildProcess::end`].
+pub struct ChildProcess {
     name: &'static str,
     child: Child,
     /// Reads what it prints, so that it never waits for us.
     printed: Option<JoinHandle<String>>,
 }
 
-impl Part {
+impl ChildProcess {
     /// Starts `tactnet ARGUMENTS TABLE` and waits until it is ready.
     pub fn start(name: &'static str, arguments: &[&str], table: &Path) -> anyhow::Result<Self> {
         let mut command = Command::new(std::env::current_exe()?);
@@ -94,7 +94,7 @@ impl Part {
     }
 }
 
-impl Drop for Part {
+impl Drop for ChildProcess {
     fn drop(&mut self) {
         // Both fail where it has ended.
         let _ = self.child.kill();

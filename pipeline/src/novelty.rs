@@ -5,17 +5,17 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use tactnet_models::{NearestMean, Whitening};
 
-use crate::{Classifier, Embedding, KnownSweeps, PipelineError};
+use crate::{Classifier, Embedding, PipelineError, TrainEmbeddings};
 
 /// Share of the mean variance in the covariance of known sweeps.
 const SHRINKAGE: f64 = 0.3;
 /// Passes of Monte Carlo dropout.
-pub(crate) const RUNS: usize = 100;
+pub(crate) const MC_SAMPLES: usize = 100;
 
 /// A score that is larger for stranger sweeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum StrangenessScore {
+pub enum NoveltyScore {
     /// Minus the log of the summed exponentials of the output layer's scores (Liu et al., 2020).
     Energy,
     /// Minus the log of the largest probability (Hendrycks & Gimpel, 2017).
@@ -26,7 +26,7 @@ pub enum StrangenessScore {
     WhitenedDistance,
 }
 
-impl StrangenessScore {
+impl NoveltyScore {
     /// All of them.
     pub const ALL: [Self; 4] = [
         Self::Energy,
@@ -50,18 +50,18 @@ impl StrangenessScore {
 }
 
 /// What scores need besides the network: means and covariance of the sweeps that it learnt from.
-pub struct Strangeness<'a> {
+pub struct NoveltyScorer<'a> {
     classifier: &'a Classifier,
     whitening: Whitening,
     means: NearestMean,
 }
 
-impl<'a> Strangeness<'a> {
+impl<'a> NoveltyScorer<'a> {
     /// Fits to the sweeps behind `classifier`.
     ///
     /// # Errors
     /// A model that is no network; a covariance without eigenvalues.
-    pub fn fit(classifier: &'a Classifier, known: &KnownSweeps) -> Result<Self, PipelineError> {
+    pub fn fit(classifier: &'a Classifier, known: &TrainEmbeddings) -> Result<Self, PipelineError> {
         classifier.network()?;
         let materials = classifier.config().labels.len();
         let whitening = Whitening::fit(&known.hidden, &known.labels, materials, SHRINKAGE)?;
@@ -79,26 +79,26 @@ impl<'a> Strangeness<'a> {
     /// None with a network.
     pub fn score(
         &self,
-        score: StrangenessScore,
+        score: NoveltyScore,
         embedding: &Embedding,
     ) -> Result<Vec<f64>, PipelineError> {
         let largest = |row: &[f64]| row.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         Ok(match score {
-            StrangenessScore::Energy => embedding
+            NoveltyScore::Energy => embedding
                 .logits
                 .rows()
                 .zip(embedding.log_probabilities())
                 .map(|(scores, log_p)| log_p[0] - f64::from(scores[0]))
                 .collect(),
-            StrangenessScore::LargestProbability => embedding
+            NoveltyScore::LargestProbability => embedding
                 .log_probabilities()
                 .iter()
                 .map(|row| -largest(row))
                 .collect(),
-            StrangenessScore::MutualInformation => {
-                self.classifier.mutual_information(embedding, RUNS)?
+            NoveltyScore::MutualInformation => {
+                self.classifier.mutual_information(embedding, MC_SAMPLES)?
             }
-            StrangenessScore::WhitenedDistance => self
+            NoveltyScore::WhitenedDistance => self
                 .means
                 .scores(&self.whitening.apply(&embedding.hidden))
                 .iter()
@@ -115,7 +115,7 @@ impl<'a> Strangeness<'a> {
         &self,
         embedding: &Embedding,
     ) -> Result<BTreeMap<&'static str, Vec<f64>>, PipelineError> {
-        StrangenessScore::ALL
+        NoveltyScore::ALL
             .into_iter()
             .map(|score| Ok((score.name(), self.score(score, embedding)?)))
             .collect()

@@ -30,7 +30,7 @@ pub(crate) enum Job {
 }
 
 /// What the workshop tells the service.
-pub(crate) enum News {
+pub(crate) enum WorkerEvent {
     /// Another model is ready.
     Ready {
         classifiers: Vec<OnlineClassifier>,
@@ -48,15 +48,15 @@ pub(crate) enum News {
 }
 
 /// The service's end.
-pub(crate) struct Workshop {
+pub(crate) struct ModelWorker {
     jobs: Option<SyncSender<Job>>,
-    news: Option<Receiver<News>>,
+    news: Option<Receiver<WorkerEvent>>,
     /// Set when there is news, so that the service looks into the channel only then.
     has_news: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
-impl Workshop {
+impl ModelWorker {
     /// Starts the thread with the model that serves.
     pub(crate) fn start(
         model: ServedModel,
@@ -72,7 +72,7 @@ impl Workshop {
             model,
             source,
             fingers: config.fingers.len(),
-            runs: config.runs,
+            mc_samples: config.mc_samples,
             git,
             tell,
             has_news: has_news.clone(),
@@ -104,7 +104,7 @@ impl Workshop {
     }
 
     /// What has happened since.
-    pub(crate) fn news(&self) -> Option<News> {
+    pub(crate) fn news(&self) -> Option<WorkerEvent> {
         // Without news this is one read of memory.
         if !self.has_news.load(Ordering::Acquire) {
             return None;
@@ -125,7 +125,7 @@ impl Workshop {
     }
 }
 
-impl Drop for Workshop {
+impl Drop for ModelWorker {
     fn drop(&mut self) {
         // Without both ends the worker neither waits for us nor works off what is left.
         drop(self.news.take());
@@ -140,9 +140,9 @@ struct Worker {
     model: ServedModel,
     source: ModelSource,
     fingers: usize,
-    runs: usize,
+    mc_samples: usize,
     git: &'static str,
-    tell: SyncSender<News>,
+    tell: SyncSender<WorkerEvent>,
     has_news: Arc<AtomicBool>,
     /// Versions that cannot serve, each said once.
     refused: BTreeSet<u64>,
@@ -176,14 +176,14 @@ impl Worker {
     }
 
     /// Gives whether there is still somebody to tell.
-    fn say(&self, news: News) -> bool {
+    fn say(&self, news: WorkerEvent) -> bool {
         let told = self.tell.send(news).is_ok();
         self.has_news.store(true, Ordering::Release);
         told
     }
 
     fn fail(&self, event: Event, finger: u32, error: &ServeError) -> bool {
-        self.say(News::Failed {
+        self.say(WorkerEvent::Failed {
             event,
             finger,
             text: Text::new(&error.to_string()),
@@ -274,13 +274,14 @@ impl Worker {
     }
 
     fn offer(&mut self, model: ServedModel, event: Event, finger: u32, text: &str) -> bool {
-        let classifiers: Result<Vec<_>, _> =
-            (0..self.fingers).map(|_| model.online(self.runs)).collect();
+        let classifiers: Result<Vec<_>, _> = (0..self.fingers)
+            .map(|_| model.online(self.mc_samples))
+            .collect();
         match classifiers {
             Ok(classifiers) => {
-                let told = self.say(News::Ready {
+                let told = self.say(WorkerEvent::Ready {
                     classifiers,
-                    names: Box::new(model.names(self.runs)),
+                    names: Box::new(model.names(self.mc_samples)),
                     event,
                     finger,
                     text: Text::new(text),

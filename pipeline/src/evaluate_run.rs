@@ -13,11 +13,11 @@ use crate::{
 /// Sweeps that are fused where a result speaks of several.
 const FUSED: usize = 3;
 /// Monte Carlo passes where the recipe names none.
-const MONTE_CARLO_RUNS: usize = 100;
+const MC_SAMPLES: usize = 100;
 
 /// What training leaves besides weights.
 #[derive(Debug, Clone, Default)]
-pub struct Trained {
+pub struct TrainingSummary {
     /// Time spent in training steps or in fitting, seconds.
     pub seconds: f64,
     /// Number of sweeps trained on.
@@ -36,25 +36,25 @@ pub struct Trained {
 ///
 /// # Errors
 /// Sweeps that do not fit the classifier; a file that cannot be written.
-pub fn judge(
+pub fn evaluate_run(
     run: &RunDir,
     config: &RunConfig,
     classifier: &Classifier,
     fold: &Fold<'_>,
     sessions: Vec<Provenance>,
-    trained: Trained,
+    trained: TrainingSummary,
     command: String,
 ) -> Result<RunResult, PipelineError> {
     let (recipe, own) = (&config.recipe, config.recipe.method());
     let dataset = fold.test.dataset();
-    let runs = own.runs_or(MONTE_CARLO_RUNS);
-    let ways = evaluate_all_ways(classifier, &fold.test, runs, FUSED, config.seed)?;
+    let mc_samples = own.mc_samples_or(MC_SAMPLES);
+    let ways = evaluate_all_ways(classifier, &fold.test, mc_samples, FUSED, config.seed)?;
     let mut evaluations = BTreeMap::new();
     for (name, predictions, evaluation) in ways {
         let tsml = predictions.to_tsml(&PredictionSource {
             dataset: dataset.name(),
             classifier: &format!("{} ({name})", recipe.name()),
-            resample: fold.run() * 1000 + fold.fold(),
+            resample: fold.repeat() * 1000 + fold.fold(),
             parameters: &command,
         });
         let file = RunDir::predictions_file(name, own);
@@ -82,6 +82,7 @@ pub fn judge(
     Ok(RunResult {
         schema_version: RunResult::SCHEMA_VERSION,
         data: dataset.name().into(),
+        origin: dataset.origin(),
         data_sha256: dataset.sha256().into(),
         git: commits.into_iter().collect::<Vec<_>>().join(" "),
         command,
@@ -93,7 +94,7 @@ pub fn judge(
             .collect(),
         split_sha256: manifest.sha256.clone(),
         split: describe_split(&manifest, config.inner),
-        run: fold.run(),
+        repeat: fold.repeat(),
         fold: fold.fold(),
         n_train: trained.sweeps,
         n_test: fold.test.len(),
