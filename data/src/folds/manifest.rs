@@ -101,6 +101,7 @@ impl SplitManifest {
                 dataset,
                 self.train.clone(),
                 DealtBy {
+                    scheme: self.scheme,
                     seed: self.seed,
                     repeat: self.repeat,
                     fold: self.fold,
