@@ -1,8 +1,8 @@
-//! What can be chosen on the command line of `tactnet train`.
+//! Closed choices of the command line, as clap shows them.
 
 use clap::ValueEnum;
 use tactnet_models::Compute;
-use tactnet_pipeline::MeanRemoval;
+use tactnet_pipeline::{MeanRemoval, RuntimeKind, SplitKind};
 
 /// What to train.
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
@@ -50,12 +50,11 @@ pub enum LevelsChoice {
     Removed,
 }
 
-impl LevelsChoice {
-    /// For recipes.
-    pub fn levels(self) -> MeanRemoval {
-        match self {
-            Self::Kept => MeanRemoval::None,
-            Self::Removed => MeanRemoval::PerSweep,
+impl From<LevelsChoice> for MeanRemoval {
+    fn from(choice: LevelsChoice) -> Self {
+        match choice {
+            LevelsChoice::Kept => Self::None,
+            LevelsChoice::Removed => Self::PerSweep,
         }
     }
 }
@@ -71,6 +70,16 @@ pub enum SplitChoice {
     LeaveBlockOut,
 }
 
+impl From<SplitChoice> for SplitKind {
+    fn from(choice: SplitChoice) -> Self {
+        match choice {
+            SplitChoice::KFold => Self::KFold,
+            SplitChoice::TestFlag => Self::TestFlag,
+            SplitChoice::LeaveBlockOut => Self::LeaveBlockOut,
+        }
+    }
+}
+
 /// Where to compute.
 #[derive(Clone, Copy, Default, ValueEnum)]
 pub enum DeviceChoice {
@@ -83,13 +92,36 @@ pub enum DeviceChoice {
     Cuda,
 }
 
-impl DeviceChoice {
-    /// The device of the models crate.
-    pub fn compute(self) -> Compute {
-        match self {
-            Self::Cpu => Compute::Cpu,
-            Self::Vulkan => Compute::Vulkan,
-            Self::Cuda => Compute::Cuda,
+impl From<DeviceChoice> for Compute {
+    fn from(choice: DeviceChoice) -> Self {
+        match choice {
+            DeviceChoice::Cpu => Self::Cpu,
+            DeviceChoice::Vulkan => Self::Vulkan,
+            DeviceChoice::Cuda => Self::Cuda,
+        }
+    }
+}
+
+/// What computes the scores.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum RuntimeChoice {
+    /// Burn, batch by batch: what training uses
+    Burn,
+    /// Frame by frame: what `tactnet serve` uses
+    Online,
+    /// The exported ONNX file in ONNX Runtime (a build with `--features onnxruntime`)
+    Onnxruntime,
+    /// The exported weights in candle (a build with `--features candle`)
+    Candle,
+}
+
+impl From<RuntimeChoice> for RuntimeKind {
+    fn from(choice: RuntimeChoice) -> Self {
+        match choice {
+            RuntimeChoice::Burn => Self::Burn,
+            RuntimeChoice::Online => Self::Online,
+            RuntimeChoice::Onnxruntime => Self::OnnxRuntime,
+            RuntimeChoice::Candle => Self::Candle,
         }
     }
 }

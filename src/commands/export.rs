@@ -6,8 +6,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
-use sha2::{Digest, Sha256};
-use tactnet_pipeline::{RunDir, to_onnx, to_safetensors, write_whole};
+use tactnet_pipeline::{RunDir, to_onnx, to_safetensors, weights_sha256, write_whole};
 
 use crate::GIT;
 
@@ -65,16 +64,12 @@ pub fn run(arguments: &ExportArgs) -> anyhow::Result<ExitCode> {
     }
     let config = run.config()?;
     let weights = run.weights()?;
-    let digest = Sha256::digest(weights.to_safetensors(BTreeMap::new())?);
     let about = BTreeMap::from([
         ("format".to_owned(), "tactnet 1".to_owned()),
         ("version".into(), env!("CARGO_PKG_VERSION").into()),
         ("git".into(), GIT.into()),
         ("data_sha256".into(), config.data_sha256.clone()),
-        (
-            "weights_sha256".into(),
-            digest.iter().map(|byte| format!("{byte:02x}")).collect(),
-        ),
+        ("weights_sha256".into(), weights_sha256(&weights)?),
     ]);
     let calibration = run.calibration()?;
     let bytes = match format {

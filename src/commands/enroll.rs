@@ -7,11 +7,11 @@ use std::time::Instant;
 use anyhow::{Context, bail};
 use clap::Args;
 use serde::Serialize;
-use sha2::{Digest, Sha256};
-use tactnet_data::SweepView;
-use tactnet_pipeline::{Classifier, EnrolledMaterial, LabelOrder, RunDir, enroll};
+use tactnet_data::{SweepView, refuse_errors};
+use tactnet_models::Compute;
+use tactnet_pipeline::{Classifier, EnrolledMaterial, LabelOrder, RunDir, enroll, weights_sha256};
 
-use crate::train::{DeviceChoice, refuse_errors};
+use super::choices::DeviceChoice;
 use crate::{GIT, output, source};
 
 #[derive(Args)]
@@ -70,7 +70,7 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
     }
     let known = run.train_embeddings()?;
     let weights = run.weights()?;
-    let device = arguments.device.compute().open()?;
+    let device = Compute::from(arguments.device).open()?;
     let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
     let dataset = source::load_part(&arguments.data, config.steps, LabelOrder::True, config.seed)?;
     refuse_errors(&dataset, &arguments.data)?;
@@ -105,13 +105,12 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
     let begun = Instant::now();
     let view = SweepView::new(&dataset, sweeps.clone());
     let enrolled = enroll(&classifier, &known, &view, &arguments.material)?;
-    let digest = Sha256::digest(weights.to_safetensors(std::collections::BTreeMap::new())?);
     let material = EnrolledMaterial {
         material: arguments.material.clone(),
         data: dataset.name().into(),
         data_sha256: dataset.sha256().into(),
         sweeps,
-        weights_sha256: digest.iter().map(|byte| format!("{byte:02x}")).collect(),
+        weights_sha256: weights_sha256(&weights)?,
         git: GIT.into(),
     };
     run.create_enrolled(&arguments.out, &enrolled, material.clone())
