@@ -26,6 +26,7 @@ mod samples;
 mod seed;
 mod shuffle;
 pub mod twin;
+mod write_whole;
 
 pub use check::{check, refuse_errors};
 pub use data_origin::DataOrigin;
@@ -43,3 +44,4 @@ pub use material_split::MaterialSplit;
 pub use samples::Samples;
 pub use seed::Seed;
 pub use shuffle::shuffle;
+pub use write_whole::{UNFINISHED, write_whole};

@@ -149,3 +149,82 @@ impl PipelineError {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn io() -> std::io::Error {
+        std::io::Error::from(std::io::ErrorKind::StorageFull)
+    }
+
+    #[test]
+    fn wrapping_errors_ask_what_they_wrap() {
+        let path = Path::new("sweeps.h5");
+        assert!(!PipelineError::from(DataError::io(path, "write", io())).is_usage());
+        let damaged = DataError::format(path, "file", "HDF5", "text");
+        assert!(PipelineError::from(damaged).is_usage());
+        let fit = ModelError::Fit {
+            what: "ridge classifier",
+            reason: "no eigenvalues".into(),
+        };
+        assert!(!PipelineError::from(fit).is_usage());
+        let setting = ModelError::Setting {
+            setting: "maps",
+            expected: "at least 1",
+            found: "0".into(),
+        };
+        assert!(PipelineError::from(setting).is_usage());
+    }
+
+    #[test]
+    fn what_another_call_would_not_mend_is_no_usage() {
+        let (what, text) = (String::from, String::new);
+        for error in [
+            PipelineError::io(Path::new("run"), "write", io()),
+            PipelineError::NotFinite {
+                what: what("loss"),
+                epoch: 1,
+                batch: 2,
+            },
+            PipelineError::Optimizer(text()),
+            PipelineError::Runtime {
+                runtime: "candle",
+                reason: text(),
+            },
+        ] {
+            assert!(!error.is_usage(), "{error}");
+        }
+        for error in [
+            PipelineError::UnknownRecipe {
+                name: what("fats"),
+                known: what("fast"),
+            },
+            PipelineError::Recipe {
+                origin: what("own.toml"),
+                reason: text(),
+            },
+            PipelineError::Spec {
+                setting: "epochs",
+                expected: what("at least 1"),
+                found: what("0"),
+            },
+            PipelineError::Run {
+                path: "run".into(),
+                reason: text(),
+            },
+            PipelineError::Incompatible {
+                item: "sweeps",
+                expected: text(),
+                found: text(),
+            },
+            PipelineError::Enroll {
+                material: what("felt"),
+                reason: text(),
+            },
+            PipelineError::NoRuntime { runtime: "candle" },
+        ] {
+            assert!(error.is_usage(), "{error}");
+        }
+    }
+}

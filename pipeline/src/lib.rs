@@ -74,5 +74,6 @@ pub use run::run_config::{EpochMetrics, LabelOrder, RunConfig};
 pub use run::run_dir::RunDir;
 pub use run::session::{Session, TrainEvent, TrainOutcome};
 pub use run::test_sweeps::TestSweeps;
-pub use run::write_whole::{UNFINISHED, write_whole};
+pub use run::write_whole::write_whole;
 pub use spec::{SplitKind, TrainJob, TrainSpec};
+pub use tactnet_data::UNFINISHED;

@@ -4,7 +4,7 @@
     pip install numpy scipy scikit-learn aeon torch safetensors
     python tests/golden/features_with_aeon.py
 
-Writes features.safetensors next to itself; versions stand in its metadata. Read by pipeline/src/golden.rs.
+Writes features.safetensors next to itself; versions stand in its metadata. Read by pipeline/src/features/golden.rs.
 `experiments/bench/compare_sklearn.py` imports the spectral features from here, which needs numpy and scipy only.
 """
 

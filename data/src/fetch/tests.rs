@@ -616,3 +616,16 @@ fn tactmat_is_where_its_authors_put_it() {
     assert!(source.url.starts_with(&source.page) && source.url.ends_with("/data/tactmat.h5"));
     assert_eq!(source.git_blob_id.len(), 40);
 }
+
+#[test]
+fn no_download_fails_by_a_mistake_in_the_call() {
+    let unreachable = FetchError::Unreachable {
+        url: "https://example.org/file".into(),
+        reason: "no such host".into(),
+        page: PAGE.into(),
+    };
+    assert!(!unreachable.is_usage());
+    let full = std::io::Error::from(ErrorKind::StorageFull);
+    let disk = FetchError::from(DataError::io(Path::new("file.part"), "write", full));
+    assert!(!disk.is_usage());
+}

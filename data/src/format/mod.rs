@@ -20,8 +20,8 @@ mod tile;
 pub mod ts;
 
 use crate::{DataError, Dataset, Samples};
-use std::io::{Read, Write};
-use std::path::{Path, PathBuf};
+use std::io::Read;
+use std::path::Path;
 
 /// Deflate cannot pack more than this many bytes into one; a file that promises more is damaged.
 const DEFLATE_LIMIT: u64 = 1032;
@@ -199,27 +199,4 @@ fn stem(path: &Path) -> String {
         .unwrap_or_default()
         .to_string_lossy()
         .into_owned()
-}
-
-/// Writes `bytes` beside `path` and renames them into place, so that `path` never holds half a file.
-fn replace_file(path: &Path, bytes: &[u8]) -> Result<(), DataError> {
-    let part = part_path(path);
-    let written = std::fs::File::create(&part)
-        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
-        .map_err(|e| DataError::io(&part, "write", e))
-        .and_then(|()| {
-            std::fs::rename(&part, path).map_err(|e| DataError::io(path, "rename into place", e))
-        });
-    if written.is_err() {
-        // The first error is the one to report; a part that stays is harmless.
-        let _ = std::fs::remove_file(&part);
-    }
-    written
-}
-
-/// Beside `path`, and different for every process.
-fn part_path(path: &Path) -> PathBuf {
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(format!(".{}.part", std::process::id()));
-    path.with_file_name(name)
 }

@@ -15,7 +15,7 @@
 use super::DEFLATE_LIMIT;
 use super::npy::{self, Array};
 use super::tactmat::{RATE_ATTRIBUTE, SAMPLE_RATE_HZ, SYNTHETIC_ATTRIBUTE};
-use crate::{DataError, Dataset, LabelSet, Samples, SweepRecord, SweepShape};
+use crate::{DataError, Dataset, LabelSet, Samples, SweepRecord, SweepShape, write_whole};
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read, Write};
 use std::path::Path;
@@ -288,7 +288,7 @@ fn unpack(
 /// A file that cannot be written.
 pub fn write(path: &Path, dataset: &Dataset) -> Result<(), DataError> {
     let bytes = archive(dataset).map_err(|error| DataError::io(path, "write", error.into()))?;
-    super::replace_file(path, &bytes)
+    write_whole(path, &bytes)
 }
 
 fn archive(dataset: &Dataset) -> zip::result::ZipResult<Vec<u8>> {

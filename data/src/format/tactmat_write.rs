@@ -1,7 +1,7 @@
 //! Writing TactMat's HDF5 layout.
 
 use super::tactmat;
-use crate::{DataError, Dataset, Samples};
+use crate::{DataError, Dataset, Samples, write_whole};
 use hdf5_writer::{
     AttributeBuilder, DatasetBuilder, FILTER_DEFLATE, FILTER_SHUFFLE, FilterDescription,
     Hdf5Builder, Hdf5WritePlan, WriteOptions,
@@ -30,7 +30,7 @@ pub fn write(path: &Path, dataset: &Dataset) -> Result<(), DataError> {
                 error.to_string(),
             )
         })?;
-    super::replace_file(path, &bytes)
+    write_whole(path, &bytes)
 }
 
 fn plan(dataset: &Dataset, order: &[usize]) -> hdf5_writer::Result<Hdf5WritePlan> {

@@ -4,7 +4,7 @@
 //! class stands last. Class labels are the material names in the form that aeon's reader leaves as they are (see
 //! [`class_label`]). Sample rate, blocks and test flags have no place in the format.
 
-use crate::{DataError, Dataset};
+use crate::{DataError, Dataset, write_whole};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -39,7 +39,7 @@ pub fn write(path: &Path, dataset: &Dataset) -> Result<(), DataError> {
     for line in lines.map_err(|error| super::in_file(path, error))? {
         text.push_str(&line);
     }
-    super::replace_file(path, text.as_bytes())
+    write_whole(path, text.as_bytes())
 }
 
 fn line(dataset: &Dataset, index: usize, label: &str) -> Result<String, DataError> {

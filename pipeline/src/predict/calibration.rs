@@ -174,6 +174,14 @@ mod tests {
     use super::*;
 
     #[test]
+    fn files_of_former_versions_are_read() {
+        let text = r#"{"schema_version": 1, "promise": {"false_alarms": 0.05, "coverage": 0.9}, "score": "energy",
+                       "threshold": 1.5, "least_probability": 0.1, "sweeps": 40}"#;
+        let calibration: Calibration = serde_json::from_str(text).unwrap();
+        assert_eq!(calibration.target, CalibrationTarget::default());
+    }
+
+    #[test]
     fn quantiles_are_those_of_split_conformal_prediction() {
         let values: Vec<f64> = (1..=99).rev().map(f64::from).collect();
         assert_eq!(upper_quantile(&values, 0.05), 95.0);

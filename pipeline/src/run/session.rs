@@ -333,3 +333,110 @@ fn set_aside<'a>(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use tactnet_data::format::Format;
+    use tactnet_data::twin::{self, TwinConfig};
+
+    use super::*;
+    use crate::TrainSpec;
+
+    const RECIPE: &str = r#"
+        name = "small"
+        network = { maps = [3, 4], hidden = 8, keep_probability = 0.8 }
+        [training]
+        epochs = 3
+        batch = 8
+        learning_rate = 0.005
+        method = { kind = "base" }
+    "#;
+
+    fn program() -> Provenance {
+        Provenance::of_this_process("0", "test")
+    }
+
+    fn spec(folder: &Path) -> TrainSpec {
+        let [data, recipe] = ["twin.h5", "small.toml"].map(|name| folder.join(name));
+        let config = TwinConfig {
+            materials: 3,
+            sweeps: 10,
+            steps: 60,
+            ..TwinConfig::default()
+        };
+        Format::TactMat
+            .write(&data, &twin::generate(&config).unwrap())
+            .unwrap();
+        std::fs::write(&recipe, RECIPE).unwrap();
+        TrainSpec {
+            data: data.display().to_string(),
+            recipe: recipe.display().to_string(),
+            ..TrainSpec::default()
+        }
+    }
+
+    #[test]
+    fn a_session_that_is_stopped_after_every_batch_ends_with_the_same_bits() {
+        let folder = tempfile::tempdir().unwrap();
+        let job = TrainJob::try_from(spec(folder.path())).unwrap();
+        let [whole, parts] = ["whole", "parts"].map(|name| folder.path().join(name));
+        let session = Session::begin(&job, Some(&whole), program()).unwrap();
+        let mut batches = 0;
+        let count = |event: TrainEvent<'_>| {
+            batches += usize::from(matches!(event, TrainEvent::Batch { .. }));
+        };
+        let outcome = session.train(count, || false).unwrap();
+        assert!(matches!(outcome, TrainOutcome::Finished(_)), "{outcome:?}");
+        assert_eq!(batches, 9, "three epochs of three batches");
+
+        drop(Session::begin(&job, Some(&parts), program()).unwrap());
+        let mut sessions = 0;
+        loop {
+            let session = Session::resume(&parts, None, program()).unwrap();
+            let trained = Cell::new(false);
+            let note = |event: TrainEvent<'_>| {
+                trained.set(trained.get() || matches!(event, TrainEvent::Batch { .. }));
+            };
+            sessions += 1;
+            if let TrainOutcome::Finished(_) = session.train(note, || trained.get()).unwrap() {
+                break;
+            }
+        }
+        assert_eq!(sessions, 10, "one for every batch, one to end");
+        for file in ["weights.safetensors", "predictions_test.csv"] {
+            let [whole, parts] = [&whole, &parts].map(|run| std::fs::read(run.join(file)).unwrap());
+            assert!(whole == parts, "{file}");
+        }
+        let again = Session::resume(&whole, None, program()).unwrap();
+        let ended = Cell::new(false);
+        let note = |event: TrainEvent<'_>| ended.set(matches!(event, TrainEvent::AlreadyEnded));
+        again.train(note, || false).unwrap();
+        assert!(ended.get());
+    }
+
+    #[test]
+    fn a_run_names_the_spec_that_leads_to_it_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let asked = TrainSpec {
+            fold: Some(2),
+            ..spec(folder.path())
+        };
+        let job = TrainJob::try_from(asked.clone()).unwrap();
+        let run = folder.path().join("run");
+        let session = Session::begin(&job, Some(&run), program()).unwrap();
+        let config = session.run().config().unwrap();
+        let manifest = session.run().split().unwrap();
+        let fold = manifest.fold(&session.dataset).unwrap();
+        let named = config.spec(&fold);
+        assert_eq!(named.epochs, Some(3), "what the recipe says is named");
+        let again = TrainSpec {
+            mean_removal: None,
+            split: None,
+            epochs: None,
+            ..named
+        };
+        assert_eq!(again, asked);
+    }
+}

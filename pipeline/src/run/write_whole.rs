@@ -1,47 +1,13 @@
-//! Files that are written whole or not at all.
+//! Files that are written whole or not at all, with the error of this crate.
 
-use std::fs;
-use std::io::Write;
 use std::path::Path;
 
 use crate::PipelineError;
 
-/// How the names of files begin that [`write_whole`] has not finished; a killed process leaves one.
-pub const UNFINISHED: &str = ".writing-";
-
-/// Writes beside `path`, syncs, renames into place: after a crash or on a full disk the former file is still whole.
+/// As [`tactnet_data::write_whole`].
 ///
 /// # Errors
 /// It cannot be written.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), PipelineError> {
-    let failed = |error: std::io::Error| PipelineError::io(path, "write", error);
-    // The parent of a bare file name is empty.
-    let folder = path
-        .parent()
-        .filter(|folder| !folder.as_os_str().is_empty())
-        .unwrap_or_else(|| Path::new("."));
-    let mut file = tempfile::Builder::new()
-        .prefix(UNFINISHED)
-        .tempfile_in(folder)
-        .map_err(failed)?;
-    file.write_all(bytes).map_err(failed)?;
-    file.as_file().sync_all().map_err(failed)?;
-    set_ordinary_permissions(file.as_file()).map_err(failed)?;
-    file.persist(path).map_err(|error| failed(error.error))?;
-    // The new name must outlive a power cut, too.
-    fs::File::open(folder)
-        .and_then(|folder| folder.sync_all())
-        .map_err(failed)
-}
-
-/// Temporary files are private; a run's files are meant to be read by others.
-#[cfg(unix)]
-fn set_ordinary_permissions(file: &fs::File) -> std::io::Result<()> {
-    use std::os::unix::fs::PermissionsExt;
-    file.set_permissions(fs::Permissions::from_mode(0o644))
-}
-
-#[cfg(not(unix))]
-fn set_ordinary_permissions(_: &fs::File) -> std::io::Result<()> {
-    Ok(())
+    tactnet_data::write_whole(path, bytes).map_err(PipelineError::from)
 }
