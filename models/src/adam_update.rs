@@ -5,7 +5,7 @@ use burn::backend::{Backend, Dispatch, ExtensionType, Flex, TensorMetadata, back
 use burn::tensor::Tensor;
 use rayon::prelude::*;
 
-use crate::conv::{in_order, spare};
+use crate::conv::{in_order, reclaim};
 
 /// Values that a thread takes at once.
 const RUN: usize = 1 << 14;
@@ -89,7 +89,7 @@ impl AdamUpdate for Flex {
                     *parameter -= rate * *m / (v.sqrt() + epsilon);
                 }
             });
-        spare::reclaim(gradient);
+        reclaim(gradient);
         AdamOutput {
             parameter,
             first,

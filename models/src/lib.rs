@@ -11,7 +11,7 @@ mod adam_update;
 mod belief;
 mod block;
 mod compute;
-pub mod conv;
+mod conv;
 mod dense;
 mod dense_product;
 mod dropout;
@@ -37,7 +37,7 @@ pub use belief::{
 };
 pub use block::{BatchStatistics, BlockConfig, ConvBlock, NORM_EPSILON};
 pub use compute::Compute;
-pub use conv::{runs_on as is_cpu, spare_memory};
+pub use conv::is_cpu;
 pub use dense::NormalizedDense;
 pub use dropout::dropout_masks;
 pub use features::Features;
@@ -54,6 +54,7 @@ pub use svm::{Pair, PlattSigmoids, Svm, SvmSettings, fit_platt};
 pub use tactnet::{
     Architecture, InputShape, TactNet, TactNetConfig, TrainingForward, default_pools,
 };
+pub use tactnet_conv::spare::take as spare_memory;
 pub use temperature::fit_inverse_temperature;
 pub use weights::{NamedTensor, Weights, values};
 

@@ -1,6 +1,7 @@
 //! TactNet-II that follows a sweep frame by frame.
 
-use crate::conv::{StreamBlock, StreamHead, StreamShape};
+use tactnet_conv::{StreamBlock, StreamHead, StreamShape};
+
 use crate::weights::values;
 use crate::{TactNet, TactNetConfig};
 
