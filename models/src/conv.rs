@@ -1,4 +1,4 @@
-//! The fused block as one differentiable operation of Burn's Flex backend.
+//! The block of `tactnet-conv` as one differentiable operation of Burn's Flex backend.
 
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -13,10 +13,9 @@ use burn::backend::{
     backend_extension,
 };
 use burn::tensor::{Device, Tensor, TensorData};
-
 use tactnet_conv::{Block, BlockShape, Saved, Weight, shared_block, spare};
 
-/// Whether `device` is the processor, that is Burn's Flex backend, with or without autodiff: only there the fused operations run.
+/// Returns whether `device` is the processor, that is Burn's Flex backend, with or without autodiff. The fused operations run only there.
 pub fn is_cpu(device: &Device) -> bool {
     match device.as_dispatch() {
         DispatchDevice::Flex(_) => true,
@@ -77,7 +76,7 @@ pub(crate) fn block_eval(
     ))
 }
 
-/// What [`TrainableBlock::block_train`] gives; shapes as in [`TrainedBlock`].
+/// Result of [`TrainableBlock::block_train`]; shapes as in [`TrainedBlock`].
 #[derive(ExtensionType)]
 pub struct BlockOutput<B: Backend> {
     pooled: FloatTensor<B>,
@@ -115,7 +114,7 @@ pub trait FrozenBlock: Backend {
 
 type Primitive = FloatTensor<Flex>;
 
-/// With its values in order from the start of its memory.
+/// Returns the tensor with its values in order from the start of its memory, copied if they are not.
 pub(crate) fn in_order(tensor: Primitive) -> Primitive {
     if tensor.is_contiguous() && tensor.layout().start_offset() == 0 {
         tensor
@@ -124,7 +123,7 @@ pub(crate) fn in_order(tensor: Primitive) -> Primitive {
     }
 }
 
-/// The memory of a tensor, unless somebody else holds it.
+/// Gives the memory of a large tensor to [`spare`], unless the tensor is shared.
 pub(crate) fn reclaim(tensor: Primitive) {
     let large = tensor.layout().num_elements() >= spare::MIN_LEN;
     if large && tensor.is_unique() && tensor.is_contiguous() {
@@ -144,7 +143,7 @@ impl Values {
         Self(in_order(tensor))
     }
 
-    /// As weights: whoever changes a tensor does so by `Arc::make_mut`.
+    /// Returns the values as weights identified by their memory: Burn changes a tensor only through `Arc::make_mut`.
     fn weight(&self) -> Weight<'_> {
         let memory = Arc::downgrade(&self.0.data_arc());
         Weight::known(self.slice(), memory)
@@ -251,7 +250,7 @@ impl FrozenBlock for Flex {
     }
 }
 
-/// What the backward pass needs; it can be taken once.
+/// State for the backward pass; it can be taken once.
 #[derive(Clone)]
 struct State {
     block: Arc<Block>,
@@ -353,7 +352,7 @@ mod tests {
     }
 
     #[test]
-    fn memory_that_nobody_holds_is_taken_again() {
+    fn memory_of_a_tensor_is_taken_again() {
         let len = spare::MIN_LEN + 1234;
         // Other tests may push it out meanwhile, but not every time.
         let found = (0..100).any(|_| {
@@ -368,7 +367,7 @@ mod tests {
     }
 
     #[test]
-    fn memory_that_somebody_holds_stays_theirs() {
+    fn memory_of_a_shared_tensor_is_not_taken() {
         let len = spare::MIN_LEN + 4321;
         let held = tensor(len);
         reclaim(held.clone());

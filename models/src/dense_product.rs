@@ -1,6 +1,6 @@
 //! The dense layer's matrix product as one differentiable operation of Burn's Flex backend.
 //!
-//! Burn's own product clears what it writes to, copies it once more and knows no AVX-512; faer's writes the result where it stays.
+//! Burn's own product clears its target, copies the result once more and does not use AVX-512; faer's writes the result in place.
 
 use std::fmt;
 

@@ -58,7 +58,7 @@ pub use tactnet_conv::spare::take as spare_memory;
 pub use temperature::fit_inverse_temperature;
 pub use weights::{NamedTensor, Weights, values};
 
-/// What can be wrong with a network's description or its weights.
+/// Errors of a network's description, its weights, its device and of fitting.
 #[derive(Debug, thiserror::Error)]
 pub enum ModelError {
     /// A setting out of its range.
@@ -66,9 +66,9 @@ pub enum ModelError {
     Setting {
         /// Name of the setting in the recipe.
         setting: &'static str,
-        /// What is possible.
+        /// Values that are allowed.
         expected: String,
-        /// What was asked for.
+        /// Value found.
         found: String,
     },
     /// Weights that do not belong to this network.
@@ -78,7 +78,7 @@ pub enum ModelError {
         tensor: String,
         /// Shape or type that the network has.
         expected: String,
-        /// What the file holds.
+        /// Shape or type in the file.
         found: String,
     },
     /// A safetensors file that cannot be parsed.
@@ -95,9 +95,9 @@ pub enum ModelError {
     /// A classical classifier that cannot be fitted.
     #[error("{what}: {reason}")]
     Fit {
-        /// Which one.
+        /// Name of the classifier.
         what: &'static str,
-        /// What its solver said.
+        /// Message of its solver.
         reason: String,
     },
 }

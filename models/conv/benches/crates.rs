@@ -1,4 +1,4 @@
-//! Our transforms and complex products beside `rustfft` and `gemm`, one thread: `cargo bench -p tactnet-conv --bench crates`.
+//! Transforms and complex products of this crate beside `rustfft` and `gemm`, one thread: `cargo bench -p tactnet-conv --bench crates`.
 //!
 //! Shapes are those of layers 2 and 3 at batch 36. `rustfft` transforms the same 16 maps one after the other, as they would lie for it.
 
