@@ -3,13 +3,10 @@
 mod allocations;
 mod channel;
 mod child_process;
+mod commands;
 mod dashboard;
-mod data;
 mod demo;
-mod enroll;
-mod eval;
 mod experiment;
-mod export;
 mod failure;
 mod notify;
 mod output;
@@ -21,11 +18,11 @@ mod simulate;
 mod source;
 mod stop;
 mod study;
-mod train;
 mod view;
 mod web;
 
 use clap::{Parser, Subcommand};
+use commands::{data, enroll, eval, export, train};
 use std::process::ExitCode;
 
 #[global_allocator]
@@ -105,8 +102,8 @@ fn main() -> ExitCode {
         Err(error) => return failure::usage(&error),
     };
     let outcome = match cli.command {
-        Command::Train(arguments) => train::run(arguments),
-        Command::Eval(arguments) => eval::run(arguments),
+        Command::Train(arguments) => train::run(&arguments),
+        Command::Eval(arguments) => eval::run(&arguments),
         Command::Enroll(arguments) => enroll::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Experiment(command) => experiment::run(command),

@@ -61,7 +61,7 @@ impl<'a> SweepView<'a> {
         self.indices.len()
     }
 
-    /// Whether there is no sweep.
+    /// Returns true if there is no sweep.
     pub fn is_empty(&self) -> bool {
         self.indices.is_empty()
     }

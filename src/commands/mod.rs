@@ -1,0 +1,8 @@
+//! One file a subcommand: arguments, progress, exit code.
+
+pub mod choices;
+pub mod data;
+pub mod enroll;
+pub mod eval;
+pub mod export;
+pub mod train;
