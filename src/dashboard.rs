@@ -10,8 +10,8 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use serde::Serialize;
 use tactnet_channel::{Bus, Domain, GetPort, Priority, PutPort, Start, Table, Wait};
-use tactnet_serving::ServeConfig;
-use tactnet_serving::packets::{
+use tactnet_skin::ServeConfig;
+use tactnet_skin::packets::{
     Command, Event, ModelNames, SkinFrame, Stage, SweepCommand, TactileBelief, TactileStatus, Text,
     Verdict,
 };

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use anyhow::{Context, bail};
 use clap::Args;
-use tactnet_serving::ServeConfig;
+use tactnet_skin::ServeConfig;
 
 use crate::child_process::{ChildProcess, OwnBus};
 use crate::stop::Stop;

@@ -13,8 +13,8 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 use tactnet_channel::{Bus, Domain, Hub, Network, Priority, PutPort, Start, Table, Wait};
 use tactnet_recording::{Entry, RecordedPacket, Recording};
-use tactnet_serving::ServeConfig;
-use tactnet_serving::packets::{
+use tactnet_skin::ServeConfig;
+use tactnet_skin::packets::{
     Command, SkinFrame, Stage, SweepCommand, TactileBelief, TactileStatus,
 };
 
@@ -261,7 +261,7 @@ fn posterior(belief: &TactileBelief) -> &[f32] {
 /// Those about sweeps whose beginning was recorded, too.
 fn recorded_beliefs(recording: &Recording) -> anyhow::Result<Beliefs> {
     let config = ServeConfig::of(&recording.table)?;
-    let by_command = config.follow.segmentation == tactnet_serving::Segmentation::Command;
+    let by_command = config.segmenter.segmentation == tactnet_skin::Segmentation::Command;
     let mut begun: Vec<(u32, u64)> = Vec::new();
     let mut beliefs = Vec::new();
     for entry in &recording.entries {

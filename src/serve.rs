@@ -8,8 +8,9 @@ use std::time::Duration;
 use anyhow::Context;
 use clap::Args;
 use tactnet_channel::{Bus, Domain, Table};
-use tactnet_serving::packets::Counters;
-use tactnet_serving::{ModelSource, Realtime, ServeConfig, Service};
+use tactnet_serving::{ModelSource, Realtime, Service};
+use tactnet_skin::ServeConfig;
+use tactnet_skin::packets::Counters;
 
 use crate::allocations::allocations_of_this_thread;
 use crate::stop::Stop;

@@ -13,9 +13,10 @@ use rand::seq::SliceRandom;
 use tactnet_channel::{Bus, Domain, Priority, Table};
 use tactnet_data::{Dataset, Seed};
 use tactnet_pipeline::RunDir;
-use tactnet_serving::packets::{SkinFrame, SweepCommand};
+use tactnet_serving::Realtime;
 use tactnet_serving::simulate::{CatchingRole, SkinSimulator, Ticker, catching_table, run_role};
-use tactnet_serving::{Realtime, ServeConfig};
+use tactnet_skin::ServeConfig;
+use tactnet_skin::packets::{SkinFrame, SweepCommand};
 
 use crate::eval::unseen_sweeps;
 use crate::stop::Stop;
@@ -148,7 +149,7 @@ fn skin(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
     let bus = Bus::open(Domain::Host, &table)?;
     let frames = bus.put_port::<SkinFrame>(config.fingers[0].as_str(), Priority::High)?;
     let commands = bus.put_port::<SweepCommand>(config.command.as_str(), Priority::High)?;
-    let mut skin = SkinSimulator::new(&dataset, order, config.follow.skip, REST);
+    let mut skin = SkinSimulator::new(&dataset, order, config.segmenter.skip, REST);
     eprintln!(
         "putting {} frames a second on {}; Ctrl-C ends",
         dataset.sample_rate_hz(),
@@ -163,7 +164,7 @@ fn skin(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
             commands.put_copy(&[command])?;
             let motion = skin.motions();
             let over = arguments.sweeps.is_some_and(|sweeps| motion == sweeps);
-            if command.command() == Some(tactnet_serving::packets::Command::Start) {
+            if command.command() == Some(tactnet_skin::packets::Command::Start) {
                 let sweep = skin.sweep_of(motion);
                 let material = dataset.labels().name(dataset.records()[sweep].label);
                 output::print(format_args!("motion {motion}: sweep {sweep}, {material}"))?;

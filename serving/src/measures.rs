@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::packets::{Counters, Stage};
+use tactnet_skin::packets::{Counters, Stage};
 
 /// Upper bounds of the buckets of computing times, microseconds.
 const BOUNDS_US: [u64; 12] = [

@@ -11,7 +11,7 @@ use tactnet_pipeline::{
 };
 
 use crate::ServeError;
-use crate::packets::{MAX_MATERIALS, MAX_TAXELS, ModelNames, Text};
+use tactnet_skin::packets::{MAX_MATERIALS, MAX_TAXELS, ModelNames, Text};
 
 /// Where models come from.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -248,10 +248,11 @@ impl ServedModel {
         };
         let config = self.classifier.config();
         if config.labels.len() == MAX_MATERIALS {
-            return Err(ServeError::Config(format!(
-                "`{material}` would be material {}, packets hold {MAX_MATERIALS}",
-                MAX_MATERIALS + 1
-            )));
+            return Err(ServeError::TooManyMaterials {
+                material: material.into(),
+                number: MAX_MATERIALS + 1,
+                most: MAX_MATERIALS,
+            });
         }
         let sweeps = digits.len() / config.shape.values();
         let records = (0..sweeps).map(|sweep| SweepRecord {

@@ -10,9 +10,10 @@ use std::time::{Duration, Instant};
 
 use tactnet_pipeline::OnlineClassifier;
 
+use crate::ServeError;
 use crate::model::{ModelSource, ServedModel, numbered};
-use crate::packets::{Event, ModelNames, Text};
-use crate::{ServeConfig, ServeError};
+use tactnet_skin::ServeConfig;
+use tactnet_skin::packets::{Event, ModelNames, Text};
 
 /// How often it looks for a new version.
 const LOOK_EVERY: Duration = Duration::from_millis(500);

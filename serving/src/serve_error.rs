@@ -14,9 +14,19 @@ pub enum ServeError {
     /// The device.
     #[error(transparent)]
     Model(#[from] tactnet_models::ModelError),
-    /// A setting.
-    #[error("{0}")]
-    Config(String),
+    /// The table's section of the classifier.
+    #[error(transparent)]
+    Skin(#[from] tactnet_skin::SkinError),
+    /// More materials than packets hold.
+    #[error("`{material}` would be material {number}, packets hold {most}")]
+    TooManyMaterials {
+        /// The material that was to be learnt.
+        material: String,
+        /// Its number, from 1.
+        number: usize,
+        /// Materials of a packet.
+        most: usize,
+    },
     /// A model that cannot serve.
     #[error("{}: cannot serve: {reason}", path.display())]
     Unfit {

@@ -21,25 +21,23 @@ use tactnet_channel::{
 use tactnet_data::Frame;
 use tactnet_pipeline::OnlineClassifier;
 
-use crate::follow::{Followed, Reject, Segmentation, SweepSegmenter};
+use crate::ServeError;
 use crate::line::Line;
 use crate::measures::Measures;
 use crate::model::ModelSource;
 use crate::model_worker::{Job, ModelWorker, WorkerEvent};
-use crate::packets::{
+use recent_sweeps::RecentSweeps;
+use tactnet_skin::packets::{
     Command, Counters, Event, ModelNames, SkinFrame, Stage, SweepCommand, TactileBelief,
     TactileStatus, Text,
 };
-use crate::{ServeConfig, ServeError};
-use recent_sweeps::RecentSweeps;
+use tactnet_skin::{MAX_FINGERS, Reject, Segmentation, ServeConfig, SweepChange, SweepSegmenter};
 use waiting_commands::{MAX_COMMANDS, WaitingCommands};
 
 /// Status is put at least this often.
 const ALIVE_EVERY_NS: u64 = 100_000_000;
 /// Frames of a finger in one go.
 const MAX_FRAMES: usize = 256;
-/// Most fingers of a service.
-pub(crate) const MAX_FINGERS: usize = 16;
 
 /// The classifier on its channels.
 pub struct Service {
@@ -67,7 +65,7 @@ pub struct Service {
 }
 
 struct Finger {
-    follower: SweepSegmenter,
+    segmenter: SweepSegmenter,
     classifier: OnlineClassifier,
     sweep: u64,
     motion: u64,
@@ -101,8 +99,8 @@ impl Service {
         let shape = served.classifier().config().shape;
         let fingers = config.fingers.iter().map(|_| {
             Ok(Finger {
-                follower: SweepSegmenter::new(
-                    config.follow,
+                segmenter: SweepSegmenter::new(
+                    config.segmenter,
                     shape.steps,
                     shape.taxels(),
                     names.sample_rate_hz,
@@ -155,7 +153,7 @@ impl Service {
         Ok(service)
     }
 
-    /// Counts allocations while frames are followed.
+    /// Counts allocations while frames are processed.
     ///
     /// - `allocations`: of the calling thread, since it began
     pub fn count_allocations(&mut self, allocations: fn() -> u64) {
@@ -283,7 +281,7 @@ impl Service {
 
     fn command(&mut self, command: &SweepCommand) -> Result<(), ServeError> {
         let number = command.finger;
-        let by_contact = self.config.follow.segmentation != Segmentation::Command;
+        let by_contact = self.config.segmenter.segmentation != Segmentation::Command;
         let Some(finger) = self.fingers.get_mut(number as usize) else {
             return self.publish_status(
                 Event::Refused,
@@ -301,15 +299,15 @@ impl Service {
                 format_args!("sweeps begin and end by contact"),
             ),
             Some(Command::Start) => {
-                let followed = finger.follower.start();
-                if let Followed::RejectedAndBegun(reject) = followed {
+                let change = finger.segmenter.start();
+                if let SweepChange::RejectedAndBegun(reject) = change {
                     self.reject(number as usize, &reject)?;
                 }
                 self.begin(number as usize, command.motion)
             }
             Some(Command::Stop) => {
-                let followed = finger.follower.stop();
-                self.followed(number as usize, followed, 0, 0)
+                let change = finger.segmenter.stop();
+                self.apply_change(number as usize, change, 0, 0)
             }
             Some(Command::Reset) => {
                 finger.classifier.reset();
@@ -371,12 +369,12 @@ impl Service {
         let finger = &mut self.fingers[number];
         let first = finger.sequences.map_or(frame.sequence, |(first, _)| first);
         finger.sequences = Some((first, frame.sequence));
-        let followed = finger.follower.push(&Frame {
+        let change = finger.segmenter.push(&Frame {
             sequence: frame.sequence,
             sensor_time_nanos: frame.sensor_time_ns,
             taxels: frame.values(),
         });
-        self.followed(number, followed, frame.sequence, put_ns)?;
+        self.apply_change(number, change, frame.sequence, put_ns)?;
         self.counters.frames += 1;
         self.counters.dropped_frames = self.skins.iter().map(GetPort::lost).sum();
         let delay = now_ns().saturating_sub(put_ns);
@@ -385,22 +383,22 @@ impl Service {
         Ok(())
     }
 
-    fn followed(
+    fn apply_change(
         &mut self,
         number: usize,
-        followed: Followed,
+        change: SweepChange,
         sequence: u64,
         put_ns: u64,
     ) -> Result<(), ServeError> {
-        match followed {
-            Followed::Nothing => Ok(()),
-            Followed::Begun => self.begin(number, 0),
-            Followed::Rejected(reject) => self.reject(number, &reject),
-            Followed::RejectedAndBegun(reject) => {
+        match change {
+            SweepChange::Unchanged => Ok(()),
+            SweepChange::Begun => self.begin(number, 0),
+            SweepChange::Rejected(reject) => self.reject(number, &reject),
+            SweepChange::RejectedAndBegun(reject) => {
                 self.reject(number, &reject)?;
                 self.begin(number, 0)
             }
-            Followed::Extended => {
+            SweepChange::Extended => {
                 let finger = &mut self.fingers[number];
                 finger.catch_up();
                 let due = self.config.anytime_ms > 0.0 && finger.taken >= finger.next_belief;
@@ -411,7 +409,7 @@ impl Service {
                 finger.next_belief = finger.taken + (every.ceil() as usize).max(1);
                 self.judge(number, Stage::Anytime, sequence, put_ns)
             }
-            Followed::Complete => {
+            SweepChange::Complete => {
                 let finger = &mut self.fingers[number];
                 finger.catch_up();
                 self.judge(number, Stage::Plain, sequence, put_ns)?;
@@ -419,7 +417,7 @@ impl Service {
                     self.judge(number, Stage::Dropout, sequence, put_ns)?;
                 }
                 let finger = &mut self.fingers[number];
-                if let Some(sweep) = finger.follower.window().sweep() {
+                if let Some(sweep) = finger.segmenter.window().sweep() {
                     finger.recent.keep(sweep);
                 }
                 self.counters.sweeps += 1;
@@ -456,7 +454,7 @@ impl Service {
             self.news = self.workshop.news();
         }
         // Models change between sweeps only.
-        let sweeping = self.fingers.iter().any(|f| f.follower.is_sweeping());
+        let sweeping = self.fingers.iter().any(|f| f.segmenter.is_sweeping());
         match &self.news {
             None => return Ok(()),
             Some(WorkerEvent::Ready { .. }) if sweeping || self.retired.is_some() => return Ok(()),
@@ -529,7 +527,7 @@ impl Service {
 impl Finger {
     /// Gives the classifier the rows of the window that it has not seen.
     fn catch_up(&mut self) {
-        let window = self.follower.window();
+        let window = self.segmenter.window();
         while self.taken < window.kept() {
             self.classifier.push(window.row(self.taken));
             self.taken += 1;

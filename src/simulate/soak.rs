@@ -14,11 +14,12 @@ use tactnet_channel::{Bus, Domain, Hub, Priority, Start, Table, Wait, now_ns};
 use tactnet_data::twin::{self, TwinConfig};
 use tactnet_data::{Dataset, LabelSet, Seed};
 use tactnet_pipeline::RunDir;
-use tactnet_serving::packets::{SkinFrame, Stage, SweepCommand, TactileBelief};
 use tactnet_serving::simulate::{
     CatchingReport, CatchingRole, SkinSimulator, Ticker, catching_table,
 };
-use tactnet_serving::{Realtime, ServeConfig, percentile};
+use tactnet_serving::{Realtime, percentile};
+use tactnet_skin::ServeConfig;
+use tactnet_skin::packets::{SkinFrame, Stage, SweepCommand, TactileBelief};
 
 use super::{REST, order_of, unseen_by};
 use crate::child_process::{ChildProcess, OwnBus};
@@ -481,7 +482,7 @@ fn skin(
         priority(70).apply();
     }
     let dataset = played.dataset;
-    let mut skin = SkinSimulator::new(dataset, played.order.clone(), config.follow.skip, REST);
+    let mut skin = SkinSimulator::new(dataset, played.order.clone(), config.segmenter.skip, REST);
     let mut ticker = Ticker::new(dataset.sample_rate_hz());
     while !over.load(Ordering::Relaxed) {
         ticker.wait();

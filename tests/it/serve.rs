@@ -12,10 +12,10 @@ use tactnet_channel::{Bus, Domain, GetPort, Priority, PutPort, Start, Wait, remo
 use tactnet_data::SweepView;
 use tactnet_models::Compute;
 use tactnet_pipeline::{Classifier, PredictionMethod, RunDir};
-use tactnet_serving::packets::{
+use tactnet_skin::packets::{
     Command as Wish, Event, ModelNames, Stage, SweepCommand, TactileBelief, TactileStatus, Text,
 };
-use tactnet_serving::{FollowConfig, ServeConfig};
+use tactnet_skin::{SegmenterConfig, ServeConfig};
 
 use crate::command::{Lab, RecipeChange, expect, stderr, stdout, tactnet};
 
@@ -85,9 +85,9 @@ impl Robot {
         expect(0, train);
         let config = ServeConfig {
             anytime_ms: 40.0,
-            follow: FollowConfig {
+            segmenter: SegmenterConfig {
                 skip: 20,
-                ..FollowConfig::default()
+                ..SegmenterConfig::default()
             },
             ..ServeConfig::default()
         };

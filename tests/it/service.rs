@@ -4,11 +4,12 @@ use std::time::Duration;
 
 use tactnet_channel::{Bus, Domain, GetPort, Packet, Priority, PutPort, Start};
 use tactnet_data::Dataset;
-use tactnet_serving::packets::{
+use tactnet_serving::simulate::SkinSimulator;
+use tactnet_serving::{ModelSource, Service};
+use tactnet_skin::packets::{
     Command, Event, SkinFrame, Stage, SweepCommand, TactileBelief, TactileStatus,
 };
-use tactnet_serving::simulate::SkinSimulator;
-use tactnet_serving::{FollowConfig, ModelSource, ServeConfig, Service};
+use tactnet_skin::{SegmenterConfig, ServeConfig};
 
 use crate::serve::{Robot, STEPS, offline};
 
@@ -30,9 +31,9 @@ impl Bench {
             fingers: vec!["skin/left".into(), "skin/right".into()],
             anytime_ms: 0.0,
             mc_samples: 0,
-            follow: FollowConfig {
+            segmenter: SegmenterConfig {
                 skip: SKIP,
-                ..FollowConfig::default()
+                ..SegmenterConfig::default()
             },
             ..ServeConfig::default()
         };
@@ -56,7 +57,7 @@ impl Bench {
             motion,
             sweeps: 0,
             reserved: 0,
-            material: tactnet_serving::packets::Text::default(),
+            material: tactnet_skin::packets::Text::default(),
         };
         self.commands.put_copy(&[command]).unwrap();
     }

@@ -10,7 +10,10 @@ pub enum RecordingError {
     Channel(#[from] tactnet_channel::ChannelError),
     /// The table's section of the classifier.
     #[error(transparent)]
-    Serve(#[from] tactnet_serving::ServeError),
+    Skin(#[from] tactnet_skin::SkinError),
+    /// The table of channels, as text.
+    #[error("the table of channels: {0}")]
+    Table(#[from] toml::ser::Error),
     /// The data set that was to be made.
     #[error(transparent)]
     Data(#[from] tactnet_data::DataError),

@@ -4,8 +4,8 @@ use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use tactnet_channel::{Bus, GetPort, GetSide, Packet, Start, SyncGroup, Table, Wait, now_ns};
-use tactnet_serving::ServeConfig;
-use tactnet_serving::packets::{ModelNames, SkinFrame, SweepCommand, TactileBelief, TactileStatus};
+use tactnet_skin::ServeConfig;
+use tactnet_skin::packets::{ModelNames, SkinFrame, SweepCommand, TactileBelief, TactileStatus};
 
 use crate::messages::Recordable;
 use crate::{RecordedPacket, RecordingError};

@@ -221,8 +221,7 @@ impl Drop for Recorder {
 }
 
 fn metadata(table: &Table, about: &About) -> Result<Metadata, RecordingError> {
-    let text = toml::to_string(table)
-        .map_err(|error| tactnet_serving::ServeError::Config(error.to_string()))?;
+    let text = toml::to_string(table)?;
     let mut metadata = BTreeMap::from([
         ("table".to_owned(), text),
         ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),

@@ -5,7 +5,7 @@ use tactnet_models::{argmax, entropy};
 
 use super::Service;
 use crate::ServeError;
-use crate::packets::{MAX_MATERIALS, Stage, Verdict};
+use tactnet_skin::packets::{MAX_MATERIALS, Stage, Verdict};
 
 impl Service {
     /// Judges what the finger has felt of its sweep, and puts the belief.
@@ -67,7 +67,7 @@ impl Service {
         out.stage = stage as u32;
         out.finger = number as u32;
         out.frames = finger.taken as u32;
-        out.filled_in = finger.follower.window().filled_in() as u32;
+        out.filled_in = finger.segmenter.window().filled_in() as u32;
         let now = now_ns();
         out.latency_ns = now.saturating_sub(put_ns);
         let (latency, whole) = (out.latency_ns, stage != Stage::Anytime);

@@ -2,7 +2,7 @@
 
 use tactnet_data::Dataset;
 
-use crate::packets::{Command, MAX_TAXELS, SkinFrame, SweepCommand, Text};
+use tactnet_skin::packets::{Command, MAX_TAXELS, SkinFrame, SweepCommand, Text};
 
 /// Plays sweeps one after the other: rest, start, lead-in, the sweep, lead-out, stop.
 ///
@@ -140,7 +140,7 @@ mod tests {
     use tactnet_data::twin::{TwinConfig, generate};
 
     use super::*;
-    use crate::{FollowConfig, Followed, SweepSegmenter};
+    use tactnet_skin::{SegmenterConfig, SweepChange, SweepSegmenter};
 
     #[test]
     fn the_follower_finds_the_recorded_sweeps_again() {
@@ -152,27 +152,27 @@ mod tests {
         })
         .unwrap();
         let mut skin = SkinSimulator::new(&twin, vec![3, 1], 20, 5);
-        let config = FollowConfig {
+        let config = SegmenterConfig {
             skip: 20,
-            ..FollowConfig::default()
+            ..SegmenterConfig::default()
         };
-        let mut follower = SweepSegmenter::new(config, 60, 16, twin.sample_rate_hz());
+        let mut segmenter = SweepSegmenter::new(config, 60, 16, twin.sample_rate_hz());
         let mut found = Vec::new();
         for _ in 0..3 * skin.frames_of_a_motion() {
             let step = skin.step();
             match step.command.and_then(|command| command.command()) {
-                Some(Command::Start) => assert_eq!(follower.start(), Followed::Begun),
-                Some(Command::Stop) => assert_eq!(follower.stop(), Followed::Nothing),
+                Some(Command::Start) => assert_eq!(segmenter.start(), SweepChange::Begun),
+                Some(Command::Stop) => assert_eq!(segmenter.stop(), SweepChange::Unchanged),
                 _ => {}
             }
-            let followed = follower.push(&tactnet_data::Frame {
+            let change = segmenter.push(&tactnet_data::Frame {
                 sequence: step.frame.sequence,
                 sensor_time_nanos: step.frame.sensor_time_ns,
                 taxels: step.frame.values(),
             });
-            assert!(!matches!(followed, Followed::Rejected(_)), "{followed:?}");
-            if followed == Followed::Complete {
-                let sweep = follower.window().sweep().unwrap();
+            assert!(!matches!(change, SweepChange::Rejected(_)), "{change:?}");
+            if change == SweepChange::Complete {
+                let sweep = segmenter.window().sweep().unwrap();
                 assert_eq!(sweep, twin.sweep(skin.sweep_of(skin.motions())));
                 found.push(skin.sweep_of(skin.motions()));
             }

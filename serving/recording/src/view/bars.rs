@@ -3,7 +3,7 @@
 use re_sdk_types::archetypes::LineStrips2D;
 use re_sdk_types::components::Color;
 use re_sdk_types::datatypes::Rgba32;
-use tactnet_serving::packets::{Stage, TactileBelief, Verdict};
+use tactnet_skin::packets::{Stage, TactileBelief, Verdict};
 
 /// Materials that are drawn.
 const SHOWN: usize = 8;

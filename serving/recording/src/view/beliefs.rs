@@ -2,7 +2,7 @@
 
 use re_sdk_types::archetypes::{LineStrips2D, Points2D, Scalars, SeriesLines, TextDocument};
 use re_sdk_types::components::MediaType;
-use tactnet_serving::packets::{Stage, TactileBelief};
+use tactnet_skin::packets::{Stage, TactileBelief};
 
 use super::bars;
 use super::scene::Stream;

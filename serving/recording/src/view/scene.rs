@@ -10,8 +10,8 @@ use re_sdk::{
 };
 use re_sdk_types::archetypes::TextLog;
 use tactnet_channel::Table;
-use tactnet_serving::ServeConfig;
-use tactnet_serving::packets::{Command, Event, ModelNames, SweepCommand, TactileStatus};
+use tactnet_skin::ServeConfig;
+use tactnet_skin::packets::{Command, Event, ModelNames, SweepCommand, TactileStatus};
 
 use super::beliefs::BeliefColumns;
 use super::skin::SkinColumns;

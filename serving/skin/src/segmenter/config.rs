@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 /// How sweeps are found, and what spoils them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct FollowConfig {
+pub struct SegmenterConfig {
     /// Who says when a sweep begins.
     pub segmentation: Segmentation,
     /// Frames skipped after the motion starts: at 750 Hz the middle 1000 of 1500 frames begin after 250 (thesis, section 4.3.2).
@@ -27,7 +27,7 @@ pub struct FollowConfig {
     pub saturated_frames: usize,
 }
 
-impl Default for FollowConfig {
+impl Default for SegmenterConfig {
     fn default() -> Self {
         Self {
             segmentation: Segmentation::Command,

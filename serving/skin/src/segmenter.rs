@@ -1,7 +1,7 @@
 //! Where sweeps begin and end in the stream of frames, and which of them can be used.
 //!
-//! Pure logic: a [`SweepSegmenter`] is told of frames and commands of one finger and says what they mean. Every fault of the sensor or of the motion
-//! controller ends in a [`Reject`] with its reason; a rejected sweep gives no final belief, whatever was said of its beginning.
+//! Pure logic: a [`SweepSegmenter`] takes the frames and commands of one finger and returns what they change. Every fault of the sensor or of the
+//! motion controller ends in a [`Reject`] with its reason; a rejected sweep gives no final belief, whatever beliefs its beginning gave.
 
 mod config;
 mod reject;
@@ -9,13 +9,13 @@ mod reject;
 use tactnet_data::Frame;
 
 use crate::{Push, SweepWindow, WindowConfig};
-pub use config::{Contact, FollowConfig, Segmentation};
+pub use config::{Contact, Segmentation, SegmenterConfig};
 pub use reject::Reject;
 
-/// What a frame or a command did.
+/// The effect of a frame or a command on the sweep.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Followed {
-    /// Nothing to do.
+pub enum SweepChange {
+    /// None.
     Nothing,
     /// A sweep began.
     Begun,
@@ -38,10 +38,10 @@ enum State {
     Over,
 }
 
-/// Follows the frames of one finger.
+/// Finds the sweeps in the frames of one finger.
 #[derive(Debug, Clone)]
 pub struct SweepSegmenter {
-    config: FollowConfig,
+    config: SegmenterConfig,
     steps: usize,
     period_ns: f64,
     window: SweepWindow,
@@ -62,7 +62,7 @@ impl SweepSegmenter {
     ///
     /// - `steps`: frames of a window
     /// - `rate_hz`: frames per second
-    pub fn new(mut config: FollowConfig, steps: usize, taxels: usize, rate_hz: f64) -> Self {
+    pub fn new(mut config: SegmenterConfig, steps: usize, taxels: usize, rate_hz: f64) -> Self {
         config.saturated_frames = config.saturated_frames.min(steps);
         let window = SweepWindow::new(WindowConfig {
             taxels,
@@ -89,36 +89,36 @@ impl SweepSegmenter {
         &self.window
     }
 
-    /// Whether a window fills.
+    /// Returns true while a window fills.
     pub fn is_sweeping(&self) -> bool {
         self.state == State::Sweeping
     }
 
     /// The motion controller starts a sweep.
-    pub fn start(&mut self) -> Followed {
+    pub fn start(&mut self) -> SweepChange {
         let before = self.state;
         let found = self.window.kept();
         self.begin();
         if before == State::Sweeping {
-            return Followed::RejectedAndBegun(Reject::SecondStart {
+            return SweepChange::RejectedAndBegun(Reject::SecondStart {
                 found,
                 expected: self.steps,
             });
         }
-        Followed::Begun
+        SweepChange::Begun
     }
 
     /// The motion controller has stopped.
-    pub fn stop(&mut self) -> Followed {
+    pub fn stop(&mut self) -> SweepChange {
         let before = self.state;
         self.state = State::Idle;
         if before == State::Sweeping {
-            return Followed::Rejected(Reject::Short {
+            return SweepChange::Rejected(Reject::Short {
                 found: self.window.kept(),
                 expected: self.steps,
             });
         }
-        Followed::Nothing
+        SweepChange::Unchanged
     }
 
     fn begin(&mut self) {
@@ -132,12 +132,12 @@ impl SweepSegmenter {
     }
 
     /// The next frame of the finger.
-    pub fn push(&mut self, frame: &Frame<'_>) -> Followed {
+    pub fn push(&mut self, frame: &Frame<'_>) -> SweepChange {
         let contact = match self.config.segmentation {
-            Segmentation::Command => Followed::Nothing,
+            Segmentation::Command => SweepChange::Unchanged,
             Segmentation::Contact(contact) => self.update_contact(contact, frame.taxels),
         };
-        if contact != Followed::Nothing || self.state != State::Sweeping {
+        if contact != SweepChange::Unchanged || self.state != State::Sweeping {
             self.window.see(frame);
             self.newest = Some((frame.sequence, frame.sensor_time_nanos));
             return contact;
@@ -145,21 +145,21 @@ impl SweepSegmenter {
         let taken = self.take(frame);
         self.newest = Some((frame.sequence, frame.sensor_time_nanos));
         match taken {
-            Ok(Push::Taken) => Followed::Extended,
+            Ok(Push::Taken) => SweepChange::Extended,
             Ok(Push::Complete) => {
                 self.state = State::Over;
-                Followed::Complete
+                SweepChange::Complete
             }
-            Ok(Push::Ignored) => Followed::Nothing,
+            Ok(Push::Ignored) => SweepChange::Unchanged,
             Err(reject) => {
                 self.state = State::Over;
-                Followed::Rejected(reject)
+                SweepChange::Rejected(reject)
             }
         }
     }
 
-    /// Whether a contact begins or ends with this frame.
-    fn update_contact(&mut self, contact: Contact, taxels: &[f32]) -> Followed {
+    /// Begins or ends a sweep where contact does.
+    fn update_contact(&mut self, contact: Contact, taxels: &[f32]) -> SweepChange {
         let mean = taxels.iter().sum::<f32>() / taxels.len().max(1) as f32;
         // A broken taxel must not keep a contact for ever.
         let mean = if mean.is_finite() { mean } else { 0.0 };
@@ -170,7 +170,7 @@ impl SweepSegmenter {
         };
         self.turning = if turns { self.turning + 1 } else { 0 };
         if self.turning < contact.frames {
-            return Followed::Nothing;
+            return SweepChange::Unchanged;
         }
         self.turning = 0;
         if touching { self.stop() } else { self.start() }
@@ -244,7 +244,7 @@ impl SweepSegmenter {
 
 /// Looks for stalled and saturated taxels.
 fn examine(
-    config: &FollowConfig,
+    config: &SegmenterConfig,
     health: &mut [(f32, usize, usize)],
     row: &[f32],
 ) -> Result<(), Reject> {
@@ -284,28 +284,33 @@ mod tests {
 
     const PERIOD: u64 = 1_000_000;
 
-    fn config() -> FollowConfig {
-        FollowConfig {
+    fn config() -> SegmenterConfig {
+        SegmenterConfig {
             skip: 2,
             longest_gap: 1,
             stalled_frames: 4,
             saturated_frames: 3,
-            ..FollowConfig::default()
+            ..SegmenterConfig::default()
         }
     }
 
-    fn follower(config: FollowConfig) -> SweepSegmenter {
+    fn segmenter(config: SegmenterConfig) -> SweepSegmenter {
         SweepSegmenter::new(config, 6, 2, 1e9 / PERIOD as f64)
     }
 
     /// A frame on time whose digits change.
-    fn good(follower: &mut SweepSegmenter, sequence: u64) -> Followed {
+    fn good(segmenter: &mut SweepSegmenter, sequence: u64) -> SweepChange {
         let digits = [20.0 + (sequence % 3) as f32, 30.0 + (sequence % 2) as f32];
-        push(follower, sequence, sequence * PERIOD, digits)
+        push(segmenter, sequence, sequence * PERIOD, digits)
     }
 
-    fn push(follower: &mut SweepSegmenter, sequence: u64, time: u64, digits: [f32; 2]) -> Followed {
-        follower.push(&Frame {
+    fn push(
+        segmenter: &mut SweepSegmenter,
+        sequence: u64,
+        time: u64,
+        digits: [f32; 2],
+    ) -> SweepChange {
+        segmenter.push(&Frame {
             sequence,
             sensor_time_nanos: time,
             taxels: &digits,
@@ -314,87 +319,90 @@ mod tests {
 
     #[test]
     fn a_commanded_sweep_completes_once() {
-        let mut follower = follower(config());
-        assert_eq!(good(&mut follower, 4), Followed::Nothing);
-        assert_eq!(follower.start(), Followed::Begun);
+        let mut segmenter = segmenter(config());
+        assert_eq!(good(&mut segmenter, 4), SweepChange::Unchanged);
+        assert_eq!(segmenter.start(), SweepChange::Begun);
         for sequence in 5..12 {
-            assert_eq!(good(&mut follower, sequence), Followed::Extended);
+            assert_eq!(good(&mut segmenter, sequence), SweepChange::Extended);
         }
-        assert_eq!(good(&mut follower, 12), Followed::Complete);
-        assert_eq!(follower.window().kept(), 6);
-        assert_eq!(good(&mut follower, 13), Followed::Nothing);
-        assert_eq!(follower.stop(), Followed::Nothing);
-        assert_eq!(good(&mut follower, 14), Followed::Nothing);
-        assert_eq!(follower.start(), Followed::Begun);
+        assert_eq!(good(&mut segmenter, 12), SweepChange::Complete);
+        assert_eq!(segmenter.window().kept(), 6);
+        assert_eq!(good(&mut segmenter, 13), SweepChange::Unchanged);
+        assert_eq!(segmenter.stop(), SweepChange::Unchanged);
+        assert_eq!(good(&mut segmenter, 14), SweepChange::Unchanged);
+        assert_eq!(segmenter.start(), SweepChange::Begun);
     }
 
     #[test]
     fn every_fault_has_its_outcome() {
         let begun = || {
-            let mut follower = follower(config());
-            follower.start();
+            let mut segmenter = segmenter(config());
+            segmenter.start();
             (0..4).for_each(|sequence| {
-                good(&mut follower, sequence);
+                good(&mut segmenter, sequence);
             });
-            follower
+            segmenter
         };
         // One lost frame is filled in, two are too many.
         let mut lost = begun();
-        assert_eq!(good(&mut lost, 5), Followed::Extended);
+        assert_eq!(good(&mut lost, 5), SweepChange::Extended);
         assert_eq!(lost.window().filled_in(), 1);
         let rejected = good(&mut begun(), 6);
         assert!(matches!(
             rejected,
-            Followed::Rejected(Reject::Window(WindowError::Gap { lost: 2, .. }))
+            SweepChange::Rejected(Reject::Window(WindowError::Gap { lost: 2, .. }))
         ));
         let repeated = good(&mut begun(), 3);
         assert!(matches!(
             repeated,
-            Followed::Rejected(Reject::Window(WindowError::Order { .. }))
+            SweepChange::Rejected(Reject::Window(WindowError::Order { .. }))
         ));
         for time in [4 * PERIOD + 600_000, 3 * PERIOD, 0] {
             let jumped = push(&mut begun(), 4, time, [1.0, 2.0]);
-            assert!(matches!(jumped, Followed::Rejected(Reject::Clock { .. })));
+            assert!(matches!(
+                jumped,
+                SweepChange::Rejected(Reject::Clock { .. })
+            ));
         }
         let mut late = begun();
         assert_eq!(
             push(&mut late, 4, 4 * PERIOD + 400_000, [1.0, 2.0]),
-            Followed::Extended
+            SweepChange::Extended
         );
         let mut short = begun();
         let expected = Reject::Short {
             found: 2,
             expected: 6,
         };
-        assert_eq!(short.stop(), Followed::Rejected(expected));
+        assert_eq!(short.stop(), SweepChange::Rejected(expected));
         let second = Reject::SecondStart {
             found: 2,
             expected: 6,
         };
         let mut twice = begun();
-        assert_eq!(twice.start(), Followed::RejectedAndBegun(second));
+        assert_eq!(twice.start(), SweepChange::RejectedAndBegun(second));
         assert_eq!(twice.window().kept(), 0);
-        assert_eq!(good(&mut twice, 4), Followed::Extended);
+        assert_eq!(good(&mut twice, 4), SweepChange::Extended);
     }
 
     #[test]
     fn losses_just_before_the_first_frame_count_and_clocks_may_not_drift() {
-        let mut late = follower(config());
+        let mut late = segmenter(config());
         good(&mut late, 3);
         late.start();
         let gap = good(&mut late, 9);
         assert!(matches!(
             gap,
-            Followed::Rejected(Reject::Window(WindowError::Gap { lost: 5, .. }))
+            SweepChange::Rejected(Reject::Window(WindowError::Gap { lost: 5, .. }))
         ));
         // A sensor that restarts is followed from its new beginning on.
         late.stop();
         good(&mut late, 0);
         late.start();
-        assert_eq!(good(&mut late, 1), Followed::Extended);
+        assert_eq!(good(&mut late, 1), SweepChange::Extended);
 
         // Each frame is in time, all together are not.
-        let mut slow = follower(FollowConfig {
+        let mut slow = segmenter(SegmenterConfig {
             clock_drift: 2.0,
             ..config()
         });
@@ -403,39 +411,46 @@ mod tests {
             let digits = [20.0 + (sequence % 3) as f32, 30.0 + (sequence % 2) as f32];
             push(&mut slow, sequence, sequence * PERIOD * 14 / 10, digits)
         });
-        assert!(outcomes.any(|o| matches!(o, Followed::Rejected(Reject::Clock { .. }))));
+        assert!(outcomes.any(|o| matches!(o, SweepChange::Rejected(Reject::Clock { .. }))));
 
-        let mut holes = follower(FollowConfig {
+        let mut holes = segmenter(SegmenterConfig {
             most_filled_in: 1,
             skip: 0,
             ..config()
         });
         holes.start();
         good(&mut holes, 0);
-        assert_eq!(good(&mut holes, 2), Followed::Extended);
+        assert_eq!(good(&mut holes, 2), SweepChange::Extended);
         let losses = Reject::Losses {
             found: 2,
             allowed: 1,
         };
-        assert_eq!(good(&mut holes, 4), Followed::Rejected(losses));
+        assert_eq!(good(&mut holes, 4), SweepChange::Rejected(losses));
 
-        let mut wild = follower(config());
+        let mut wild = segmenter(config());
         wild.start();
         let range = push(&mut wild, 0, 0, [1.0, 1e30]);
         assert!(matches!(
             range,
-            Followed::Rejected(Reject::Range { taxel: 1, .. })
+            SweepChange::Rejected(Reject::Range { taxel: 1, .. })
         ));
     }
 
     #[test]
     fn stalled_and_saturated_taxels_are_found_and_silent_ones_are_not() {
         let sweep = |digits: &dyn Fn(u64) -> [f32; 2]| {
-            let mut follower = follower(config());
-            follower.start();
+            let mut segmenter = segmenter(config());
+            segmenter.start();
             (0..8)
-                .map(|sequence| push(&mut follower, sequence, sequence * PERIOD, digits(sequence)))
-                .find(|followed| *followed != Followed::Extended)
+                .map(|sequence| {
+                    push(
+                        &mut segmenter,
+                        sequence,
+                        sequence * PERIOD,
+                        digits(sequence),
+                    )
+                })
+                .find(|change| *change != SweepChange::Extended)
                 .unwrap()
         };
         let stalled = Reject::Stalled {
@@ -443,13 +458,16 @@ mod tests {
             digit: 7.0,
             frames: 4,
         };
-        assert_eq!(sweep(&|n| [n as f32, 7.0]), Followed::Rejected(stalled));
-        assert_eq!(sweep(&|n| [n as f32, 0.0]), Followed::Complete);
+        assert_eq!(sweep(&|n| [n as f32, 7.0]), SweepChange::Rejected(stalled));
+        assert_eq!(sweep(&|n| [n as f32, 0.0]), SweepChange::Complete);
         let saturated = Reject::Saturated {
             taxel: 0,
             frames: 3,
         };
-        assert_eq!(sweep(&|n| [255.0, n as f32]), Followed::Rejected(saturated));
+        assert_eq!(
+            sweep(&|n| [255.0, n as f32]),
+            SweepChange::Rejected(saturated)
+        );
     }
 
     #[test]
@@ -459,7 +477,7 @@ mod tests {
             ends: 5.0,
             frames: 2,
         };
-        let mut follower = follower(FollowConfig {
+        let mut segmenter = segmenter(SegmenterConfig {
             segmentation: Segmentation::Contact(contact),
             skip: 0,
             ..config()
@@ -468,20 +486,24 @@ mod tests {
         let mut touch = |mean: f32| {
             sequence += 1;
             let digits = [mean + (sequence % 2) as f32 * 0.1, mean];
-            push(&mut follower, sequence, sequence * PERIOD, digits)
+            push(&mut segmenter, sequence, sequence * PERIOD, digits)
         };
-        assert_eq!(touch(12.0), Followed::Nothing);
-        assert_eq!(touch(8.0), Followed::Nothing, "one frame is no contact");
-        assert_eq!(touch(12.0), Followed::Nothing);
-        assert_eq!(touch(12.0), Followed::Begun);
+        assert_eq!(touch(12.0), SweepChange::Unchanged);
+        assert_eq!(
+            touch(8.0),
+            SweepChange::Unchanged,
+            "one frame is no contact"
+        );
+        assert_eq!(touch(12.0), SweepChange::Unchanged);
+        assert_eq!(touch(12.0), SweepChange::Begun);
         for mean in [11.0, 4.0, 8.0, 7.0, 4.0] {
-            assert_eq!(touch(mean), Followed::Extended, "{mean}");
+            assert_eq!(touch(mean), SweepChange::Extended, "{mean}");
         }
         let short = Reject::Short {
             found: 5,
             expected: 6,
         };
-        assert_eq!(touch(4.0), Followed::Rejected(short));
-        assert_eq!(touch(0.0), Followed::Nothing);
+        assert_eq!(touch(4.0), SweepChange::Rejected(short));
+        assert_eq!(touch(0.0), SweepChange::Unchanged);
     }
 }

@@ -1,11 +1,13 @@
-//! How the classifier serves: a component's section of the table of channels.
+//! The section `[components.tactnet]` of the table of channels: names of channels, how sweeps are found, how the classifier serves.
 
 use serde::{Deserialize, Serialize};
 use tactnet_channel::{ChannelConfig, Table};
 
 use crate::packets::{ModelNames, SkinFrame, SweepCommand, TactileBelief, TactileStatus};
-use crate::service::MAX_FINGERS;
-use crate::{FollowConfig, Segmentation, ServeError};
+use crate::{Segmentation, SegmenterConfig, SkinError};
+
+/// Most fingers of a service.
+pub const MAX_FINGERS: usize = 16;
 
 /// Name of the section, `[components.tactnet]`.
 const SECTION: &str = "tactnet";
@@ -34,7 +36,8 @@ pub struct ServeConfig {
     /// Promised time from a sweep's last frame to its Monte Carlo belief, milliseconds.
     pub dropout_deadline_ms: f64,
     /// How sweeps are found, and what spoils them.
-    pub follow: FollowConfig,
+    #[serde(alias = "follow")]
+    pub segmenter: SegmenterConfig,
 }
 
 impl Default for ServeConfig {
@@ -49,7 +52,7 @@ impl Default for ServeConfig {
             mc_samples: 100,
             plain_deadline_ms: 1.333,
             dropout_deadline_ms: 4.0,
-            follow: FollowConfig::default(),
+            segmenter: SegmenterConfig::default(),
         }
     }
 }
@@ -59,18 +62,17 @@ impl ServeConfig {
     ///
     /// # Errors
     /// Unknown settings or values out of range.
-    pub fn of(table: &Table) -> Result<Self, ServeError> {
+    pub fn of(table: &Table) -> Result<Self, SkinError> {
         let config: Self = match table.components.get(SECTION) {
-            Some(section) => section.clone().try_into().map_err(|error| {
-                ServeError::Config(format!("[components.{SECTION}]: {error}").trim_end().into())
-            })?,
+            Some(section) => section
+                .clone()
+                .try_into()
+                .map_err(|error: toml::de::Error| {
+                    SkinError::Section(error.to_string().trim_end().into())
+                })?,
             None => Self::default(),
         };
-        let wrong = |setting: &str, reason: &str| {
-            Err(ServeError::Config(format!(
-                "[components.{SECTION}]: `{setting}`: {reason}"
-            )))
-        };
+        let wrong = |setting, reason| Err(SkinError::Setting { setting, reason });
         if config.fingers.is_empty() {
             return wrong("fingers", "names no channel of skin frames");
         }
@@ -80,24 +82,33 @@ impl ServeConfig {
         for (setting, time) in [
             ("plain_deadline_ms", config.plain_deadline_ms),
             ("dropout_deadline_ms", config.dropout_deadline_ms),
-            ("follow.clock_tolerance", config.follow.clock_tolerance),
-            ("follow.clock_drift", config.follow.clock_drift),
-            ("follow.full_scale", f64::from(config.follow.full_scale)),
-            ("follow.stalled_frames", config.follow.stalled_frames as f64),
             (
-                "follow.saturated_frames",
-                config.follow.saturated_frames as f64,
+                "segmenter.clock_tolerance",
+                config.segmenter.clock_tolerance,
+            ),
+            ("segmenter.clock_drift", config.segmenter.clock_drift),
+            (
+                "segmenter.full_scale",
+                f64::from(config.segmenter.full_scale),
+            ),
+            (
+                "segmenter.stalled_frames",
+                config.segmenter.stalled_frames as f64,
+            ),
+            (
+                "segmenter.saturated_frames",
+                config.segmenter.saturated_frames as f64,
             ),
         ] {
             if !(time.is_finite() && time > 0.0) {
                 return wrong(setting, "expected more than 0");
             }
         }
-        if let Segmentation::Contact(contact) = config.follow.segmentation {
+        if let Segmentation::Contact(contact) = config.segmenter.segmentation {
             let apart = contact.begins > contact.ends && contact.ends.is_finite();
             if !apart || contact.frames == 0 {
                 return wrong(
-                    "follow.segmentation",
+                    "segmenter.segmentation",
                     "expected `begins` above `ends`, and at least one frame",
                 );
             }
@@ -188,8 +199,10 @@ mod tests {
         assert!(error("fingers = []").contains("names no channel"));
         assert!(error("fingers = [\"a\", \"a\"]").contains("twice"));
         assert!(error("anytime_ms = -1.0").contains("anytime_ms"));
-        assert!(
-            error("[components.tactnet.follow]\nclock_tolerance = 0.0").contains("clock_tolerance")
-        );
+        // The section's former name, in tables and recordings that are there.
+        for name in ["segmenter", "follow"] {
+            let section = format!("[components.tactnet.{name}]\nclock_tolerance = 0.0");
+            assert!(error(&section).contains("`segmenter.clock_tolerance`"));
+        }
     }
 }
