@@ -1,4 +1,4 @@
-//! What can go wrong on a channel.
+//! Errors of the channel layer.
 
 use std::path::PathBuf;
 
@@ -133,10 +133,68 @@ pub enum ChannelError {
 }
 
 impl ChannelError {
+    /// Returns true where the call must be corrected (exit code 2), false where something broke (exit code 1).
+    pub fn is_usage(&self) -> bool {
+        match self {
+            Self::Id { .. }
+            | Self::Table { .. }
+            | Self::NoSuchChannel { .. }
+            | Self::NoHub { .. }
+            | Self::HubRuns { .. }
+            | Self::Type { .. }
+            | Self::TooManyPorts { .. }
+            | Self::TooLarge { .. }
+            | Self::History { .. }
+            | Self::Memory { .. }
+            | Self::EmptyGroup
+            | Self::MixedGroup { .. } => true,
+            Self::Io { source, .. } => is_wrong_path(source),
+            Self::Held { .. } | Self::Transport { .. } => false,
+        }
+    }
+
     pub(crate) fn transport(what: impl ToString, reason: impl ToString) -> Self {
         Self::Transport {
             what: what.to_string(),
             reason: reason.to_string(),
         }
+    }
+}
+
+/// Returns true where a path is wrong (nothing there, not allowed, a folder for a file), which another call mends; false where the disk fails.
+pub fn is_wrong_path(error: &std::io::Error) -> bool {
+    use std::io::ErrorKind;
+    matches!(
+        error.kind(),
+        ErrorKind::NotFound
+            | ErrorKind::PermissionDenied
+            | ErrorKind::AlreadyExists
+            | ErrorKind::IsADirectory
+            | ErrorKind::NotADirectory
+            | ErrorKind::InvalidInput
+            | ErrorKind::InvalidFilename
+            // A file that is no text.
+            | ErrorKind::InvalidData
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::ErrorKind;
+
+    use super::*;
+
+    #[test]
+    fn a_missing_hub_is_usage_and_one_that_vanishes_is_not() {
+        let no_hub = ChannelError::NoHub { bus: "a".into() };
+        assert!(no_hub.is_usage());
+        assert!(!ChannelError::transport("skin/right", "the hub has gone").is_usage());
+        let io = |kind: ErrorKind| ChannelError::Io {
+            path: "robot.toml".into(),
+            action: "read",
+            source: kind.into(),
+        };
+        assert!(io(ErrorKind::NotFound).is_usage());
+        assert!(!io(ErrorKind::StorageFull).is_usage());
     }
 }

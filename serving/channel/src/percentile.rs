@@ -1,0 +1,33 @@
+//! Percentiles of what was measured.
+
+/// The smallest value that at least a `share` of all is not above: nearest rank, so always one that was measured. `None` of nothing.
+///
+/// - `sorted`: ascending
+/// - `share`: 0 to 1
+pub fn percentile<T: Copy>(sorted: &[T], share: f64) -> Option<T> {
+    let rank = (sorted.len() as f64 * share).ceil() as usize;
+    sorted.get(rank.max(1) - 1).copied()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::percentile;
+
+    #[test]
+    fn ranks_are_those_of_numpy_inverted_cdf() {
+        // numpy.percentile(range(1, 11), 100 * share, method="inverted_cdf")
+        let values: Vec<i32> = (1..=10).collect();
+        for (share, expected) in [
+            (0.0, 1),
+            (0.05, 1),
+            (0.5, 5),
+            (0.51, 6),
+            (0.99, 10),
+            (1.0, 10),
+        ] {
+            assert_eq!(percentile(&values, share), Some(expected), "{share}");
+        }
+        assert_eq!(percentile(&[3], 0.5), Some(3));
+        assert_eq!(percentile::<f64>(&[], 0.5), None);
+    }
+}
