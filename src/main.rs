@@ -1,32 +1,24 @@
 //! The `tactnet` command line: one verb a subcommand, results on stdout, everything else on stderr.
 
 mod allocations;
-mod channel;
-mod child_process;
-mod dashboard;
+mod commands;
 mod data;
-mod demo;
 mod enroll;
 mod eval;
 mod experiment;
 mod export;
 mod failure;
-mod notify;
 mod output;
-mod record;
-mod replay;
 mod report;
-mod serve;
-mod simulate;
 mod source;
 mod stop;
 mod study;
 mod train;
-mod view;
-mod web;
+
+use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use std::process::ExitCode;
+use commands::{channel, dashboard, demo, record, replay, serve, simulate, view};
 
 #[global_allocator]
 static ALLOCATOR: allocations::Counting = allocations::Counting;

@@ -1,19 +1,22 @@
-//! The online classifier as a component on the robot's channels; and the stress test of the channels.
+//! The online classifier as a component on the robot's channels.
+//!
+//! [`Service`] is the classifier between its channels, [`ModelSource`] the run directories that it serves, [`Measures`] its counters for
+//! Prometheus. [`web`] answers browsers, [`systemd`] the service manager.
 
-mod line;
 mod measures;
 mod model;
 mod model_worker;
-mod percentile;
 mod realtime;
+mod report;
 mod serve_error;
 mod service;
-pub mod simulate;
-pub mod stress;
+mod status_line;
+pub mod systemd;
+pub mod web;
 
 pub use measures::Measures;
 pub use model::{ModelSource, ServedModel};
-pub use percentile::percentile;
 pub use realtime::Realtime;
+pub use report::ServeReport;
 pub use serve_error::ServeError;
 pub use service::Service;

@@ -8,7 +8,7 @@
 //!
 //! One thread, no clock but the channels' own. While frames come nothing is allocated, and the only system calls are the waits and wake-ups of the channels.
 
-mod judge;
+mod predict;
 mod recent_sweeps;
 mod waiting_commands;
 
@@ -22,10 +22,10 @@ use tactnet_data::Frame;
 use tactnet_pipeline::OnlineClassifier;
 
 use crate::ServeError;
-use crate::line::Line;
 use crate::measures::Measures;
 use crate::model::ModelSource;
 use crate::model_worker::{Job, ModelWorker, WorkerEvent};
+use crate::status_line::StatusLine;
 use recent_sweeps::RecentSweeps;
 use tactnet_skin::packets::{
     Command, Counters, Event, ModelNames, SkinFrame, Stage, SweepCommand, TactileBelief,
@@ -56,9 +56,10 @@ pub struct Service {
     sweeps: u64,
     lost_commands: u64,
     alive_ns: u64,
-    workshop: ModelWorker,
-    news: Option<WorkerEvent>,
-    /// Classifiers that have served, on their way to the workshop.
+    worker: ModelWorker,
+    /// An event of the worker that waits for a pause between sweeps.
+    worker_event: Option<WorkerEvent>,
+    /// Classifiers that have served, on their way to the worker, which frees them.
     retired: Option<Vec<OnlineClassifier>>,
     /// Allocations of this thread so far.
     allocations: fn() -> u64,
@@ -139,8 +140,8 @@ impl Service {
             sweeps: 0,
             lost_commands: 0,
             alive_ns: 0,
-            workshop: ModelWorker::start(served, source, &config, git)?,
-            news: None,
+            worker: ModelWorker::start(served, source, &config, git)?,
+            worker_event: None,
             retired: None,
             allocations: || 0,
             config,
@@ -173,29 +174,29 @@ impl Service {
         Ok(())
     }
 
-    /// What it counts, to be read from other threads.
+    /// Returns its counters, to be read from other threads.
     pub fn measures(&self) -> Arc<Measures> {
         self.measures.clone()
     }
 
-    /// The model that serves.
+    /// Returns the names of the model that serves.
     pub fn names(&self) -> &ModelNames {
         &self.names
     }
 
-    /// Whether it can tell unknown materials.
+    /// Returns true if it can tell unknown materials.
     pub fn tells_unknown(&self) -> bool {
         self.fingers
             .iter()
             .all(|finger| finger.classifier.tells_unknown())
     }
 
-    /// Sequence of the first and the newest frame of every finger.
+    /// Returns the sequence of the first and the newest frame of every finger.
     pub fn sequences(&self) -> Vec<Option<(u64, u64)>> {
         self.fingers.iter().map(|finger| finger.sequences).collect()
     }
 
-    /// Counters since the start.
+    /// Returns the counters since the start.
     pub fn counters(&self) -> Counters {
         self.counters
     }
@@ -239,7 +240,7 @@ impl Service {
             self.model.send_history()?;
             self.publish_status(Event::Alive, 0, format_args!(""))?;
         }
-        self.take_news()
+        self.apply_worker_event()
     }
 
     fn receive_commands(&mut self) -> Result<(), ServeError> {
@@ -340,7 +341,7 @@ impl Service {
             );
         };
         if self
-            .workshop
+            .worker
             .ask(Job::Enroll {
                 finger: number,
                 material,
@@ -407,21 +408,21 @@ impl Service {
                 }
                 let every = self.config.anytime_ms / 1e3 * self.names.sample_rate_hz;
                 finger.next_belief = finger.taken + (every.ceil() as usize).max(1);
-                self.judge(number, Stage::Anytime, sequence, put_ns)
+                self.predict(number, Stage::Anytime, sequence, put_ns)
             }
             SweepChange::Complete => {
                 let finger = &mut self.fingers[number];
                 finger.catch_up();
-                self.judge(number, Stage::Plain, sequence, put_ns)?;
+                self.predict(number, Stage::Plain, sequence, put_ns)?;
                 if self.config.mc_samples > 0 {
-                    self.judge(number, Stage::Dropout, sequence, put_ns)?;
+                    self.predict(number, Stage::Dropout, sequence, put_ns)?;
                 }
                 let finger = &mut self.fingers[number];
                 if let Some(sweep) = finger.segmenter.window().sweep() {
                     finger.recent.keep(sweep);
                 }
                 self.counters.sweeps += 1;
-                self.publish_status(Event::Judged, number as u32, format_args!(""))
+                self.publish_status(Event::Classified, number as u32, format_args!(""))
             }
         }
     }
@@ -443,24 +444,24 @@ impl Service {
         self.publish_status(Event::Rejected, number as u32, format_args!("{reject}"))
     }
 
-    fn take_news(&mut self) -> Result<(), ServeError> {
-        // Freeing memory is the workshop's; it may be busy for a while.
+    fn apply_worker_event(&mut self) -> Result<(), ServeError> {
+        // The worker frees memory; it may be busy for a while.
         if let Some(classifiers) = self.retired.take()
-            && let Err(Job::Retire(classifiers)) = self.workshop.ask(Job::Retire(classifiers))
+            && let Err(Job::Retire(classifiers)) = self.worker.ask(Job::Retire(classifiers))
         {
             self.retired = Some(classifiers);
         }
-        if self.news.is_none() {
-            self.news = self.workshop.news();
+        if self.worker_event.is_none() {
+            self.worker_event = self.worker.next_event();
         }
         // Models change between sweeps only.
         let sweeping = self.fingers.iter().any(|f| f.segmenter.is_sweeping());
-        match &self.news {
+        match &self.worker_event {
             None => return Ok(()),
             Some(WorkerEvent::Ready { .. }) if sweeping || self.retired.is_some() => return Ok(()),
             Some(_) => {}
         }
-        match self.news.take() {
+        match self.worker_event.take() {
             Some(WorkerEvent::Ready {
                 mut classifiers,
                 names,
@@ -504,7 +505,7 @@ impl Service {
         finger: u32,
         text: std::fmt::Arguments<'_>,
     ) -> Result<(), ServeError> {
-        let mut line = Line::<192>::default();
+        let mut line = StatusLine::<192>::default();
         line.write(text);
         let (sweep, motion) = self
             .fingers

@@ -9,9 +9,9 @@ use std::time::Instant;
 
 use clap::ValueEnum;
 use serde::Serialize;
+use tactnet_channel::percentile;
 use tactnet_data::SweepView;
 use tactnet_pipeline::{Classifier, OnlineClassifier, PredictionMethod, Predictions};
-use tactnet_serving::percentile;
 
 /// What computes the scores.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

@@ -1,4 +1,4 @@
-//! What travels between skin, motion controller, classifier and whoever looks on: plain data, little endian, without padding.
+//! Packets between skin, motion controller, classifier and onlookers: plain data, little endian, without padding.
 //!
 //! | channel | packet | who puts it | when |
 //! |---|---|---|---|
@@ -179,7 +179,7 @@ pub struct TactileBelief {
     pub reserved_end: [u64; 3],
 }
 
-/// How far a judgement is.
+/// How far a prediction is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Stage {
@@ -233,13 +233,13 @@ pub struct Counters {
     pub dropped_frames: u64,
     /// 16: beliefs that were put.
     pub beliefs: u64,
-    /// 24: whole sweeps judged.
+    /// 24: whole sweeps classified.
     pub sweeps: u64,
     /// 32: sweeps that were rejected.
     pub rejected: u64,
     /// 40: whole sweeps of unknown materials.
     pub unknown: u64,
-    /// 48: judgements that took longer than promised.
+    /// 48: predictions that took longer than promised.
     pub deadline_misses: u64,
     /// 56: longest time from a frame's put until the service had dealt with it, nanoseconds.
     pub worst_delay_ns: u64,
@@ -255,8 +255,8 @@ pub enum Event {
     Alive = 0,
     /// A sweep began.
     Begun = 1,
-    /// A sweep was judged.
-    Judged = 2,
+    /// A sweep was classified.
+    Classified = 2,
     /// A sweep cannot be used; the text says why.
     Rejected = 3,
     /// The fused sweeps were forgotten.

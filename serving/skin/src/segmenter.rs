@@ -16,7 +16,7 @@ pub use reject::Reject;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum SweepChange {
     /// None.
-    Nothing,
+    Unchanged,
     /// A sweep began.
     Begun,
     /// The window has new rows.

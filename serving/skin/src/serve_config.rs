@@ -28,7 +28,7 @@ pub struct ServeConfig {
     pub model: String,
     /// Time between beliefs while a sweep goes on, milliseconds; 0: none.
     pub anytime_ms: f64,
-    /// Monte Carlo dropout masks; 0: plain judgements only.
+    /// Monte Carlo dropout masks; 0: plain predictions only.
     #[serde(alias = "runs")]
     pub mc_samples: usize,
     /// Promised time from a sweep's last frame to its plain belief, milliseconds.

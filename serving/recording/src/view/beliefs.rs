@@ -19,7 +19,7 @@ struct Row {
     bars: Vec<(String, f32)>,
     words: String,
     posterior: Vec<f64>,
-    /// Of whole sweeps: how they were judged, and how long that took, ms.
+    /// Of whole sweeps: how they were classified, and how long that took, ms.
     latency: Option<(&'static str, f64)>,
 }
 

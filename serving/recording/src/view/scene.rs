@@ -267,7 +267,7 @@ impl Scene {
 
     fn show_status(&self, time_ns: i64, status: &TactileStatus) -> Result<(), RecordingError> {
         let text = match status.text.as_str() {
-            "" if status.event == Event::Judged as u32 => "judged",
+            "" if status.event == Event::Classified as u32 => "classified",
             // Once a second, or told by others.
             "" => return Ok(()),
             text => text,

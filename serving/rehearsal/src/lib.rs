@@ -1,0 +1,27 @@
+//! Stand-ins for a robot that nobody has at hand: a simulated skin, the load of the catching stack, the soak test that runs all of it beside
+//! the classifier, and the stress test of the channels.
+//!
+//! None of it is needed where a robot is. Programs that run beside this one are [`ChildProcess`]es of the `tactnet` command.
+
+mod catching;
+mod child_process;
+mod error;
+mod own_bus;
+mod play_order;
+mod skin;
+mod small_network;
+mod soak;
+mod stack;
+pub mod stress;
+mod ticker;
+
+pub use catching::{CatchingReport, CatchingRole, catching_table, run_role};
+pub use child_process::ChildProcess;
+pub use error::RehearsalError;
+pub use own_bus::OwnBus;
+pub use play_order::play_order;
+pub use skin::{REST_FRAMES, SkinSimulator, SkinStep};
+pub use small_network::{SMALL_MATERIALS, SMALL_SWEEPS, make_twin, train_small_network};
+pub use soak::{Played, Soak, SoakReport};
+pub use stack::{CatchingStack, LoopTimes, Scheduling};
+pub use ticker::Ticker;
