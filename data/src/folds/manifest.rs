@@ -1,6 +1,6 @@
 //! A split as data: what goes into every result, so that the very same split can be had again.
 
-use super::split::{TestSplit, TrainSplit};
+use super::split::{DealtBy, TestSplit, TrainSplit};
 use super::{Fold, Scheme};
 use crate::{DataError, Dataset, Seed};
 use serde::{Deserialize, Serialize};
@@ -97,7 +97,15 @@ impl SplitManifest {
             seed: self.seed,
             repeat: self.repeat,
             fold: self.fold,
-            train: TrainSplit::new(dataset, self.train.clone()),
+            train: TrainSplit::new(
+                dataset,
+                self.train.clone(),
+                DealtBy {
+                    seed: self.seed,
+                    repeat: self.repeat,
+                    fold: self.fold,
+                },
+            ),
             test: TestSplit::new(dataset, self.test.clone()),
         })
     }
