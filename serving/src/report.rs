@@ -1,5 +1,7 @@
 //! Counters at the end of a service, as `tactnet serve --json` prints them and other commands read them.
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 use tactnet_skin::packets::Counters;
 
@@ -55,6 +57,16 @@ impl ServeReport {
             Some(Some((first, last))) => last - first + 1,
             _ => 0,
         }
+    }
+}
+
+impl fmt::Display for ServeReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{} frames, {} lost; {} sweeps classified, {} rejected; {} deadlines missed",
+            self.frames, self.dropped_frames, self.sweeps, self.rejected, self.deadline_misses
+        )
     }
 }
 

@@ -3,6 +3,7 @@
 mod look;
 mod put;
 mod stress;
+mod stress_choices;
 
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -87,18 +87,7 @@ pub fn run(arguments: &ReplayArgs) -> anyhow::Result<ExitCode> {
     if arguments.json {
         output::print_json(&replayed)?;
     } else {
-        let alike = match replayed.identical {
-            None => "the recording has none to compare",
-            Some(true) => "bit by bit as recorded",
-            Some(false) => "not what was recorded (another classifier?)",
-        };
-        output::print(format_args!(
-            "{} frames, {} lost; {} sweeps, {} beliefs, {alike}",
-            replayed.frames,
-            replayed.frames_lost,
-            replayed.replayed.sweeps,
-            replayed.replayed.beliefs
-        ))?;
+        output::print(replayed)?;
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -121,18 +121,11 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
         manager.keep_alive();
     }
     manager.notify("STOPPING=1");
+    let report = ServeReport::new(&service.counters(), service.sequences());
     if arguments.json {
-        output::print_json(&ServeReport::new(&service.counters(), service.sequences()))?;
+        output::print_json(&report)?;
     } else {
-        let counters = service.counters();
-        eprintln!(
-            "{} frames, {} lost; {} sweeps classified, {} rejected; {} deadlines missed",
-            counters.frames,
-            counters.dropped_frames,
-            counters.sweeps,
-            counters.rejected,
-            counters.deadline_misses
-        );
+        eprintln!("{report}");
     }
     Ok(ExitCode::SUCCESS)
 }

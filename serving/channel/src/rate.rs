@@ -1,5 +1,6 @@
 //! Rate, latency and losses of a channel.
 
+use std::fmt;
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
@@ -23,6 +24,21 @@ pub struct PacketRate {
     pub latency_max_us: f64,
     /// Packets that were put and never came.
     pub lost: u64,
+}
+
+impl fmt::Display for PacketRate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{:.1} Hz, {:.2} MB/s; latency {:.1} us, 99 % below {:.1}, at most {:.1}; {} lost",
+            self.hz,
+            self.megabytes_per_s,
+            self.latency_p50_us,
+            self.latency_p99_us,
+            self.latency_max_us,
+            self.lost
+        )
+    }
 }
 
 /// Gets packets for `time`, or until `stopped` returns true.

@@ -4,6 +4,7 @@ mod frame_losses;
 mod sweep_beliefs;
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -98,6 +99,21 @@ impl ReplayReport {
             recorded,
             cut: recording.cut.clone(),
         })
+    }
+}
+
+impl fmt::Display for ReplayReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let alike = match self.identical {
+            None => "the recording has none to compare",
+            Some(true) => "bit by bit as recorded",
+            Some(false) => "not what was recorded (another classifier?)",
+        };
+        write!(
+            f,
+            "{} frames, {} lost; {} sweeps, {} beliefs, {alike}",
+            self.frames, self.frames_lost, self.replayed.sweeps, self.replayed.beliefs
+        )
     }
 }
 

@@ -9,7 +9,6 @@
 //! Packets travel as on the robot; what the components compute is left out, but for one pass over every picture.
 
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use bytemuck::{Pod, Zeroable};
@@ -174,29 +173,25 @@ impl CatchingReport {
     }
 }
 
-/// Runs one process of the stack until `stop`.
+/// Runs one process of the stack until `stopped` returns true.
 ///
 /// # Errors
 /// The channels have broken down.
 pub fn run_role(
     role: CatchingRole,
     bus: &Bus,
-    stop: &AtomicBool,
+    stopped: &dyn Fn() -> bool,
 ) -> Result<CatchingReport, RehearsalError> {
     match role {
-        CatchingRole::Sensors => sensors(bus, stop),
-        CatchingRole::Tracker => tracker(bus, stop),
-        CatchingRole::Planner => planner(bus, stop),
-        CatchingRole::Drives => drives(bus, stop),
-        CatchingRole::Controller => controller(bus, stop),
+        CatchingRole::Sensors => sensors(bus, stopped),
+        CatchingRole::Tracker => tracker(bus, stopped),
+        CatchingRole::Planner => planner(bus, stopped),
+        CatchingRole::Drives => drives(bus, stopped),
+        CatchingRole::Controller => controller(bus, stopped),
     }
 }
 
-fn go_on(stop: &AtomicBool) -> bool {
-    !stop.load(Ordering::Relaxed)
-}
-
-fn sensors(bus: &Bus, stop: &AtomicBool) -> Result<CatchingReport, RehearsalError> {
+fn sensors(bus: &Bus, stopped: &dyn Fn() -> bool) -> Result<CatchingReport, RehearsalError> {
     let cameras = [
         bus.put_port::<u8>("camera/left", Priority::Bulk)?,
         bus.put_port::<u8>("camera/right", Priority::Bulk)?,
@@ -204,7 +199,7 @@ fn sensors(bus: &Bus, stop: &AtomicBool) -> Result<CatchingReport, RehearsalErro
     let imu = bus.put_port::<Imu>("imu", Priority::High)?;
     let mut ticker = Ticker::new(512.0);
     let mut beat = 0u64;
-    while go_on(stop) {
+    while !stopped() {
         ticker.wait();
         beat += 1;
         imu.put_copy(&[Imu {
@@ -223,7 +218,7 @@ fn sensors(bus: &Bus, stop: &AtomicBool) -> Result<CatchingReport, RehearsalErro
     Ok(CatchingReport::new(CatchingRole::Sensors))
 }
 
-fn tracker(bus: &Bus, stop: &AtomicBool) -> Result<CatchingReport, RehearsalError> {
+fn tracker(bus: &Bus, stopped: &dyn Fn() -> bool) -> Result<CatchingReport, RehearsalError> {
     let left = bus.get_port::<u8>("camera/left", Start::Now)?;
     let right = bus.get_port::<u8>("camera/right", Start::Now)?;
     let imu = bus.get_port::<Imu>("imu", Start::Now)?;
@@ -231,7 +226,7 @@ fn tracker(bus: &Bus, stop: &AtomicBool) -> Result<CatchingReport, RehearsalErro
     let mut group = bus.sync_group(&[&left, &right, &imu])?;
     let mut report = CatchingReport::new(CatchingRole::Tracker);
     let (mut pictures, mut turns) = (0u64, 0u64);
-    while go_on(stop) {
+    while !stopped() {
         match group.wait(PATIENCE)? {
             Some(2) => {
                 turns += u64::from(imu.try_get()?.is_some());
@@ -260,12 +255,12 @@ fn tracker(bus: &Bus, stop: &AtomicBool) -> Result<CatchingReport, RehearsalErro
     Ok(report)
 }
 
-fn planner(bus: &Bus, stop: &AtomicBool) -> Result<CatchingReport, RehearsalError> {
+fn planner(bus: &Bus, stopped: &dyn Fn() -> bool) -> Result<CatchingReport, RehearsalError> {
     let predictions = bus.get_port::<Prediction>("ball/prediction", Start::Now)?;
     let paths = bus.put_port::<Joints>("arm/path", Priority::High)?;
     let mut report = CatchingReport::new(CatchingRole::Planner);
     let mut got = 0;
-    while go_on(stop) {
+    while !stopped() {
         let Some(balls) = predictions.get(PATIENCE)? else {
             continue;
         };
@@ -285,12 +280,12 @@ fn planner(bus: &Bus, stop: &AtomicBool) -> Result<CatchingReport, RehearsalErro
     Ok(report)
 }
 
-fn drives(bus: &Bus, stop: &AtomicBool) -> Result<CatchingReport, RehearsalError> {
+fn drives(bus: &Bus, stopped: &dyn Fn() -> bool) -> Result<CatchingReport, RehearsalError> {
     let commands = bus.get_port::<Joints>("joint/command", Start::Now)?;
     let states = bus.put_port::<Joints>("joint/state", Priority::RealTime)?;
     let mut report = CatchingReport::new(CatchingRole::Drives);
     let mut got = 0;
-    while go_on(stop) {
+    while !stopped() {
         let Some(command) = commands.get(PATIENCE)? else {
             continue;
         };
@@ -305,7 +300,7 @@ fn drives(bus: &Bus, stop: &AtomicBool) -> Result<CatchingReport, RehearsalError
     Ok(report)
 }
 
-fn controller(bus: &Bus, stop: &AtomicBool) -> Result<CatchingReport, RehearsalError> {
+fn controller(bus: &Bus, stopped: &dyn Fn() -> bool) -> Result<CatchingReport, RehearsalError> {
     let states = bus.get_port::<Joints>("joint/state", Start::Now)?;
     let paths = bus.get_port::<Joints>("arm/path", Start::Now)?;
     let commands = bus.put_port::<Joints>("joint/command", Priority::RealTime)?;
@@ -313,7 +308,7 @@ fn controller(bus: &Bus, stop: &AtomicBool) -> Result<CatchingReport, RehearsalE
     report.trips.reserve(3_600_000);
     let mut ticker = Ticker::new(1000.0);
     let (mut number, mut got_paths, mut missing) = (0u64, 0, 0);
-    while go_on(stop) {
+    while !stopped() {
         ticker.wait();
         while paths.try_get()?.is_some() {
             got_paths += 1;

@@ -76,6 +76,11 @@ impl<'a> SkinSimulator<'a> {
         self.rest + 2 * self.lead + self.dataset.shape().steps
     }
 
+    /// Returns the frames per second.
+    pub fn rate_hz(&self) -> f64 {
+        self.dataset.sample_rate_hz()
+    }
+
     /// The next beat.
     pub fn step(&mut self) -> SkinStep {
         let shape = self.dataset.shape();

@@ -7,14 +7,14 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use tactnet_channel::{Bus, Domain, Hub, Priority, Start, Table, Wait, now_ns};
+use tactnet_channel::{Bus, Domain, Hub, Start, Table, Wait, now_ns};
 use tactnet_skin::ServeConfig;
-use tactnet_skin::packets::{SkinFrame, Stage, SweepCommand, TactileBelief};
+use tactnet_skin::packets::{Stage, TactileBelief};
 
 use crate::stack::with_priority;
 use crate::{
-    CatchingStack, ChildProcess, OwnBus, REST_FRAMES, RehearsalError, Scheduling, SkinSimulator,
-    Ticker, catching_table,
+    CatchingStack, ChildProcess, OwnBus, REST_FRAMES, RehearsalError, Scheduling, SkinDriver,
+    SkinSimulator, catching_table,
 };
 pub use played::Played;
 pub use report::SoakReport;
@@ -159,24 +159,15 @@ fn play_skin(
     over: &AtomicBool,
     scheduling: Scheduling,
 ) -> Result<(), RehearsalError> {
-    let frames = bus.put_port::<SkinFrame>(config.fingers[0].as_str(), Priority::High)?;
-    let commands = bus.put_port::<SweepCommand>(config.command.as_str(), Priority::High)?;
+    let driver = SkinDriver::open(bus, config)?;
     if scheduling == Scheduling::Fifo {
         // It has been tried before.
         with_priority(70).apply();
     }
     let (dataset, order) = (played.dataset(), played.order().to_vec());
     let mut skin = SkinSimulator::new(dataset, order, config.segmenter.skip, REST_FRAMES);
-    let mut ticker = Ticker::new(dataset.sample_rate_hz());
-    while !over.load(Ordering::Relaxed) {
-        ticker.wait();
-        let step = skin.step();
-        if let Some(command) = step.command {
-            commands.put_copy(&[command])?;
-        }
-        frames.put_copy(&[step.frame])?;
-    }
-    Ok(())
+    let ended = |_| over.load(Ordering::Relaxed);
+    driver.run(&mut skin, |_, _| Ok(()), &ended)
 }
 
 fn listen(

@@ -8,6 +8,7 @@ mod error;
 pub mod packets;
 mod segmenter;
 mod serve_config;
+mod table;
 mod window;
 
 pub use error::SkinError;

@@ -1,16 +1,15 @@
 //! The section `[components.tactnet]` of the table of channels: names of channels, how sweeps are found, how the classifier serves.
 
 use serde::{Deserialize, Serialize};
-use tactnet_channel::{ChannelConfig, Table};
+use tactnet_channel::Table;
 
-use crate::packets::{ModelNames, SkinFrame, SweepCommand, TactileBelief, TactileStatus};
 use crate::{Segmentation, SegmenterConfig, SkinError};
 
 /// Most fingers of a service.
 pub const MAX_FINGERS: usize = 16;
 
 /// Name of the section, `[components.tactnet]`.
-const SECTION: &str = "tactnet";
+pub(crate) const SECTION: &str = "tactnet";
 
 /// Names, rates and promises.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -123,51 +122,6 @@ impl ServeConfig {
             return wrong("fingers", "names a channel twice");
         }
         Ok(config)
-    }
-
-    /// A table with all channels of these names and this section.
-    pub fn table(&self, bus: &str) -> Table {
-        let frames = ChannelConfig {
-            depth: 256,
-            ..ChannelConfig::of::<SkinFrame>(1)
-        };
-        let mut table = Table::new(bus);
-        for finger in &self.fingers {
-            table = table.with(finger, frames.clone());
-        }
-        let mut table = table
-            .with(
-                &self.command,
-                ChannelConfig {
-                    put_ports: 4,
-                    ..ChannelConfig::of::<SweepCommand>(1)
-                },
-            )
-            .with(
-                &self.belief,
-                ChannelConfig {
-                    depth: 64,
-                    ..ChannelConfig::of::<TactileBelief>(1)
-                },
-            )
-            .with(
-                &self.status,
-                ChannelConfig {
-                    depth: 64,
-                    ..ChannelConfig::of::<TactileStatus>(1)
-                },
-            )
-            .with(
-                &self.model,
-                ChannelConfig {
-                    history: 1,
-                    ..ChannelConfig::of::<ModelNames>(1)
-                },
-            );
-        let section = toml::Value::try_from(self)
-            .unwrap_or_else(|error| panic!("settings are plain values: {error}"));
-        table.components.insert(SECTION.into(), section);
-        table
     }
 }
 

@@ -6,7 +6,8 @@ use std::time::Duration;
 use anyhow::Context;
 use clap::Args;
 use tactnet_channel::{
-    Bus, ChannelId, Domain, ReceivedSummary, Table, Wait, list_channels, measure_rate,
+    Bus, ChannelId, Domain, ListedChannel, ReceivedSummary, Table, Wait, list_channels,
+    measure_rate,
 };
 
 use super::TableArgs;
@@ -34,25 +35,9 @@ pub fn list(arguments: &ListArgs) -> anyhow::Result<ExitCode> {
         output::print_json(&listed)?;
         return Ok(ExitCode::SUCCESS);
     }
-    output::print(format_args!(
-        "{:<24} {:<16} {:>12} {:>8} {:>8} {:>16}",
-        "channel", "packet", "bytes", "putting", "getting", "memory of a put"
-    ))?;
+    output::print(ListedChannel::heading())?;
     for channel in listed {
-        output::print(format_args!(
-            "{:<24} {:<16} {:>12} {:>8} {:>8} {:>16}{}",
-            channel.id,
-            channel.packet,
-            channel.packet_bytes,
-            format!("{}/{}", channel.put_ports, channel.max_put_ports),
-            format!("{}/{}", channel.get_ports, channel.max_get_ports),
-            format!("{:.1} KiB", channel.put_port_bytes as f64 / 1024.0),
-            if channel.distributed {
-                "  other hosts"
-            } else {
-                ""
-            },
-        ))?;
+        output::print(channel)?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -86,21 +71,9 @@ pub fn echo(arguments: &EchoArgs) -> anyhow::Result<ExitCode> {
         drop(packet);
         seen += 1;
         if arguments.json {
-            output::print(format_args!("{}", serde_json::to_string(&echoed)?))?;
+            output::print(serde_json::to_string(&echoed)?)?;
         } else {
-            output::print(format_args!(
-                "{} #{:<8} {:>8.1} us {:>10} bytes {} …{}",
-                &echoed.sender[..8],
-                echoed.sequence,
-                echoed.latency_us,
-                echoed.bytes,
-                echoed.begins,
-                if echoed.lost > 0 {
-                    format!("  lost so far: {}", echoed.lost)
-                } else {
-                    String::new()
-                }
-            ))?;
+            output::print(echoed)?;
         }
     }
     Ok(ExitCode::SUCCESS)
@@ -132,15 +105,7 @@ pub fn hz(arguments: &HzArgs) -> anyhow::Result<ExitCode> {
     if arguments.json {
         output::print_json(&rate)?;
     } else {
-        output::print(format_args!(
-            "{:.1} Hz, {:.2} MB/s; latency {:.1} us, 99 % below {:.1}, at most {:.1}; {} lost",
-            rate.hz,
-            rate.megabytes_per_s,
-            rate.latency_p50_us,
-            rate.latency_p99_us,
-            rate.latency_max_us,
-            rate.lost
-        ))?;
+        output::print(rate)?;
     }
     Ok(ExitCode::SUCCESS)
 }

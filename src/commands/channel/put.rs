@@ -1,10 +1,10 @@
 //! `tactnet channel put`: packets to look at.
 
 use std::process::ExitCode;
-use std::time::{Duration, Instant};
 
 use clap::{Args, ValueEnum};
 use tactnet_channel::{Bus, ChannelId, Domain, Priority, Table};
+use tactnet_rehearsal::put_numbered;
 
 use super::TableArgs;
 use crate::output;
@@ -64,19 +64,7 @@ pub fn put(arguments: &PutArgs) -> anyhow::Result<ExitCode> {
         port.memory_bytes() as f64 / 1024.0
     );
     output::print(format_args!("ready"))?;
-    let begun = Instant::now();
-    let mut sent = 0u64;
-    while !stop.asked() && arguments.count.is_none_or(|count| sent < count) {
-        let mut packet = port.loan(bytes)?;
-        let number = sent.to_le_bytes();
-        let room = bytes.min(8);
-        packet[..room].copy_from_slice(&number[..room]);
-        port.put(packet)?;
-        sent += 1;
-        if arguments.rate > 0.0 {
-            let due = begun + Duration::from_secs_f64(sent as f64 / arguments.rate);
-            std::thread::sleep(due.saturating_duration_since(Instant::now()));
-        }
-    }
+    let count = arguments.count.unwrap_or(u64::MAX);
+    put_numbered(&port, bytes, arguments.rate, count, &|| stop.asked())?;
     Ok(ExitCode::SUCCESS)
 }

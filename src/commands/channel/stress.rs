@@ -6,13 +6,14 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use anyhow::Context;
-use clap::{Args, ValueEnum};
+use clap::Args;
 use serde::Serialize;
 use tactnet_pipeline::{Provenance, write_whole};
-use tactnet_rehearsal::stress::{
-    Configuration, Plan, Rows, StressDomain, Transport, page, run_client,
-};
+use tactnet_rehearsal::stress::{Plan, Row, Rows, page, run_client};
 
+use super::stress_choices::{
+    ConfigurationChoice, DomainChoice, TransportChoice, configurations_of,
+};
 use crate::stop::Stop;
 use crate::{GIT, output};
 
@@ -60,45 +61,6 @@ pub struct StressArgs {
     json: bool,
 }
 
-#[derive(Clone, Copy, PartialEq, ValueEnum)]
-enum DomainChoice {
-    /// Threads of one process
-    Process,
-    /// Processes of this host
-    Host,
-    /// Three hosts, which share this machine and speak over loopback (needs a build with `--features zenoh`)
-    Distributed,
-}
-
-#[derive(Clone, Copy, PartialEq, ValueEnum)]
-enum ConfigurationChoice {
-    /// One channel there, one back
-    Standard,
-    /// The master waits with a sync group
-    #[value(name = "1-sync")]
-    OneSync,
-    /// Every client waits with a sync group
-    NSync,
-    /// A channel back for each client, waited for one after the other
-    NChannels,
-    /// A channel back for each client, waited for together
-    SyncOnN,
-    /// All of them
-    All,
-}
-
-#[derive(Clone, Copy, PartialEq, ValueEnum)]
-enum TransportChoice {
-    /// Iceoryx2 as it comes
-    Iceoryx2,
-    /// Zenoh as it comes, over TCP and with shared memory (needs a build with `--features zenoh`)
-    Zenoh,
-    /// A Unix socket for each client
-    Unix,
-    /// A bare wake-up, no packet
-    Futex,
-}
-
 #[derive(Serialize)]
 struct StressResult<'a> {
     schema_version: u32,
@@ -110,39 +72,16 @@ struct StressResult<'a> {
 
 impl StressArgs {
     fn plan(&self) -> Plan {
-        let mut against = Vec::new();
-        for choice in &self.against {
-            match choice {
-                TransportChoice::Iceoryx2 => against.push(Transport::Iceoryx2),
-                TransportChoice::Zenoh => {
-                    against.extend([Transport::Zenoh, Transport::ZenohShm]);
-                }
-                TransportChoice::Unix => against.push(Transport::Unix),
-                TransportChoice::Futex => against.push(Transport::Futex),
-            }
-        }
-        let mut configurations = Vec::new();
-        for choice in &self.configurations {
-            match choice {
-                ConfigurationChoice::Standard => configurations.push(Configuration::Standard),
-                ConfigurationChoice::OneSync => configurations.push(Configuration::OneSync),
-                ConfigurationChoice::NSync => configurations.push(Configuration::NSync),
-                ConfigurationChoice::NChannels => configurations.push(Configuration::NChannels),
-                ConfigurationChoice::SyncOnN => configurations.push(Configuration::SyncOnN),
-                ConfigurationChoice::All => configurations = Configuration::ALL.to_vec(),
-            }
-        }
-        let domains = self.domain.iter().map(|domain| match domain {
-            DomainChoice::Process => StressDomain::Process,
-            DomainChoice::Host => StressDomain::Host,
-            DomainChoice::Distributed => StressDomain::Distributed,
-        });
         Plan {
-            domains: domains.collect(),
+            domains: self.domain.iter().map(|choice| choice.domain()).collect(),
             sizes: self.sizes.clone(),
             clients: self.clients.clone(),
-            configurations,
-            against,
+            configurations: configurations_of(&self.configurations),
+            against: self
+                .against
+                .iter()
+                .flat_map(|choice| choice.transports().iter().copied())
+                .collect(),
             spin: self.spin,
         }
     }
@@ -190,34 +129,9 @@ pub fn run(arguments: StressArgs) -> anyhow::Result<ExitCode> {
         })?;
         return write_page(&arguments, &rows, &provenance);
     }
-    output::print(format_args!(
-        "{:<10} {:<12} {:>10} {:>7} {:>8} {:>10} {:>10} {:>10} {:>10}",
-        "transport",
-        "channels",
-        "size [B]",
-        "clients",
-        "rounds",
-        "median [us]",
-        "p99 [us]",
-        "max [us]",
-        "MB/s"
-    ))?;
+    output::print(Row::heading())?;
     for row in &rows {
-        output::print(format_args!(
-            "{:<10} {:<12} {:>10} {:>7} {:>8} {:>10.1} {:>10.1} {:>10.1} {:>10.1}{}",
-            row.transport,
-            row.configuration,
-            row.size,
-            row.clients,
-            row.rounds,
-            row.median_us,
-            row.p99_us,
-            row.max_us,
-            row.bandwidth_mb_s,
-            row.failure
-                .as_ref()
-                .map_or(String::new(), |failure| format!("  {failure}"))
-        ))?;
+        output::print(row)?;
     }
     write_page(&arguments, &rows, &provenance)
 }

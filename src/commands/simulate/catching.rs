@@ -2,8 +2,6 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use clap::Args;
@@ -49,14 +47,6 @@ pub fn run(arguments: &CatchingArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen_saying("stopping")?;
     if let Some(role) = arguments.role {
         let bus = Bus::open(Domain::Host, &Table::load(path)?)?;
-        let asked = Arc::new(AtomicBool::new(false));
-        let flag = asked.clone();
-        std::thread::spawn(move || {
-            while !stop.asked() {
-                std::thread::sleep(Duration::from_millis(20));
-            }
-            flag.store(true, Ordering::Relaxed);
-        });
         let realtime = Realtime {
             priority: arguments.priority,
             ..Realtime::default()
@@ -65,7 +55,7 @@ pub fn run(arguments: &CatchingArgs) -> anyhow::Result<ExitCode> {
             eprintln!("{line}; going on without");
         }
         output::print(format_args!("ready"))?;
-        let report = run_role(role, &bus, &asked)?;
+        let report = run_role(role, &bus, &|| stop.asked())?;
         output::print_json(&report)?;
         return Ok(ExitCode::SUCCESS);
     }
@@ -85,13 +75,8 @@ pub fn run(arguments: &CatchingArgs) -> anyhow::Result<ExitCode> {
     if arguments.json {
         output::print_json(&seen)?;
     } else {
-        output::print(format_args!(
-            "1 kHz loop: {:.0} us, 99 % below {:.0}, 99.9 % below {:.0}; {} packets lost",
-            seen.p50_us,
-            seen.p99_us,
-            seen.p999_us,
-            reports.iter().map(|report| report.lost).sum::<u64>()
-        ))?;
+        let lost: u64 = reports.iter().map(|report| report.lost).sum();
+        output::print(format_args!("{seen}; {lost} packets lost"))?;
     }
     Ok(ExitCode::SUCCESS)
 }

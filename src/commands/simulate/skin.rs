@@ -4,11 +4,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
-use tactnet_channel::{Bus, Domain, Priority, Table};
+use tactnet_channel::{Bus, Domain, Table};
 use tactnet_data::Seed;
-use tactnet_rehearsal::{REST_FRAMES, SkinSimulator, Ticker, play_order};
+use tactnet_rehearsal::{REST_FRAMES, SkinDriver, SkinSimulator, play_order};
 use tactnet_skin::ServeConfig;
-use tactnet_skin::packets::{Command, SkinFrame, SweepCommand};
 
 use super::unseen_by;
 use crate::stop::Stop;
@@ -56,8 +55,7 @@ pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
         Seed(arguments.seed),
     )?;
     let bus = Bus::open(Domain::Host, &table)?;
-    let frames = bus.put_port::<SkinFrame>(config.fingers[0].as_str(), Priority::High)?;
-    let commands = bus.put_port::<SweepCommand>(config.command.as_str(), Priority::High)?;
+    let driver = SkinDriver::open(&bus, &config)?;
     let mut skin = SkinSimulator::new(&dataset, order, config.segmenter.skip, REST_FRAMES);
     eprintln!(
         "putting {} frames a second on {}; Ctrl-C ends",
@@ -65,23 +63,13 @@ pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
         config.fingers[0]
     );
     output::print(format_args!("ready"))?;
-    let mut ticker = Ticker::new(dataset.sample_rate_hz());
-    while !stop.asked() {
-        ticker.wait();
-        let step = skin.step();
-        if let Some(command) = step.command {
-            commands.put_copy(&[command])?;
-            let motion = skin.motions();
-            let over = arguments.sweeps.is_some_and(|sweeps| motion == sweeps);
-            if command.command() == Some(Command::Start) {
-                let sweep = skin.sweep_of(motion);
-                let material = dataset.labels().name(dataset.records()[sweep].label);
-                output::print(format_args!("motion {motion}: sweep {sweep}, {material}"))?;
-            } else if over {
-                break;
-            }
-        }
-        frames.put_copy(&[step.frame])?;
-    }
+    let on_start = |skin: &SkinSimulator<'_>, motion: u64| {
+        let sweep = skin.sweep_of(motion);
+        let material = dataset.labels().name(dataset.records()[sweep].label);
+        output::print(format_args!("motion {motion}: sweep {sweep}, {material}"))
+    };
+    let sweeps = arguments.sweeps.unwrap_or(u64::MAX);
+    let ended = |motions| stop.asked() || motions == sweeps;
+    driver.run(&mut skin, on_start, &ended)?;
     Ok(ExitCode::SUCCESS)
 }

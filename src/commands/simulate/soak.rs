@@ -105,20 +105,7 @@ pub fn run(arguments: &SoakArgs) -> anyhow::Result<ExitCode> {
     if arguments.json {
         output::print_json(&report)?;
     } else {
-        output::print(format_args!(
-            "{} frames, {} lost; {} beliefs; after the last frame {:.0} us, 99 % below {:.0} (dropout {:.0}, {:.0}); \
-             {} deadlines missed; {} allocations a frame; 1 kHz loop with/without: {:.3}",
-            report.frames_sent,
-            report.frames_lost,
-            report.beliefs,
-            report.belief_latency_p50_us,
-            report.belief_latency_p99_us,
-            report.dropout_latency_p50_us,
-            report.dropout_latency_p99_us,
-            report.deadline_misses,
-            report.allocations_per_frame,
-            report.loop_p99_ratio
-        ))?;
+        output::print(report)?;
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -53,16 +53,7 @@ pub fn run(arguments: &ViewArgs) -> anyhow::Result<ExitCode> {
     if arguments.target.json {
         output::print_json(&viewed)?;
     } else {
-        let mut what = format!("{} frames, {} beliefs", viewed.frames, viewed.beliefs);
-        for (number, why) in [
-            (viewed.lost, "lost"),
-            (viewed.left_out, "left out for a slow viewer"),
-        ] {
-            if number > 0 {
-                what += &format!(", {number} {why}");
-            }
-        }
-        output::print(arguments.target.told(&what))?;
+        output::print(arguments.target.told(&viewed.to_string()))?;
     }
     Ok(ExitCode::SUCCESS)
 }

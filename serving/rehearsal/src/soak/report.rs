@@ -1,5 +1,7 @@
 //! From what was measured to the report of a soak test.
 
+use std::fmt;
+
 use serde::Serialize;
 use tactnet_channel::percentile;
 use tactnet_serving::ServeReport;
@@ -73,6 +75,26 @@ pub struct SoakReport {
     pub loop_p99_ratio_of_turns: f64,
     /// Plain beliefs by latency, cumulative.
     pub histogram: Vec<LatencyBucket>,
+}
+
+impl fmt::Display for SoakReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{} frames, {} lost; {} beliefs; after the last frame {:.0} us, 99 % below {:.0} (dropout {:.0}, {:.0}); \
+             {} deadlines missed; {} allocations a frame; 1 kHz loop with/without: {:.3}",
+            self.frames_sent,
+            self.frames_lost,
+            self.beliefs,
+            self.belief_latency_p50_us,
+            self.belief_latency_p99_us,
+            self.dropout_latency_p50_us,
+            self.dropout_latency_p99_us,
+            self.deadline_misses,
+            self.allocations_per_frame,
+            self.loop_p99_ratio
+        )
+    }
 }
 
 /// Plain beliefs that came within some time of their last frame.

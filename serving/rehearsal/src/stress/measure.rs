@@ -1,5 +1,6 @@
 //! One cell after the other, each with clients of its own.
 
+use std::fmt;
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -55,6 +56,22 @@ pub struct Row {
 pub type Rows = Vec<Row>;
 
 impl Row {
+    /// Returns the line of names above rows that are printed with [`fmt::Display`].
+    pub fn heading() -> String {
+        format!(
+            "{:<10} {:<12} {:>10} {:>7} {:>8} {:>10} {:>10} {:>10} {:>10}",
+            "transport",
+            "channels",
+            "size [B]",
+            "clients",
+            "rounds",
+            "median [us]",
+            "p99 [us]",
+            "max [us]",
+            "MB/s"
+        )
+    }
+
     fn of(cell: &Cell, mut trips: Vec<Duration>, failures: usize, failure: Option<String>) -> Self {
         trips.sort();
         let at = |share| percentile(&trips, share).map_or(0.0, |trip| trip.as_secs_f64() * 1e6);
@@ -77,6 +94,28 @@ impl Row {
                 0.0
             },
             failure,
+        }
+    }
+}
+
+impl fmt::Display for Row {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{:<10} {:<12} {:>10} {:>7} {:>8} {:>10.1} {:>10.1} {:>10.1} {:>10.1}",
+            self.transport,
+            self.configuration,
+            self.size,
+            self.clients,
+            self.rounds,
+            self.median_us,
+            self.p99_us,
+            self.max_us,
+            self.bandwidth_mb_s
+        )?;
+        match &self.failure {
+            Some(failure) => write!(f, "  {failure}"),
+            None => Ok(()),
         }
     }
 }
