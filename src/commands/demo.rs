@@ -5,13 +5,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use anyhow::bail;
 use clap::Args;
-use tactnet_rehearsal::{
-    ChildProcess, OwnBus, SMALL_MATERIALS, SMALL_SWEEPS, make_twin, train_small_network,
-};
-use tactnet_skin::ServeConfig;
+use tactnet_rehearsal::{Demo, SMALL_MATERIALS, train_small_network};
 
+use crate::output;
 use crate::stop::Stop;
 
 #[derive(Args)]
@@ -45,55 +42,16 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
     if stop.asked() {
         return Ok(ExitCode::SUCCESS);
     }
-    let sweeps = folder.path().join("sweeps.h5");
-    make_twin(&program, &sweeps, materials, SMALL_SWEEPS)?;
-    let table = ServeConfig::default().table(&format!("demo{}", std::process::id()));
-    let path = folder.path().join("robot.toml");
-    std::fs::write(&path, toml::to_string(&table)?)?;
-    let (run, sweeps) = (run.display().to_string(), sweeps.display().to_string());
-    let listen = arguments.listen.to_string();
-    let _own = OwnBus(&table);
-    let mut processes = Vec::new();
-    for (name, command) in [
-        ("hub", vec!["channel", "hub", "--table"]),
-        (
-            "classifier",
-            vec!["serve", "--metrics", "off", "--run", &run, "--table"],
-        ),
-        (
-            "dashboard",
-            vec!["dashboard", "--listen", &listen, "--table"],
-        ),
-        (
-            "skin",
-            vec![
-                "simulate",
-                "skin",
-                "--data",
-                &sweeps,
-                "--unseen-by",
-                &run,
-                "--table",
-            ],
-        ),
-    ] {
-        processes.push(ChildProcess::start(&program, name, &command, &path)?);
-    }
+    let mut demo = Demo::start(&program, folder.path(), &run, materials, arguments.listen)?;
     eprintln!(
-        "a simulated fingertip sweeps over {materials} materials; open http://{listen} in a browser; Ctrl-C ends"
+        "a simulated fingertip sweeps over {materials} materials; open http://{} in a browser; Ctrl-C ends",
+        arguments.listen
     );
-    crate::output::print(format_args!("ready"))?;
+    output::print(format_args!("ready"))?;
     while !stop.asked() {
         std::thread::sleep(Duration::from_millis(50));
-        for process in &mut processes {
-            if let Some(status) = process.ended()? {
-                bail!("the {} ended: {status}", process.name());
-            }
-        }
+        demo.check()?;
     }
-    // The hub last.
-    while let Some(process) = processes.pop() {
-        process.end()?;
-    }
+    demo.end()?;
     Ok(ExitCode::SUCCESS)
 }

@@ -1,14 +1,13 @@
 //! `tactnet replay`: a recording back onto channels, and whether the classifier says the same again.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::bail;
 use clap::Args;
-use tactnet_channel::{Bus, Domain, Hub, Network, Table};
+use tactnet_channel::{Bus, Domain, Table};
 use tactnet_recording::{FrameLosses, Recording, ReplayReport, play, unpack_run};
-use tactnet_rehearsal::{ChildProcess, OwnBus};
-use tactnet_serving::ServeReport;
+use tactnet_rehearsal::replay_alone;
 
 use crate::stop::Stop;
 use crate::{GIT, output};
@@ -52,29 +51,31 @@ pub fn run(arguments: &ReplayArgs) -> anyhow::Result<ExitCode> {
         );
     }
     let folder = tempfile::tempdir()?;
-    let replayed = match &arguments.table {
+    let (speed, stopped) = (arguments.speed, || stop.asked());
+    let (played, frames_lost) = match &arguments.table {
         Some(path) => {
             let table = Table::load(path)?;
             let bus = Bus::open(Domain::Host, &table)?;
             let losses = FrameLosses::open(&bus, &table)?;
-            let played = play(&recording, &bus, &table, arguments.speed, &|| stop.asked())?;
-            let frames_lost = losses.since()?;
-            ReplayReport::new(GIT, &recording, played, frames_lost, arguments.speed)?
+            let played = play(&recording, &bus, &table, speed, &stopped)?;
+            (played, losses.since()?)
         }
         None => {
-            let run = match &arguments.run {
-                Some(run) => run.clone(),
-                None => match unpack_run(&recording, folder.path())? {
-                    Some(run) => run,
-                    None => bail!(
-                        "{}: which classifier: name a run with `--run`, or channels where one serves with `--table`; `tactnet record --run` keeps it in the recording",
-                        arguments.file.display()
-                    ),
-                },
+            let kept = match &arguments.run {
+                Some(run) => Some(run.clone()),
+                None => unpack_run(&recording, folder.path())?,
             };
-            on_own_channels(&recording, &run, folder.path(), arguments.speed, &stop)?
+            let Some(run) = kept else {
+                bail!(
+                    "{}: which classifier: name a run with `--run`, or channels where one serves with `--table`; `tactnet record --run` keeps it in the recording",
+                    arguments.file.display()
+                );
+            };
+            let program = std::env::current_exe()?;
+            replay_alone(&program, &run, folder.path(), &recording, speed, &stopped)?
         }
     };
+    let report = ReplayReport::new(GIT, &recording, played, frames_lost, speed)?;
     if stop.asked() {
         eprintln!("stopped before the end");
     }
@@ -85,54 +86,9 @@ pub fn run(arguments: &ReplayArgs) -> anyhow::Result<ExitCode> {
         );
     }
     if arguments.json {
-        output::print_json(&replayed)?;
+        output::print_json(&report)?;
     } else {
-        output::print(replayed)?;
+        output::print(report)?;
     }
     Ok(ExitCode::SUCCESS)
-}
-
-/// Replays on channels that nobody else uses, with a classifier beside this process.
-fn on_own_channels(
-    recording: &Recording,
-    run: &Path,
-    folder: &Path,
-    speed: f64,
-    stop: &Stop,
-) -> anyhow::Result<ReplayReport> {
-    let mut table = Table {
-        bus: format!("replay{}", std::process::id()),
-        network: Network::default(),
-        ..recording.table.clone()
-    };
-    for channel in table.channels.values_mut() {
-        channel.distributed = false;
-    }
-    let path = folder.join("robot.toml");
-    std::fs::write(&path, toml::to_string(&table)?)?;
-    let _own = OwnBus(&table);
-    let hub = Hub::spawn(&table)?;
-    let run = run.display().to_string();
-    let serve = [
-        "serve",
-        "--json",
-        "--metrics",
-        "off",
-        "--run",
-        &run,
-        "--table",
-    ];
-    let program = std::env::current_exe()?;
-    let classifier = ChildProcess::start(&program, "classifier", &serve, &path)?;
-    let bus = Bus::open(Domain::Host, &table)?;
-    let played = play(recording, &bus, &table, speed, &|| stop.asked());
-    let served: ServeReport = classifier.end_with_report()?;
-    drop(hub);
-    Ok(ReplayReport::new(
-        GIT,
-        recording,
-        played?,
-        served.dropped_frames,
-        speed,
-    )?)
 }

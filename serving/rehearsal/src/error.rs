@@ -11,6 +11,9 @@ pub enum RehearsalError {
     /// The table's section of the classifier.
     #[error(transparent)]
     Skin(#[from] tactnet_skin::SkinError),
+    /// A recording.
+    #[error(transparent)]
+    Recording(#[from] tactnet_recording::RecordingError),
     /// The table of channels, as text.
     #[error("the table of channels: {0}")]
     Table(#[from] toml::ser::Error),
@@ -72,6 +75,7 @@ impl RehearsalError {
         match self {
             Self::Channel(error) => error.is_usage(),
             Self::Skin(error) => error.is_usage(),
+            Self::Recording(error) => error.is_usage(),
             Self::NoMaterial { .. }
             | Self::NoSweep
             | Self::NothingKnown { .. }
