@@ -54,7 +54,7 @@ impl ModelSource {
     /// - `mc_samples`: Monte Carlo dropout masks that it is to serve with
     ///
     /// # Errors
-    /// What is wrong with the newest, where none can serve.
+    /// Those of the newest version, where none can serve.
     pub fn load_newest(
         &self,
         mc_samples: usize,
@@ -96,7 +96,7 @@ pub struct ServedModel {
     version: u64,
     run: RunDir,
     classifier: Classifier,
-    /// What enrolment needs.
+    /// For enrolment.
     known: Option<TrainEmbeddings>,
     calibration: Option<Calibration>,
 }
@@ -151,7 +151,7 @@ impl ServedModel {
         &self.classifier
     }
 
-    /// Whether it can tell unknown materials.
+    /// Returns true if it can tell unknown materials.
     pub fn is_calibrated(&self) -> bool {
         self.calibration.is_some()
     }
@@ -206,7 +206,7 @@ impl ServedModel {
         Ok(())
     }
 
-    /// What onlookers are told.
+    /// Returns the packet for onlookers.
     pub fn names(&self, mc_samples: usize) -> ModelNames {
         let config = self.classifier.config();
         let mut names = [Text::default(); MAX_MATERIALS];

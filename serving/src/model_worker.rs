@@ -1,4 +1,4 @@
-//! What must not keep a frame waiting: loading models, learning materials, letting go of memory. A thread of its own does it.
+//! A second thread for work that must not keep a frame waiting: loading models, learning materials, freeing memory.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;

@@ -57,9 +57,9 @@ pub enum ServeError {
     /// The system refused something.
     #[error("{}: {source}", path.display())]
     Io {
-        /// What it was about.
+        /// The file or folder.
         path: PathBuf,
-        /// What the system says.
+        /// Answer of the system.
         source: std::io::Error,
     },
 }

@@ -526,7 +526,7 @@ impl Service {
 }
 
 impl Finger {
-    /// Gives the classifier the rows of the window that it has not seen.
+    /// Hands the classifier the rows of the window that it has not seen.
     fn catch_up(&mut self) {
         let window = self.segmenter.window();
         while self.taken < window.kept() {

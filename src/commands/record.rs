@@ -45,7 +45,7 @@ pub struct RecordArgs {
 }
 
 #[derive(Serialize)]
-struct Told {
+struct RecordReport {
     schema_version: u32,
     seconds: f64,
     messages: u64,
@@ -93,7 +93,7 @@ pub fn run(arguments: &RecordArgs) -> anyhow::Result<ExitCode> {
         }
     }
     let recorded = recorder.finish()?;
-    let told = Told {
+    let told = RecordReport {
         schema_version: 1,
         seconds: begun.elapsed().as_secs_f64(),
         messages: recorded.messages,

@@ -135,7 +135,7 @@ fn classifier(robot: &Robot, run: &str) -> Classifier {
     Classifier::new(config, &weights, &Compute::Cpu.open().unwrap()).unwrap()
 }
 
-/// What a run says offline of a sweep: `[materials]` probabilities.
+/// Returns the offline prediction of a run for a sweep: `[materials]` probabilities.
 pub(crate) fn offline(robot: &Robot, run: &str, sweep: usize) -> Vec<f64> {
     let classifier = classifier(robot, run);
     let dataset = tactnet_data::format::read(&robot.lab.path("data.h5")).unwrap();

@@ -236,7 +236,7 @@ impl Bus {
     }
 }
 
-/// What names a channel: text or a [`ChannelId`] that came in a packet.
+/// A name of a channel: text or a [`ChannelId`] that came in a packet.
 pub trait AsChannelId {
     /// The id.
     ///
@@ -390,7 +390,7 @@ pub(crate) fn create<S: Service>(
     Ok(channel)
 }
 
-/// What a port checks when it opens.
+/// Size and alignment that a port checks when it opens.
 fn attributes(config: &ChannelConfig) -> [(&'static str, String); 2] {
     let ChannelConfig {
         items,

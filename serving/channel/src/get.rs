@@ -57,7 +57,7 @@ pub struct GetPort<T> {
     packet: PhantomData<fn() -> T>,
 }
 
-/// What a port and its sync groups share.
+/// The part of a port that its sync groups share.
 #[derive(Debug)]
 pub struct GetInner {
     id: ChannelId,

@@ -100,7 +100,7 @@ impl Hub {
 
     /// Clears up after clients that died, about once a second, and follows who listens where. To be called some 20 times a second.
     ///
-    /// Gives the number of dead clients found.
+    /// Returns the number of dead clients found.
     ///
     /// # Errors
     /// The network refuses a channel.

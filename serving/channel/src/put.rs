@@ -153,7 +153,7 @@ impl<T: Packet> PutPort<T> {
 
     /// Sends a packet: it is no longer the sender's, and getters see it where it is.
     ///
-    /// Gives the number of get-ports that have it in their ring.
+    /// Returns the number of get-ports that have it in their ring.
     ///
     /// # Errors
     /// A packet of another port; the transport has broken down.
@@ -221,7 +221,7 @@ impl<T: Packet> PutPort<T> {
             .map_err(|error| ChannelError::transport(self.id, error))
     }
 
-    /// Gives its history to getters that came since the last packet, which a put does, too.
+    /// Puts its history again for getters that came since the last packet, which a put does, too.
     ///
     /// # Errors
     /// The transport has broken down.

@@ -19,7 +19,7 @@ const FUTEX2_SIZE_U32: u32 = 2;
 /// A page.
 const FILE_BYTES: usize = 4096;
 
-/// What lies in shared memory. Any bit pattern is a valid wake_event.
+/// The words in shared memory. Any bit pattern is a valid wake event.
 #[repr(C, align(64))]
 struct Memory {
     notifications: AtomicU32,
@@ -216,7 +216,7 @@ impl WakeEvent {
         }
     }
 
-    /// What the kernel is to compare.
+    /// Returns the words that the kernel compares.
     pub(crate) fn wait(&self) -> FutexWait {
         FutexWait {
             value: u64::from(self.notifications()),
@@ -262,7 +262,7 @@ fn timespec(time: Duration) -> libc::timespec {
     }
 }
 
-/// Gives a file of shared memory its pages now, so that a full disk is an error here and no signal later.
+/// Allocates the pages of a file of shared memory now, so that a full disk is an error here and no signal later.
 pub(crate) fn reserve(file: &File, bytes: u64) -> std::io::Result<()> {
     // SAFETY: a plain call with a valid descriptor.
     match unsafe { libc::posix_fallocate(file.as_raw_fd(), 0, bytes as i64) } {

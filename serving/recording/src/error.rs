@@ -20,9 +20,9 @@ pub enum RecordingError {
     /// The system refused something.
     #[error("{}: {source}", path.display())]
     Io {
-        /// What it was about.
+        /// The file or folder.
         path: PathBuf,
-        /// What the system says.
+        /// Answer of the system.
         source: std::io::Error,
     },
     /// The file cannot be written.
@@ -30,7 +30,7 @@ pub enum RecordingError {
     Write {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// Expected and found, or the cause.
         source: mcap::McapError,
     },
     /// No weights of a trained network.
@@ -69,7 +69,7 @@ pub enum RecordingError {
     NoViewerAt {
         /// Where it was looked for.
         url: String,
-        /// What the viewer's library says.
+        /// Answer of the viewer's library.
         reason: String,
     },
     /// The viewer or its library refuses.
@@ -83,7 +83,7 @@ pub enum RecordingError {
     Unwritten {
         /// Its path.
         path: PathBuf,
-        /// What the viewer's library says.
+        /// Answer of the viewer's library.
         reason: String,
     },
     /// No recording, or not one of ours.
@@ -91,7 +91,7 @@ pub enum RecordingError {
     Unreadable {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// Expected and found, or the cause.
         reason: String,
     },
 }

@@ -11,7 +11,7 @@ use crate::messages::Recordable;
 use crate::{RecordedPacket, RecordingError};
 
 /// Packets of a channel in one go.
-const MOST: usize = 256;
+const MAX_PACKETS: usize = 256;
 
 /// Follows the channels of the classifier; when somebody is too slow, the channels' own rings keep the newest packets and count what was lost.
 pub struct Listener {
@@ -129,7 +129,7 @@ impl Listener {
         of: impl Fn(T) -> RecordedPacket,
         each: &mut impl FnMut(Heard),
     ) -> Result<(), RecordingError> {
-        for _ in 0..MOST {
+        for _ in 0..MAX_PACKETS {
             let Some(packets) = port.try_get()? else {
                 break;
             };

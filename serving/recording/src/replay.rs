@@ -20,7 +20,7 @@ pub use sweep_beliefs::SweepBeliefs;
 /// No belief comes so long after its last frame.
 const SILENCE: Duration = Duration::from_millis(500);
 
-/// What was put onto the channels, and the beliefs that came.
+/// Counts of the packets that were put onto the channels, and the beliefs that came.
 #[derive(Debug)]
 pub struct Played {
     /// How long it took.

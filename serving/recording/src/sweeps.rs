@@ -9,7 +9,7 @@ use tactnet_skin::{Segmentation, ServeConfig, SweepChange, SweepSegmenter};
 use crate::RecordingError;
 use crate::recording::{RecordedPacket, Recording};
 
-/// What the sweeps of a recording look like, where it does not say.
+/// Shape and rate of the sweeps of a recording, where it does not say.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SweepSettings {
     /// Frames of a sweep [default: those of the recorded model, or else 1000].

@@ -28,7 +28,7 @@ pub struct SkinSimulator<'a> {
     sequence: u64,
 }
 
-/// What happens at one beat of the skin.
+/// One beat of the skin.
 #[derive(Debug, Clone, Copy)]
 pub struct SkinStep {
     /// To be put before the frame.

@@ -1,4 +1,4 @@
-//! What a skin driver, a motion controller, a recording reader and the classifier agree on: packets, the table of channels, and how frames
+//! The agreement between skin driver, motion controller, recording reader and classifier: packets, the table of channels, and how frames
 //! become sweeps.
 //!
 //! Pure logic, no clock and no thread: a [`SweepSegmenter`] is pushed one [`tactnet_data::Frame`] at a time and neither allocates nor blocks

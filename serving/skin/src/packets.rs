@@ -101,7 +101,7 @@ pub struct SweepCommand {
     pub material: Text<56>,
 }
 
-/// What a [`SweepCommand`] asks for.
+/// The request of a [`SweepCommand`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Command {
@@ -116,7 +116,7 @@ pub enum Command {
 }
 
 impl SweepCommand {
-    /// What is asked for; `None` for a number that is no command.
+    /// Returns the request; `None` for a number that is no command.
     pub fn command(&self) -> Option<Command> {
         [
             Command::Start,
@@ -129,7 +129,7 @@ impl SweepCommand {
     }
 }
 
-/// What the sweeps say about the material, 632 bytes.
+/// A belief about the material, 632 bytes.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct TactileBelief {
@@ -191,7 +191,7 @@ pub enum Stage {
     Dropout = 3,
 }
 
-/// Whether the material is known.
+/// Known material or not.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Verdict {
@@ -203,7 +203,7 @@ pub enum Verdict {
     Unknown = 2,
 }
 
-/// What happens, and how well, 296 bytes.
+/// Events and counters of the service, 296 bytes.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct TactileStatus {
@@ -223,7 +223,7 @@ pub struct TactileStatus {
     pub text: Text<192>,
 }
 
-/// What the service counts, 72 bytes.
+/// Counters of the service, 72 bytes.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct Counters {
@@ -247,7 +247,7 @@ pub struct Counters {
     pub allocations: u64,
 }
 
-/// What happened.
+/// An event of the service.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Event {

@@ -16,7 +16,7 @@ pub struct WindowConfig {
     pub longest_gap: usize,
 }
 
-/// What a frame did.
+/// The effect of a frame on the window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Push {
     /// Taken; the window is not full yet.
@@ -39,7 +39,7 @@ pub enum WindowError {
         lost: u64,
         /// The frame that came after them.
         sequence: u64,
-        /// What is forgiven.
+        /// Most frames that are forgiven.
         allowed: usize,
     },
     /// A frame came twice, or an older one came late.
@@ -53,9 +53,9 @@ pub enum WindowError {
     /// A frame of another sensor.
     #[error("a frame of {found} taxels, expected {expected}")]
     Taxels {
-        /// What came.
+        /// Taxels of the frame.
         found: usize,
-        /// What the window was made for.
+        /// Taxels of the window.
         expected: usize,
     },
     /// A value that is no number.
@@ -184,7 +184,7 @@ impl SweepWindow {
         })
     }
 
-    /// Whether the window is full.
+    /// Returns true if the window is full.
     pub fn is_complete(&self) -> bool {
         !self.spoiled && self.seen >= self.config.skip + self.config.steps
     }
@@ -210,7 +210,7 @@ impl SweepWindow {
         &self.values[number * taxels..(number + 1) * taxels]
     }
 
-    /// Whether the next frame belongs to the window.
+    /// Returns true if the next frame belongs to the window.
     fn is_open(&self) -> bool {
         let WindowConfig { skip, steps, .. } = self.config;
         (skip..skip + steps).contains(&self.seen)

@@ -1,4 +1,4 @@
-//! What can be viewed, and where.
+//! Arguments of `tactnet view` and `tactnet data view`.
 
 use std::path::PathBuf;
 

@@ -30,7 +30,7 @@ pub(super) fn likeliest(posterior: &[f32], names: &[String]) -> Vec<(String, f32
     materials
 }
 
-/// What the viewer calls a material whose name has not come yet, too.
+/// Label of a material whose name has not come yet, too.
 pub(super) fn name(number: usize, names: &[String]) -> String {
     names
         .get(number)

@@ -7,7 +7,7 @@ use crate::RecordingError;
 
 /// Between two sweeps, s.
 const PAUSE: f64 = 0.25;
-/// What the viewer calls the skin.
+/// Name of the skin in the viewer.
 const SKIN: &str = "skin";
 
 /// Shows sweeps in this order, and waits until the viewer has all of them.

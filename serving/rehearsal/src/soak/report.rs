@@ -115,7 +115,7 @@ pub(super) struct HeardBeliefs {
     pub(super) correct: u64,
 }
 
-/// What the processes reported, and when they ran.
+/// Reports of the processes, and when they ran.
 pub(super) struct Measured {
     pub(super) stack: Vec<CatchingReport>,
     /// One for each time that the classifier served.

@@ -1,4 +1,4 @@
-//! What waking up another process costs at least: two futex words, no packet.
+//! The least cost of waking up another process: two futex words, no packet.
 
 use std::fs::{File, OpenOptions};
 use std::os::fd::AsRawFd;

@@ -20,10 +20,10 @@ const WARM_UP: u32 = 20;
 /// Fewest and most rounds of a cell.
 const ROUNDS: (u32, u32) = (10, 20_000);
 
-/// What was measured in one cell.
+/// Measurements of one cell.
 #[derive(Debug, Clone, Serialize)]
 pub struct Row {
-    /// What carries the packets.
+    /// Name of the transport.
     pub transport: &'static str,
     /// Where master and clients are.
     pub domain: StressDomain,

@@ -24,7 +24,7 @@ pub use measure::{Row, Rows};
 pub use plan::{Cell, Configuration, Plan, StressDomain, Transport};
 pub use report::page;
 
-/// What goes wrong in a stress test, one line for people.
+/// An error of a stress test, one line for people.
 pub type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 /// Number of the round that ends the clients.
@@ -48,7 +48,7 @@ trait Client {
     fn answer(&mut self, round: u32) -> Result<(), Failure>;
 }
 
-/// What a client process is told on its standard input.
+/// The task of a client process, from its standard input.
 #[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 pub struct ClientTask {
     cell: Cell,
@@ -60,7 +60,7 @@ pub struct ClientTask {
 /// Runs a client in this process until the master ends it or has been silent for long. `ready` is called when it listens.
 ///
 /// # Errors
-/// What the transport says.
+/// Errors of the transport.
 pub fn run_client(task: &ClientTask, ready: impl FnOnce()) -> Result<(), Failure> {
     let ClientTask { cell, number, name } = task;
     let mut client: Box<dyn Client> = match cell.transport {

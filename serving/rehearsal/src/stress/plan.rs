@@ -20,7 +20,7 @@ pub enum StressDomain {
     Distributed,
 }
 
-/// What carries the packets.
+/// The carrier of the packets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Transport {
@@ -93,7 +93,7 @@ impl Configuration {
 /// One measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Cell {
-    /// What carries the packets.
+    /// The carrier of the packets.
     pub transport: Transport,
     /// Where master and clients are.
     pub domain: StressDomain,
@@ -107,7 +107,7 @@ pub struct Cell {
     pub spin: bool,
 }
 
-/// What to measure.
+/// Everything to measure.
 #[derive(Debug, Clone)]
 pub struct Plan {
     /// Where.
@@ -165,7 +165,7 @@ impl Plan {
     }
 }
 
-/// Whether a transport has something to say about a domain.
+/// Returns true if a transport can be measured in a domain.
 fn runs(transport: Transport, domain: StressDomain, clients: usize) -> bool {
     match transport {
         Transport::Tactnet => true,

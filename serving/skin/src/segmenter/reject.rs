@@ -23,7 +23,7 @@ pub enum Reject {
     Losses {
         /// Frames of the window that were interpolated.
         found: usize,
-        /// What is forgiven.
+        /// Most frames that are forgiven.
         allowed: usize,
     },
     /// A digit that the sensor cannot give.
@@ -33,7 +33,7 @@ pub enum Reject {
         sequence: u64,
         /// The taxel.
         taxel: usize,
-        /// What it shows.
+        /// Its digit.
         digit: f32,
         /// The largest digit.
         full_scale: f32,
@@ -43,7 +43,7 @@ pub enum Reject {
     Stalled {
         /// The taxel.
         taxel: usize,
-        /// What it shows.
+        /// Its digit.
         digit: f32,
         /// For how long.
         frames: usize,
