@@ -9,11 +9,11 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use tactnet_pipeline::OnlineClassifier;
+use tactnet_skin::ServeConfig;
+use tactnet_skin::packets::{Event, ModelNames, Text};
 
 use crate::ServeError;
 use crate::model::{ModelSource, ServedModel, numbered};
-use tactnet_skin::ServeConfig;
-use tactnet_skin::packets::{Event, ModelNames, Text};
 
 /// How often it looks for a new version.
 const LOOK_EVERY: Duration = Duration::from_millis(500);

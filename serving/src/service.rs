@@ -8,9 +8,11 @@
 //!
 //! One thread, no clock but the channels' own. While frames come nothing is allocated, and the only system calls are the waits and wake-ups of the channels.
 
+mod commands;
 mod predict;
 mod recent_sweeps;
 mod waiting_commands;
+mod worker_events;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -20,19 +22,18 @@ use tactnet_channel::{
 };
 use tactnet_data::Frame;
 use tactnet_pipeline::OnlineClassifier;
+use tactnet_skin::packets::{
+    Counters, Event, ModelNames, SkinFrame, Stage, SweepCommand, TactileBelief, TactileStatus, Text,
+};
+use tactnet_skin::{Reject, ServeConfig, SweepChange, SweepSegmenter};
 
 use crate::ServeError;
 use crate::measures::Measures;
 use crate::model::ModelSource;
-use crate::model_worker::{Job, ModelWorker, WorkerEvent};
+use crate::model_worker::{ModelWorker, WorkerEvent};
 use crate::status_line::StatusLine;
 use recent_sweeps::RecentSweeps;
-use tactnet_skin::packets::{
-    Command, Counters, Event, ModelNames, SkinFrame, Stage, SweepCommand, TactileBelief,
-    TactileStatus, Text,
-};
-use tactnet_skin::{MAX_FINGERS, Reject, Segmentation, ServeConfig, SweepChange, SweepSegmenter};
-use waiting_commands::{MAX_COMMANDS, WaitingCommands};
+use waiting_commands::WaitingCommands;
 
 /// Status is put at least this often.
 const ALIVE_EVERY_NS: u64 = 100_000_000;
@@ -243,121 +244,6 @@ impl Service {
         self.apply_worker_event()
     }
 
-    fn receive_commands(&mut self) -> Result<(), ServeError> {
-        for _ in 0..MAX_COMMANDS {
-            let Some(command) = self.commands.try_get()? else {
-                break;
-            };
-            let header = *command.header();
-            // Another host's clock says nothing here.
-            let put_ns = if header.remote == 1 { 0 } else { header.put_ns };
-            if let Some(command) = command.first()
-                && !self.waiting.add(put_ns, *command)
-            {
-                self.publish_status(
-                    Event::Refused,
-                    command.finger,
-                    format_args!(
-                        "more than {MAX_COMMANDS} commands wait for frames of this finger"
-                    ),
-                )?;
-            }
-        }
-        let lost = self.commands.lost();
-        if lost > self.lost_commands {
-            let more = lost - self.lost_commands;
-            self.lost_commands = lost;
-            self.publish_status(Event::Refused, 0, format_args!("{more} commands were lost"))?;
-        }
-        Ok(())
-    }
-
-    /// Follows the commands that were put until then, so that a command divides the frames at its own time, whenever it is seen.
-    fn follow_waiting(&mut self, until_ns: u64, finger: Option<usize>) -> Result<(), ServeError> {
-        while let Some(command) = self.waiting.take(until_ns, finger) {
-            self.command(&command)?;
-        }
-        Ok(())
-    }
-
-    fn command(&mut self, command: &SweepCommand) -> Result<(), ServeError> {
-        let number = command.finger;
-        let by_contact = self.config.segmenter.segmentation != Segmentation::Command;
-        let Some(finger) = self.fingers.get_mut(number as usize) else {
-            return self.publish_status(
-                Event::Refused,
-                number,
-                format_args!(
-                    "no finger {number}; there are {}",
-                    self.config.fingers.len()
-                ),
-            );
-        };
-        match command.command() {
-            Some(Command::Start | Command::Stop) if by_contact => self.publish_status(
-                Event::Refused,
-                number,
-                format_args!("sweeps begin and end by contact"),
-            ),
-            Some(Command::Start) => {
-                let change = finger.segmenter.start();
-                if let SweepChange::RejectedAndBegun(reject) = change {
-                    self.reject(number as usize, &reject)?;
-                }
-                self.begin(number as usize, command.motion)
-            }
-            Some(Command::Stop) => {
-                let change = finger.segmenter.stop();
-                self.apply_change(number as usize, change, 0, 0)
-            }
-            Some(Command::Reset) => {
-                finger.classifier.reset();
-                finger.recent.forget();
-                self.publish_status(Event::Reset, number, format_args!("fused sweeps forgotten"))
-            }
-            Some(Command::Enroll) => self.enroll(number, command),
-            None => {
-                let kind = command.kind;
-                self.publish_status(Event::Refused, number, format_args!("no command {kind}"))
-            }
-        }
-    }
-
-    fn enroll(&mut self, number: u32, command: &SweepCommand) -> Result<(), ServeError> {
-        let recent = &self.fingers[number as usize].recent;
-        let kept = recent.kept();
-        let (material, sweeps) = (command.material, command.sweeps);
-        if material.as_str().is_empty() {
-            return self.publish_status(Event::Refused, number, format_args!("enrol: no name"));
-        }
-        let Some(digits) = recent.newest(sweeps as usize) else {
-            return self.publish_status(
-                Event::Refused,
-                number,
-                format_args!(
-                    "enrol `{}`: {sweeps} sweeps asked for, {kept} are kept",
-                    material.as_str()
-                ),
-            );
-        };
-        if self
-            .worker
-            .ask(Job::Enroll {
-                finger: number,
-                material,
-                digits,
-            })
-            .is_err()
-        {
-            return self.publish_status(
-                Event::Refused,
-                number,
-                format_args!("enrol `{}`: busy, try again", material.as_str()),
-            );
-        }
-        Ok(())
-    }
-
     fn frame(
         &mut self,
         number: usize,
@@ -442,61 +328,6 @@ impl Service {
     fn reject(&mut self, number: usize, reject: &Reject) -> Result<(), ServeError> {
         self.counters.rejected += 1;
         self.publish_status(Event::Rejected, number as u32, format_args!("{reject}"))
-    }
-
-    fn apply_worker_event(&mut self) -> Result<(), ServeError> {
-        // The worker frees memory; it may be busy for a while.
-        if let Some(classifiers) = self.retired.take()
-            && let Err(Job::Retire(classifiers)) = self.worker.ask(Job::Retire(classifiers))
-        {
-            self.retired = Some(classifiers);
-        }
-        if self.worker_event.is_none() {
-            self.worker_event = self.worker.next_event();
-        }
-        // Models change between sweeps only.
-        let sweeping = self.fingers.iter().any(|f| f.segmenter.is_sweeping());
-        match &self.worker_event {
-            None => return Ok(()),
-            Some(WorkerEvent::Ready { .. }) if sweeping || self.retired.is_some() => return Ok(()),
-            Some(_) => {}
-        }
-        match self.worker_event.take() {
-            Some(WorkerEvent::Ready {
-                mut classifiers,
-                names,
-                event,
-                finger: asked,
-                text,
-            }) => {
-                let mut forgotten = [false; MAX_FINGERS];
-                let fingers = self.fingers.iter_mut().zip(&mut classifiers);
-                for ((finger, classifier), forgotten) in fingers.zip(&mut forgotten) {
-                    std::mem::swap(&mut finger.classifier, classifier);
-                    // Beliefs over other materials cannot go on.
-                    *forgotten = !finger.classifier.take_fused(classifier)
-                        && classifier.fused().sweeps() > 0;
-                }
-                self.names = names;
-                self.measures.serve(None, self.names.version);
-                self.retired = Some(classifiers);
-                self.model.put_copy(&[*self.names])?;
-                self.publish_status(event, asked, format_args!("{}", text.as_str()))?;
-                for (number, forgotten) in forgotten.into_iter().enumerate() {
-                    if forgotten {
-                        let text = format_args!("fused sweeps forgotten: other materials");
-                        self.publish_status(Event::Reset, number as u32, text)?;
-                    }
-                }
-                Ok(())
-            }
-            Some(WorkerEvent::Failed {
-                event,
-                finger,
-                text,
-            }) => self.publish_status(event, finger, format_args!("{}", text.as_str())),
-            None => Ok(()),
-        }
     }
 
     fn publish_status(
