@@ -4,11 +4,14 @@ use std::error::Error;
 use std::process::ExitCode;
 
 use clap::error::ErrorKind;
+use tactnet_channel::ChannelError;
 use tactnet_data::{DataError, FetchError};
 use tactnet_experiments::ExperimentError;
 use tactnet_pipeline::PipelineError;
 use tactnet_recording::RecordingError;
+use tactnet_rehearsal::RehearsalError;
 use tactnet_serving::ServeError;
+use tactnet_skin::SkinError;
 
 /// Exit code of a failed check or a run that broke.
 pub const FAILED: u8 = 1;
@@ -108,8 +111,11 @@ fn is_usage(cause: &(dyn Error + 'static)) -> Option<bool> {
         .or_else(|| cause.downcast_ref().map(FetchError::is_usage))
         .or_else(|| cause.downcast_ref().map(PipelineError::is_usage))
         .or_else(|| cause.downcast_ref().map(experiment_is_usage))
-        .or_else(|| cause.downcast_ref().map(recording_is_usage))
-        .or_else(|| cause.downcast_ref().and_then(serve_is_usage))
+        .or_else(|| cause.downcast_ref().map(ChannelError::is_usage))
+        .or_else(|| cause.downcast_ref().map(SkinError::is_usage))
+        .or_else(|| cause.downcast_ref().map(ServeError::is_usage))
+        .or_else(|| cause.downcast_ref().map(RecordingError::is_usage))
+        .or_else(|| cause.downcast_ref().map(RehearsalError::is_usage))
 }
 
 fn experiment_is_usage(error: &ExperimentError) -> bool {
@@ -119,25 +125,6 @@ fn experiment_is_usage(error: &ExperimentError) -> bool {
         | ExperimentError::Io { .. }
         | ExperimentError::Slurm { .. } => false,
         _ => true,
-    }
-}
-
-fn recording_is_usage(error: &RecordingError) -> bool {
-    !matches!(
-        error,
-        RecordingError::Write { .. }
-            | RecordingError::Channel(_)
-            | RecordingError::NoViewerAt { .. }
-            | RecordingError::Viewer(_)
-            | RecordingError::ViewerGone(_)
-            | RecordingError::Unwritten { .. }
-    )
-}
-
-fn serve_is_usage(error: &ServeError) -> Option<bool> {
-    match error {
-        ServeError::Pipeline(error) => Some(error.is_usage()),
-        _ => None,
     }
 }
 

@@ -1,29 +1,22 @@
 //! The `tactnet` command line: one verb a subcommand, results on stdout, everything else on stderr.
 
 mod allocations;
-mod channel;
-mod child_process;
 mod commands;
-mod dashboard;
-mod demo;
 mod experiment;
 mod failure;
-mod notify;
 mod output;
-mod record;
-mod replay;
 mod report;
-mod serve;
-mod simulate;
 mod source;
 mod stop;
 mod study;
-mod view;
-mod web;
+
+use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use commands::{data, enroll, eval, export, train};
-use std::process::ExitCode;
+use commands::{
+    channel, dashboard, data, demo, enroll, eval, export, record, replay, serve, simulate, train,
+    view,
+};
 
 #[global_allocator]
 static ALLOCATOR: allocations::Counting = allocations::Counting;

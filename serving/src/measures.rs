@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::packets::{Counters, Stage};
+use tactnet_skin::packets::{Counters, Stage};
 
 /// Upper bounds of the buckets of computing times, microseconds.
 const BOUNDS_US: [u64; 12] = [
@@ -25,7 +25,7 @@ pub struct Measures {
     model: OnceLock<String>,
 }
 
-/// Computing times of one kind of judgement.
+/// Computing times of predictions of one stage.
 #[derive(Debug, Default)]
 struct Histogram {
     buckets: [AtomicU64; BOUNDS_US.len() + 1],
@@ -60,7 +60,7 @@ impl Measures {
         }
     }
 
-    pub(crate) fn judged(&self, stage: Stage, compute_ns: u64) {
+    pub(crate) fn count_prediction(&self, stage: Stage, compute_ns: u64) {
         let histogram = &self.compute[stage as usize - 1];
         let bucket = BOUNDS_US.partition_point(|bound| bound * 1000 < compute_ns);
         histogram.buckets[bucket].fetch_add(1, Ordering::Relaxed);
@@ -76,7 +76,7 @@ impl Measures {
             let _ = writeln!(out, "{line}");
         };
         add(format_args!(
-            "# HELP tactnet_inference_total Judgements of sweeps."
+            "# HELP tactnet_inference_total Predictions of sweeps."
         ));
         add(format_args!("# TYPE tactnet_inference_total counter"));
         for (histogram, (_, stage)) in self.compute.iter().zip(STAGES) {
@@ -86,7 +86,7 @@ impl Measures {
             ));
         }
         add(format_args!(
-            "# HELP tactnet_compute_seconds Time that judgements took."
+            "# HELP tactnet_compute_seconds Time that predictions took."
         ));
         add(format_args!("# TYPE tactnet_compute_seconds histogram"));
         for (histogram, (_, stage)) in self.compute.iter().zip(STAGES) {
@@ -125,7 +125,7 @@ impl Measures {
             ("rejected", "Sweeps that were rejected.", &self.rejected),
             (
                 "deadline_miss",
-                "Judgements that took longer than promised.",
+                "Predictions that took longer than promised.",
                 &self.deadline_misses,
             ),
         ] {
@@ -162,9 +162,9 @@ mod tests {
     #[test]
     fn histograms_are_cumulative_and_names_are_those_promised() {
         let measures = Measures::default();
-        measures.judged(Stage::Plain, 150_000);
-        measures.judged(Stage::Plain, 200_000);
-        measures.judged(Stage::Plain, 50_000_000);
+        measures.count_prediction(Stage::Plain, 150_000);
+        measures.count_prediction(Stage::Plain, 200_000);
+        measures.count_prediction(Stage::Plain, 50_000_000);
         measures.count(&Counters {
             deadline_misses: 2,
             ..Counters::default()

@@ -11,7 +11,7 @@ use tactnet_pipeline::{
 };
 
 use crate::ServeError;
-use crate::packets::{MAX_MATERIALS, MAX_TAXELS, ModelNames, Text};
+use tactnet_skin::packets::{MAX_MATERIALS, MAX_TAXELS, ModelNames, Text};
 
 /// Where models come from.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -54,7 +54,7 @@ impl ModelSource {
     /// - `mc_samples`: Monte Carlo dropout masks that it is to serve with
     ///
     /// # Errors
-    /// What is wrong with the newest, where none can serve.
+    /// Those of the newest version, where none can serve.
     pub fn load_newest(
         &self,
         mc_samples: usize,
@@ -96,7 +96,7 @@ pub struct ServedModel {
     version: u64,
     run: RunDir,
     classifier: Classifier,
-    /// What enrolment needs.
+    /// For enrolment.
     known: Option<TrainEmbeddings>,
     calibration: Option<Calibration>,
 }
@@ -151,7 +151,7 @@ impl ServedModel {
         &self.classifier
     }
 
-    /// Whether it can tell unknown materials.
+    /// Returns true if it can tell unknown materials.
     pub fn is_calibrated(&self) -> bool {
         self.calibration.is_some()
     }
@@ -206,7 +206,7 @@ impl ServedModel {
         Ok(())
     }
 
-    /// What onlookers are told.
+    /// Returns the packet for onlookers.
     pub fn names(&self, mc_samples: usize) -> ModelNames {
         let config = self.classifier.config();
         let mut names = [Text::default(); MAX_MATERIALS];
@@ -248,10 +248,11 @@ impl ServedModel {
         };
         let config = self.classifier.config();
         if config.labels.len() == MAX_MATERIALS {
-            return Err(ServeError::Config(format!(
-                "`{material}` would be material {}, packets hold {MAX_MATERIALS}",
-                MAX_MATERIALS + 1
-            )));
+            return Err(ServeError::TooManyMaterials {
+                material: material.into(),
+                number: MAX_MATERIALS + 1,
+                most: MAX_MATERIALS,
+            });
         }
         let sweeps = digits.len() / config.shape.values();
         let records = (0..sweeps).map(|sweep| SweepRecord {

@@ -1,4 +1,4 @@
-//! What must not keep a frame waiting: loading models, learning materials, letting go of memory. A thread of its own does it.
+//! A second thread for work that must not keep a frame waiting: loading models, learning materials, freeing memory.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -9,15 +9,16 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use tactnet_pipeline::OnlineClassifier;
+use tactnet_skin::ServeConfig;
+use tactnet_skin::packets::{Event, ModelNames, Text};
 
+use crate::ServeError;
 use crate::model::{ModelSource, ServedModel, numbered};
-use crate::packets::{Event, ModelNames, Text};
-use crate::{ServeConfig, ServeError};
 
 /// How often it looks for a new version.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
 
-/// What the service asks for.
+/// A request of the service.
 pub(crate) enum Job {
     /// Learn `material` from `[sweeps][steps][taxels]` digits.
     Enroll {
@@ -29,7 +30,7 @@ pub(crate) enum Job {
     Retire(Vec<OnlineClassifier>),
 }
 
-/// What the workshop tells the service.
+/// An answer to the service.
 pub(crate) enum WorkerEvent {
     /// Another model is ready.
     Ready {
@@ -50,9 +51,9 @@ pub(crate) enum WorkerEvent {
 /// The service's end.
 pub(crate) struct ModelWorker {
     jobs: Option<SyncSender<Job>>,
-    news: Option<Receiver<WorkerEvent>>,
-    /// Set when there is news, so that the service looks into the channel only then.
-    has_news: Arc<AtomicBool>,
+    events: Option<Receiver<WorkerEvent>>,
+    /// Set when an event waits, so that the service looks into the channel only then.
+    has_event: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -65,8 +66,8 @@ impl ModelWorker {
         git: &'static str,
     ) -> Result<Self, ServeError> {
         let (jobs, wanted) = sync_channel(4);
-        let (tell, news) = sync_channel(4);
-        let has_news = Arc::new(AtomicBool::new(false));
+        let (sender, events) = sync_channel(4);
+        let has_event = Arc::new(AtomicBool::new(false));
         let mut worker = Worker {
             refused: BTreeSet::new(),
             model,
@@ -74,26 +75,26 @@ impl ModelWorker {
             fingers: config.fingers.len(),
             mc_samples: config.mc_samples,
             git,
-            tell,
-            has_news: has_news.clone(),
+            sender,
+            has_event: has_event.clone(),
             scratch: None,
         };
         let thread = std::thread::Builder::new()
-            .name("workshop".into())
+            .name("model-worker".into())
             .spawn(move || worker.run(&wanted))
             .map_err(|source| ServeError::Io {
-                path: "workshop".into(),
+                path: "model-worker".into(),
                 source,
             })?;
         Ok(Self {
             jobs: Some(jobs),
-            news: Some(news),
-            has_news,
+            events: Some(events),
+            has_event,
             thread: Some(thread),
         })
     }
 
-    /// Hands a job over; gives it back if the workshop is busy.
+    /// Hands a job over; gives it back if the worker is busy.
     pub(crate) fn ask(&self, job: Job) -> Result<(), Job> {
         match &self.jobs {
             Some(jobs) => jobs.try_send(job).map_err(|error| match error {
@@ -103,21 +104,21 @@ impl ModelWorker {
         }
     }
 
-    /// What has happened since.
-    pub(crate) fn news(&self) -> Option<WorkerEvent> {
-        // Without news this is one read of memory.
-        if !self.has_news.load(Ordering::Acquire) {
+    /// Returns the next event, if one waits.
+    pub(crate) fn next_event(&self) -> Option<WorkerEvent> {
+        // Without an event this is one read of memory.
+        if !self.has_event.load(Ordering::Acquire) {
             return None;
         }
-        let news = self.news.as_ref()?;
-        match news.try_recv() {
-            Ok(news) => Some(news),
+        let events = self.events.as_ref()?;
+        match events.try_recv() {
+            Ok(event) => Some(event),
             Err(_) => {
-                self.has_news.store(false, Ordering::Release);
-                // What was told between the two lines is found next time.
-                let late = news.try_recv().ok();
+                self.has_event.store(false, Ordering::Release);
+                // What was sent between the two lines is found next time.
+                let late = events.try_recv().ok();
                 if late.is_some() {
-                    self.has_news.store(true, Ordering::Release);
+                    self.has_event.store(true, Ordering::Release);
                 }
                 late
             }
@@ -128,7 +129,7 @@ impl ModelWorker {
 impl Drop for ModelWorker {
     fn drop(&mut self) {
         // Without both ends the worker neither waits for us nor works off what is left.
-        drop(self.news.take());
+        drop(self.events.take());
         drop(self.jobs.take());
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
@@ -142,8 +143,8 @@ struct Worker {
     fingers: usize,
     mc_samples: usize,
     git: &'static str,
-    tell: SyncSender<WorkerEvent>,
-    has_news: Arc<AtomicBool>,
+    sender: SyncSender<WorkerEvent>,
+    has_event: Arc<AtomicBool>,
     /// Versions that cannot serve, each said once.
     refused: BTreeSet<u64>,
     /// Holds what is learnt while a single run serves.
@@ -175,15 +176,15 @@ impl Worker {
         }
     }
 
-    /// Gives whether there is still somebody to tell.
-    fn say(&self, news: WorkerEvent) -> bool {
-        let told = self.tell.send(news).is_ok();
-        self.has_news.store(true, Ordering::Release);
-        told
+    /// Sends an event to the service; returns false when the service has ended.
+    fn send(&self, event: WorkerEvent) -> bool {
+        let sent = self.sender.send(event).is_ok();
+        self.has_event.store(true, Ordering::Release);
+        sent
     }
 
     fn fail(&self, event: Event, finger: u32, error: &ServeError) -> bool {
-        self.say(WorkerEvent::Failed {
+        self.send(WorkerEvent::Failed {
             event,
             finger,
             text: Text::new(&error.to_string()),
@@ -279,7 +280,7 @@ impl Worker {
             .collect();
         match classifiers {
             Ok(classifiers) => {
-                let told = self.say(WorkerEvent::Ready {
+                let sent = self.send(WorkerEvent::Ready {
                     classifiers,
                     names: Box::new(model.names(self.mc_samples)),
                     event,
@@ -287,7 +288,7 @@ impl Worker {
                     text: Text::new(text),
                 });
                 self.model = model;
-                told
+                sent
             }
             Err(error) => {
                 self.refused.insert(model.version());

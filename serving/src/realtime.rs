@@ -1,8 +1,8 @@
-//! What Linux can do so that a thread is on time; what it will not do is said and the work goes on.
+//! Scheduling and memory for a thread that must be on time. Requests that Linux refuses are returned, and the work goes on.
 
 use std::io;
 
-/// What to ask for.
+/// Requests to the system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Realtime {
     /// Priority under `SCHED_FIFO`, 1 to 99; `None`: the usual scheduler.

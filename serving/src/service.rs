@@ -8,9 +8,11 @@
 //!
 //! One thread, no clock but the channels' own. While frames come nothing is allocated, and the only system calls are the waits and wake-ups of the channels.
 
-mod judge;
+mod commands;
+mod predict;
 mod recent_sweeps;
 mod waiting_commands;
+mod worker_events;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -20,26 +22,23 @@ use tactnet_channel::{
 };
 use tactnet_data::Frame;
 use tactnet_pipeline::OnlineClassifier;
+use tactnet_skin::packets::{
+    Counters, Event, ModelNames, SkinFrame, Stage, SweepCommand, TactileBelief, TactileStatus, Text,
+};
+use tactnet_skin::{Reject, ServeConfig, SweepChange, SweepSegmenter};
 
-use crate::follow::{Followed, Reject, Segmentation, SweepSegmenter};
-use crate::line::Line;
+use crate::ServeError;
 use crate::measures::Measures;
 use crate::model::ModelSource;
-use crate::model_worker::{Job, ModelWorker, WorkerEvent};
-use crate::packets::{
-    Command, Counters, Event, ModelNames, SkinFrame, Stage, SweepCommand, TactileBelief,
-    TactileStatus, Text,
-};
-use crate::{ServeConfig, ServeError};
+use crate::model_worker::{ModelWorker, WorkerEvent};
+use crate::status_line::StatusLine;
 use recent_sweeps::RecentSweeps;
-use waiting_commands::{MAX_COMMANDS, WaitingCommands};
+use waiting_commands::WaitingCommands;
 
 /// Status is put at least this often.
 const ALIVE_EVERY_NS: u64 = 100_000_000;
 /// Frames of a finger in one go.
 const MAX_FRAMES: usize = 256;
-/// Most fingers of a service.
-pub(crate) const MAX_FINGERS: usize = 16;
 
 /// The classifier on its channels.
 pub struct Service {
@@ -58,16 +57,17 @@ pub struct Service {
     sweeps: u64,
     lost_commands: u64,
     alive_ns: u64,
-    workshop: ModelWorker,
-    news: Option<WorkerEvent>,
-    /// Classifiers that have served, on their way to the workshop.
+    worker: ModelWorker,
+    /// An event of the worker that waits for a pause between sweeps.
+    worker_event: Option<WorkerEvent>,
+    /// Classifiers that have served, on their way to the worker, which frees them.
     retired: Option<Vec<OnlineClassifier>>,
     /// Allocations of this thread so far.
     allocations: fn() -> u64,
 }
 
 struct Finger {
-    follower: SweepSegmenter,
+    segmenter: SweepSegmenter,
     classifier: OnlineClassifier,
     sweep: u64,
     motion: u64,
@@ -101,8 +101,8 @@ impl Service {
         let shape = served.classifier().config().shape;
         let fingers = config.fingers.iter().map(|_| {
             Ok(Finger {
-                follower: SweepSegmenter::new(
-                    config.follow,
+                segmenter: SweepSegmenter::new(
+                    config.segmenter,
                     shape.steps,
                     shape.taxels(),
                     names.sample_rate_hz,
@@ -141,8 +141,8 @@ impl Service {
             sweeps: 0,
             lost_commands: 0,
             alive_ns: 0,
-            workshop: ModelWorker::start(served, source, &config, git)?,
-            news: None,
+            worker: ModelWorker::start(served, source, &config, git)?,
+            worker_event: None,
             retired: None,
             allocations: || 0,
             config,
@@ -155,7 +155,7 @@ impl Service {
         Ok(service)
     }
 
-    /// Counts allocations while frames are followed.
+    /// Counts allocations while frames are processed.
     ///
     /// - `allocations`: of the calling thread, since it began
     pub fn count_allocations(&mut self, allocations: fn() -> u64) {
@@ -175,29 +175,29 @@ impl Service {
         Ok(())
     }
 
-    /// What it counts, to be read from other threads.
+    /// Returns its counters, to be read from other threads.
     pub fn measures(&self) -> Arc<Measures> {
         self.measures.clone()
     }
 
-    /// The model that serves.
+    /// Returns the names of the model that serves.
     pub fn names(&self) -> &ModelNames {
         &self.names
     }
 
-    /// Whether it can tell unknown materials.
+    /// Returns true if it can tell unknown materials.
     pub fn tells_unknown(&self) -> bool {
         self.fingers
             .iter()
             .all(|finger| finger.classifier.tells_unknown())
     }
 
-    /// Sequence of the first and the newest frame of every finger.
+    /// Returns the sequence of the first and the newest frame of every finger.
     pub fn sequences(&self) -> Vec<Option<(u64, u64)>> {
         self.fingers.iter().map(|finger| finger.sequences).collect()
     }
 
-    /// Counters since the start.
+    /// Returns the counters since the start.
     pub fn counters(&self) -> Counters {
         self.counters
     }
@@ -241,122 +241,7 @@ impl Service {
             self.model.send_history()?;
             self.publish_status(Event::Alive, 0, format_args!(""))?;
         }
-        self.take_news()
-    }
-
-    fn receive_commands(&mut self) -> Result<(), ServeError> {
-        for _ in 0..MAX_COMMANDS {
-            let Some(command) = self.commands.try_get()? else {
-                break;
-            };
-            let header = *command.header();
-            // Another host's clock says nothing here.
-            let put_ns = if header.remote == 1 { 0 } else { header.put_ns };
-            if let Some(command) = command.first()
-                && !self.waiting.add(put_ns, *command)
-            {
-                self.publish_status(
-                    Event::Refused,
-                    command.finger,
-                    format_args!(
-                        "more than {MAX_COMMANDS} commands wait for frames of this finger"
-                    ),
-                )?;
-            }
-        }
-        let lost = self.commands.lost();
-        if lost > self.lost_commands {
-            let more = lost - self.lost_commands;
-            self.lost_commands = lost;
-            self.publish_status(Event::Refused, 0, format_args!("{more} commands were lost"))?;
-        }
-        Ok(())
-    }
-
-    /// Follows the commands that were put until then, so that a command divides the frames at its own time, whenever it is seen.
-    fn follow_waiting(&mut self, until_ns: u64, finger: Option<usize>) -> Result<(), ServeError> {
-        while let Some(command) = self.waiting.take(until_ns, finger) {
-            self.command(&command)?;
-        }
-        Ok(())
-    }
-
-    fn command(&mut self, command: &SweepCommand) -> Result<(), ServeError> {
-        let number = command.finger;
-        let by_contact = self.config.follow.segmentation != Segmentation::Command;
-        let Some(finger) = self.fingers.get_mut(number as usize) else {
-            return self.publish_status(
-                Event::Refused,
-                number,
-                format_args!(
-                    "no finger {number}; there are {}",
-                    self.config.fingers.len()
-                ),
-            );
-        };
-        match command.command() {
-            Some(Command::Start | Command::Stop) if by_contact => self.publish_status(
-                Event::Refused,
-                number,
-                format_args!("sweeps begin and end by contact"),
-            ),
-            Some(Command::Start) => {
-                let followed = finger.follower.start();
-                if let Followed::RejectedAndBegun(reject) = followed {
-                    self.reject(number as usize, &reject)?;
-                }
-                self.begin(number as usize, command.motion)
-            }
-            Some(Command::Stop) => {
-                let followed = finger.follower.stop();
-                self.followed(number as usize, followed, 0, 0)
-            }
-            Some(Command::Reset) => {
-                finger.classifier.reset();
-                finger.recent.forget();
-                self.publish_status(Event::Reset, number, format_args!("fused sweeps forgotten"))
-            }
-            Some(Command::Enroll) => self.enroll(number, command),
-            None => {
-                let kind = command.kind;
-                self.publish_status(Event::Refused, number, format_args!("no command {kind}"))
-            }
-        }
-    }
-
-    fn enroll(&mut self, number: u32, command: &SweepCommand) -> Result<(), ServeError> {
-        let recent = &self.fingers[number as usize].recent;
-        let kept = recent.kept();
-        let (material, sweeps) = (command.material, command.sweeps);
-        if material.as_str().is_empty() {
-            return self.publish_status(Event::Refused, number, format_args!("enrol: no name"));
-        }
-        let Some(digits) = recent.newest(sweeps as usize) else {
-            return self.publish_status(
-                Event::Refused,
-                number,
-                format_args!(
-                    "enrol `{}`: {sweeps} sweeps asked for, {kept} are kept",
-                    material.as_str()
-                ),
-            );
-        };
-        if self
-            .workshop
-            .ask(Job::Enroll {
-                finger: number,
-                material,
-                digits,
-            })
-            .is_err()
-        {
-            return self.publish_status(
-                Event::Refused,
-                number,
-                format_args!("enrol `{}`: busy, try again", material.as_str()),
-            );
-        }
-        Ok(())
+        self.apply_worker_event()
     }
 
     fn frame(
@@ -371,12 +256,12 @@ impl Service {
         let finger = &mut self.fingers[number];
         let first = finger.sequences.map_or(frame.sequence, |(first, _)| first);
         finger.sequences = Some((first, frame.sequence));
-        let followed = finger.follower.push(&Frame {
+        let change = finger.segmenter.push(&Frame {
             sequence: frame.sequence,
             sensor_time_nanos: frame.sensor_time_ns,
             taxels: frame.values(),
         });
-        self.followed(number, followed, frame.sequence, put_ns)?;
+        self.apply_change(number, change, frame.sequence, put_ns)?;
         self.counters.frames += 1;
         self.counters.dropped_frames = self.skins.iter().map(GetPort::lost).sum();
         let delay = now_ns().saturating_sub(put_ns);
@@ -385,22 +270,22 @@ impl Service {
         Ok(())
     }
 
-    fn followed(
+    fn apply_change(
         &mut self,
         number: usize,
-        followed: Followed,
+        change: SweepChange,
         sequence: u64,
         put_ns: u64,
     ) -> Result<(), ServeError> {
-        match followed {
-            Followed::Nothing => Ok(()),
-            Followed::Begun => self.begin(number, 0),
-            Followed::Rejected(reject) => self.reject(number, &reject),
-            Followed::RejectedAndBegun(reject) => {
+        match change {
+            SweepChange::Unchanged => Ok(()),
+            SweepChange::Begun => self.begin(number, 0),
+            SweepChange::Rejected(reject) => self.reject(number, &reject),
+            SweepChange::RejectedAndBegun(reject) => {
                 self.reject(number, &reject)?;
                 self.begin(number, 0)
             }
-            Followed::Extended => {
+            SweepChange::Extended => {
                 let finger = &mut self.fingers[number];
                 finger.catch_up();
                 let due = self.config.anytime_ms > 0.0 && finger.taken >= finger.next_belief;
@@ -409,21 +294,21 @@ impl Service {
                 }
                 let every = self.config.anytime_ms / 1e3 * self.names.sample_rate_hz;
                 finger.next_belief = finger.taken + (every.ceil() as usize).max(1);
-                self.judge(number, Stage::Anytime, sequence, put_ns)
+                self.predict(number, Stage::Anytime, sequence, put_ns)
             }
-            Followed::Complete => {
+            SweepChange::Complete => {
                 let finger = &mut self.fingers[number];
                 finger.catch_up();
-                self.judge(number, Stage::Plain, sequence, put_ns)?;
+                self.predict(number, Stage::Plain, sequence, put_ns)?;
                 if self.config.mc_samples > 0 {
-                    self.judge(number, Stage::Dropout, sequence, put_ns)?;
+                    self.predict(number, Stage::Dropout, sequence, put_ns)?;
                 }
                 let finger = &mut self.fingers[number];
-                if let Some(sweep) = finger.follower.window().sweep() {
+                if let Some(sweep) = finger.segmenter.window().sweep() {
                     finger.recent.keep(sweep);
                 }
                 self.counters.sweeps += 1;
-                self.publish_status(Event::Judged, number as u32, format_args!(""))
+                self.publish_status(Event::Classified, number as u32, format_args!(""))
             }
         }
     }
@@ -445,68 +330,13 @@ impl Service {
         self.publish_status(Event::Rejected, number as u32, format_args!("{reject}"))
     }
 
-    fn take_news(&mut self) -> Result<(), ServeError> {
-        // Freeing memory is the workshop's; it may be busy for a while.
-        if let Some(classifiers) = self.retired.take()
-            && let Err(Job::Retire(classifiers)) = self.workshop.ask(Job::Retire(classifiers))
-        {
-            self.retired = Some(classifiers);
-        }
-        if self.news.is_none() {
-            self.news = self.workshop.news();
-        }
-        // Models change between sweeps only.
-        let sweeping = self.fingers.iter().any(|f| f.follower.is_sweeping());
-        match &self.news {
-            None => return Ok(()),
-            Some(WorkerEvent::Ready { .. }) if sweeping || self.retired.is_some() => return Ok(()),
-            Some(_) => {}
-        }
-        match self.news.take() {
-            Some(WorkerEvent::Ready {
-                mut classifiers,
-                names,
-                event,
-                finger: asked,
-                text,
-            }) => {
-                let mut forgotten = [false; MAX_FINGERS];
-                let fingers = self.fingers.iter_mut().zip(&mut classifiers);
-                for ((finger, classifier), forgotten) in fingers.zip(&mut forgotten) {
-                    std::mem::swap(&mut finger.classifier, classifier);
-                    // Beliefs over other materials cannot go on.
-                    *forgotten = !finger.classifier.take_fused(classifier)
-                        && classifier.fused().sweeps() > 0;
-                }
-                self.names = names;
-                self.measures.serve(None, self.names.version);
-                self.retired = Some(classifiers);
-                self.model.put_copy(&[*self.names])?;
-                self.publish_status(event, asked, format_args!("{}", text.as_str()))?;
-                for (number, forgotten) in forgotten.into_iter().enumerate() {
-                    if forgotten {
-                        let text = format_args!("fused sweeps forgotten: other materials");
-                        self.publish_status(Event::Reset, number as u32, text)?;
-                    }
-                }
-                Ok(())
-            }
-            Some(WorkerEvent::Failed {
-                event,
-                finger,
-                text,
-            }) => self.publish_status(event, finger, format_args!("{}", text.as_str())),
-            None => Ok(()),
-        }
-    }
-
     fn publish_status(
         &mut self,
         event: Event,
         finger: u32,
         text: std::fmt::Arguments<'_>,
     ) -> Result<(), ServeError> {
-        let mut line = Line::<192>::default();
+        let mut line = StatusLine::<192>::default();
         line.write(text);
         let (sweep, motion) = self
             .fingers
@@ -527,9 +357,9 @@ impl Service {
 }
 
 impl Finger {
-    /// Gives the classifier the rows of the window that it has not seen.
+    /// Hands the classifier the rows of the window that it has not seen.
     fn catch_up(&mut self) {
-        let window = self.follower.window();
+        let window = self.segmenter.window();
         while self.taken < window.kept() {
             self.classifier.push(window.row(self.taken));
             self.taken += 1;

@@ -12,7 +12,7 @@ use tactnet_pipeline::{
     Classifier, Evaluation, RunDir, RuntimeComparison, RuntimeKind, TestSweeps, Verdicts,
     compare_runtime, evaluate_all_ways,
 };
-use tactnet_serving::percentile;
+use tactnet_channel::percentile;
 
 use super::choices::{DeviceChoice, RuntimeChoice};
 use crate::{GIT, output, report, source};

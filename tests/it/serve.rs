@@ -12,10 +12,10 @@ use tactnet_channel::{Bus, Domain, GetPort, Priority, PutPort, Start, Wait, remo
 use tactnet_data::SweepView;
 use tactnet_models::Compute;
 use tactnet_pipeline::{Classifier, PredictionMethod, RunDir};
-use tactnet_serving::packets::{
+use tactnet_skin::packets::{
     Command as Wish, Event, ModelNames, Stage, SweepCommand, TactileBelief, TactileStatus, Text,
 };
-use tactnet_serving::{FollowConfig, ServeConfig};
+use tactnet_skin::{SegmenterConfig, ServeConfig};
 
 use crate::command::{Lab, RecipeChange, expect, stderr, stdout, tactnet};
 
@@ -85,9 +85,9 @@ impl Robot {
         expect(0, train);
         let config = ServeConfig {
             anytime_ms: 40.0,
-            follow: FollowConfig {
+            segmenter: SegmenterConfig {
                 skip: 20,
-                ..FollowConfig::default()
+                ..SegmenterConfig::default()
             },
             ..ServeConfig::default()
         };
@@ -135,7 +135,7 @@ fn classifier(robot: &Robot, run: &str) -> Classifier {
     Classifier::new(config, &weights, &Compute::Cpu.open().unwrap()).unwrap()
 }
 
-/// What a run says offline of a sweep: `[materials]` probabilities.
+/// Returns the offline prediction of a run for a sweep: `[materials]` probabilities.
 pub(crate) fn offline(robot: &Robot, run: &str, sweep: usize) -> Vec<f64> {
     let classifier = classifier(robot, run);
     let dataset = tactnet_data::format::read(&robot.lab.path("data.h5")).unwrap();
@@ -325,7 +325,7 @@ fn systemd_and_prometheus_are_told() {
 }
 
 #[test]
-fn every_sweep_of_a_data_set_is_judged_alike_frame_by_frame() {
+fn every_sweep_of_a_data_set_is_classified_alike_frame_by_frame() {
     let robot = Robot::new("alike");
     let mut eval = tactnet(["eval", "--json", "--runtime", "online", "--data"]);
     eval.arg(robot.lab.path("data.h5"))
@@ -368,7 +368,7 @@ fn a_material_is_learnt_while_it_serves_and_a_wrong_model_is_refused() {
 
     let _skin = robot.skin("1000");
     for _ in 0..2 {
-        next(&status, |s| s.event == Event::Judged as u32);
+        next(&status, |s| s.event == Event::Classified as u32);
     }
     wish(&commands, Wish::Enroll, "felt", 2);
     let learnt = next(&status, |s| s.event == Event::Enrolled as u32);
@@ -406,10 +406,10 @@ fn a_material_is_learnt_while_it_serves_and_a_wrong_model_is_refused() {
     std::fs::rename(robot.lab.path("models/.7"), robot.lab.path("models/7")).unwrap();
     let swapped = next(&status, |s| s.event == Event::Swapped as u32);
     assert_eq!(swapped.model_version, 7);
-    let judged = next(&status, |s| s.event == Event::Judged as u32);
-    assert_eq!(judged.model_version, 7);
-    assert_eq!(judged.counters.dropped_frames, 0);
-    assert_eq!(judged.counters.rejected, 0);
+    let classified = next(&status, |s| s.event == Event::Classified as u32);
+    assert_eq!(classified.model_version, 7);
+    assert_eq!(classified.counters.dropped_frames, 0);
+    assert_eq!(classified.counters.rejected, 0);
     wish(&commands, Wish::Reset, "", 0);
     next(&status, |s| s.event == Event::Reset as u32);
     service.end();

@@ -4,18 +4,19 @@ use std::time::Duration;
 
 use tactnet_channel::{Bus, Domain, GetPort, Packet, Priority, PutPort, Start};
 use tactnet_data::Dataset;
-use tactnet_serving::packets::{
+use tactnet_rehearsal::SkinSimulator;
+use tactnet_serving::{ModelSource, Service};
+use tactnet_skin::packets::{
     Command, Event, SkinFrame, Stage, SweepCommand, TactileBelief, TactileStatus,
 };
-use tactnet_serving::simulate::SkinSimulator;
-use tactnet_serving::{FollowConfig, ModelSource, ServeConfig, Service};
+use tactnet_skin::{SegmenterConfig, ServeConfig};
 
 use crate::serve::{Robot, STEPS, offline};
 
 const SKIP: usize = 20;
 
 /// A service of two fingers with everything that it is connected to.
-struct Bench {
+struct ServiceUnderTest {
     service: Service,
     fingers: [PutPort<SkinFrame>; 2],
     commands: PutPort<SweepCommand>,
@@ -24,19 +25,19 @@ struct Bench {
     dataset: Dataset,
 }
 
-impl Bench {
+impl ServiceUnderTest {
     fn new(robot: &Robot) -> Self {
         let config = ServeConfig {
             fingers: vec!["skin/left".into(), "skin/right".into()],
             anytime_ms: 0.0,
             mc_samples: 0,
-            follow: FollowConfig {
+            segmenter: SegmenterConfig {
                 skip: SKIP,
-                ..FollowConfig::default()
+                ..SegmenterConfig::default()
             },
             ..ServeConfig::default()
         };
-        let bus = Bus::open(Domain::Process, &config.table("bench")).unwrap();
+        let bus = Bus::open(Domain::Process, &config.table("tested")).unwrap();
         let source = ModelSource::Run(robot.lab.path("models/1"));
         let finger = |id| bus.put_port::<SkinFrame>(id, Priority::High).unwrap();
         Self {
@@ -56,7 +57,7 @@ impl Bench {
             motion,
             sweeps: 0,
             reserved: 0,
-            material: tactnet_serving::packets::Text::default(),
+            material: tactnet_skin::packets::Text::default(),
         };
         self.commands.put_copy(&[command]).unwrap();
     }
@@ -101,26 +102,26 @@ fn assert_alike(belief: &TactileBelief, offline: &[f64]) {
 #[test]
 fn two_fingers_sweep_at_once_and_each_gets_its_own_belief() {
     let robot = Robot::new("two");
-    let mut bench = Bench::new(&robot);
+    let mut tested = ServiceUnderTest::new(&robot);
     let sweeps = [3, 130];
-    let frames = sweeps.map(|sweep| bench.frames(sweep, 0));
-    bench.command(Command::Start, 0, 70);
+    let frames = sweeps.map(|sweep| tested.frames(sweep, 0));
+    tested.command(Command::Start, 0, 70);
     for at in 0..SKIP + STEPS {
         // The second finger begins later, between the other's frames.
         if at == 7 {
-            bench.command(Command::Start, 1, 71);
+            tested.command(Command::Start, 1, 71);
         }
-        bench.fingers[0].put_copy(&[frames[0][at]]).unwrap();
+        tested.fingers[0].put_copy(&[frames[0][at]]).unwrap();
         if at >= 7 {
-            bench.fingers[1].put_copy(&[frames[1][at - 7]]).unwrap();
+            tested.fingers[1].put_copy(&[frames[1][at - 7]]).unwrap();
         }
-        bench.settle();
+        tested.settle();
     }
     for frame in &frames[1][SKIP + STEPS - 7..] {
-        bench.fingers[1].put_copy(&[*frame]).unwrap();
+        tested.fingers[1].put_copy(&[*frame]).unwrap();
     }
-    bench.settle();
-    let beliefs = all(&bench.beliefs);
+    tested.settle();
+    let beliefs = all(&tested.beliefs);
     assert_eq!(beliefs.len(), 2);
     for (belief, (finger, sweep)) in beliefs.iter().zip(sweeps.into_iter().enumerate()) {
         assert_eq!(
@@ -137,25 +138,25 @@ fn two_fingers_sweep_at_once_and_each_gets_its_own_belief() {
 #[test]
 fn commands_divide_the_frames_at_their_own_time_however_late_both_are_seen() {
     let robot = Robot::new("late");
-    let mut bench = Bench::new(&robot);
-    let (first, second) = (bench.frames(3, 0), bench.frames(130, 60));
-    bench.command(Command::Start, 0, 1);
+    let mut tested = ServiceUnderTest::new(&robot);
+    let (first, second) = (tested.frames(3, 0), tested.frames(130, 60));
+    tested.command(Command::Start, 0, 1);
     for frame in &first[..60] {
-        bench.fingers[0].put_copy(&[*frame]).unwrap();
+        tested.fingers[0].put_copy(&[*frame]).unwrap();
     }
     // A second start without a stop.
-    bench.command(Command::Start, 0, 2);
+    tested.command(Command::Start, 0, 2);
     for frame in &second {
-        bench.fingers[0].put_copy(&[*frame]).unwrap();
+        tested.fingers[0].put_copy(&[*frame]).unwrap();
     }
-    bench.command(Command::Stop, 0, 2);
-    bench.command(Command::Start, 5, 3);
-    bench.settle();
-    let beliefs = all(&bench.beliefs);
+    tested.command(Command::Stop, 0, 2);
+    tested.command(Command::Start, 5, 3);
+    tested.settle();
+    let beliefs = all(&tested.beliefs);
     assert_eq!(beliefs.len(), 1, "of the second sweep only");
     assert_eq!(beliefs[0].motion, 2);
     assert_alike(&beliefs[0], &offline(&robot, "models/1", 130));
-    let told: Vec<(u32, u64)> = all(&bench.status)
+    let told: Vec<(u32, u64)> = all(&tested.status)
         .iter()
         .filter(|status| status.event != Event::Alive as u32)
         .map(|status| (status.event, status.motion))
@@ -164,10 +165,10 @@ fn commands_divide_the_frames_at_their_own_time_however_late_both_are_seen() {
         (Event::Begun, 1),
         (Event::Rejected, 1),
         (Event::Begun, 2),
-        (Event::Judged, 2),
+        (Event::Classified, 2),
         // No finger 5.
         (Event::Refused, 0),
     ];
     assert_eq!(told, expected.map(|(event, motion)| (event as u32, motion)));
-    assert_eq!(bench.service.counters().rejected, 1);
+    assert_eq!(tested.service.counters().rejected, 1);
 }

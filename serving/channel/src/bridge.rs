@@ -199,7 +199,7 @@ impl Drop for Bridge {
 /// Publishers of one channel, one for each priority.
 struct Wire {
     publishers: [Publisher<'static>; 4],
-    /// Whether any other hub listens.
+    /// Returns true if any other hub listens.
     wanted: Arc<AtomicBool>,
 }
 

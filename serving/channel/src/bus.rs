@@ -43,7 +43,7 @@ struct Inner {
     node: AnyNode,
     table: Table,
     /// Of channels that were opened, in the process domain.
-    bells: Mutex<BTreeMap<ChannelId, Arc<WakeEvent>>>,
+    wake_events: Mutex<BTreeMap<ChannelId, Arc<WakeEvent>>>,
     /// Rung for groups that are too large for the kernel.
     crowd: Arc<WakeEvent>,
 }
@@ -53,7 +53,7 @@ pub(crate) struct Opened {
     pub(crate) id: ChannelId,
     pub(crate) config: ChannelConfig,
     pub(crate) channel: AnyChannel,
-    pub(crate) bell: Arc<WakeEvent>,
+    pub(crate) wake_event: Arc<WakeEvent>,
     pub(crate) crowd: Arc<WakeEvent>,
     /// Folder and beginning of the names of its files in shared memory.
     pub(crate) prefix: Option<String>,
@@ -101,7 +101,7 @@ impl Bus {
             inner: Arc::new(Inner {
                 node,
                 table: table.clone(),
-                bells: Mutex::default(),
+                wake_events: Mutex::default(),
                 crowd: Arc::new(crowd),
             }),
         })
@@ -197,46 +197,46 @@ impl Bus {
 
     fn open_any(&self, id: ChannelId) -> Result<Opened, ChannelError> {
         let config = self.inner.table.channel(id.as_str()?)?;
-        let (channel, bell) = match &self.inner.node {
+        let (channel, wake_event) = match &self.inner.node {
             Either::Process(node) => (
                 Either::Process(create(node, id, config)?),
-                self.local_bell(id),
+                self.local_wake_event(id),
             ),
             Either::Host(node) => {
                 let channel = open(node, id, &self.inner.table.bus)?;
                 check_attributes(&channel, id, config)?;
-                let bell = Arc::new(WakeEvent::open(&bell_file(
+                let wake_event = Arc::new(WakeEvent::open(&wake_event_file(
                     &self.inner.table.local_name(),
                     id,
                 )?)?);
-                (Either::Host(channel), bell)
+                (Either::Host(channel), wake_event)
             }
         };
         Ok(Opened {
             id,
             config: config.clone(),
             channel,
-            bell,
+            wake_event,
             crowd: self.inner.crowd.clone(),
             prefix: matches!(self.inner.node, Either::Host(_))
                 .then(|| format!("{}_", self.inner.table.local_name())),
         })
     }
 
-    fn local_bell(&self, id: ChannelId) -> Arc<WakeEvent> {
-        let mut bells = self
+    fn local_wake_event(&self, id: ChannelId) -> Arc<WakeEvent> {
+        let mut wake_events = self
             .inner
-            .bells
+            .wake_events
             .lock()
             .unwrap_or_else(PoisonError::into_inner);
-        bells
+        wake_events
             .entry(id)
             .or_insert_with(|| Arc::new(WakeEvent::local()))
             .clone()
     }
 }
 
-/// What names a channel: text or a [`ChannelId`] that came in a packet.
+/// A name of a channel: text or a [`ChannelId`] that came in a packet.
 pub trait AsChannelId {
     /// The id.
     ///
@@ -390,7 +390,7 @@ pub(crate) fn create<S: Service>(
     Ok(channel)
 }
 
-/// What a port checks when it opens.
+/// Size and alignment that a port checks when it opens.
 fn attributes(config: &ChannelConfig) -> [(&'static str, String); 2] {
     let ChannelConfig {
         items,
@@ -441,13 +441,13 @@ fn check_attributes<S: Service>(
 /// Where shared memory is.
 pub(crate) const SHARED_MEMORY: &str = "/dev/shm";
 
-/// The file of a channel's bell.
-pub(crate) fn bell_file(bus: &str, id: ChannelId) -> Result<PathBuf, ChannelError> {
+/// The file of a channel's wake_event.
+pub(crate) fn wake_event_file(bus: &str, id: ChannelId) -> Result<PathBuf, ChannelError> {
     let name = id.as_str()?.replace('/', "+");
-    Ok(PathBuf::from(format!("{SHARED_MEMORY}/{bus}_bell_{name}")))
+    Ok(PathBuf::from(format!("{SHARED_MEMORY}/{bus}_wake_{name}")))
 }
 
-/// The file of the bell for large groups; it is there while a hub is or was.
+/// The file of the wake_event for large groups; it is there while a hub is or was.
 pub(crate) fn crowd_file(bus: &str) -> PathBuf {
-    PathBuf::from(format!("{SHARED_MEMORY}/{bus}_bell+"))
+    PathBuf::from(format!("{SHARED_MEMORY}/{bus}_wake+"))
 }

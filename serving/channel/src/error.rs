@@ -1,4 +1,4 @@
-//! What can go wrong on a channel.
+//! Errors of the channel layer.
 
 use std::path::PathBuf;
 
@@ -10,7 +10,7 @@ pub enum ChannelError {
     /// A name that is none.
     #[error("`{found}` is no channel id: expected 1 to 47 letters, digits, `/`, `_`, `-` or `.`")]
     Id {
-        /// What came.
+        /// The text.
         found: String,
     },
     /// A table that cannot be used.
@@ -18,13 +18,13 @@ pub enum ChannelError {
     Table {
         /// The file, or `table`.
         path: String,
-        /// What is wrong.
+        /// Expected and found.
         reason: String,
     },
     /// A channel that the table does not name.
     #[error("channel `{id}` is not in the table; it names {known}")]
     NoSuchChannel {
-        /// What was asked for.
+        /// As asked for.
         id: String,
         /// The table's channels.
         known: String,
@@ -58,7 +58,7 @@ pub enum ChannelError {
         id: ChannelId,
         /// `put` or `get`.
         side: &'static str,
-        /// What the table allows.
+        /// As the table allows.
         most: usize,
     },
     /// Too long a packet.
@@ -66,9 +66,9 @@ pub enum ChannelError {
     TooLarge {
         /// The channel.
         id: ChannelId,
-        /// What the table allows.
+        /// As the table allows.
         most: usize,
-        /// What was asked for.
+        /// As asked for.
         found: usize,
     },
     /// More history than the channel keeps.
@@ -78,9 +78,9 @@ pub enum ChannelError {
     History {
         /// The channel.
         id: ChannelId,
-        /// What the table allows.
+        /// As the table allows.
         most: usize,
-        /// What was asked for.
+        /// As asked for.
         found: usize,
     },
     /// A client holds on to too many packets.
@@ -90,7 +90,7 @@ pub enum ChannelError {
         id: ChannelId,
         /// `loaned` or `held`.
         state: &'static str,
-        /// What the table allows.
+        /// As the table allows.
         most: usize,
     },
     /// Not enough shared memory.
@@ -98,9 +98,9 @@ pub enum ChannelError {
     Memory {
         /// The channel.
         id: ChannelId,
-        /// What the port needs.
+        /// Memory of the port.
         needed: u64,
-        /// What is left in `/dev/shm`.
+        /// Memory that is left in `/dev/shm`.
         free: u64,
     },
     /// A sync group of nothing.
@@ -117,9 +117,9 @@ pub enum ChannelError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What was tried.
+        /// The action, as a verb phrase.
         action: &'static str,
-        /// Why not.
+        /// Answer of the system.
         source: std::io::Error,
     },
     /// The transport refused something.
@@ -127,16 +127,74 @@ pub enum ChannelError {
     Transport {
         /// The channel or node.
         what: String,
-        /// What the transport says.
+        /// Answer of the transport.
         reason: String,
     },
 }
 
 impl ChannelError {
+    /// Returns true where the call must be corrected (exit code 2), false where something broke (exit code 1).
+    pub fn is_usage(&self) -> bool {
+        match self {
+            Self::Id { .. }
+            | Self::Table { .. }
+            | Self::NoSuchChannel { .. }
+            | Self::NoHub { .. }
+            | Self::HubRuns { .. }
+            | Self::Type { .. }
+            | Self::TooManyPorts { .. }
+            | Self::TooLarge { .. }
+            | Self::History { .. }
+            | Self::Memory { .. }
+            | Self::EmptyGroup
+            | Self::MixedGroup { .. } => true,
+            Self::Io { source, .. } => is_wrong_path(source),
+            Self::Held { .. } | Self::Transport { .. } => false,
+        }
+    }
+
     pub(crate) fn transport(what: impl ToString, reason: impl ToString) -> Self {
         Self::Transport {
             what: what.to_string(),
             reason: reason.to_string(),
         }
+    }
+}
+
+/// Returns true where a path is wrong (nothing there, not allowed, a folder for a file), which another call mends; false where the disk fails.
+pub fn is_wrong_path(error: &std::io::Error) -> bool {
+    use std::io::ErrorKind;
+    matches!(
+        error.kind(),
+        ErrorKind::NotFound
+            | ErrorKind::PermissionDenied
+            | ErrorKind::AlreadyExists
+            | ErrorKind::IsADirectory
+            | ErrorKind::NotADirectory
+            | ErrorKind::InvalidInput
+            | ErrorKind::InvalidFilename
+            // A file that is no text.
+            | ErrorKind::InvalidData
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::ErrorKind;
+
+    use super::*;
+
+    #[test]
+    fn a_missing_hub_is_usage_and_one_that_vanishes_is_not() {
+        let no_hub = ChannelError::NoHub { bus: "a".into() };
+        assert!(no_hub.is_usage());
+        assert!(!ChannelError::transport("skin/right", "the hub has gone").is_usage());
+        let io = |kind: ErrorKind| ChannelError::Io {
+            path: "robot.toml".into(),
+            action: "read",
+            source: kind.into(),
+        };
+        assert!(io(ErrorKind::NotFound).is_usage());
+        assert!(!io(ErrorKind::StorageFull).is_usage());
     }
 }

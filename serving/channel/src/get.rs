@@ -57,13 +57,13 @@ pub struct GetPort<T> {
     packet: PhantomData<fn() -> T>,
 }
 
-/// What a port and its sync groups share.
+/// The part of a port that its sync groups share.
 #[derive(Debug)]
 pub struct GetInner {
     id: ChannelId,
     config: ChannelConfig,
     subscriber: AnySubscriber,
-    pub(crate) bell: Arc<WakeEvent>,
+    pub(crate) wake_event: Arc<WakeEvent>,
     /// The bus's, for groups that are too large for the kernel.
     pub(crate) crowd: Arc<WakeEvent>,
 }
@@ -74,7 +74,7 @@ impl<T: Packet> GetPort<T> {
             id,
             config,
             channel,
-            bell,
+            wake_event,
             crowd,
             ..
         } = opened;
@@ -128,7 +128,7 @@ impl<T: Packet> GetPort<T> {
                 id,
                 config,
                 subscriber,
-                bell,
+                wake_event,
                 crowd,
             }),
             senders,
@@ -189,7 +189,7 @@ impl<T: Packet> GetPort<T> {
     /// As [`GetPort::try_get`].
     pub fn get(&self, wait: Wait) -> Result<Option<Received<T>>, ChannelError> {
         let Some(deadline) = wait.deadline() else {
-            // Without a look at the bell, whose memory the putter writes to.
+            // Without a look at the wake_event, whose memory the putter writes to.
             loop {
                 if let Some(packet) = self.try_get()? {
                     return Ok(Some(packet));
@@ -198,14 +198,14 @@ impl<T: Packet> GetPort<T> {
             }
         };
         loop {
-            let rings = self.inner.bell.rings();
+            let notifications = self.inner.wake_event.notifications();
             if let Some(packet) = self.try_get()? {
                 return Ok(Some(packet));
             }
             if Instant::now() >= deadline {
                 return Ok(None);
             }
-            self.inner.bell.sleep(rings, deadline);
+            self.inner.wake_event.sleep(notifications, deadline);
         }
     }
 }

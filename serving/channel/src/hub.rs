@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::publish_subscribe;
 
-use crate::bus::{SHARED_MEMORY, bell_file, create, crowd_file, iceoryx_config, node};
+use crate::bus::{SHARED_MEMORY, create, crowd_file, iceoryx_config, node, wake_event_file};
 use crate::packet::{Block, Header};
 use crate::transport::Ipc;
 use crate::wake_event::WakeEvent;
@@ -77,7 +77,7 @@ impl Hub {
         for (id, config) in &table.channels {
             let id = ChannelId::new(id)?;
             let channel = create(&node, id, config)?;
-            WakeEvent::create(&bell_file(&table.local_name(), id)?)?;
+            WakeEvent::create(&wake_event_file(&table.local_name(), id)?)?;
             channels.push((id, channel));
         }
         WakeEvent::create(&crowd_file(&table.local_name()))?;
@@ -100,7 +100,7 @@ impl Hub {
 
     /// Clears up after clients that died, about once a second, and follows who listens where. To be called some 20 times a second.
     ///
-    /// Gives the number of dead clients found.
+    /// Returns the number of dead clients found.
     ///
     /// # Errors
     /// The network refuses a channel.
@@ -157,7 +157,7 @@ impl Hub {
     }
 }
 
-/// Removes what a bus leaves in this host's shared memory, for a bus that will not be used again: bells, locks, what killed clients left.
+/// Removes what a bus leaves in this host's shared memory, for a bus that will not be used again: wake_events, locks, what killed clients left.
 /// Whoever still uses it keeps the memory that it has, but meets nobody any more.
 ///
 /// # Errors

@@ -1,4 +1,4 @@
-//! What travels: plain data that is read where it was written, without a serialisation step.
+//! Packets: plain data that is read where it was written, without a serialisation step.
 
 use std::fmt;
 
@@ -93,7 +93,7 @@ impl Packet for ChannelId {
     const VERSION: u32 = 1;
 }
 
-/// What the layer itself says about a packet.
+/// The header that the layer itself puts before a packet.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Pod, Zeroable, ZeroCopySend)]
 pub struct Header {

@@ -24,7 +24,7 @@ pub struct PutPort<T> {
     id: ChannelId,
     config: ChannelConfig,
     publisher: AnyPublisher,
-    bell: Arc<WakeEvent>,
+    wake_event: Arc<WakeEvent>,
     crowd: Arc<WakeEvent>,
     sender: u64,
     priority: Priority,
@@ -40,7 +40,7 @@ impl<T: Packet> PutPort<T> {
             id,
             config,
             channel,
-            bell,
+            wake_event,
             crowd,
             prefix,
         } = opened;
@@ -88,7 +88,7 @@ impl<T: Packet> PutPort<T> {
         Ok(Self {
             id,
             publisher,
-            bell,
+            wake_event,
             crowd,
             sender: (number ^ (number >> 64)) as u64,
             priority,
@@ -153,7 +153,7 @@ impl<T: Packet> PutPort<T> {
 
     /// Sends a packet: it is no longer the sender's, and getters see it where it is.
     ///
-    /// Gives the number of get-ports that have it in their ring.
+    /// Returns the number of get-ports that have it in their ring.
     ///
     /// # Errors
     /// A packet of another port; the transport has broken down.
@@ -196,8 +196,8 @@ impl<T: Packet> PutPort<T> {
         both!(&mut loan.sample, sample => *sample.user_header_mut() = header);
         let getters = both!(loan.sample, sample => sample.send())
             .map_err(|error| ChannelError::transport(self.id, error))?;
-        self.bell.ring();
-        self.crowd.ring_sleepers();
+        self.wake_event.notify();
+        self.crowd.notify_sleepers();
         Ok(getters)
     }
 
@@ -221,14 +221,14 @@ impl<T: Packet> PutPort<T> {
             .map_err(|error| ChannelError::transport(self.id, error))
     }
 
-    /// Gives its history to getters that came since the last packet, which a put does, too.
+    /// Puts its history again for getters that came since the last packet, which a put does, too.
     ///
     /// # Errors
     /// The transport has broken down.
     pub fn send_history(&self) -> Result<(), ChannelError> {
         self.update_connections()?;
-        self.bell.ring();
-        self.crowd.ring_sleepers();
+        self.wake_event.notify();
+        self.crowd.notify_sleepers();
         Ok(())
     }
 }

@@ -46,9 +46,9 @@ impl SyncGroup {
         let deadline = wait.deadline();
         let ports = self.ports.len();
         loop {
-            let crowd = self.crowd.rings();
+            let crowd = self.crowd.notifications();
             for (wait, port) in self.waits.iter_mut().zip(&self.ports) {
-                *wait = port.bell.wait();
+                *wait = port.wake_event.wait();
             }
             for step in 0..ports {
                 let number = (self.first + step) % ports;
@@ -61,8 +61,8 @@ impl SyncGroup {
                 None => std::hint::spin_loop(),
                 Some(deadline) if Instant::now() >= deadline => return Ok(None),
                 Some(deadline) if ports <= MAX_AT_ONCE => {
-                    let bells = self.ports.iter().map(|port| &*port.bell);
-                    WakeEvent::sleep_on_all(bells, &self.waits, deadline);
+                    let wake_events = self.ports.iter().map(|port| &*port.wake_event);
+                    WakeEvent::sleep_on_all(wake_events, &self.waits, deadline);
                 }
                 Some(deadline) => self.crowd.sleep(crowd, deadline),
             }

@@ -84,15 +84,15 @@ pub struct ChannelConfig {
     /// Packets that a put-port may have on loan at once.
     #[serde(default = "one")]
     pub loaned: usize,
-    /// Whether other hosts get its packets.
+    /// Other hosts get its packets.
     #[serde(default)]
     pub distributed: bool,
-    /// What to do when the network is slower than the putters.
+    /// Policy when the network is slower than the putters.
     #[serde(default)]
     pub congestion: Congestion,
 }
 
-/// What to do when the network is slower than the putters.
+/// Policy when the network is slower than the putters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Congestion {
@@ -173,7 +173,7 @@ impl ChannelConfig {
         self.put_ports + usize::from(self.distributed)
     }
 
-    /// What it carries, for people.
+    /// Returns its packet and length in words.
     pub(crate) fn describe(&self) -> String {
         describe(&self.packet, self.version, self.item_bytes)
     }
@@ -220,7 +220,7 @@ impl Table {
     /// Reads a table from its text.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// A table that is no TOML, or has values out of range.
     pub fn parse(text: &str) -> Result<Self, ChannelError> {
         Self::from_toml(text).map_err(|reason| ChannelError::Table {
             path: "table".into(),
@@ -239,7 +239,7 @@ impl Table {
         Ok(table)
     }
 
-    /// Whether every number is in range.
+    /// Checks that every number is in range.
     pub(crate) fn check(&self) -> Result<(), String> {
         if self.bus.is_empty()
             || self.bus.len() > 24
@@ -292,7 +292,7 @@ impl Table {
         Ok(())
     }
 
-    /// What files of this host begin with.
+    /// Returns the prefix of its files on this host.
     pub(crate) fn local_name(&self) -> String {
         format!("{}{}", self.bus, self.network.host)
     }

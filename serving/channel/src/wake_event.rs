@@ -19,15 +19,15 @@ const FUTEX2_SIZE_U32: u32 = 2;
 /// A page.
 const FILE_BYTES: usize = 4096;
 
-/// What lies in shared memory. Any bit pattern is a valid bell.
+/// The words in shared memory. Any bit pattern is a valid wake event.
 #[repr(C, align(64))]
 struct Memory {
-    rings: AtomicU32,
+    notifications: AtomicU32,
     /// Threads that sleep; too high after one was killed, which costs putters a system call each time and nothing else.
     sleepers: AtomicU32,
 }
 
-/// A bell of one channel.
+/// A wake_event of one channel.
 #[derive(Debug)]
 pub(crate) struct WakeEvent {
     memory: NonNull<Memory>,
@@ -40,7 +40,7 @@ enum Home {
     File,
 }
 
-// SAFETY: the memory holds atomics only and lives as long as the bell.
+// SAFETY: the memory holds atomics only and lives as long as the wake_event.
 unsafe impl Send for WakeEvent {}
 // SAFETY: as above.
 unsafe impl Sync for WakeEvent {}
@@ -49,7 +49,7 @@ impl WakeEvent {
     /// Within this process.
     pub(crate) fn local() -> Self {
         let memory = Box::new(Memory {
-            rings: AtomicU32::new(0),
+            notifications: AtomicU32::new(0),
             sleepers: AtomicU32::new(0),
         });
         Self {
@@ -58,9 +58,9 @@ impl WakeEvent {
         }
     }
 
-    /// Makes the file of a bell, for the hub, or leaves it as it is.
+    /// Makes the file of a wake_event, for the hub, or leaves it as it is.
     pub(crate) fn create(path: &Path) -> Result<Self, ChannelError> {
-        let failed = |source| io_error(path, "make the bell", source);
+        let failed = |source| io_error(path, "make the wake_event", source);
         let file = OpenOptions::new()
             .read(true)
             .write(true)
@@ -72,24 +72,24 @@ impl WakeEvent {
         Self::map(&file, path)
     }
 
-    /// The bell that a hub has made.
+    /// The wake_event that a hub has made.
     pub(crate) fn open(path: &Path) -> Result<Self, ChannelError> {
         let file = OpenOptions::new()
             .read(true)
             .write(true)
             .open(path)
-            .map_err(|source| io_error(path, "open the bell", source))?;
+            .map_err(|source| io_error(path, "open the wake_event", source))?;
         Self::map(&file, path)
     }
 
     fn map(file: &File, path: &Path) -> Result<Self, ChannelError> {
         let length = file
             .metadata()
-            .map_err(|source| io_error(path, "map the bell", source))?
+            .map_err(|source| io_error(path, "map the wake_event", source))?
             .len();
         if length < FILE_BYTES as u64 {
             let cut = std::io::Error::other("the file is too short; start the hub anew");
-            return Err(io_error(path, "map the bell", cut));
+            return Err(io_error(path, "map the wake_event", cut));
         }
         // SAFETY: a new shared mapping of a file that is long enough; the result is checked.
         let address = unsafe {
@@ -105,7 +105,7 @@ impl WakeEvent {
         if address == libc::MAP_FAILED {
             return Err(io_error(
                 path,
-                "map the bell",
+                "map the wake_event",
                 std::io::Error::last_os_error(),
             ));
         }
@@ -122,20 +122,20 @@ impl WakeEvent {
         unsafe { self.memory.as_ref() }
     }
 
-    /// Number of rings so far.
-    pub(crate) fn rings(&self) -> u32 {
-        self.memory().rings.load(Ordering::SeqCst)
+    /// Number of notifications so far.
+    pub(crate) fn notifications(&self) -> u32 {
+        self.memory().notifications.load(Ordering::SeqCst)
     }
 
-    /// Tells everybody who sleeps.
-    pub(crate) fn ring(&self) {
-        self.memory().rings.fetch_add(1, Ordering::SeqCst);
+    /// Wakes everybody who sleeps.
+    pub(crate) fn notify(&self) {
+        self.memory().notifications.fetch_add(1, Ordering::SeqCst);
         if self.memory().sleepers.load(Ordering::SeqCst) > 0 {
             // SAFETY: the address is a valid futex word.
             unsafe {
                 libc::syscall(
                     libc::SYS_futex,
-                    &raw const self.memory().rings,
+                    &raw const self.memory().notifications,
                     libc::FUTEX_WAKE,
                     i32::MAX,
                 );
@@ -153,14 +153,14 @@ impl WakeEvent {
         self.memory().sleepers.fetch_sub(1, Ordering::SeqCst);
     }
 
-    /// Rings only if somebody sleeps or attends.
-    pub(crate) fn ring_sleepers(&self) {
+    /// Notifies only if somebody sleeps or attends.
+    pub(crate) fn notify_sleepers(&self) {
         if self.memory().sleepers.load(Ordering::SeqCst) > 0 {
-            self.ring();
+            self.notify();
         }
     }
 
-    /// Sleeps while the number of rings is `seen`, at most until `deadline`. May return early.
+    /// Sleeps while the number of notifications is `seen`, at most until `deadline`. May return early.
     pub(crate) fn sleep(&self, seen: u32, deadline: Instant) {
         let Some(left) = left(deadline) else { return };
         let time = timespec(left);
@@ -169,7 +169,7 @@ impl WakeEvent {
         unsafe {
             libc::syscall(
                 libc::SYS_futex,
-                &raw const self.memory().rings,
+                &raw const self.memory().notifications,
                 libc::FUTEX_WAIT,
                 seen,
                 &raw const time,
@@ -178,17 +178,17 @@ impl WakeEvent {
         self.memory().sleepers.fetch_sub(1, Ordering::SeqCst);
     }
 
-    /// Sleeps while every bell has rung as often as `waits` says, at most until `deadline`. May return early.
+    /// Sleeps while every wake_event has rung as often as `waits` says, at most until `deadline`. May return early.
     ///
     /// - `waits`: made by [`WakeEvent::wait`], at most [`MAX_AT_ONCE`]
     pub(crate) fn sleep_on_all<'a>(
-        bells: impl Iterator<Item = &'a WakeEvent> + Clone,
+        wake_events: impl Iterator<Item = &'a WakeEvent> + Clone,
         waits: &[FutexWait],
         deadline: Instant,
     ) {
         let Some(left) = left(deadline) else { return };
-        for bell in bells.clone() {
-            bell.memory().sleepers.fetch_add(1, Ordering::SeqCst);
+        for wake_event in wake_events.clone() {
+            wake_event.memory().sleepers.fetch_add(1, Ordering::SeqCst);
         }
         let mut until = timespec(Duration::ZERO);
         // SAFETY: valid futex words and times; `waits` is at most as long as the kernel takes.
@@ -211,16 +211,16 @@ impl WakeEvent {
                 std::thread::sleep(left.min(Duration::from_millis(1)));
             }
         }
-        for bell in bells {
-            bell.memory().sleepers.fetch_sub(1, Ordering::SeqCst);
+        for wake_event in wake_events {
+            wake_event.memory().sleepers.fetch_sub(1, Ordering::SeqCst);
         }
     }
 
-    /// What the kernel is to compare.
+    /// Returns the words that the kernel compares.
     pub(crate) fn wait(&self) -> FutexWait {
         FutexWait {
-            value: u64::from(self.rings()),
-            address: (&raw const self.memory().rings) as u64,
+            value: u64::from(self.notifications()),
+            address: (&raw const self.memory().notifications) as u64,
             flags: FUTEX2_SIZE_U32,
             reserved: 0,
         }
@@ -262,7 +262,7 @@ fn timespec(time: Duration) -> libc::timespec {
     }
 }
 
-/// Gives a file of shared memory its pages now, so that a full disk is an error here and no signal later.
+/// Allocates the pages of a file of shared memory now, so that a full disk is an error here and no signal later.
 pub(crate) fn reserve(file: &File, bytes: u64) -> std::io::Result<()> {
     // SAFETY: a plain call with a valid descriptor.
     match unsafe { libc::posix_fallocate(file.as_raw_fd(), 0, bytes as i64) } {
@@ -292,23 +292,23 @@ mod tests {
 
     #[test]
     fn a_ring_between_look_and_sleep_is_not_lost() {
-        let bell = WakeEvent::local();
-        let seen = bell.rings();
-        bell.ring();
+        let wake_event = WakeEvent::local();
+        let seen = wake_event.notifications();
+        wake_event.notify();
         let begun = Instant::now();
-        bell.sleep(seen, soon());
+        wake_event.sleep(seen, soon());
         let waits = [FutexWait {
             value: u64::from(seen),
-            ..bell.wait()
+            ..wake_event.wait()
         }];
-        WakeEvent::sleep_on_all([&bell].into_iter(), &waits, soon());
+        WakeEvent::sleep_on_all([&wake_event].into_iter(), &waits, soon());
         assert!(begun.elapsed() < Duration::from_secs(10));
     }
 
     #[test]
-    fn sleepers_wake_by_any_of_their_bells_and_by_the_deadline() {
+    fn sleepers_wake_by_any_of_their_wake_events_and_by_the_deadline() {
         let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("bell");
+        let path = folder.path().join("wake_event");
         WakeEvent::create(&path).unwrap();
         // Two mappings of one file, as two processes have them.
         let (own, other) = (
@@ -322,7 +322,7 @@ mod tests {
             std::thread::spawn(move || {
                 let waits = [quiet.wait(), own.wait()];
                 let begun = Instant::now();
-                while own.rings() == 0 {
+                while own.notifications() == 0 {
                     WakeEvent::sleep_on_all([&quiet, &*own].into_iter(), &waits, soon());
                 }
                 begun.elapsed()
@@ -331,10 +331,10 @@ mod tests {
         while own.memory().sleepers.load(Ordering::SeqCst) == 0 {
             std::thread::yield_now();
         }
-        other.ring();
+        other.notify();
         assert!(sleeper.join().unwrap() < Duration::from_secs(10));
         let begun = Instant::now();
-        own.sleep(own.rings(), begun + Duration::from_millis(20));
+        own.sleep(own.notifications(), begun + Duration::from_millis(20));
         assert!(begun.elapsed() >= Duration::from_millis(20));
         assert_eq!(own.memory().sleepers.load(Ordering::SeqCst), 0);
     }

@@ -1,21 +1,26 @@
 //! Recordings of the tactile channels: MCAP files (<https://mcap.dev>) with Protocol Buffers messages, as Foxglove and its tools read them.
 //!
-//! [`Recorder`] writes what travels on the channels, [`Recording`] reads it back as far as it goes, [`sweeps`] makes a data set of it.
+//! [`Recorder`] writes what travels on the channels, [`Recording`] reads it back as far as it goes, [`sweeps`] makes a data set of it, [`play`] puts it back onto
+//! channels.
 
 mod error;
+mod kept_run;
 mod listener;
 mod messages;
 mod recorder;
 mod recording;
+mod replay;
 mod sweeps;
 #[cfg(feature = "rerun")]
 pub mod view;
 
 pub use error::RecordingError;
+pub use kept_run::{files_of_run, unpack_run};
 pub use listener::{Heard, Listener};
 pub use messages::{DESCRIPTION, Recordable, proto};
 pub use recorder::{About, Counts, Recorder};
 pub use recording::{Entry, RecordedPacket, Recording};
+pub use replay::{FrameLosses, Played, ReplayReport, SweepBeliefs, play};
 pub use sweeps::{SweepSettings, Sweeps, sweeps};
 
 /// Name of the metadata record with the table of channels.

@@ -4,14 +4,14 @@ use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use tactnet_channel::{Bus, GetPort, GetSide, Packet, Start, SyncGroup, Table, Wait, now_ns};
-use tactnet_serving::ServeConfig;
-use tactnet_serving::packets::{ModelNames, SkinFrame, SweepCommand, TactileBelief, TactileStatus};
+use tactnet_skin::ServeConfig;
+use tactnet_skin::packets::{ModelNames, SkinFrame, SweepCommand, TactileBelief, TactileStatus};
 
 use crate::messages::Recordable;
 use crate::{RecordedPacket, RecordingError};
 
 /// Packets of a channel in one go.
-const MOST: usize = 256;
+const MAX_PACKETS: usize = 256;
 
 /// Follows the channels of the classifier; when somebody is too slow, the channels' own rings keep the newest packets and count what was lost.
 pub struct Listener {
@@ -129,7 +129,7 @@ impl Listener {
         of: impl Fn(T) -> RecordedPacket,
         each: &mut impl FnMut(Heard),
     ) -> Result<(), RecordingError> {
-        for _ in 0..MOST {
+        for _ in 0..MAX_PACKETS {
             let Some(packets) = port.try_get()? else {
                 break;
             };

@@ -2,7 +2,7 @@
 
 use prost::Message;
 use tactnet_channel::Packet;
-use tactnet_serving::packets::{
+use tactnet_skin::packets::{
     Counters, ModelNames, SkinFrame, SweepCommand, TactileBelief, TactileStatus, Text,
 };
 

@@ -28,10 +28,10 @@ const WAITING: usize = 8192;
 const CHUNK_EVERY: Duration = Duration::from_secs(1);
 /// And when it is so large, bytes.
 const CHUNK_BYTES: u64 = 1 << 20;
-/// What is known of a recording before it begins.
+/// Facts about a recording that are known before it begins.
 #[derive(Debug, Clone, Default)]
 pub struct About {
-    /// What is swept over, where it is one material only.
+    /// The material that is swept over, where it is one material only.
     pub material: Option<String>,
     /// Commit of the program.
     pub git: String,
@@ -39,7 +39,7 @@ pub struct About {
     pub files: Vec<(String, Vec<u8>)>,
 }
 
-/// What has been recorded.
+/// Counts of what has been recorded.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Messages on all channels.
@@ -180,7 +180,7 @@ impl Recorder {
         if goes_on { Ok(()) } else { self.end() }
     }
 
-    /// What has come so far.
+    /// Returns the counts so far.
     pub fn counts(&self) -> Counts {
         Counts {
             lost: self.listener.lost(),
@@ -214,15 +214,14 @@ impl Recorder {
 }
 
 impl Drop for Recorder {
-    /// What has come is kept, however it ends.
+    /// Keeps all that has come, however it ends.
     fn drop(&mut self) {
         let _ = self.end();
     }
 }
 
 fn metadata(table: &Table, about: &About) -> Result<Metadata, RecordingError> {
-    let text = toml::to_string(table)
-        .map_err(|error| tactnet_serving::ServeError::Config(error.to_string()))?;
+    let text = toml::to_string(table)?;
     let mut metadata = BTreeMap::from([
         ("table".to_owned(), text),
         ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),

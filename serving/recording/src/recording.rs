@@ -10,7 +10,7 @@ use mcap::parse_record;
 use mcap::records::{Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use tactnet_channel::Table;
-use tactnet_serving::packets::{ModelNames, SkinFrame, SweepCommand, TactileBelief, TactileStatus};
+use tactnet_skin::packets::{ModelNames, SkinFrame, SweepCommand, TactileBelief, TactileStatus};
 
 use crate::messages::Recordable;
 use crate::{METADATA, RecordingError};
@@ -57,14 +57,14 @@ impl RecordedPacket {
     }
 }
 
-/// What a file holds, in memory: about 0.5 GB for an hour of one finger at 750 Hz.
+/// The contents of a file, in memory: about 0.5 GB for an hour of one finger at 750 Hz.
 #[derive(Debug, Clone)]
 pub struct Recording {
     /// In the order of the times at which they were put.
     pub entries: Vec<Entry>,
     /// The table of channels.
     pub table: Table,
-    /// What was swept over, where it was one material only.
+    /// The material that was swept over, where it was one material only.
     pub material: Option<String>,
     /// Files that were kept with it.
     pub files: BTreeMap<String, Vec<u8>>,
@@ -74,7 +74,7 @@ pub struct Recording {
     pub foreign: usize,
 }
 
-/// What has been read so far.
+/// The contents read so far.
 #[derive(Default)]
 struct Found {
     entries: Vec<Entry>,
@@ -206,7 +206,7 @@ impl Found {
     }
 }
 
-/// Whether the lengths in an attachment add up; mcap 0.26 panics where they do not.
+/// Returns true if the lengths in an attachment add up; mcap 0.26 panics where they do not.
 fn attachment_is_whole(data: &[u8]) -> bool {
     let integer = |at: usize, bytes: usize| -> Option<usize> {
         let mut value = [0; 8];

@@ -3,13 +3,13 @@
 use std::path::Path;
 
 use tactnet_data::{Dataset, Frame, LabelSet, Samples, SweepRecord, SweepShape};
-use tactnet_serving::packets::Command;
-use tactnet_serving::{Followed, Segmentation, ServeConfig, SweepSegmenter};
+use tactnet_skin::packets::Command;
+use tactnet_skin::{Segmentation, ServeConfig, SweepChange, SweepSegmenter};
 
 use crate::RecordingError;
 use crate::recording::{RecordedPacket, Recording};
 
-/// What the sweeps of a recording look like, where it does not say.
+/// Shape and rate of the sweeps of a recording, where it does not say.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SweepSettings {
     /// Frames of a sweep [default: those of the recorded model, or else 1000].
@@ -96,13 +96,13 @@ pub fn sweeps(
         return Err(unreadable(format!("{rate_hz} frames a second")));
     }
     let fallback = material.or(recording.material.as_deref());
-    let by_command = config.follow.segmentation == Segmentation::Command;
+    let by_command = config.segmenter.segmentation == Segmentation::Command;
     let mut fingers: Vec<(SweepSegmenter, Option<String>)> = config
         .fingers
         .iter()
         .map(|_| {
             (
-                SweepSegmenter::new(config.follow, steps, taxels, rate_hz),
+                SweepSegmenter::new(config.segmenter, steps, taxels, rate_hz),
                 None,
             )
         })
@@ -111,42 +111,42 @@ pub fn sweeps(
     let mut rejected = Vec::new();
     let mut unlabelled = 0;
     for entry in &recording.entries {
-        let (number, followed) = match &entry.packet {
+        let (number, change) = match &entry.packet {
             RecordedPacket::Frame(frame) => {
                 let Some(number) = config.fingers.iter().position(|id| **id == *entry.channel)
                 else {
                     continue;
                 };
-                let followed = fingers[number].0.push(&Frame {
+                let change = fingers[number].0.push(&Frame {
                     sequence: frame.sequence,
                     sensor_time_nanos: frame.sensor_time_ns,
                     taxels: frame.values(),
                 });
-                (number, followed)
+                (number, change)
             }
             RecordedPacket::Command(command) => {
                 let number = command.finger as usize;
-                let Some((follower, material)) = fingers.get_mut(number) else {
+                let Some((segmenter, material)) = fingers.get_mut(number) else {
                     continue;
                 };
                 match command.command() {
                     Some(Command::Start) if by_command => {
-                        let followed = follower.start();
+                        let change = segmenter.start();
                         let named = command.material.as_str();
                         *material = (!named.is_empty()).then(|| named.to_owned());
-                        (number, followed)
+                        (number, change)
                     }
-                    Some(Command::Stop) if by_command => (number, follower.stop()),
+                    Some(Command::Stop) if by_command => (number, segmenter.stop()),
                     _ => continue,
                 }
             }
             _ => continue,
         };
-        match followed {
-            Followed::Complete => {
-                let (follower, material) = &fingers[number];
+        match change {
+            SweepChange::Complete => {
+                let (segmenter, material) = &fingers[number];
                 let label = material.as_deref().or(fallback);
-                match (label, follower.window().sweep()) {
+                match (label, segmenter.window().sweep()) {
                     (Some(label), Some(digits)) => found.push(Found {
                         material: label.into(),
                         digits: digits.to_vec(),
@@ -154,10 +154,10 @@ pub fn sweeps(
                     _ => unlabelled += 1,
                 }
             }
-            Followed::Rejected(reject) | Followed::RejectedAndBegun(reject) => {
+            SweepChange::Rejected(reject) | SweepChange::RejectedAndBegun(reject) => {
                 rejected.push(reject.to_string());
             }
-            Followed::Nothing | Followed::Begun | Followed::Extended => {}
+            SweepChange::Unchanged | SweepChange::Begun | SweepChange::Extended => {}
         }
     }
     if found.is_empty() {

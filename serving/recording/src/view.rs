@@ -17,10 +17,14 @@ mod beliefs;
 mod layout;
 mod live;
 mod scene;
+mod show_channels;
+mod show_sweeps;
 mod skin;
 mod target;
 
 pub use live::LiveView;
 pub use scene::{Play, Scene, TimeOrigin};
+pub use show_channels::{Viewed, show_channels, show_recording};
+pub use show_sweeps::{first_sweeps, show_sweeps};
 pub use skin::Stretch;
 pub use target::Target;

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use crate::packets::SweepCommand;
+use tactnet_skin::packets::SweepCommand;
 
 /// Most that wait for one finger, and for none.
 pub(super) const MAX_COMMANDS: usize = 32;
@@ -54,7 +54,7 @@ impl WaitingCommands {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::packets::Command;
+    use tactnet_skin::packets::Command;
 
     fn command(finger: u32, motion: u64) -> SweepCommand {
         SweepCommand {

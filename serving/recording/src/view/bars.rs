@@ -3,7 +3,7 @@
 use re_sdk_types::archetypes::LineStrips2D;
 use re_sdk_types::components::Color;
 use re_sdk_types::datatypes::Rgba32;
-use tactnet_serving::packets::{Stage, TactileBelief, Verdict};
+use tactnet_skin::packets::{Stage, TactileBelief, Verdict};
 
 /// Materials that are drawn.
 const SHOWN: usize = 8;
@@ -30,7 +30,7 @@ pub(super) fn likeliest(posterior: &[f32], names: &[String]) -> Vec<(String, f32
     materials
 }
 
-/// What the viewer calls a material whose name has not come yet, too.
+/// Label of a material whose name has not come yet, too.
 pub(super) fn name(number: usize, names: &[String]) -> String {
     names
         .get(number)

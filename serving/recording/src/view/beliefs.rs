@@ -2,7 +2,7 @@
 
 use re_sdk_types::archetypes::{LineStrips2D, Points2D, Scalars, SeriesLines, TextDocument};
 use re_sdk_types::components::MediaType;
-use tactnet_serving::packets::{Stage, TactileBelief};
+use tactnet_skin::packets::{Stage, TactileBelief};
 
 use super::bars;
 use super::scene::Stream;
@@ -19,7 +19,7 @@ struct Row {
     bars: Vec<(String, f32)>,
     words: String,
     posterior: Vec<f64>,
-    /// Of whole sweeps: how they were judged, and how long that took, ms.
+    /// Of whole sweeps: how they were classified, and how long that took, ms.
     latency: Option<(&'static str, f64)>,
 }
 

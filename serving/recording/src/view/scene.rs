@@ -1,4 +1,4 @@
-//! What is shown in one viewer or file: its time, its fingers, its events.
+//! The contents of one viewer or file: its time, its fingers, its events.
 
 use std::time::Duration;
 
@@ -10,22 +10,22 @@ use re_sdk::{
 };
 use re_sdk_types::archetypes::TextLog;
 use tactnet_channel::Table;
-use tactnet_serving::ServeConfig;
-use tactnet_serving::packets::{Command, Event, ModelNames, SweepCommand, TactileStatus};
+use tactnet_skin::ServeConfig;
+use tactnet_skin::packets::{Command, Event, ModelNames, SweepCommand, TactileStatus};
 
 use super::beliefs::BeliefColumns;
 use super::skin::SkinColumns;
 use super::{Stretch, Target, layout};
 use crate::{Entry, RecordedPacket, RecordingError};
 
-/// What the viewer's library may hold back, bytes.
+/// Bytes that the viewer's library may hold back.
 const HELD_BACK: u64 = 8 << 20;
 /// How long a viewer may take to answer for the first time.
 const FIRST: Duration = Duration::from_secs(30);
 /// How often a slow viewer is asked whether it is still there.
 const ASKED_EVERY: Duration = Duration::from_secs(5);
 
-/// What zero means on the timeline.
+/// The meaning of zero on the timeline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TimeOrigin {
     /// The year 1970: things happened at a time of day.
@@ -50,7 +50,7 @@ struct Finger {
     beliefs: BeliefColumns,
 }
 
-/// What is shown in one viewer or file.
+/// The contents of one viewer or file.
 pub struct Scene {
     stream: Stream,
     target: Target,
@@ -224,7 +224,7 @@ impl Scene {
         Ok(())
     }
 
-    /// Whether the viewer, or the file, has got what was sent within `patience`.
+    /// Returns true if the viewer, or the file, has got what was sent within `patience`.
     ///
     /// # Errors
     /// The viewer has gone; the file cannot be written.
@@ -267,7 +267,7 @@ impl Scene {
 
     fn show_status(&self, time_ns: i64, status: &TactileStatus) -> Result<(), RecordingError> {
         let text = match status.text.as_str() {
-            "" if status.event == Event::Judged as u32 => "judged",
+            "" if status.event == Event::Classified as u32 => "classified",
             // Once a second, or told by others.
             "" => return Ok(()),
             text => text,

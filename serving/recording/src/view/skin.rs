@@ -4,7 +4,7 @@ use re_sdk::log::TimeColumn;
 use re_sdk_types::archetypes::{Scalars, SeriesLines, Tensor};
 use re_sdk_types::components::ValueRange;
 use re_sdk_types::datatypes::{TensorBuffer, TensorData};
-use tactnet_serving::packets::SkinFrame;
+use tactnet_skin::packets::SkinFrame;
 
 use super::scene::Stream;
 use crate::RecordingError;

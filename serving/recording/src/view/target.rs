@@ -16,7 +16,7 @@ use crate::RecordingError;
 
 /// The viewer's program.
 const PROGRAM: &str = "rerun";
-/// What its server keeps for viewers that join later.
+/// Memory that its server keeps for viewers that join later.
 const SERVER_KEEPS: &str = "256MB";
 /// A viewer on a busy machine has started by then.
 const STARTED: Duration = Duration::from_secs(60);

@@ -1,0 +1,66 @@
+//! The run directory of the classifier that served, kept in a recording.
+
+use std::path::{Path, PathBuf};
+
+use crate::{Recording, RecordingError};
+
+/// Files that a classifier needs to serve.
+const FILES: [&str; 7] = [
+    "calibration.json",
+    "config.json",
+    "split.json",
+    "result.json",
+    "enrolled.json",
+    "weights.safetensors",
+    "known.safetensors",
+];
+/// Folder of those in a recording.
+const FOLDER: &str = "run/";
+
+/// Reads the files of a run directory, with the names that they have in a recording.
+///
+/// # Errors
+/// A file that cannot be read; no weights of a trained network.
+pub fn files_of_run(run: &Path) -> Result<Vec<(String, Vec<u8>)>, RecordingError> {
+    let mut files = Vec::new();
+    for name in FILES {
+        let path = run.join(name);
+        if path.exists() {
+            let bytes = std::fs::read(&path).map_err(|source| RecordingError::Io {
+                path: path.clone(),
+                source,
+            })?;
+            files.push((format!("{FOLDER}{name}"), bytes));
+        }
+    }
+    let has_weights = |(name, _): &(String, _)| name.ends_with("weights.safetensors");
+    if !files.iter().any(has_weights) {
+        return Err(RecordingError::NotARun { path: run.into() });
+    }
+    Ok(files)
+}
+
+/// Writes the run directory that a recording keeps into `folder`, and returns its path; `None` where it keeps none.
+///
+/// # Errors
+/// A folder that cannot be written.
+pub fn unpack_run(recording: &Recording, folder: &Path) -> Result<Option<PathBuf>, RecordingError> {
+    let run = folder.join("run");
+    let failed = |source| RecordingError::Io {
+        path: run.clone(),
+        source,
+    };
+    std::fs::create_dir(&run).map_err(failed)?;
+    let mut any = false;
+    for (name, bytes) in &recording.files {
+        // Names with a path in them are not ours.
+        if let Some(name) = name.strip_prefix(FOLDER)
+            && Path::new(name).components().count() == 1
+            && Path::new(name).file_name().is_some()
+        {
+            std::fs::write(run.join(name), bytes).map_err(failed)?;
+            any = true;
+        }
+    }
+    Ok(any.then_some(run))
+}

@@ -1,0 +1,121 @@
+//! Errors of simulated robots.
+
+use std::path::PathBuf;
+
+/// Errors of a rehearsal; each is one line for people.
+#[derive(Debug, thiserror::Error)]
+pub enum RehearsalError {
+    /// The channels.
+    #[error(transparent)]
+    Channel(#[from] tactnet_channel::ChannelError),
+    /// The table's section of the classifier.
+    #[error(transparent)]
+    Skin(#[from] tactnet_skin::SkinError),
+    /// A recording.
+    #[error(transparent)]
+    Recording(#[from] tactnet_recording::RecordingError),
+    /// The table of channels, as text.
+    #[error("the table of channels: {0}")]
+    Table(#[from] toml::ser::Error),
+    /// A material that the data set does not have.
+    #[error("no material `{material}`; there are {known}")]
+    NoMaterial {
+        /// The material asked for.
+        material: String,
+        /// Those of the data set.
+        known: String,
+    },
+    /// A material of which no sweep may be played.
+    #[error("a material without a sweep")]
+    NoSweep,
+    /// The network knows none of the data set's materials.
+    #[error("{data}: no material that the network knows")]
+    NothingKnown {
+        /// Name of the data set.
+        data: String,
+    },
+    /// SCHED_FIFO was asked for and is not allowed.
+    #[error("SCHED_FIFO: {reason}")]
+    NoFifo {
+        /// Answer of the system.
+        reason: String,
+    },
+    /// Ctrl-C before the first turn was over.
+    #[error("stopped before anything was measured")]
+    Stopped,
+    /// A process beside this one could not be started, or ended badly.
+    #[error("the {name} {reason}")]
+    Child {
+        /// Its role, such as `classifier`.
+        name: String,
+        /// The verb and its reason.
+        reason: String,
+    },
+    /// A process ended with another report than this version reads.
+    #[error("the {name} printed no report that this version reads: {source}")]
+    Report {
+        /// Its role.
+        name: &'static str,
+        /// Position and kind of the mistake.
+        source: serde_json::Error,
+    },
+    /// The system refused something.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// Answer of the system.
+        source: std::io::Error,
+    },
+}
+
+impl RehearsalError {
+    /// Returns true where the call must be corrected (exit code 2), false where something broke (exit code 1).
+    pub fn is_usage(&self) -> bool {
+        match self {
+            Self::Channel(error) => error.is_usage(),
+            Self::Skin(error) => error.is_usage(),
+            Self::Recording(error) => error.is_usage(),
+            Self::NoMaterial { .. }
+            | Self::NoSweep
+            | Self::NothingKnown { .. }
+            | Self::NoFifo { .. } => true,
+            Self::Table(_) | Self::Stopped | Self::Child { .. } | Self::Report { .. } => false,
+            Self::Io { source, .. } => tactnet_channel::is_wrong_path(source),
+        }
+    }
+
+    pub(crate) fn child(name: &str, reason: impl std::fmt::Display) -> Self {
+        Self::Child {
+            name: name.into(),
+            reason: reason.to_string(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wrong_calls_are_usage_and_children_that_end_are_not() {
+        let usage = [
+            RehearsalError::NoSweep,
+            RehearsalError::NoFifo {
+                reason: "not permitted".into(),
+            },
+            RehearsalError::Channel(tactnet_channel::ChannelError::EmptyGroup),
+            RehearsalError::Skin(tactnet_skin::SkinError::Section("`finger`".into())),
+        ];
+        assert!(usage.iter().all(RehearsalError::is_usage));
+        let broke = [
+            RehearsalError::Stopped,
+            RehearsalError::child("classifier", "ended with signal 9"),
+            RehearsalError::Io {
+                path: "robot.toml".into(),
+                source: std::io::ErrorKind::StorageFull.into(),
+            },
+        ];
+        assert!(!broke.iter().any(RehearsalError::is_usage));
+    }
+}

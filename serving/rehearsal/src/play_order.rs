@@ -1,0 +1,91 @@
+//! The order in which a simulated skin plays sweeps.
+
+use rand::seq::SliceRandom;
+use tactnet_data::{Dataset, Seed};
+
+use crate::RehearsalError;
+
+/// Returns sweeps of the materials in turns, each material's in random order.
+///
+/// - `sweeps`: numbers of those to choose from
+/// - `materials`: names; without any, all materials, in another order every round
+///
+/// # Errors
+/// A material that the data set does not have, or without a sweep.
+pub fn play_order(
+    dataset: &Dataset,
+    sweeps: &[usize],
+    materials: &[String],
+    seed: Seed,
+) -> Result<Vec<usize>, RehearsalError> {
+    let names: Vec<&str> = dataset.labels().names().collect();
+    let labels: Vec<usize> = if materials.is_empty() {
+        (0..names.len()).collect()
+    } else {
+        let label_of = |material: &String| {
+            let found = names.iter().position(|name| name == material);
+            found.ok_or_else(|| RehearsalError::NoMaterial {
+                material: material.clone(),
+                known: names.join(", "),
+            })
+        };
+        materials.iter().map(label_of).collect::<Result<_, _>>()?
+    };
+    let mut sweeps: Vec<Vec<usize>> = labels
+        .iter()
+        .map(|label| {
+            let own = sweeps.iter().copied();
+            own.filter(|sweep| dataset.records()[*sweep].label == *label)
+                .collect()
+        })
+        .collect();
+    for (sweeps, label) in sweeps.iter_mut().zip(&labels) {
+        sweeps.shuffle(&mut seed.rng(("simulated sweeps", *label)));
+    }
+    let rounds = sweeps.iter().map(Vec::len).min().unwrap_or(0);
+    if rounds == 0 {
+        return Err(RehearsalError::NoSweep);
+    }
+    let mut order = Vec::with_capacity(rounds * labels.len());
+    for round in 0..rounds {
+        let mut turn: Vec<usize> = sweeps.iter().map(|sweeps| sweeps[round]).collect();
+        if materials.is_empty() {
+            turn.shuffle(&mut seed.rng(("simulated round", round)));
+        }
+        order.extend(turn);
+    }
+    Ok(order)
+}
+
+#[cfg(test)]
+mod tests {
+    use tactnet_data::twin::{TwinConfig, generate};
+
+    use super::*;
+
+    #[test]
+    fn materials_take_turns_and_unknown_ones_are_named() {
+        let twin = generate(&TwinConfig {
+            materials: 3,
+            sweeps: 4,
+            steps: 60,
+            ..TwinConfig::default()
+        })
+        .unwrap();
+        let all: Vec<usize> = (0..twin.len()).collect();
+        let names: Vec<String> = twin.labels().names().map(Into::into).collect();
+        let wanted = [names[2].clone(), names[0].clone()];
+        let order = play_order(&twin, &all, &wanted, Seed(1)).unwrap();
+        let labels: Vec<usize> = order.iter().map(|s| twin.records()[*s].label).collect();
+        assert_eq!(labels, [2, 0].repeat(4));
+        let every = play_order(&twin, &all, &[], Seed(1)).unwrap();
+        assert_eq!(every.len(), all.len());
+        let unknown = play_order(&twin, &all, &["kryptonite".into()], Seed(1)).unwrap_err();
+        assert!(
+            unknown
+                .to_string()
+                .contains("no material `kryptonite`; there are")
+        );
+        assert!(play_order(&twin, &[], &[], Seed(1)).unwrap_err().is_usage());
+    }
+}

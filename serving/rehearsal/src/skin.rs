@@ -1,0 +1,196 @@
+//! A skin that plays recorded or synthetic sweeps, and the motion controller that commands them.
+
+use tactnet_data::Dataset;
+
+use tactnet_skin::packets::{Command, MAX_TAXELS, SkinFrame, SweepCommand, Text};
+
+/// Frames without contact between two motions, at 750 Hz half a second.
+pub const REST_FRAMES: usize = 375;
+
+/// Plays sweeps one after the other: rest, start, lead-in, the sweep, lead-out, stop.
+///
+/// A recorded sweep is the middle of a motion; its beginning and its end are mirrored to stand for the rest. With a lead as long as what
+/// the classifier skips, its window is exactly the recorded sweep.
+#[derive(Debug)]
+pub struct SkinSimulator<'a> {
+    dataset: &'a Dataset,
+    /// Sweeps in the order in which they are played, over and over.
+    order: Vec<usize>,
+    lead: usize,
+    rest: usize,
+    finger: u32,
+    /// `[steps][taxels]` of the sweep that plays
+    sweep: Vec<f32>,
+    /// Motions so far.
+    motion: u64,
+    /// Frames of this motion so far, rest included.
+    at: usize,
+    sequence: u64,
+}
+
+/// One beat of the skin.
+#[derive(Debug, Clone, Copy)]
+pub struct SkinStep {
+    /// To be put before the frame.
+    pub command: Option<SweepCommand>,
+    /// The frame.
+    pub frame: SkinFrame,
+}
+
+impl<'a> SkinSimulator<'a> {
+    /// - `order`: sweeps of `dataset`, played over and over
+    /// - `lead`: frames of the motion before and after a sweep
+    /// - `rest`: frames without contact before each motion
+    ///
+    /// # Panics
+    /// Without a sweep; with more taxels than frames hold.
+    pub fn new(dataset: &'a Dataset, order: Vec<usize>, lead: usize, rest: usize) -> Self {
+        assert!(!order.is_empty(), "a sweep to play");
+        let shape = dataset.shape();
+        assert!(shape.taxels() <= MAX_TAXELS, "taxels of a frame");
+        Self {
+            order,
+            lead,
+            rest: rest.max(1),
+            finger: 0,
+            sweep: vec![0.0; shape.values()],
+            motion: 0,
+            at: 0,
+            sequence: 0,
+            dataset,
+        }
+    }
+
+    /// The sweep that a motion plays.
+    pub fn sweep_of(&self, motion: u64) -> usize {
+        self.order[(motion - 1) as usize % self.order.len()]
+    }
+
+    /// Motions that have begun.
+    pub fn motions(&self) -> u64 {
+        self.motion
+    }
+
+    /// Frames of one motion, rest included.
+    pub fn frames_of_a_motion(&self) -> usize {
+        self.rest + 2 * self.lead + self.dataset.shape().steps
+    }
+
+    /// Returns the frames per second.
+    pub fn rate_hz(&self) -> f64 {
+        self.dataset.sample_rate_hz()
+    }
+
+    /// The next beat.
+    pub fn step(&mut self) -> SkinStep {
+        let shape = self.dataset.shape();
+        let taxels = shape.taxels();
+        let mut command = None;
+        if self.at == self.rest {
+            self.motion += 1;
+            self.dataset
+                .copy_sweep(self.sweep_of(self.motion), &mut self.sweep);
+            command = Some(Command::Start);
+        }
+        let mut digits = [0.0; MAX_TAXELS];
+        if self.at >= self.rest {
+            let row = mirrored(self.at - self.rest, self.lead, shape.steps) * taxels;
+            digits[..taxels].copy_from_slice(&self.sweep[row..row + taxels]);
+        } else if self.at == 0 && self.motion > 0 {
+            command = Some(Command::Stop);
+        }
+        let frame = SkinFrame {
+            sequence: self.sequence,
+            sensor_time_ns: (self.sequence as f64 * 1e9 / self.dataset.sample_rate_hz()) as u64,
+            taxels: taxels as u32,
+            reserved: 0,
+            digits,
+        };
+        self.sequence += 1;
+        self.at += 1;
+        if self.at == self.frames_of_a_motion() {
+            self.at = 0;
+        }
+        SkinStep {
+            command: command.map(|command| SweepCommand {
+                kind: command as u32,
+                finger: self.finger,
+                motion: self.motion,
+                sweeps: 0,
+                reserved: 0,
+                material: match command {
+                    Command::Start => {
+                        let label = self.dataset.records()[self.sweep_of(self.motion)].label;
+                        Text::new(self.dataset.labels().name(label))
+                    }
+                    _ => Text::default(),
+                },
+            }),
+            frame,
+        }
+    }
+}
+
+/// The recorded step for a step of the motion.
+fn mirrored(at: usize, lead: usize, steps: usize) -> usize {
+    let last = steps - 1;
+    if at < lead {
+        (lead - at).min(last)
+    } else if at < lead + steps {
+        at - lead
+    } else {
+        last.saturating_sub(at - lead - last)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tactnet_data::twin::{TwinConfig, generate};
+
+    use super::*;
+    use tactnet_skin::{SegmenterConfig, SweepChange, SweepSegmenter};
+
+    #[test]
+    fn the_segmenter_finds_the_recorded_sweeps_again() {
+        let twin = generate(&TwinConfig {
+            materials: 2,
+            sweeps: 2,
+            steps: 60,
+            ..TwinConfig::default()
+        })
+        .unwrap();
+        let mut skin = SkinSimulator::new(&twin, vec![3, 1], 20, 5);
+        let config = SegmenterConfig {
+            skip: 20,
+            ..SegmenterConfig::default()
+        };
+        let mut segmenter = SweepSegmenter::new(config, 60, 16, twin.sample_rate_hz());
+        let mut found = Vec::new();
+        for _ in 0..3 * skin.frames_of_a_motion() {
+            let step = skin.step();
+            match step.command.and_then(|command| command.command()) {
+                Some(Command::Start) => assert_eq!(segmenter.start(), SweepChange::Begun),
+                Some(Command::Stop) => assert_eq!(segmenter.stop(), SweepChange::Unchanged),
+                _ => {}
+            }
+            let change = segmenter.push(&tactnet_data::Frame {
+                sequence: step.frame.sequence,
+                sensor_time_nanos: step.frame.sensor_time_ns,
+                taxels: step.frame.values(),
+            });
+            assert!(!matches!(change, SweepChange::Rejected(_)), "{change:?}");
+            if change == SweepChange::Complete {
+                let sweep = segmenter.window().sweep().unwrap();
+                assert_eq!(sweep, twin.sweep(skin.sweep_of(skin.motions())));
+                found.push(skin.sweep_of(skin.motions()));
+            }
+        }
+        assert_eq!(found, [3, 1, 3]);
+    }
+
+    #[test]
+    fn leads_are_mirrors() {
+        let steps: Vec<usize> = (0..10).map(|at| mirrored(at, 3, 4)).collect();
+        assert_eq!(steps, [3, 2, 1, 0, 1, 2, 3, 2, 1, 0]);
+    }
+}

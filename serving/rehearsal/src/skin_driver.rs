@@ -1,0 +1,60 @@
+//! A simulated skin on its channels, in real time.
+
+use tactnet_channel::{Bus, Priority, PutPort};
+use tactnet_skin::ServeConfig;
+use tactnet_skin::packets::{Command, SkinFrame, SweepCommand};
+
+use crate::{RehearsalError, SkinSimulator, Ticker};
+
+/// The channels of the first finger and of commands.
+pub struct SkinDriver {
+    frames: PutPort<SkinFrame>,
+    commands: PutPort<SweepCommand>,
+}
+
+impl SkinDriver {
+    /// Opens the channels.
+    ///
+    /// # Errors
+    /// No hub; channels missing in the table.
+    pub fn open(bus: &Bus, config: &ServeConfig) -> Result<Self, RehearsalError> {
+        Ok(Self {
+            frames: bus.put_port(config.fingers[0].as_str(), Priority::High)?,
+            commands: bus.put_port(config.command.as_str(), Priority::High)?,
+        })
+    }
+
+    /// Puts frames and commands at the skin's rate.
+    ///
+    /// - `on_start`: called with the number of each motion that begins
+    /// - `ended`: asked before every frame with how many motions have ended
+    ///
+    /// # Errors
+    /// Channels that have broken down; those of `on_start`.
+    pub fn run<E: From<RehearsalError>>(
+        &self,
+        skin: &mut SkinSimulator<'_>,
+        mut on_start: impl FnMut(&SkinSimulator<'_>, u64) -> Result<(), E>,
+        ended: &dyn Fn(u64) -> bool,
+    ) -> Result<(), E> {
+        let failed = |error| E::from(RehearsalError::Channel(error));
+        let mut ticker = Ticker::new(skin.rate_hz());
+        let mut motions = 0;
+        while !ended(motions) {
+            ticker.wait();
+            let step = skin.step();
+            if let Some(command) = step.command {
+                self.commands.put_copy(&[command]).map_err(failed)?;
+                match command.command() {
+                    Some(Command::Start) => on_start(skin, command.motion)?,
+                    _ => motions = command.motion,
+                }
+                if ended(motions) {
+                    break;
+                }
+            }
+            self.frames.put_copy(&[step.frame]).map_err(failed)?;
+        }
+        Ok(())
+    }
+}

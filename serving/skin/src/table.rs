@@ -1,0 +1,54 @@
+//! The channels of the classifier and the skin: names, packets and resources.
+
+use tactnet_channel::{ChannelConfig, Table};
+
+use crate::ServeConfig;
+use crate::packets::{ModelNames, SkinFrame, SweepCommand, TactileBelief, TactileStatus};
+use crate::serve_config::SECTION;
+
+impl ServeConfig {
+    /// A table with all channels of these names and this section.
+    pub fn table(&self, bus: &str) -> Table {
+        let frames = ChannelConfig {
+            depth: 256,
+            ..ChannelConfig::of::<SkinFrame>(1)
+        };
+        let mut table = Table::new(bus);
+        for finger in &self.fingers {
+            table = table.with(finger, frames.clone());
+        }
+        let mut table = table
+            .with(
+                &self.command,
+                ChannelConfig {
+                    put_ports: 4,
+                    ..ChannelConfig::of::<SweepCommand>(1)
+                },
+            )
+            .with(
+                &self.belief,
+                ChannelConfig {
+                    depth: 64,
+                    ..ChannelConfig::of::<TactileBelief>(1)
+                },
+            )
+            .with(
+                &self.status,
+                ChannelConfig {
+                    depth: 64,
+                    ..ChannelConfig::of::<TactileStatus>(1)
+                },
+            )
+            .with(
+                &self.model,
+                ChannelConfig {
+                    history: 1,
+                    ..ChannelConfig::of::<ModelNames>(1)
+                },
+            );
+        let section = toml::Value::try_from(self)
+            .unwrap_or_else(|error| panic!("settings are plain values: {error}"));
+        table.components.insert(SECTION.into(), section);
+        table
+    }
+}

@@ -1,0 +1,89 @@
+//! From a finger's classifier to a packet with its belief.
+
+use tactnet_channel::now_ns;
+use tactnet_models::{argmax, entropy};
+
+use super::Service;
+use crate::ServeError;
+use tactnet_skin::packets::{MAX_MATERIALS, Stage, Verdict};
+
+impl Service {
+    /// Predicts the material from the frames of the sweep so far, and puts the belief.
+    pub(super) fn predict(
+        &mut self,
+        number: usize,
+        stage: Stage,
+        sequence: u64,
+        put_ns: u64,
+    ) -> Result<(), ServeError> {
+        let begun = now_ns();
+        let finger = &mut self.fingers[number];
+        let last = match stage {
+            Stage::Anytime => false,
+            Stage::Plain => self.config.mc_samples == 0,
+            Stage::Dropout => true,
+        };
+        let mut packet = self.beliefs.loan(1)?;
+        let out = &mut packet[0];
+        let belief = match stage {
+            Stage::Dropout => finger.classifier.classify_by_dropout(),
+            Stage::Anytime | Stage::Plain => finger.classifier.classify(),
+        };
+        let log_p = belief.log_probability;
+        let verdict = match belief.unknown {
+            None => Verdict::NotTold,
+            Some(false) => Verdict::Known,
+            Some(true) => Verdict::Unknown,
+        };
+        *out = bytemuck::Zeroable::zeroed();
+        out.materials = log_p.len() as u32;
+        out.label = argmax(log_p) as u32;
+        out.verdict = verdict as u32;
+        out.entropy = belief.entropy as f32;
+        out.strangeness = belief.strangeness.unwrap_or(0.0) as f32;
+        out.threshold = belief.threshold.unwrap_or(0.0) as f32;
+        for (out, log_p) in out.posterior.iter_mut().zip(log_p) {
+            *out = log_p.exp() as f32;
+        }
+        // What is unknown must not count for one of the known materials.
+        if last && verdict != Verdict::Unknown {
+            finger.classifier.fuse();
+        }
+        let fused = finger.classifier.fused();
+        let mut probabilities = [0.0; MAX_MATERIALS];
+        let probabilities = &mut probabilities[..out.materials as usize];
+        fused.probabilities_into(probabilities);
+        out.fused_sweeps = fused.sweeps() as u32;
+        out.fused_label = argmax(probabilities) as u32;
+        for (out, p) in out.fused.iter_mut().zip(probabilities.iter()) {
+            *out = *p as f32;
+        }
+        probabilities.iter_mut().for_each(|p| *p = p.ln());
+        out.fused_entropy = entropy(probabilities) as f32;
+        out.sweep = finger.sweep;
+        out.motion = finger.motion;
+        out.model_version = self.names.version;
+        out.last_frame = sequence;
+        out.stage = stage as u32;
+        out.finger = number as u32;
+        out.frames = finger.taken as u32;
+        out.filled_in = finger.segmenter.window().filled_in() as u32;
+        let now = now_ns();
+        out.latency_ns = now.saturating_sub(put_ns);
+        let (latency, whole) = (out.latency_ns, stage != Stage::Anytime);
+        self.beliefs.put(packet)?;
+        self.counters.beliefs += 1;
+        if last && verdict == Verdict::Unknown {
+            self.counters.unknown += 1;
+        }
+        let deadline_ms = match stage {
+            Stage::Dropout => self.config.dropout_deadline_ms,
+            Stage::Anytime | Stage::Plain => self.config.plain_deadline_ms,
+        };
+        if whole && latency as f64 > 1e6 * deadline_ms {
+            self.counters.deadline_misses += 1;
+        }
+        self.measures.count_prediction(stage, now - begun);
+        Ok(())
+    }
+}

@@ -1,0 +1,56 @@
+//! The text of a status packet, written without the heap.
+
+use std::fmt::{Arguments, Write};
+
+/// Up to `BYTES` bytes; the rest is cut off.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct StatusLine<const BYTES: usize> {
+    bytes: [u8; BYTES],
+    len: usize,
+}
+
+impl<const BYTES: usize> Default for StatusLine<BYTES> {
+    fn default() -> Self {
+        Self {
+            bytes: [0; BYTES],
+            len: 0,
+        }
+    }
+}
+
+impl<const BYTES: usize> StatusLine<BYTES> {
+    /// Appends `text`.
+    pub(crate) fn write(&mut self, text: Arguments<'_>) {
+        // It never fails: what does not fit is left out.
+        let _ = self.write_fmt(text);
+    }
+
+    /// Returns what was written.
+    pub(crate) fn as_str(&self) -> &str {
+        std::str::from_utf8(&self.bytes[..self.len]).unwrap_or("")
+    }
+}
+
+impl<const BYTES: usize> Write for StatusLine<BYTES> {
+    fn write_str(&mut self, text: &str) -> std::fmt::Result {
+        let mut end = text.len().min(BYTES - self.len);
+        while !text.is_char_boundary(end) {
+            end -= 1;
+        }
+        self.bytes[self.len..self.len + end].copy_from_slice(&text.as_bytes()[..end]);
+        self.len += end;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_does_not_fit_is_cut_between_characters() {
+        let mut line = StatusLine::<8>::default();
+        line.write(format_args!("{}-{}", 12, "äöü"));
+        assert_eq!(line.as_str(), "12-äö");
+    }
+}

@@ -1,0 +1,129 @@
+//! Answers to browsers and Prometheus: one thread with a small HTTP server.
+
+mod dashboard;
+
+use std::convert::Infallible;
+use std::net::{SocketAddr, TcpListener};
+use std::sync::Arc;
+use std::thread::JoinHandle;
+
+use axum::Router;
+use axum::http::StatusCode;
+use axum::http::header::{CONTENT_TYPE, HeaderMap};
+use axum::response::sse::{Event, KeepAlive, Sse};
+use axum::response::{Html, IntoResponse};
+use axum::routing::{get, post};
+use futures_util::stream;
+use tokio::sync::{oneshot, watch};
+
+use crate::{Measures, ServeError};
+pub use dashboard::Dashboard;
+
+/// A server; it ends when this is dropped.
+#[derive(Debug)]
+pub struct WebServer {
+    address: SocketAddr,
+    stop: Option<oneshot::Sender<()>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl WebServer {
+    /// Returns the address that it listens at.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+}
+
+impl Drop for WebServer {
+    fn drop(&mut self) {
+        drop(self.stop.take());
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// Answers `/metrics` in Prometheus's format.
+///
+/// # Errors
+/// The address cannot be had.
+pub fn metrics(address: SocketAddr, measures: Arc<Measures>) -> Result<WebServer, ServeError> {
+    let answer = move || {
+        let text = measures.prometheus();
+        async move { ([(CONTENT_TYPE, "text/plain; version=0.0.4")], text).into_response() }
+    };
+    serve(address, Router::new().route("/metrics", get(answer)))
+}
+
+/// Answers `/` with a page and `/events` with a stream of `views`; `reset` is called when somebody asks for it.
+fn dashboard(
+    address: SocketAddr,
+    page: &'static str,
+    views: watch::Receiver<Arc<str>>,
+    reset: impl Fn() + Clone + Send + Sync + 'static,
+) -> Result<WebServer, ServeError> {
+    let events = move || {
+        let views = views.clone();
+        async move {
+            let events = stream::unfold(views, |mut views| async move {
+                views.changed().await.ok()?;
+                let text = views.borrow_and_update().clone();
+                Some((Ok::<_, Infallible>(Event::default().data(&*text)), views))
+            });
+            Sse::new(events).keep_alive(KeepAlive::default())
+        }
+    };
+    // A header of our own: pages of other sites cannot send it without being asked first.
+    let reset = move |headers: HeaderMap| {
+        let own = headers.contains_key("x-tactnet");
+        if own {
+            reset();
+        }
+        async move {
+            if own {
+                StatusCode::OK
+            } else {
+                StatusCode::FORBIDDEN
+            }
+        }
+    };
+    serve(
+        address,
+        Router::new()
+            .route("/", get(move || async move { Html(page) }))
+            .route("/events", get(events))
+            .route("/reset", post(reset)),
+    )
+}
+
+fn serve(address: SocketAddr, router: Router) -> Result<WebServer, ServeError> {
+    let failed = |source| ServeError::Listen { address, source };
+    let listener = TcpListener::bind(address).map_err(failed)?;
+    listener.set_nonblocking(true).map_err(failed)?;
+    let bound = listener.local_addr().map_err(failed)?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(failed)?;
+    let (stop, stopped) = oneshot::channel::<()>();
+    let run = move || {
+        runtime.block_on(async {
+            let Ok(listener) = tokio::net::TcpListener::from_std(listener) else {
+                return;
+            };
+            let server = axum::serve(listener, router);
+            // Open streams of events never end by themselves, so they are cut off.
+            tokio::select! {
+                _ = server => {}
+                _ = stopped => {}
+            }
+        });
+    };
+    let thread = std::thread::Builder::new().name("web".into());
+    let thread = thread.spawn(run).map_err(failed)?;
+    Ok(WebServer {
+        address: bound,
+        stop: Some(stop),
+        thread: Some(thread),
+    })
+}

@@ -1,0 +1,111 @@
+//! `tactnet channel list`, `echo` and `hz`: channels, packets and rates of a bus.
+
+use std::process::ExitCode;
+use std::time::Duration;
+
+use anyhow::Context;
+use clap::Args;
+use tactnet_channel::{
+    Bus, ChannelId, Domain, ListedChannel, ReceivedSummary, Table, Wait, list_channels,
+    measure_rate,
+};
+
+use super::TableArgs;
+use crate::output;
+use crate::stop::Stop;
+
+const LOOK: Wait = Wait::Block {
+    timeout: Duration::from_millis(100),
+};
+
+#[derive(Args)]
+pub struct ListArgs {
+    #[command(flatten)]
+    table: TableArgs,
+    /// Print one JSON document instead of a table
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn list(arguments: &ListArgs) -> anyhow::Result<ExitCode> {
+    let table = Table::load(&arguments.table.table)?;
+    let bus = Bus::open(Domain::Host, &table)?;
+    let listed = list_channels(&bus, &table)?;
+    if arguments.json {
+        output::print_json(&listed)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    output::print(ListedChannel::heading())?;
+    for channel in listed {
+        output::print(channel)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+#[derive(Args)]
+pub struct EchoArgs {
+    /// The channel
+    #[arg(value_name = "ID")]
+    channel: String,
+    #[command(flatten)]
+    table: TableArgs,
+    /// End after N packets [default: go on]
+    #[arg(long, value_name = "N")]
+    count: Option<usize>,
+    /// One JSON document a line
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn echo(arguments: &EchoArgs) -> anyhow::Result<ExitCode> {
+    let stop = Stop::listen_saying("stopping")?;
+    let table = Table::load(&arguments.table.table)?;
+    let bus = Bus::open(Domain::Host, &table)?;
+    let port = bus.raw_get_port(ChannelId::new(&arguments.channel)?)?;
+    let mut seen = 0;
+    while !stop.asked() && arguments.count.is_none_or(|count| seen < count) {
+        let Some(packet) = port.get(LOOK)? else {
+            continue;
+        };
+        let echoed = ReceivedSummary::new(&packet, &port);
+        drop(packet);
+        seen += 1;
+        if arguments.json {
+            output::print(serde_json::to_string(&echoed)?)?;
+        } else {
+            output::print(echoed)?;
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+#[derive(Args)]
+pub struct HzArgs {
+    /// The channel
+    #[arg(value_name = "ID")]
+    channel: String,
+    #[command(flatten)]
+    table: TableArgs,
+    /// How long to measure
+    #[arg(long, value_name = "S", default_value_t = 5.0)]
+    seconds: f64,
+    /// Print one JSON document instead of a line
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn hz(arguments: &HzArgs) -> anyhow::Result<ExitCode> {
+    let stop = Stop::listen_saying("stopping")?;
+    let table = Table::load(&arguments.table.table)?;
+    let bus = Bus::open(Domain::Host, &table)?;
+    let port = bus.raw_get_port(ChannelId::new(&arguments.channel)?)?;
+    let time = Duration::try_from_secs_f64(arguments.seconds)
+        .with_context(|| format!("--seconds: found {}", arguments.seconds))?;
+    let rate = measure_rate(&port, time, &|| stop.asked())?;
+    if arguments.json {
+        output::print_json(&rate)?;
+    } else {
+        output::print(rate)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}

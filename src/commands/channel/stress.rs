@@ -1,0 +1,171 @@
+//! `tactnet channel stress`: the thesis's stress test, beside other transports.
+
+use std::io::BufRead as _;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use anyhow::Context;
+use clap::Args;
+use serde::Serialize;
+use tactnet_pipeline::{Provenance, write_whole};
+use tactnet_rehearsal::stress::{Plan, Row, Rows, page, run_client};
+
+use super::stress_choices::{
+    ConfigurationChoice, DomainChoice, TransportChoice, configurations_of,
+};
+use crate::stop::Stop;
+use crate::{GIT, output};
+
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    tactnet channel stress                                              4 B to 1 MB, 1 and 10 clients, on this host\n  \
+    tactnet channel stress --against iceoryx2,unix,futex --json         beside raw iceoryx2, sockets and a bare wake-up\n  \
+    tactnet channel stress --domain process --clients 1,10,100,200 --configurations all --html stress.html\n\n\
+    Every cell starts clients of its own. 100 MB packets want some gigabytes of /dev/shm.")]
+pub struct StressArgs {
+    /// Where master and clients are
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "host")]
+    domain: Vec<DomainChoice>,
+    /// Packet sizes, bytes
+    #[arg(
+        long,
+        value_delimiter = ',',
+        value_name = "BYTES",
+        default_value = "4,65536,1048576"
+    )]
+    sizes: Vec<usize>,
+    /// Numbers of clients
+    #[arg(long, value_delimiter = ',', value_name = "C", default_value = "1,10")]
+    clients: Vec<usize>,
+    /// Channels and sync groups
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "standard")]
+    configurations: Vec<ConfigurationChoice>,
+    /// Other transports to measure side by side
+    #[arg(long, value_enum, value_delimiter = ',')]
+    against: Vec<TransportChoice>,
+    /// Look again and again instead of sleeping; wants a core for each client
+    #[arg(long)]
+    spin: bool,
+    /// Time for each cell
+    #[arg(long, value_name = "S", default_value_t = 1.0)]
+    seconds: f64,
+    /// Measure everything N times, in turns; rows of one cell then are to be compared by their medians
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    repeat: u32,
+    /// Write the thesis's figures 2.6 to 2.9 as a page
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
+    /// Print one JSON document instead of a table
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct StressResult<'a> {
+    schema_version: u32,
+    git: &'static str,
+    processor: &'a str,
+    threads: usize,
+    rows: &'a Rows,
+}
+
+impl StressArgs {
+    fn plan(&self) -> Plan {
+        Plan {
+            domains: self.domain.iter().map(|choice| choice.domain()).collect(),
+            sizes: self.sizes.clone(),
+            clients: self.clients.clone(),
+            configurations: configurations_of(&self.configurations),
+            against: self
+                .against
+                .iter()
+                .flat_map(|choice| choice.transports().iter().copied())
+                .collect(),
+            spin: self.spin,
+        }
+    }
+}
+
+pub fn run(arguments: StressArgs) -> anyhow::Result<ExitCode> {
+    let stop = Stop::listen_saying("stopping")?;
+    let cells = arguments
+        .plan()
+        .cells()
+        .map_err(anyhow::Error::from_boxed)?;
+    let program = std::env::current_exe().context("cannot find this program")?;
+    let time = Duration::from_secs_f64(arguments.seconds.clamp(0.01, 3600.0));
+    let total = cells.len() * arguments.repeat as usize;
+    let mut rows = Rows::new();
+    for _ in 0..arguments.repeat {
+        for cell in &cells {
+            if stop.asked() {
+                eprintln!("stopped; what was measured so far follows");
+                break;
+            }
+            let row = cell.measure(time, &program, &["channel", "stress-client"]);
+            let what = row.failure.clone().unwrap_or_else(|| {
+                format!("{:.1} us, 99 % below {:.1}", row.median_us, row.p99_us)
+            });
+            eprintln!(
+                "{}/{total} {:<10} {:<12} {:>10} B {:>4} clients: {what}",
+                rows.len() + 1,
+                row.transport,
+                row.configuration,
+                row.size,
+                row.clients
+            );
+            rows.push(row);
+        }
+    }
+    let provenance = Provenance::of_this_process(env!("CARGO_PKG_VERSION"), GIT);
+    if arguments.json {
+        output::print_json(&StressResult {
+            schema_version: 1,
+            git: GIT,
+            processor: &provenance.processor,
+            threads: provenance.threads,
+            rows: &rows,
+        })?;
+        return write_page(&arguments, &rows, &provenance);
+    }
+    output::print(Row::heading())?;
+    for row in &rows {
+        output::print(row)?;
+    }
+    write_page(&arguments, &rows, &provenance)
+}
+
+/// Last, so that no result is lost when it fails.
+fn write_page(
+    arguments: &StressArgs,
+    rows: &Rows,
+    provenance: &Provenance,
+) -> anyhow::Result<ExitCode> {
+    let Some(file) = &arguments.html else {
+        return Ok(ExitCode::SUCCESS);
+    };
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let machine = format!(
+        "commit {GIT}, {}, {} threads",
+        provenance.processor, provenance.threads
+    );
+    let page = page(rows, &format!("tactnet {}", words.join(" ")), &machine);
+    write_whole(file, page.as_bytes())?;
+    eprintln!("{} written", file.display());
+    Ok(ExitCode::SUCCESS)
+}
+
+/// A client process: its task comes on standard input, and it says `ready` or what is wrong.
+pub fn client() -> anyhow::Result<ExitCode> {
+    let mut line = String::new();
+    std::io::stdin().lock().read_line(&mut line)?;
+    let task = serde_json::from_str(&line)
+        .context("a client of the stress test is started by `tactnet channel stress`")?;
+    let served = run_client(&task, || drop(output::print(format_args!("ready"))));
+    if let Err(failure) = served {
+        output::print(format_args!("{failure}"))?;
+        return Ok(ExitCode::FAILURE);
+    }
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,44 @@
+//! `tactnet dashboard`: a live page in the browser.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Args;
+use tactnet_channel::{Bus, Domain, Table};
+use tactnet_serving::web::Dashboard;
+use tactnet_skin::ServeConfig;
+
+use crate::output;
+use crate::stop::Stop;
+
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    tactnet dashboard --table robot.toml                            http://127.0.0.1:8750\n  \
+    tactnet dashboard --table robot.toml --listen 0.0.0.0:8750      for everybody in the network")]
+pub struct DashboardArgs {
+    /// The table of channels
+    #[arg(long, value_name = "FILE")]
+    table: PathBuf,
+    /// Where to answer browsers
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8750")]
+    listen: SocketAddr,
+}
+
+/// Runs the command.
+pub fn run(arguments: &DashboardArgs) -> anyhow::Result<ExitCode> {
+    let stop = Stop::listen_saying("stopping")?;
+    let table = Table::load(&arguments.table)?;
+    let config = ServeConfig::of(&table)?;
+    let bus = Bus::open(Domain::Host, &table)?;
+    let mut dashboard = Dashboard::open(&bus, &config, arguments.listen)?;
+    eprintln!(
+        "open http://{} in a browser; Ctrl-C ends",
+        dashboard.address()
+    );
+    output::print(format_args!("ready"))?;
+    while !stop.asked() {
+        dashboard.step()?;
+    }
+    Ok(ExitCode::SUCCESS)
+}

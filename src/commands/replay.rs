@@ -1,0 +1,94 @@
+//! `tactnet replay`: a recording back onto channels, and whether the classifier says the same again.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::bail;
+use clap::Args;
+use tactnet_channel::{Bus, Domain, Table};
+use tactnet_recording::{FrameLosses, Recording, ReplayReport, play, unpack_run};
+use tactnet_rehearsal::replay_alone;
+
+use crate::stop::Stop;
+use crate::{GIT, output};
+
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    tactnet replay today.mcap --run runs/a             on channels of its own, with this classifier\n  \
+    tactnet replay whole.mcap --json                   with the classifier that was recorded with `record --run`\n  \
+    tactnet replay today.mcap --table robot.toml       on the robot's channels, for whoever listens there\n  \
+    tactnet replay today.mcap --run runs/a --speed 4   four times as fast")]
+pub struct ReplayArgs {
+    /// A recording
+    #[arg(value_name = "FILE.mcap")]
+    file: PathBuf,
+    /// Put it on these channels, for the classifier that serves there
+    #[arg(long, value_name = "FILE", conflicts_with = "run")]
+    table: Option<PathBuf>,
+    /// Serve this run directory on channels of its own [default: the classifier of the recording]
+    #[arg(long, value_name = "DIR")]
+    run: Option<PathBuf>,
+    /// How much faster than it happened; too fast for the classifier, frames are lost
+    #[arg(long, value_name = "N", default_value_t = 1.0)]
+    speed: f64,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+pub fn run(arguments: &ReplayArgs) -> anyhow::Result<ExitCode> {
+    let stop = Stop::listen_saying("stopping")?;
+    if !(arguments.speed.is_finite() && arguments.speed > 0.0) {
+        bail!("--speed: expected more than 0, found {}", arguments.speed);
+    }
+    let recording = Recording::read(&arguments.file)?;
+    if let Some(cut) = &recording.cut {
+        eprintln!(
+            "{}: the end is missing ({cut}); {} messages are there",
+            arguments.file.display(),
+            recording.entries.len()
+        );
+    }
+    let folder = tempfile::tempdir()?;
+    let (speed, stopped) = (arguments.speed, || stop.asked());
+    let (played, frames_lost) = match &arguments.table {
+        Some(path) => {
+            let table = Table::load(path)?;
+            let bus = Bus::open(Domain::Host, &table)?;
+            let losses = FrameLosses::open(&bus, &table)?;
+            let played = play(&recording, &bus, &table, speed, &stopped)?;
+            (played, losses.since()?)
+        }
+        None => {
+            let kept = match &arguments.run {
+                Some(run) => Some(run.clone()),
+                None => unpack_run(&recording, folder.path())?,
+            };
+            let Some(run) = kept else {
+                bail!(
+                    "{}: which classifier: name a run with `--run`, or channels where one serves with `--table`; `tactnet record --run` keeps it in the recording",
+                    arguments.file.display()
+                );
+            };
+            let program = std::env::current_exe()?;
+            replay_alone(&program, &run, folder.path(), &recording, speed, &stopped)?
+        }
+    };
+    let report = ReplayReport::new(GIT, &recording, played, frames_lost, speed)?;
+    if stop.asked() {
+        eprintln!("stopped before the end");
+    }
+    if recording.foreign > 0 {
+        eprintln!(
+            "left out: {} messages that are none of ours",
+            recording.foreign
+        );
+    }
+    if arguments.json {
+        output::print_json(&report)?;
+    } else {
+        output::print(report)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}

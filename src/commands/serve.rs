@@ -1,0 +1,131 @@
+//! `tactnet serve`: the online classifier as a component on the robot's channels.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use anyhow::Context;
+use clap::Args;
+use tactnet_channel::{Bus, Domain, Table};
+use tactnet_serving::systemd::ServiceManager;
+use tactnet_serving::{ModelSource, Realtime, ServeReport, Service, web};
+use tactnet_skin::ServeConfig;
+
+use crate::allocations::allocations_of_this_thread;
+use crate::stop::Stop;
+use crate::{GIT, output};
+
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    tactnet channel hub --table robot.toml &                          hold the channels, once per host\n  \
+    tactnet serve --run runs/twin-fast-fold0-1 --table robot.toml     serve one trained network\n  \
+    tactnet serve --models models/right --table robot.toml            serve the newest of models/right/1, models/right/2, …\n  \
+    tactnet serve --run runs/a --table robot.toml --priority 60 --cpu 1 --lock-memory\n\n\
+    `tactnet serve --print-table` shows a table with all names, rates and promises. A new version is to be moved into the folder whole (`mv`); \
+    it serves from the next pause between sweeps on, if shape, rate and materials fit.")]
+pub struct ServeArgs {
+    /// Run directory of a trained network
+    #[arg(long, value_name = "DIR", conflicts_with = "models")]
+    run: Option<PathBuf>,
+    /// A folder of run directories with numbers for names; the newest serves, and is replaced when a newer one lands
+    #[arg(long, value_name = "DIR")]
+    models: Option<PathBuf>,
+    /// The table of channels, with a section [components.tactnet]
+    #[arg(long, value_name = "FILE")]
+    table: Option<PathBuf>,
+    /// Where to answer Prometheus, at /metrics; `off`: nowhere
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:9464")]
+    metrics: String,
+    /// Run under SCHED_FIFO with this priority
+    #[arg(long, value_name = "1-99", value_parser = clap::value_parser!(u8).range(1..=99))]
+    priority: Option<u8>,
+    /// Stay on this core
+    #[arg(long, value_name = "N")]
+    cpu: Option<usize>,
+    /// Keep all memory in RAM
+    #[arg(long)]
+    lock_memory: bool,
+    /// Print a table with every setting and end
+    #[arg(long)]
+    print_table: bool,
+    /// Print one JSON document with the counters at the end
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
+    if arguments.print_table {
+        let table = ServeConfig::default().table("robot");
+        output::print(format_args!("{}", toml::to_string(&table)?.trim_end()))?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let source = match (&arguments.run, &arguments.models) {
+        (Some(run), None) => ModelSource::Run(run.clone()),
+        (None, Some(folder)) => ModelSource::Versions(folder.clone()),
+        _ => anyhow::bail!(
+            "which model: name a run with `--run`, or a folder of versions with `--models`"
+        ),
+    };
+    let Some(path) = &arguments.table else {
+        anyhow::bail!(
+            "which channels: name a table with `--table`; `tactnet serve --print-table` prints one"
+        );
+    };
+    let stop = Stop::listen_saying("stopping")?;
+    let table = Table::load(path)?;
+    let config = ServeConfig::of(&table).with_context(|| path.display().to_string())?;
+    let bus = Bus::open(Domain::Host, &table)?;
+    let mut service = Service::start(&bus, config, source, GIT)?;
+    service.count_allocations(allocations_of_this_thread);
+    let _web = match arguments.metrics.as_str() {
+        "off" => None,
+        address => {
+            let address: SocketAddr = address.parse().with_context(|| {
+                format!("--metrics: `{address}` is no address like 127.0.0.1:9464")
+            })?;
+            Some(web::metrics(address, service.measures())?)
+        }
+    };
+    let refused = Realtime {
+        priority: arguments.priority,
+        cpu: arguments.cpu,
+        lock_memory: arguments.lock_memory,
+    }
+    .apply();
+    for line in refused {
+        eprintln!("{line}; going on without");
+    }
+    let names = service.names();
+    eprintln!(
+        "serving {} materials, {} frames of {} x {} taxels at {} Hz, {} dropout masks; Ctrl-C ends",
+        names.materials,
+        names.steps,
+        names.rows,
+        names.cols,
+        names.sample_rate_hz,
+        names.mc_samples
+    );
+    if !service.tells_unknown() {
+        eprintln!(
+            "unknown materials are not told: the run was trained without `--calibrate`, or there are no dropout masks"
+        );
+    }
+    service.drain()?;
+    output::print(format_args!("ready"))?;
+    let mut manager = ServiceManager::from_environment();
+    manager.notify("READY=1");
+    while !stop.asked() {
+        service.step(Duration::from_millis(100))?;
+        manager.keep_alive();
+    }
+    manager.notify("STOPPING=1");
+    let report = ServeReport::new(&service.counters(), service.sequences());
+    if arguments.json {
+        output::print_json(&report)?;
+    } else {
+        eprintln!("{report}");
+    }
+    Ok(ExitCode::SUCCESS)
+}

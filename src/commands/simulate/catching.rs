@@ -1,0 +1,82 @@
+//! `tactnet simulate catching`: the load of the ball catching stack.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use tactnet_channel::{Bus, Domain, Table, now_ns};
+use tactnet_rehearsal::{
+    CatchingRole, CatchingStack, LoopTimes, Scheduling, catching_table, run_role,
+};
+use tactnet_serving::Realtime;
+use tactnet_skin::ServeConfig;
+
+use crate::output;
+use crate::stop::Stop;
+
+#[derive(Args)]
+pub struct CatchingArgs {
+    /// The table of channels; the stack's own are those of `--print-table`
+    #[arg(long, value_name = "FILE", required_unless_present = "print_table")]
+    table: Option<PathBuf>,
+    /// End after so many seconds [default: go on]
+    #[arg(long, value_name = "S")]
+    seconds: Option<f64>,
+    /// Run one process of the stack only
+    #[arg(long, hide = true)]
+    role: Option<CatchingRole>,
+    /// Run that process under SCHED_FIFO with this priority
+    #[arg(long, hide = true, value_parser = clap::value_parser!(u8).range(1..=99))]
+    priority: Option<u8>,
+    /// Print a table with the stack's channels and the classifier's, and end
+    #[arg(long)]
+    print_table: bool,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+pub fn run(arguments: &CatchingArgs) -> anyhow::Result<ExitCode> {
+    let Some(path) = &arguments.table else {
+        let table = catching_table(ServeConfig::default().table("robot"));
+        output::print(format_args!("{}", toml::to_string(&table)?.trim_end()))?;
+        return Ok(ExitCode::SUCCESS);
+    };
+    let stop = Stop::listen_saying("stopping")?;
+    if let Some(role) = arguments.role {
+        let bus = Bus::open(Domain::Host, &Table::load(path)?)?;
+        let realtime = Realtime {
+            priority: arguments.priority,
+            ..Realtime::default()
+        };
+        for line in realtime.apply() {
+            eprintln!("{line}; going on without");
+        }
+        output::print(format_args!("ready"))?;
+        let report = run_role(role, &bus, &|| stop.asked())?;
+        output::print_json(&report)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let program = std::env::current_exe()?;
+    let stack = CatchingStack::start(&program, path, Scheduling::Usual)?;
+    let begun_ns = now_ns();
+    let begun = Instant::now();
+    while !stop.asked()
+        && arguments
+            .seconds
+            .is_none_or(|s| begun.elapsed().as_secs_f64() < s)
+    {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let reports = stack.end()?;
+    let seen = LoopTimes::of(&reports, &[(begun_ns, u64::MAX)])?;
+    if arguments.json {
+        output::print_json(&seen)?;
+    } else {
+        let lost: u64 = reports.iter().map(|report| report.lost).sum();
+        output::print(format_args!("{seen}; {lost} packets lost"))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,111 @@
+//! `tactnet simulate soak`: everything at once, measured.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::bail;
+use clap::{Args, ValueEnum};
+use tactnet_data::twin::{self, TwinConfig};
+use tactnet_pipeline::RunDir;
+use tactnet_rehearsal::{
+    Played, SMALL_MATERIALS, SMALL_SWEEPS, Scheduling, Soak, train_small_network,
+};
+
+use super::unseen_by;
+use crate::stop::Stop;
+use crate::{GIT, output, source};
+
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    tactnet simulate soak --seconds 30 --json                          a small network is trained first\n  \
+    tactnet simulate soak --seconds 600 --run runs/twin-fast-fold0-1   ten minutes with a trained network")]
+pub struct SoakArgs {
+    /// Time with the classifier attached; as long again without it, in turns of ten seconds
+    #[arg(long, value_name = "S", default_value_t = 30.0)]
+    seconds: f64,
+    /// Run directory of a trained network [default: a small one is trained]
+    #[arg(long, value_name = "DIR")]
+    run: Option<PathBuf>,
+    /// Whose sweeps; only those that the network was not trained on
+    #[arg(long, value_name = "FILE|twin", default_value = "twin")]
+    data: String,
+    /// How the 1 kHz loop, the skin and the classifier are scheduled
+    #[arg(long, value_enum, default_value_t)]
+    scheduling: SchedulingChoice,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+/// Values of `--scheduling`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+enum SchedulingChoice {
+    /// SCHED_FIFO where it is allowed
+    #[default]
+    Auto,
+    /// SCHED_FIFO, the loop above the skin, the skin above the classifier
+    Fifo,
+    /// As any other process
+    Usual,
+}
+
+impl SchedulingChoice {
+    fn scheduling(self) -> anyhow::Result<Scheduling> {
+        match self {
+            Self::Usual => Ok(Scheduling::Usual),
+            Self::Fifo => Ok(Scheduling::fifo()?),
+            Self::Auto => Ok(Scheduling::fifo().unwrap_or_else(|refused| {
+                eprintln!("going on as any other process: {refused}");
+                Scheduling::Usual
+            })),
+        }
+    }
+}
+
+/// Runs the command.
+pub fn run(arguments: &SoakArgs) -> anyhow::Result<ExitCode> {
+    let stop = Stop::listen_saying("stopping")?;
+    if !(arguments.seconds > 0.0 && arguments.seconds <= 86_400.0) {
+        bail!("--seconds: expected more than 0 and at most a day");
+    }
+    let scheduling = arguments.scheduling.scheduling()?;
+    let folder = tempfile::tempdir()?;
+    let program = std::env::current_exe()?;
+    let run = match &arguments.run {
+        Some(run) => run.clone(),
+        None => {
+            eprintln!("training a small network on {SMALL_MATERIALS} materials of the twin …");
+            train_small_network(&program, folder.path())?
+        }
+    };
+    let dataset = if arguments.data == source::TWIN {
+        twin::generate(&TwinConfig {
+            sweeps: SMALL_SWEEPS,
+            ..TwinConfig::default()
+        })?
+    } else {
+        source::load(&arguments.data)?
+    };
+    let known = RunDir::open(&run)?.config()?.classifier.labels;
+    let sweeps = unseen_by(&dataset, &run)?;
+    let played = Played::new(&dataset, &sweeps, &known)?;
+    let soak = Soak {
+        program: &program,
+        git: GIT,
+        run: &run,
+        folder: folder.path(),
+        seconds: arguments.seconds,
+        scheduling,
+    };
+    let report = soak.run(
+        &played,
+        |turn, turns| eprintln!("turn {turn} of {turns}"),
+        &|| stop.asked(),
+    )?;
+    if arguments.json {
+        output::print_json(&report)?;
+    } else {
+        output::print(report)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
