@@ -171,7 +171,7 @@ mod tests {
         assert!(!PipelineError::from(fit).is_usage());
         let setting = ModelError::Setting {
             setting: "maps",
-            expected: "at least 1",
+            expected: "at least 1".into(),
             found: "0".into(),
         };
         assert!(PipelineError::from(setting).is_usage());
