@@ -10,7 +10,7 @@ use crate::{DataError, Dataset, format};
 pub enum DataSource {
     /// The synthetic stand-in for TactMat with its default settings; nothing is read.
     Twin,
-    /// A file in any of the formats of [`format`].
+    /// A file in any of the formats of [`mod@crate::format`].
     File(PathBuf),
 }
 

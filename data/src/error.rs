@@ -37,7 +37,7 @@ pub enum DataError {
         /// What was there.
         found: String,
     },
-    /// A data set that [`crate::check`] finds errors in.
+    /// A data set that [`crate::check()`] finds errors in.
     #[error(
         "{name}: the data set has {errors} errors, the first: {first}; `tactnet data check {name}` lists all"
     )]

@@ -1,6 +1,8 @@
 //! Run directories: what a training leaves on disk, and how it gets there.
 
+mod enrolled_run;
 pub(crate) mod evaluate_run;
+mod folder_lock;
 mod free_folder;
 pub(crate) mod provenance;
 pub(crate) mod read_sweeps;

@@ -23,25 +23,24 @@ use serde::{Serialize, de::DeserializeOwned};
 use tactnet_data::SplitManifest;
 use tactnet_models::Weights;
 
+use super::folder_lock::LOCK;
 use crate::network::checkpoint::{decode_checkpoint, encode_checkpoint};
 use crate::{
-    Calibration, Enrolled, EnrolledMaterial, EpochMetrics, PipelineError, PredictionMethod,
-    Predictions, Provenance, RunConfig, RunResult, TrainEmbeddings, TrainingState, write_whole,
+    Calibration, EnrolledMaterial, EpochMetrics, PipelineError, PredictionMethod, Predictions,
+    Provenance, RunConfig, RunResult, TrainEmbeddings, TrainingState, write_whole,
 };
 
-/// Name of the lock file.
-const LOCK: &str = ".lock";
 const WEIGHTS: &str = "weights.safetensors";
 const KNOWN: &str = "known.safetensors";
 const CALIBRATION: &str = "calibration.json";
-const ENROLLED: &str = "enrolled.json";
+pub(super) const ENROLLED: &str = "enrolled.json";
 
 /// A folder that holds one run.
 #[derive(Debug)]
 pub struct RunDir {
-    path: PathBuf,
+    pub(super) path: PathBuf,
     /// Locked while this process trains; the system lets go of it when the process ends, however it ends.
-    lock: Option<fs::File>,
+    pub(super) lock: Option<fs::File>,
 }
 
 impl RunDir {
@@ -99,14 +98,6 @@ impl RunDir {
         }
     }
 
-    /// Returns true if a process trains in the folder `path`; false where there is no such folder.
-    pub fn is_busy(path: &Path) -> bool {
-        let Ok(file) = fs::File::open(path.join(LOCK)) else {
-            return false;
-        };
-        matches!(file.try_lock_shared(), Err(fs::TryLockError::WouldBlock))
-    }
-
     /// Name of the file with the predictions of one way (`plain`, `mc_dropout`) of a run whose recipe asks `own`.
     pub(crate) fn predictions_file(way: &str, own: PredictionMethod) -> String {
         if way == own.name() {
@@ -140,45 +131,6 @@ impl RunDir {
         Ok((file, predictions))
     }
 
-    /// Locks the folder for training in it.
-    ///
-    /// # Errors
-    /// Another process trains in it.
-    pub fn locked(mut self) -> Result<Self, PipelineError> {
-        self.lock = Some(Self::lock(&self.path)?);
-        Ok(self)
-    }
-
-    /// Makes the folder `path` where there is none and locks it, so that [`RunDir::is_busy`] is true until the file is dropped or the
-    /// process ends.
-    ///
-    /// # Errors
-    /// Another process works in it.
-    pub fn lock(path: &Path) -> Result<fs::File, PipelineError> {
-        fs::create_dir_all(path)
-            .map_err(|error| PipelineError::io(path, "make the folder", error))?;
-        let name = path.join(LOCK);
-        let file = fs::File::create(&name)
-            .map_err(|error| PipelineError::io(&name, "make the lock file", error))?;
-        let mut outcome = file.try_lock();
-        for _ in 0..20 {
-            // Whoever asks whether the folder is busy holds the lock for a moment.
-            if !matches!(outcome, Err(fs::TryLockError::WouldBlock)) {
-                break;
-            }
-            std::thread::sleep(std::time::Duration::from_millis(10));
-            outcome = file.try_lock();
-        }
-        match outcome {
-            Ok(()) => Ok(file),
-            Err(fs::TryLockError::WouldBlock) => Err(PipelineError::Run {
-                path: path.into(),
-                reason: "another process trains in this folder".into(),
-            }),
-            Err(fs::TryLockError::Error(error)) => Err(PipelineError::io(&name, "lock", error)),
-        }
-    }
-
     /// Adds a session to `environment.json` where program or machine differ from the last one; returns all sessions.
     ///
     /// # Errors
@@ -195,7 +147,7 @@ impl RunDir {
         Ok(sessions)
     }
 
-    fn refused(&self, reason: &str) -> PipelineError {
+    pub(super) fn refused(&self, reason: &str) -> PipelineError {
         PipelineError::Run {
             path: self.path.clone(),
             reason: reason.into(),
@@ -320,44 +272,6 @@ impl RunDir {
         }
     }
 
-    /// Makes a new run directory for a classifier with one more material: what `self` holds, but for the training's course and results.
-    ///
-    /// # Errors
-    /// A folder that holds anything already; a file that cannot be written.
-    pub fn create_enrolled(
-        &self,
-        path: &Path,
-        enrolled: &Enrolled,
-        material: EnrolledMaterial,
-    ) -> Result<Self, PipelineError> {
-        let occupied = fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_some());
-        if occupied {
-            return Err(PipelineError::Run {
-                path: path.into(),
-                reason: "is not empty; name a new folder with `--out`".into(),
-            });
-        }
-        let mut materials = self.enrolled()?;
-        materials.push(material);
-        let config = RunConfig {
-            classifier: enrolled.config.clone(),
-            ..self.config()?
-        };
-        let sessions: Vec<Provenance> = self.read_json("environment.json")?;
-        let Some(last) = sessions.last() else {
-            return Err(self.refused("environment.json names no session"));
-        };
-        let run = Self::create(path, &config, &self.split()?, last)?;
-        run.write_json("environment.json", &sessions)?;
-        run.write_json(ENROLLED, &materials)?;
-        run.write_train_embeddings(&enrolled.known)?;
-        if let Some(calibration) = self.calibration()? {
-            run.write_calibration(&calibration)?;
-        }
-        run.write_weights(&enrolled.weights)?;
-        Ok(run)
-    }
-
     /// Returns true if training has come to its end, so that the weights are final.
     pub fn has_final_weights(&self) -> bool {
         self.file(WEIGHTS).exists()
@@ -422,7 +336,8 @@ impl RunDir {
     pub fn write_metrics(&self, metrics: &[EpochMetrics]) -> Result<(), PipelineError> {
         let mut text = String::new();
         for line in metrics {
-            text.push_str(&to_json("metrics.jsonl", line, false)?);
+            let line = serde_json::to_string(line);
+            text.push_str(&as_json("metrics.jsonl", line)?);
             text.push('\n');
         }
         self.write("metrics.jsonl", text.as_bytes())
@@ -481,11 +396,11 @@ impl RunDir {
     /// # Errors
     /// It cannot be written.
     pub fn write_json(&self, name: &str, value: &impl Serialize) -> Result<(), PipelineError> {
-        let text = to_json(name, value, true)?;
+        let text = as_json(name, serde_json::to_string_pretty(value))?;
         self.write(name, format!("{text}\n").as_bytes())
     }
 
-    fn read_json<T: DeserializeOwned>(&self, name: &str) -> Result<T, PipelineError> {
+    pub(super) fn read_json<T: DeserializeOwned>(&self, name: &str) -> Result<T, PipelineError> {
         let path = self.file(name);
         let text =
             fs::read_to_string(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
@@ -500,12 +415,7 @@ impl RunDir {
     }
 }
 
-fn to_json(name: &str, value: &impl Serialize, pretty: bool) -> Result<String, PipelineError> {
-    let text = if pretty {
-        serde_json::to_string_pretty(value)
-    } else {
-        serde_json::to_string(value)
-    };
+fn as_json(name: &str, text: serde_json::Result<String>) -> Result<String, PipelineError> {
     text.map_err(|error| PipelineError::Run {
         path: name.into(),
         reason: error.to_string(),

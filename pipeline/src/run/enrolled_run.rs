@@ -1,0 +1,47 @@
+//! The run directory of a classifier that a material was added to.
+
+use std::fs;
+use std::path::Path;
+
+use super::run_dir::ENROLLED;
+use crate::{Enrolled, EnrolledMaterial, PipelineError, Provenance, RunConfig, RunDir};
+
+impl RunDir {
+    /// Makes a new run directory for a classifier with one more material: what `self` holds, but for the training's course and results.
+    ///
+    /// # Errors
+    /// A folder that holds anything already; a file that cannot be written.
+    pub fn create_enrolled(
+        &self,
+        path: &Path,
+        enrolled: &Enrolled,
+        material: EnrolledMaterial,
+    ) -> Result<Self, PipelineError> {
+        let occupied = fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_some());
+        if occupied {
+            return Err(PipelineError::Run {
+                path: path.into(),
+                reason: "is not empty; name a new folder with `--out`".into(),
+            });
+        }
+        let mut materials = self.enrolled()?;
+        materials.push(material);
+        let config = RunConfig {
+            classifier: enrolled.config.clone(),
+            ..self.config()?
+        };
+        let sessions: Vec<Provenance> = self.read_json("environment.json")?;
+        let Some(last) = sessions.last() else {
+            return Err(self.refused("environment.json names no session"));
+        };
+        let run = Self::create(path, &config, &self.split()?, last)?;
+        run.write_json("environment.json", &sessions)?;
+        run.write_json(ENROLLED, &materials)?;
+        run.write_train_embeddings(&enrolled.known)?;
+        if let Some(calibration) = self.calibration()? {
+            run.write_calibration(&calibration)?;
+        }
+        run.write_weights(&enrolled.weights)?;
+        Ok(run)
+    }
+}

@@ -1,0 +1,58 @@
+//! One process at a time trains in a folder.
+
+use std::fs;
+use std::path::Path;
+
+use crate::{PipelineError, RunDir};
+
+/// Name of the lock file.
+pub(super) const LOCK: &str = ".lock";
+
+impl RunDir {
+    /// Returns true if a process trains in the folder `path`; false where there is no such folder.
+    pub fn is_busy(path: &Path) -> bool {
+        let Ok(file) = fs::File::open(path.join(LOCK)) else {
+            return false;
+        };
+        matches!(file.try_lock_shared(), Err(fs::TryLockError::WouldBlock))
+    }
+
+    /// Locks the folder for training in it.
+    ///
+    /// # Errors
+    /// Another process trains in it.
+    pub fn locked(mut self) -> Result<Self, PipelineError> {
+        self.lock = Some(Self::lock(&self.path)?);
+        Ok(self)
+    }
+
+    /// Makes the folder `path` where there is none and locks it, so that [`RunDir::is_busy`] is true until the file is dropped or the
+    /// process ends.
+    ///
+    /// # Errors
+    /// Another process works in it.
+    pub fn lock(path: &Path) -> Result<fs::File, PipelineError> {
+        fs::create_dir_all(path)
+            .map_err(|error| PipelineError::io(path, "make the folder", error))?;
+        let name = path.join(LOCK);
+        let file = fs::File::create(&name)
+            .map_err(|error| PipelineError::io(&name, "make the lock file", error))?;
+        let mut outcome = file.try_lock();
+        for _ in 0..20 {
+            // Whoever asks whether the folder is busy holds the lock for a moment.
+            if !matches!(outcome, Err(fs::TryLockError::WouldBlock)) {
+                break;
+            }
+            std::thread::sleep(std::time::Duration::from_millis(10));
+            outcome = file.try_lock();
+        }
+        match outcome {
+            Ok(()) => Ok(file),
+            Err(fs::TryLockError::WouldBlock) => Err(PipelineError::Run {
+                path: path.into(),
+                reason: "another process trains in this folder".into(),
+            }),
+            Err(fs::TryLockError::Error(error)) => Err(PipelineError::io(&name, "lock", error)),
+        }
+    }
+}
