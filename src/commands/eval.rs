@@ -6,13 +6,13 @@ use std::process::ExitCode;
 
 use clap::Args;
 use serde::Serialize;
+use tactnet_channel::percentile;
 use tactnet_data::Seed;
 use tactnet_models::Compute;
 use tactnet_pipeline::{
     Classifier, Evaluation, RunDir, RuntimeComparison, RuntimeKind, TestSweeps, Verdicts,
     compare_runtime, evaluate_all_ways,
 };
-use tactnet_channel::percentile;
 
 use super::choices::{DeviceChoice, RuntimeChoice};
 use crate::{GIT, output, report, source};

@@ -266,9 +266,7 @@ fn limited(kibibytes: usize, command: &Command) -> Command {
     let mut limited = Command::new("bash");
     limited
         .arg("-c")
-        .arg(format!(
-            "trap '' XFSZ; ulimit -f {kibibytes}; exec \"$@\""
-        ))
+        .arg(format!("trap '' XFSZ; ulimit -f {kibibytes}; exec \"$@\""))
         .arg("bash")
         .arg(command.get_program())
         .args(command.get_args());
@@ -286,7 +284,10 @@ fn a_report_that_does_not_fit_on_the_disk_is_a_failure_not_a_mistake() {
     expect(0, run);
     let [summary, page] = ["out/summary.json", "out/report.html"].map(|file| lab.read(file).len());
     let limit = summary.div_ceil(1024);
-    assert!(page > 1024 * limit, "{page} bytes are more than {limit} KiB");
+    assert!(
+        page > 1024 * limit,
+        "{page} bytes are more than {limit} KiB"
+    );
     let mut report = tactnet(["experiment", "report"]);
     report.arg(lab.path("out"));
     let message = stderr(&expect(1, limited(limit, &report)));
