@@ -54,7 +54,7 @@ impl Train {
     }
 }
 
-/// Positions among a fold's training sweeps: to fit to, to choose by.
+/// Positions among the training sweeps: to fit to, to choose by.
 struct Inner {
     fit: Vec<usize>,
     held: Vec<usize>,

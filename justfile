@@ -1,0 +1,15 @@
+# What to run while working. `just --list` names them.
+
+# Formatting, lints and unit tests, without optional features: under three minutes once dependencies are built.
+quick:
+    cargo fmt --all --check
+    cargo clippy --profile ci --workspace --all-targets --locked -- -D warnings
+    cargo test --profile ci --workspace --lib --locked --quiet
+
+# Everything a change must pass, with all features; prints its steps in seconds at the end.
+ci:
+    .ci/run
+
+# Benchmarks: `just bench` runs all, `just bench block` one. They compare in one run; no test asserts a time.
+bench NAME='':
+    {{ if NAME == '' { 'cargo bench --workspace' } else { 'cargo bench --workspace --bench ' + NAME } }}

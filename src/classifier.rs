@@ -1,0 +1,204 @@
+//! A fitted classifier, in memory and in a folder.
+
+use std::path::Path;
+
+use tactnet_data::{SplitManifest, SweepView, TrainSplit};
+use tactnet_models::Weights;
+use tactnet_pipeline::{
+    BatchReport, Calibration, ClassifierConfig, ModelConfig, ModelRecipe, OnlineClassifier,
+    PredictionMethod, Predictions, Provenance, RunConfig, RunDir, TrainEmbeddings, TrainJob,
+    fit_baseline, train_network,
+};
+
+use crate::Error;
+
+/// A fitted classifier: materials, model and numbers.
+pub struct Classifier {
+    fitted: tactnet_pipeline::Classifier,
+    config: RunConfig,
+    split: SplitManifest,
+    weights: Weights,
+    /// Of networks: what their output layer saw of the training sweeps, for enrolment.
+    embeddings: Option<TrainEmbeddings>,
+    calibration: Option<Calibration>,
+}
+
+impl Classifier {
+    pub(crate) fn fit(
+        job: &TrainJob,
+        train: &TrainSplit<'_>,
+        go_on: impl FnMut(&BatchReport) -> bool,
+    ) -> Result<Option<Self>, Error> {
+        let (spec, device) = (job.spec(), job.device());
+        let (fitted, weights) = match job.recipe() {
+            ModelRecipe::TactNet2(recipe) => {
+                let Some(fitted) = train_network(recipe, train, spec.seed, device, go_on)? else {
+                    return Ok(None);
+                };
+                let weights = fitted.network()?.weights();
+                (fitted, weights)
+            }
+            ModelRecipe::Baseline(recipe) => {
+                let weights = fit_baseline(recipe, train, spec.seed, |_| {})?.weights;
+                let model = ModelConfig::Baseline(recipe.clone());
+                let config = ClassifierConfig::new(model, train, spec.seed);
+                let fitted = tactnet_pipeline::Classifier::new(config, &weights, device)?;
+                (fitted, weights)
+            }
+        };
+        let embeddings = match job.recipe() {
+            ModelRecipe::TactNet2(_) => Some(TrainEmbeddings::of(&fitted.embed(train)?)),
+            ModelRecipe::Baseline(_) => None,
+        };
+        let config = RunConfig {
+            schema_version: RunConfig::SCHEMA_VERSION,
+            data: train.dataset().name().into(),
+            steps: None,
+            label_order: Default::default(),
+            inner: None,
+            calibration_target: None,
+            recipe_source: spec.recipe.clone(),
+            data_sha256: train.dataset().sha256().into(),
+            seed: spec.seed,
+            compute: spec.device,
+            recipe: job.recipe().clone(),
+            classifier: fitted.config().clone(),
+        };
+        Ok(Some(Self {
+            fitted,
+            config,
+            split: train.manifest()?,
+            weights,
+            embeddings,
+            calibration: None,
+        }))
+    }
+
+    /// Opens a folder that [`Classifier::save`], `tactnet train` or `tactnet enroll` made.
+    ///
+    /// # Errors
+    /// No classifier there, or a damaged one; a training that has not come to its end.
+    pub fn load(folder: impl AsRef<Path>) -> Result<Self, Error> {
+        let run = RunDir::open(folder.as_ref())?;
+        let (config, weights) = (run.config()?, run.weights()?);
+        let device = config
+            .compute
+            .open()
+            .map_err(tactnet_pipeline::PipelineError::from)?;
+        let fitted =
+            tactnet_pipeline::Classifier::new(config.classifier.clone(), &weights, &device)?;
+        let embeddings = match &config.classifier.model {
+            ModelConfig::TactNet2(_) => Some(run.train_embeddings()?),
+            ModelConfig::Baseline(_) => None,
+        };
+        Ok(Self {
+            fitted,
+            split: run.split()?,
+            weights,
+            embeddings,
+            calibration: run.calibration()?,
+            config,
+        })
+    }
+
+    /// Saves everything that a prediction needs into a new folder, which the command line opens too.
+    ///
+    /// # Errors
+    /// A folder that holds anything already; a file that cannot be written.
+    pub fn save(&self, folder: impl AsRef<Path>) -> Result<(), Error> {
+        let program = Provenance::of_this_process(env!("CARGO_PKG_VERSION"), env!("TACTNET_GIT"));
+        let run = RunDir::create(folder.as_ref(), &self.config, &self.split, &program)?;
+        if let Some(calibration) = &self.calibration {
+            run.write_calibration(calibration)?;
+        }
+        match &self.embeddings {
+            Some(embeddings) => {
+                run.write_train_embeddings(embeddings)?;
+                run.write_weights(&self.weights)?;
+            }
+            None => run.write_baseline(&self.weights)?,
+        }
+        Ok(())
+    }
+
+    /// Returns the names of the materials, in the order of their labels.
+    pub fn materials(&self) -> impl Iterator<Item = &str> {
+        self.fitted.config().labels.names()
+    }
+
+    /// Scores every sweep of `view` the recipe's own way. Materials are found by their names, in whatever order.
+    ///
+    /// # Errors
+    /// Sweeps of another shape or rate, or of a material that the classifier does not know.
+    pub fn predict(&self, view: &SweepView<'_>) -> Result<Predictions, Error> {
+        Ok(self.fitted.predict(view, self.config.recipe.method())?)
+    }
+
+    /// Returns the same classifier for one sweep as it happens, frame by frame, with as many Monte Carlo samples as the recipe asks for.
+    ///
+    /// # Errors
+    /// A model that needs whole sweeps: a baseline, or a network that removes each taxel's mean.
+    pub fn online(&self) -> Result<OnlineClassifier, Error> {
+        let mc_samples = match self.config.recipe.method() {
+            PredictionMethod::Plain => 0,
+            PredictionMethod::McDropout { mc_samples } => mc_samples,
+        };
+        let calibration = self.calibration.clone();
+        Ok(OnlineClassifier::new(
+            &self.fitted,
+            calibration,
+            mc_samples,
+        )?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Dataset, Recipe, Seed, TwinConfig};
+
+    #[test]
+    fn a_saved_classifier_predicts_the_same_bits() {
+        let dataset = Dataset::twin(&TwinConfig {
+            materials: 3,
+            sweeps: 10,
+            steps: 120,
+            ..TwinConfig::default()
+        })
+        .unwrap();
+        let fold = dataset.folds(Seed(2)).first();
+        let folder = tempfile::tempdir().unwrap();
+        for recipe in [
+            Recipe::named("fast").unwrap().epochs(2),
+            Recipe::named("knn-l").unwrap(),
+        ] {
+            let classifier = recipe.fit(&fold.train).unwrap();
+            let path = folder
+                .path()
+                .join(format!("{:?}", classifier.config.recipe.name()));
+            classifier.save(&path).unwrap();
+            assert!(classifier.save(&path).is_err(), "a taken folder");
+            let again = Classifier::load(&path).unwrap();
+            assert!(again.materials().eq(classifier.materials()));
+            let (a, b) = (classifier.predict(&fold.test), again.predict(&fold.test));
+            assert_eq!(a.unwrap(), b.unwrap());
+            assert_eq!(again.online().is_ok(), again.embeddings.is_some());
+        }
+    }
+
+    #[test]
+    fn whoever_says_stop_gets_nothing() {
+        let dataset = Dataset::twin(&TwinConfig {
+            materials: 2,
+            sweeps: 5,
+            steps: 60,
+            ..TwinConfig::default()
+        })
+        .unwrap();
+        let fold = dataset.folds(Seed(1)).first();
+        let stopped = Recipe::named("fast")
+            .unwrap()
+            .fit_while(&fold.train, |_| false);
+        assert!(stopped.unwrap().is_none());
+    }
+}

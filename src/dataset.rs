@@ -1,0 +1,173 @@
+//! A data set and the folds that it falls into.
+
+use std::ops::Deref;
+use std::path::Path;
+
+use tactnet_data::twin::{self, TwinConfig};
+use tactnet_data::{Fold, Scheme, Seed, format, refuse_errors};
+
+use crate::Error;
+
+/// Folds that a data set is dealt into where its materials have enough sweeps.
+const FOLDS: usize = 5;
+
+/// Sweeps with their materials, checked and ready to be split.
+///
+/// Dereferences to [`tactnet_data::Dataset`], which has names, shape, rate and values.
+#[derive(Debug, Clone)]
+pub struct Dataset {
+    sweeps: tactnet_data::Dataset,
+    scheme: Scheme,
+}
+
+impl Dataset {
+    /// Reads a file: HDF5 in TactMat's layout, or npz.
+    ///
+    /// # Errors
+    /// No such file, or one that is damaged; values that cannot be trained on; a material with fewer than two sweeps.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, Error> {
+        format::read(path.as_ref())?.try_into()
+    }
+
+    /// Generates the synthetic twin of TactMat.
+    ///
+    /// # Errors
+    /// A setting out of range; fewer than two sweeps of a material.
+    pub fn twin(config: &TwinConfig) -> Result<Self, Error> {
+        twin::generate(config)?.try_into()
+    }
+
+    /// Writes a file, in the format that its extension names: `.h5`, `.npz`, `.ts`.
+    ///
+    /// # Errors
+    /// Another extension; a file that cannot be written.
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), Error> {
+        let path = path.as_ref();
+        Ok(format::Format::from_extension(path)?.write(path, &self.sweeps)?)
+    }
+
+    /// Returns the ways to split the sweeps into training and test sweeps: the author's own split where the file has one, else five
+    /// stratified folds, or as many as the material with the fewest sweeps has.
+    ///
+    /// - `seed`: decides which sweep falls into which fold
+    pub fn folds(&self, seed: Seed) -> Folds<'_> {
+        Folds {
+            dataset: self,
+            seed,
+        }
+    }
+}
+
+impl TryFrom<tactnet_data::Dataset> for Dataset {
+    type Error = Error;
+
+    fn try_from(sweeps: tactnet_data::Dataset) -> Result<Self, Error> {
+        refuse_errors(&sweeps, sweeps.name())?;
+        let scheme = match Scheme::default_for(&sweeps) {
+            Scheme::StratifiedKFold { repeats, .. } => Scheme::StratifiedKFold {
+                folds: folds_of(&sweeps)?,
+                repeats,
+            },
+            scheme => scheme,
+        };
+        // What can be split once can be split by any seed: the number of sweeps decides.
+        Fold::new(&sweeps, scheme, Seed(0), 0, 0)?;
+        Ok(Self { sweeps, scheme })
+    }
+}
+
+fn folds_of(sweeps: &tactnet_data::Dataset) -> Result<usize, Error> {
+    let counts = tactnet_data::SweepView::all(sweeps).sweeps_per_label();
+    let fewest = counts.iter().enumerate().min_by_key(|(_, count)| **count);
+    match fewest {
+        Some((label, &found)) if found < 2 => Err(Error::TooFewSweeps {
+            dataset: sweeps.name().into(),
+            material: sweeps.labels().name(label).into(),
+            found,
+        }),
+        Some((_, &found)) => Ok(found.min(FOLDS)),
+        None => Ok(FOLDS),
+    }
+}
+
+impl Deref for Dataset {
+    type Target = tactnet_data::Dataset;
+
+    fn deref(&self) -> &tactnet_data::Dataset {
+        &self.sweeps
+    }
+}
+
+/// The folds of a data set.
+#[derive(Debug, Clone, Copy)]
+pub struct Folds<'a> {
+    dataset: &'a Dataset,
+    seed: Seed,
+}
+
+impl<'a> Folds<'a> {
+    /// Returns the first fold.
+    pub fn first(&self) -> Fold<'a> {
+        self.fold(0)
+    }
+
+    /// Returns how many folds there are.
+    pub fn count(&self) -> usize {
+        match self.dataset.scheme {
+            Scheme::StratifiedKFold { folds, .. } => folds,
+            Scheme::TestFlag | Scheme::LeaveBlockOut => 1,
+        }
+    }
+
+    /// Returns the folds one after the other; every sweep is a test sweep of one of them.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = Fold<'a>> + use<'a> {
+        let folds = *self;
+        (0..self.count()).map(move |number| folds.fold(number))
+    }
+
+    fn fold(&self, number: usize) -> Fold<'a> {
+        let Dataset { sweeps, scheme } = self.dataset;
+        Fold::new(sweeps, *scheme, self.seed, 0, number)
+            .unwrap_or_else(|error| panic!("a data set that was split once can be split: {error}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn twin(sweeps: usize) -> Result<Dataset, Error> {
+        Dataset::twin(&TwinConfig {
+            materials: 3,
+            sweeps,
+            steps: 60,
+            ..TwinConfig::default()
+        })
+    }
+
+    #[test]
+    fn every_sweep_is_tested_once_and_never_trained_on_then() {
+        for (sweeps, folds) in [(2, 2), (4, 4), (12, 5)] {
+            let dataset = twin(sweeps).unwrap();
+            let all = dataset.folds(Seed(4));
+            assert_eq!(all.count(), folds);
+            let mut tested: Vec<usize> = Vec::new();
+            for fold in all.iter() {
+                assert_eq!(fold.train.len() + fold.test.len(), dataset.len());
+                tested.extend(fold.test.indices());
+            }
+            tested.sort_unstable();
+            assert!(tested.into_iter().eq(0..dataset.len()));
+        }
+    }
+
+    #[test]
+    fn a_single_sweep_of_a_material_cannot_be_split() {
+        let refused = twin(1).unwrap_err();
+        assert!(refused.is_usage());
+        assert!(
+            refused.to_string().contains("at least 2 sweeps"),
+            "{refused}"
+        );
+    }
+}
