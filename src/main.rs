@@ -2,23 +2,21 @@
 
 mod allocations;
 mod commands;
-mod data;
-mod enroll;
-mod eval;
 mod experiment;
-mod export;
 mod failure;
 mod output;
 mod report;
 mod source;
 mod stop;
 mod study;
-mod train;
 
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use commands::{channel, dashboard, demo, record, replay, serve, simulate, view};
+use commands::{
+    channel, dashboard, data, demo, enroll, eval, export, record, replay, serve, simulate, train,
+    view,
+};
 
 #[global_allocator]
 static ALLOCATOR: allocations::Counting = allocations::Counting;
@@ -97,8 +95,8 @@ fn main() -> ExitCode {
         Err(error) => return failure::usage(&error),
     };
     let outcome = match cli.command {
-        Command::Train(arguments) => train::run(arguments),
-        Command::Eval(arguments) => eval::run(arguments),
+        Command::Train(arguments) => train::run(&arguments),
+        Command::Eval(arguments) => eval::run(&arguments),
         Command::Enroll(arguments) => enroll::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Experiment(command) => experiment::run(command),

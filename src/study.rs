@@ -8,14 +8,15 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use clap::Args;
-use tactnet_data::Seed;
+use tactnet_data::{Seed, refuse_errors};
 use tactnet_experiments::{StudyTask, run_study};
+use tactnet_models::Compute;
 use tactnet_pipeline::{
     BatchReport, LabelOrder, ModelRecipe, Provenance, Recipe, RunDir, write_whole,
 };
 
+use crate::commands::choices::{DeviceChoice, LevelsChoice};
 use crate::stop::Stop;
-use crate::train::{DeviceChoice, LevelsChoice, refuse_errors};
 use crate::{GIT, failure, output, source};
 
 /// How often progress is told.
@@ -56,7 +57,7 @@ pub fn run(arguments: &StudyArgs) -> anyhow::Result<ExitCode> {
         serde_json::from_str(&arguments.task).context("--task: expected a study's task as JSON")?;
     let mut recipe = ModelRecipe::load(&arguments.recipe)?;
     if let Some(levels) = arguments.levels {
-        recipe = recipe.with_levels(levels.levels());
+        recipe = recipe.with_levels(levels.into());
     }
     let ModelRecipe::TactNet2(mut recipe) = recipe else {
         bail!("recipe `{}`: a study needs a network", arguments.recipe);
@@ -65,7 +66,7 @@ pub fn run(arguments: &StudyArgs) -> anyhow::Result<ExitCode> {
         recipe.training.epochs = epochs;
         recipe = Recipe::parse("--epochs", &recipe.to_toml())?;
     }
-    let device = arguments.device.compute().open()?;
+    let device = Compute::from(arguments.device).open()?;
     let _lock = RunDir::lock(&arguments.out)?;
     let dataset = source::load_part(
         &arguments.data,

@@ -94,7 +94,16 @@ impl<'a> Fold<'a> {
             ));
         }
         Ok(Self {
-            train: TrainSplit::new(dataset, train, DealtBy { seed, repeat, fold }),
+            train: TrainSplit::new(
+                dataset,
+                train,
+                DealtBy {
+                    scheme,
+                    seed,
+                    repeat,
+                    fold,
+                },
+            ),
             test: TestSplit::new(dataset, test),
             dataset,
             scheme,
@@ -134,6 +143,7 @@ impl<'a> Fold<'a> {
 
     fn dealt_by(&self) -> DealtBy {
         DealtBy {
+            scheme: self.scheme,
             seed: self.seed,
             repeat: self.repeat,
             fold: self.fold,

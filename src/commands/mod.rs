@@ -1,10 +1,16 @@
-//! The subcommands: arguments, progress and exit codes.
+//! One file a subcommand: arguments, progress, exit code.
 
 pub mod channel;
+pub mod choices;
 pub mod dashboard;
+pub mod data;
 pub mod demo;
+pub mod enroll;
+pub mod eval;
+pub mod export;
 pub mod record;
 pub mod replay;
 pub mod serve;
 pub mod simulate;
+pub mod train;
 pub mod view;

@@ -9,9 +9,7 @@ use std::process::ExitCode;
 
 use clap::Subcommand;
 use tactnet_data::Dataset;
-use tactnet_pipeline::RunDir;
-
-use crate::eval::unseen_sweeps;
+use tactnet_pipeline::{RunDir, TestSweeps};
 
 #[derive(Subcommand)]
 #[command(after_help = "Examples:\n  \
@@ -39,6 +37,6 @@ pub fn run(command: SimulateCommand) -> anyhow::Result<ExitCode> {
 /// Returns the numbers of sweeps that a run was not trained on.
 fn unseen_by(dataset: &Dataset, run: &Path) -> anyhow::Result<Vec<usize>> {
     let run = RunDir::open(run)?;
-    let (view, _) = unseen_sweeps(dataset, &run.config()?, &run.split()?)?;
+    let view = TestSweeps::unseen(dataset, &run.config()?, &run.split()?)?.view;
     Ok(view.indices().to_vec())
 }

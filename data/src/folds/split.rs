@@ -1,6 +1,6 @@
 //! The sides of a split. Their types keep fitting away from the sweeps that judge it.
 
-use super::{Fold, deal};
+use super::{Fold, Scheme, SplitManifest, deal};
 use crate::{DataError, Dataset, Seed, SweepShape};
 use std::ops::Deref;
 
@@ -61,7 +61,7 @@ impl<'a> SweepView<'a> {
         self.indices.len()
     }
 
-    /// Whether there is no sweep.
+    /// Returns true if there is no sweep.
     pub fn is_empty(&self) -> bool {
         self.indices.is_empty()
     }
@@ -135,6 +135,7 @@ macro_rules! side {
 /// The random choices that made a fold; inner splits of its training sweeps are named after them.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct DealtBy {
+    pub(super) scheme: Scheme,
     pub(super) seed: Seed,
     pub(super) repeat: usize,
     pub(super) fold: usize,
@@ -204,7 +205,9 @@ impl<'a> TrainSplit<'a> {
                 part.to_string(),
             ));
         }
-        let DealtBy { seed, repeat, fold } = self.dealt_by;
+        let DealtBy {
+            seed, repeat, fold, ..
+        } = self.dealt_by;
         let (dataset, sweeps) = (self.view.dataset, self.view.indices());
         let stream = format!("folds, inside fold {fold}");
         let parts = deal(dataset, sweeps, Fold::INNER_FOLDS, seed, &stream, repeat)?;
@@ -219,6 +222,28 @@ impl<'a> TrainSplit<'a> {
             Self::new(dataset, side(false), self.dealt_by),
             ValidationSplit::new(dataset, side(true)),
         ))
+    }
+}
+
+impl TrainSplit<'_> {
+    /// Returns the split as data, for whatever is saved of a classifier: these training sweeps, and the test sweeps of the fold that they
+    /// belong to.
+    ///
+    /// # Errors
+    /// A data set that cannot be dealt the same way again.
+    pub fn manifest(&self) -> Result<SplitManifest, DataError> {
+        let DealtBy {
+            scheme,
+            seed,
+            repeat,
+            fold,
+        } = self.dealt_by;
+        let dealt = Fold::new(self.view.dataset, scheme, seed, repeat, fold)?;
+        let fold = Fold {
+            train: self.clone(),
+            ..dealt
+        };
+        Ok(fold.manifest())
     }
 }
 

@@ -146,7 +146,14 @@ pub(super) fn differentiate(
             &mut seed.rng(("pair network", distances.width())),
         )
         .layers();
-        let mlp = fit_difference(&layers, &scaled(distances, scale), &pairs, TRAINING, seed)?;
+        let mlp = fit_difference(
+            &layers,
+            &scaled(distances, scale),
+            &pairs,
+            TRAINING,
+            seed,
+            context.device,
+        )?;
         scorers.push((
             name,
             PairScorer::Network {

@@ -11,7 +11,9 @@ use tactnet_data::{Fold, MaterialSplit, Scheme, Seed, SweepView};
 use tactnet_models::{
     DenseWeights, Features, LinearHead, NearestMean, SimpleShot, WeightPrior, Whitening, argmax,
 };
-use tactnet_pipeline::{Classifier, Embedding, MlpTraining, Recipe, fit_embedding, fit_labels};
+use tactnet_pipeline::{
+    Classifier, Device, Embedding, MlpTraining, Recipe, fit_embedding, fit_labels,
+};
 
 use super::knowledge::{embedded, trained};
 use super::pairs::random_pairs;
@@ -79,7 +81,7 @@ pub(super) fn transfer(task: &StudyTask, context: &StudyContext<'_>) -> Result<A
                     .map(|fold| from_scratch(task, context, fold))
                     .collect()
             } else {
-                let recipe = context.recipe;
+                let (recipe, device) = (context.recipe, context.device);
                 let seeds: Vec<Seed> = (0..FOLDS)
                     .map(|fold| context.seed_for("fine-tuning", task.number * FOLDS + fold))
                     .collect();
@@ -90,6 +92,7 @@ pub(super) fn transfer(task: &StudyTask, context: &StudyContext<'_>) -> Result<A
                         let few = FewShots {
                             knowledge: &knowledge,
                             recipe,
+                            device,
                             support: &support,
                             materials,
                             shots,
@@ -196,7 +199,15 @@ fn siamese_layers(
         keep: None,
     };
     let layers = [classifier.network()?.folded_hidden()];
-    let mlp = fit_embedding(&layers, &seen.convolution, &pairs, margin, training, seed)?;
+    let mlp = fit_embedding(
+        &layers,
+        &seen.convolution,
+        &pairs,
+        margin,
+        training,
+        seed,
+        context.device,
+    )?;
     Ok(mlp.layers())
 }
 
@@ -227,6 +238,7 @@ fn from_scratch(
 struct FewShots<'a> {
     knowledge: &'a Knowledge,
     recipe: &'a Recipe,
+    device: &'a Device,
     support: &'a Embedding,
     materials: usize,
     shots: usize,
@@ -302,7 +314,7 @@ impl FewShots<'_> {
                     .siamese
                     .as_ref()
                     .unwrap_or_else(|| panic!("was trained before"));
-                let mlp = tactnet_models::Mlp::from_layers(layers, &burn::tensor::Device::flex());
+                let mlp = tactnet_models::Mlp::from_layers(layers, self.device);
                 let embed = |embedding: &Embedding| {
                     let mut out = mlp.apply(&embedding.convolution);
                     out.values_mut().iter_mut().for_each(|v| *v = v.max(0.0));
@@ -324,7 +336,14 @@ impl FewShots<'_> {
                     bias: vec![0.0; self.materials],
                 };
                 let layers = [self.knowledge.classifier.network()?.folded_hidden(), output];
-                let mlp = fit_labels(&layers, &self.support.convolution, labels, training, seed)?;
+                let mlp = fit_labels(
+                    &layers,
+                    &self.support.convolution,
+                    labels,
+                    training,
+                    seed,
+                    self.device,
+                )?;
                 let scores = mlp.apply(&queries.convolution);
                 scores
                     .rows()
