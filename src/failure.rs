@@ -113,8 +113,8 @@ fn is_usage(cause: &(dyn Error + 'static)) -> Option<bool> {
         .or_else(|| cause.downcast_ref().map(experiment_is_usage))
         .or_else(|| cause.downcast_ref().map(ChannelError::is_usage))
         .or_else(|| cause.downcast_ref().map(SkinError::is_usage))
-        .or_else(|| cause.downcast_ref().map(ServeError::is_usage))
         .or_else(|| cause.downcast_ref().map(RecordingError::is_usage))
+        .or_else(|| cause.downcast_ref().map(ServeError::is_usage))
         .or_else(|| cause.downcast_ref().map(RehearsalError::is_usage))
 }
 

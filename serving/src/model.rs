@@ -1,9 +1,9 @@
 //! The model that serves: loaded from a run directory, checked against the skin, made anew when a material is learnt.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use sha2::{Digest, Sha256};
-use tactnet_data::{Dataset, LabelSet, Samples, SweepRecord, SweepView};
+use tactnet_data::{Dataset, LabelSet, Samples, SweepRecord, SweepView, sha256_hex};
 use tactnet_models::Compute;
 use tactnet_pipeline::{
     Calibration, Classifier, EnrolledMaterial, OnlineClassifier, PipelineError, RunDir,
@@ -273,13 +273,12 @@ impl ServedModel {
         let view = SweepView::new(&dataset, (0..sweeps).collect());
         let enrolled = enroll(&self.classifier, known, &view, material)?;
         let before = self.run.weights()?;
-        let digest = Sha256::digest(before.to_safetensors(std::collections::BTreeMap::new())?);
         let record = EnrolledMaterial {
             material: material.into(),
             data: dataset.name().into(),
             data_sha256: dataset.sha256().into(),
             sweeps: (0..sweeps).collect(),
-            weights_sha256: digest.iter().map(|byte| format!("{byte:02x}")).collect(),
+            weights_sha256: sha256_hex(before.to_safetensors(BTreeMap::new())?),
             git: git.into(),
         };
         // Under another name until it is whole and can be loaded.

@@ -3,7 +3,6 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
-use tactnet_data::DataError;
 use tactnet_models::ModelError;
 use tactnet_pipeline::PipelineError;
 
@@ -70,13 +69,7 @@ impl ServeError {
         match self {
             Self::Channel(error) => error.is_usage(),
             Self::Skin(error) => error.is_usage(),
-            Self::Pipeline(error) => !matches!(
-                error,
-                PipelineError::NotFinite { .. }
-                    | PipelineError::Optimizer(_)
-                    | PipelineError::Io { .. }
-                    | PipelineError::Data(DataError::Io { .. })
-            ),
+            Self::Pipeline(error) => error.is_usage(),
             Self::Model(error) => !matches!(error, ModelError::Fit { .. }),
             Self::TooManyMaterials { .. }
             | Self::Unfit { .. }
@@ -90,6 +83,8 @@ impl ServeError {
 #[cfg(test)]
 mod tests {
     use std::io::ErrorKind;
+
+    use tactnet_data::DataError;
 
     use super::*;
 

@@ -102,7 +102,7 @@ impl RecordingError {
         match self {
             Self::Channel(error) => error.is_usage(),
             Self::Skin(error) => error.is_usage(),
-            Self::Data(error) => !matches!(error, tactnet_data::DataError::Io { .. }),
+            Self::Data(error) => error.is_usage(),
             Self::Io { source, .. } => tactnet_channel::is_wrong_path(source),
             Self::NotARun { .. }
             | Self::NoChannel { .. }

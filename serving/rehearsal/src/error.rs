@@ -35,7 +35,7 @@ pub enum RehearsalError {
         data: String,
     },
     /// SCHED_FIFO was asked for and is not allowed.
-    #[error("SCHED_FIFO: {reason}")]
+    #[error("{reason}")]
     NoFifo {
         /// Answer of the system.
         reason: String,

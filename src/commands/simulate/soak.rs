@@ -55,7 +55,7 @@ impl SchedulingChoice {
             Self::Usual => Ok(Scheduling::Usual),
             Self::Fifo => Ok(Scheduling::fifo()?),
             Self::Auto => Ok(Scheduling::fifo().unwrap_or_else(|refused| {
-                eprintln!("going on as any other process: {refused}");
+                eprintln!("as usual, not under SCHED_FIFO: {refused}");
                 Scheduling::Usual
             })),
         }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 use sha2::{Digest, Sha256};
+use tactnet_data::hex;
 use tactnet_skin::packets::{Command, Stage, TactileBelief};
 use tactnet_skin::{Segmentation, ServeConfig};
 
@@ -64,11 +65,7 @@ impl SweepBeliefs {
         Self {
             sweeps,
             beliefs: about.len(),
-            posterior_sha256: hash
-                .finalize()
-                .iter()
-                .map(|byte| format!("{byte:02x}"))
-                .collect(),
+            posterior_sha256: hex(hash.finalize()),
             about,
         }
     }
