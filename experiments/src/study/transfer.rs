@@ -15,7 +15,7 @@ use tactnet_pipeline::{Classifier, Embedding, MlpTraining, Recipe, fit_embedding
 
 use super::knowledge::{embedded, trained};
 use super::pairs::random_pairs;
-use super::tuning::{Tuned, tune};
+use super::tuning::{Tuned, plain_prior, tune, whitened_prior};
 use super::{Answer, Cancelled, Measurement, StudyContext, StudyTask, TransferMethod};
 
 /// Folds of the new materials' sweeps.
@@ -142,7 +142,6 @@ fn learn(
     context.say("embedding")?;
     let seen = embedded(&classifier, &fold.train)?;
     let unseen = embedded(&classifier, &fold.test)?;
-    let materials = split.known.labels().len();
     let width = seen.hidden.width();
     let mut centre = vec![0.0; width];
     for row in seen.hidden.rows() {
@@ -152,7 +151,8 @@ fn learn(
             .for_each(|(sum, v)| *sum += f64::from(*v) / seen.len() as f64);
     }
     context.say("whitening, prior strengths")?;
-    let (whitening, tuned) = tune(task, context, &seen, &unseen, materials)?;
+    let prior = WeightPrior::of_knowledge(&classifier.network()?.output_layer());
+    let (whitening, tuned) = tune(task, context, &seen, &unseen, &prior)?;
     let siamese = if task.methods.contains(&TransferMethod::Siamese) {
         context.say("Siamese embedding")?;
         Some(siamese_layers(context, &classifier, &seen, task.number)?)
@@ -160,7 +160,7 @@ fn learn(
         None
     };
     Ok(Knowledge {
-        prior: WeightPrior::of_knowledge(&classifier.network()?.output_layer()),
+        prior,
         centre,
         whitening,
         tuned,
@@ -264,18 +264,11 @@ impl FewShots<'_> {
             }
             TransferMethod::OlMean => linear(support, &queries.hidden, prior)?,
             TransferMethod::TunedOl => {
-                let prior = WeightPrior {
-                    strength: tuned.plain(self.shots),
-                    ..prior.clone()
-                };
+                let prior = plain_prior(prior, tuned.plain(self.shots));
                 linear(support, &queries.hidden, &prior)?
             }
             TransferMethod::WhitenedOl => {
-                let prior = WeightPrior {
-                    mean: vec![0.0; width + 1],
-                    strength: tuned.whitened(self.shots),
-                    bias_scale: 1.0,
-                };
+                let prior = whitened_prior(width, tuned.whitened(self.shots));
                 linear(
                     &whitening.apply(support),
                     &whitening.apply(&queries.hidden),

@@ -56,6 +56,26 @@ impl Tuned {
     }
 }
 
+/// A prior for every strength.
+type PriorOfStrength<'a> = &'a dyn Fn(f64) -> WeightPrior;
+
+/// The prior of an output layer on plain features, in tuning and in use: the known materials' mean and free biases.
+pub(super) fn plain_prior(knowledge: &WeightPrior, strength: f64) -> WeightPrior {
+    WeightPrior {
+        strength,
+        ..knowledge.clone()
+    }
+}
+
+/// The prior of an output layer on whitened features, in tuning and in use.
+pub(super) fn whitened_prior(width: usize, strength: f64) -> WeightPrior {
+    WeightPrior {
+        mean: vec![0.0; width + 1],
+        strength,
+        bias_scale: 1.0,
+    }
+}
+
 /// The middle one of those that are best: accuracies tie where a task is easy.
 fn middle_of_best(values: &[f64]) -> usize {
     let most = values[argmax(values)];
@@ -130,13 +150,16 @@ impl Trial {
 }
 
 /// Fits the whitening to the sweeps that the network was trained on, and chooses on known materials' other sweeps.
+///
+/// - `knowledge`: the prior that the known materials give, of which only the strength is chosen
 pub(super) fn tune(
     task: &StudyTask,
     context: &StudyContext<'_>,
     seen: &Embedding,
     unseen: &Embedding,
-    known: usize,
+    knowledge: &WeightPrior,
 ) -> Result<(Whitening, Tuned), Cancelled> {
+    let known = seen.labels.iter().max().map_or(0, |label| label + 1);
     let of_label = rows_of_label(&unseen.labels);
     let fewest = of_label.iter().map(Vec::len).min().unwrap_or(0);
     let materials = task.new_materials.min(known);
@@ -191,17 +214,24 @@ pub(super) fn tune(
     };
     for &shots in &shots {
         let trials = trials(shots);
-        for (features, strengths, chosen) in [
-            (&unseen.hidden, &STRENGTHS[..], &mut tuned.plain),
-            (&features, &WHITENED_STRENGTHS[..], &mut tuned.whitened),
-        ] {
+        let heads: [(&Features, &[f64], PriorOfStrength<'_>, _); 2] = [
+            (
+                &unseen.hidden,
+                &STRENGTHS,
+                &|strength| plain_prior(knowledge, strength),
+                &mut tuned.plain,
+            ),
+            (
+                &features,
+                &WHITENED_STRENGTHS,
+                &|strength| whitened_prior(features.width(), strength),
+                &mut tuned.whitened,
+            ),
+        ];
+        for (features, strengths, prior, chosen) in heads {
             let mut totals = Vec::new();
             for &strength in strengths {
-                let prior = WeightPrior {
-                    mean: vec![0.0; features.width() + 1],
-                    strength,
-                    bias_scale: 1.0,
-                };
+                let prior = prior(strength);
                 let accuracies: Vec<f64> = trials
                     .par_iter()
                     .map(|trial| trial.linear(features, materials, &prior))
@@ -212,4 +242,28 @@ pub(super) fn tune(
         }
     }
     Ok((whitening, tuned))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strengths_are_chosen_with_the_prior_that_is_applied() {
+        let knowledge = WeightPrior {
+            mean: vec![0.5, -0.5, 0.25],
+            strength: 7.0,
+            bias_scale: 30.0,
+        };
+        let prior = plain_prior(&knowledge, 0.3);
+        assert_eq!((prior.strength, prior.bias_scale), (0.3, 30.0));
+        assert_eq!(prior.mean, knowledge.mean);
+        // Tuning and use both ask these two functions; no prior is made elsewhere.
+        let sources = [include_str!("tuning.rs"), include_str!("transfer.rs")];
+        let made = |source: &str| {
+            let code = source.split("#[cfg(test)]").next().unwrap_or_default();
+            code.matches("WeightPrior {\n").count() - code.matches("-> WeightPrior {\n").count()
+        };
+        assert_eq!(sources.map(made), [2, 0]);
+    }
 }
