@@ -42,6 +42,16 @@ pub enum PipelineError {
         /// What is wrong with it.
         reason: String,
     },
+    /// A training that cannot be done as it was asked for.
+    #[error("`--{setting}`: expected {expected}, found {found}")]
+    Spec {
+        /// The setting, as on the command line without dashes.
+        setting: &'static str,
+        /// What could be done.
+        expected: String,
+        /// What was asked for.
+        found: String,
+    },
     /// A run directory that does not hold what is needed.
     #[error("{}: {reason}", path.display())]
     Run {

@@ -46,6 +46,7 @@ mod run_config;
 mod run_dir;
 mod scaler;
 mod series;
+mod spec;
 mod spectrum;
 mod train_embeddings;
 mod train_network;
@@ -89,6 +90,7 @@ pub use recipe::{
 pub use result::{RunResult, describe_split};
 pub use run_config::{EpochMetrics, LabelOrder, RunConfig};
 pub use run_dir::RunDir;
+pub use spec::{SplitKind, TrainJob, TrainSpec};
 pub use train_embeddings::TrainEmbeddings;
 pub use train_network::train_network;
 pub use training::{BatchReport, Position, Training, TrainingState};

@@ -1,0 +1,401 @@
+//! What is trained on what: the settings that the command line, an experiment's plan and a child process share.
+
+use std::fmt;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use tactnet_data::{Dataset, Scheme, Seed};
+use tactnet_models::Compute;
+
+use crate::{CalibrationTarget, Device, LabelOrder, MeanRemoval, ModelRecipe, PipelineError};
+
+/// One training, as it is asked for.
+///
+/// As JSON or TOML every field may be absent; [`TrainSpec::default`] then says what is trained. As text it is the call of `tactnet train`
+/// that leads to the same run, paths as they were given. Nothing here is checked: that is what turning it into a [`TrainJob`] does.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TrainSpec {
+    /// `twin`, or the data set's file.
+    pub data: String,
+    /// Built-in name or file of the recipe, of a network or of a baseline.
+    pub recipe: String,
+    /// Whether the mean of each taxel over a sweep is removed; absent: as the recipe says.
+    #[serde(rename = "levels", skip_serializing_if = "Option::is_none")]
+    pub mean_removal: Option<MeanRemoval>,
+    /// Time steps kept of every sweep, from its beginning; absent: all.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub steps: Option<usize>,
+    /// Whose labels the sweeps have.
+    #[serde(skip_serializing_if = "is_default")]
+    pub label_order: LabelOrder,
+    /// How the sweeps are split; absent: k-fold if a fold is named, else the data set's own test sweeps, else k-fold.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub split: Option<SplitKind>,
+    /// Fold that is tested on, counted from 0; absent: 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fold: Option<usize>,
+    /// Repeat of the cross-validation, counted from 0.
+    #[serde(skip_serializing_if = "is_default")]
+    pub repeat: usize,
+    /// Part of the training sweeps that is tested on instead of the test sweeps, counted from 0; absent: the test sweeps are.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub inner: Option<usize>,
+    /// What a fifth of the training sweeps is set aside for; absent: all are trained on.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<CalibrationTarget>,
+    /// Names every random choice.
+    pub seed: Seed,
+    /// Passes over the training sweeps; absent: as the recipe says.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub epochs: Option<usize>,
+    /// Where tensors live.
+    #[serde(skip_serializing_if = "is_default")]
+    pub device: Compute,
+}
+
+impl Default for TrainSpec {
+    /// The fast recipe on the twin, seed 1.
+    fn default() -> Self {
+        Self {
+            data: "twin".into(),
+            recipe: "fast".into(),
+            mean_removal: None,
+            steps: None,
+            label_order: LabelOrder::default(),
+            split: None,
+            fold: None,
+            repeat: 0,
+            inner: None,
+            calibration: None,
+            seed: Seed(1),
+            epochs: None,
+            device: Compute::default(),
+        }
+    }
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
+/// The ways to split a data set that can be asked for by name; a [`Scheme`] with the published number of folds and repeats.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SplitKind {
+    /// Stratified folds.
+    #[default]
+    KFold,
+    /// The author's own test sweeps.
+    TestFlag,
+    /// Fold k tests on the k-th recording block.
+    LeaveBlockOut,
+}
+
+impl SplitKind {
+    /// Its name on the command line and in recipes of experiments.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::KFold => "k-fold",
+            Self::TestFlag => "test-flag",
+            Self::LeaveBlockOut => "leave-block-out",
+        }
+    }
+
+    /// The scheme that it stands for.
+    pub fn scheme(self) -> Scheme {
+        match self {
+            Self::KFold => Scheme::default(),
+            Self::TestFlag => Scheme::TestFlag,
+            Self::LeaveBlockOut => Scheme::LeaveBlockOut,
+        }
+    }
+
+    /// The kind of `scheme`, whatever its numbers.
+    pub fn of(scheme: Scheme) -> Self {
+        match scheme {
+            Scheme::StratifiedKFold { .. } => Self::KFold,
+            Scheme::TestFlag => Self::TestFlag,
+            Scheme::LeaveBlockOut => Self::LeaveBlockOut,
+        }
+    }
+}
+
+impl TrainSpec {
+    /// The scheme by which `dataset` is split.
+    pub fn scheme(&self, dataset: &Dataset) -> Scheme {
+        match (self.split, self.fold) {
+            (Some(split), _) => split.scheme(),
+            (None, Some(_)) => Scheme::default(),
+            (None, None) => Scheme::default_for(dataset),
+        }
+    }
+
+    /// The same with the file names of data set and recipe only, for results that others read.
+    pub fn without_folders(mut self) -> Self {
+        for path in [&mut self.data, &mut self.recipe] {
+            if let Some(name) = Path::new(path.as_str()).file_name() {
+                *path = name.to_string_lossy().into_owned();
+            }
+        }
+        self
+    }
+}
+
+impl fmt::Display for TrainSpec {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "tactnet train --data {}", quoted(&self.data))?;
+        if let Some(steps) = self.steps {
+            write!(f, " --steps {steps}")?;
+        }
+        if self.label_order == LabelOrder::Permuted {
+            write!(f, " --permute-labels")?;
+        }
+        write!(f, " --recipe {}", quoted(&self.recipe))?;
+        if let Some(epochs) = self.epochs {
+            write!(f, " --epochs {epochs}")?;
+        }
+        if let Some(levels) = self.mean_removal {
+            write!(f, " --levels {}", levels.name())?;
+        }
+        if let Some(split) = self.split {
+            write!(f, " --split {}", split.name())?;
+        }
+        write!(f, " --repeat {}", self.repeat)?;
+        if let Some(fold) = self.fold {
+            write!(f, " --fold {fold}")?;
+        }
+        if let Some(part) = self.inner {
+            write!(f, " --inner {part}")?;
+        }
+        if let Some(target) = self.calibration {
+            let (alarms, coverage) = (target.false_alarms, target.coverage);
+            write!(
+                f,
+                " --calibrate --false-alarms {alarms} --coverage {coverage}"
+            )?;
+        }
+        let device = match self.device {
+            Compute::Cpu => "cpu",
+            Compute::Vulkan => "vulkan",
+            Compute::Cuda => "cuda",
+        };
+        write!(f, " --seed {} --device {device}", self.seed.0)
+    }
+}
+
+/// A word as a shell reads it: in single quotes unless it has letters, digits and `-_./:,+@=` alone.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_alphanumeric() || "-_./:,+@=".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        word.to_string()
+    } else {
+        format!("'{}'", word.replace('\'', r"'\''"))
+    }
+}
+
+/// A training that can begin: its recipe is loaded, with `levels` and `epochs` of the spec in it, and its device is open.
+#[derive(Debug, Clone)]
+pub struct TrainJob {
+    spec: TrainSpec,
+    recipe: ModelRecipe,
+    device: Device,
+}
+
+impl TrainJob {
+    /// What was asked for.
+    pub fn spec(&self) -> &TrainSpec {
+        &self.spec
+    }
+
+    /// How the classifier comes about.
+    pub fn recipe(&self) -> &ModelRecipe {
+        &self.recipe
+    }
+
+    /// Where tensors live; without autodiff.
+    pub fn device(&self) -> &Device {
+        &self.device
+    }
+}
+
+impl TryFrom<TrainSpec> for TrainJob {
+    type Error = PipelineError;
+
+    /// # Errors
+    /// A recipe that is not there or cannot be used; epochs or a calibration for a baseline; a number out of range; a device that this
+    /// program was built without.
+    fn try_from(spec: TrainSpec) -> Result<Self, PipelineError> {
+        let refused = |setting: &'static str, expected: &str, found: String| PipelineError::Spec {
+            setting,
+            expected: expected.into(),
+            found,
+        };
+        let mut recipe = ModelRecipe::load(&spec.recipe)?;
+        if let Some(levels) = spec.mean_removal {
+            recipe = recipe.with_levels(levels);
+        }
+        match (&mut recipe, spec.epochs) {
+            (_, None) => {}
+            (_, Some(0)) => return Err(refused("epochs", "at least 1", "0".into())),
+            (ModelRecipe::TactNet2(network), Some(epochs)) => network.training.epochs = epochs,
+            (ModelRecipe::Baseline(baseline), Some(_)) => {
+                let found = format!("`{}`, which is fitted at once", baseline.name);
+                return Err(refused("epochs", "the recipe of a network", found));
+            }
+        }
+        if spec.steps == Some(0) {
+            return Err(refused("steps", "at least 1", "0".into()));
+        }
+        if let Some(target) = spec.calibration {
+            if let ModelRecipe::Baseline(baseline) = &recipe {
+                let found = format!("`{}`, which is none", baseline.name);
+                return Err(refused("calibrate", "the recipe of a network", found));
+            }
+            for (setting, share) in [
+                ("false-alarms", target.false_alarms),
+                ("coverage", target.coverage),
+            ] {
+                if !(share > 0.0 && share < 1.0) {
+                    let expected = "a number between 0 and 1";
+                    return Err(refused(setting, expected, share.to_string()));
+                }
+            }
+        }
+        let device = spec.device.open()?;
+        Ok(Self {
+            spec,
+            recipe,
+            device,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn everything() -> TrainSpec {
+        TrainSpec {
+            data: "some where/wood, cork.h5".into(),
+            recipe: "own.toml".into(),
+            mean_removal: Some(MeanRemoval::PerSweep),
+            steps: Some(250),
+            label_order: LabelOrder::Permuted,
+            split: Some(SplitKind::LeaveBlockOut),
+            fold: Some(3),
+            repeat: 1,
+            inner: Some(2),
+            calibration: Some(CalibrationTarget::default()),
+            seed: Seed(7),
+            epochs: Some(4),
+            device: Compute::Cuda,
+        }
+    }
+
+    #[test]
+    fn text_is_the_call_that_leads_to_the_same_run() {
+        assert_eq!(
+            TrainSpec::default().to_string(),
+            "tactnet train --data twin --recipe fast --repeat 0 --seed 1 --device cpu"
+        );
+        assert_eq!(
+            everything().to_string(),
+            "tactnet train --data 'some where/wood, cork.h5' --steps 250 --permute-labels --recipe own.toml --epochs 4 \
+             --levels removed --split leave-block-out --repeat 1 --fold 3 --inner 2 --calibrate --false-alarms 0.05 --coverage 0.9 \
+             --seed 7 --device cuda"
+        );
+        assert_eq!(everything().without_folders().data, "wood, cork.h5");
+        assert_eq!(quoted("it's"), r"'it'\''s'");
+    }
+
+    #[test]
+    fn json_is_short_and_comes_back() {
+        let text = serde_json::to_string(&TrainSpec::default()).unwrap();
+        assert_eq!(text, r#"{"data":"twin","recipe":"fast","seed":1}"#);
+        for spec in [TrainSpec::default(), everything()] {
+            let text = serde_json::to_string(&spec).unwrap();
+            assert_eq!(serde_json::from_str::<TrainSpec>(&text).unwrap(), spec);
+        }
+        let given: TrainSpec =
+            serde_json::from_str(r#"{"split": "test-flag", "levels": "removed"}"#).unwrap();
+        assert_eq!(given.split, Some(SplitKind::TestFlag));
+        assert_eq!(given.mean_removal, Some(MeanRemoval::PerSweep));
+        assert!(serde_json::from_str::<TrainSpec>(r#"{"epoch": 3}"#).is_err());
+    }
+
+    #[test]
+    fn a_job_has_the_settings_of_its_spec() {
+        let job = TrainJob::try_from(TrainSpec {
+            epochs: Some(3),
+            mean_removal: Some(MeanRemoval::PerSweep),
+            ..TrainSpec::default()
+        })
+        .unwrap();
+        let ModelRecipe::TactNet2(recipe) = job.recipe() else {
+            panic!("`fast` is a network");
+        };
+        assert_eq!(recipe.training.epochs, 3);
+        assert_eq!(recipe.input.levels, MeanRemoval::PerSweep);
+    }
+
+    #[test]
+    fn what_cannot_be_trained_is_refused_by_name() {
+        let usual = TrainSpec::default;
+        let share = |false_alarms| CalibrationTarget {
+            false_alarms,
+            ..CalibrationTarget::default()
+        };
+        let baseline = || TrainSpec {
+            recipe: "svm-h".into(),
+            ..usual()
+        };
+        for (spec, named) in [
+            (
+                TrainSpec {
+                    recipe: "fats".into(),
+                    ..usual()
+                },
+                "fats",
+            ),
+            (
+                TrainSpec {
+                    epochs: Some(0),
+                    ..usual()
+                },
+                "--epochs",
+            ),
+            (
+                TrainSpec {
+                    epochs: Some(2),
+                    ..baseline()
+                },
+                "svm-h",
+            ),
+            (
+                TrainSpec {
+                    steps: Some(0),
+                    ..usual()
+                },
+                "--steps",
+            ),
+            (
+                TrainSpec {
+                    calibration: Some(share(0.1)),
+                    ..baseline()
+                },
+                "--calibrate",
+            ),
+            (
+                TrainSpec {
+                    calibration: Some(share(1.0)),
+                    ..usual()
+                },
+                "--false-alarms",
+            ),
+        ] {
+            let refused = TrainJob::try_from(spec).unwrap_err().to_string();
+            assert!(refused.contains(named), "{refused}");
+        }
+    }
+}
