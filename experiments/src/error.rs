@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use tactnet_data::DataError;
 use tactnet_pipeline::PipelineError;
 
 /// An error of planning, running or reporting an experiment.
@@ -69,11 +70,68 @@ pub enum ExperimentError {
 }
 
 impl ExperimentError {
+    /// Returns true if the call must be corrected; false if something failed that another call would not mend: disk, numbers, Slurm,
+    /// a task. An error that wraps another asks what it wraps.
+    pub fn is_usage(&self) -> bool {
+        match self {
+            Self::Pipeline(error) => is_usage_of_pipeline(error),
+            Self::Unknown { .. } | Self::Recipe { .. } | Self::Folder { .. } => true,
+            Self::Io { .. } | Self::Slurm { .. } | Self::Tasks { .. } => false,
+        }
+    }
+
     pub(crate) fn io(path: &Path, action: &'static str, source: std::io::Error) -> Self {
         Self::Io {
             path: path.to_path_buf(),
             action,
             source,
         }
+    }
+}
+
+fn is_usage_of_pipeline(error: &PipelineError) -> bool {
+    !matches!(
+        error,
+        PipelineError::NotFinite { .. }
+            | PipelineError::Optimizer(_)
+            | PipelineError::Io { .. }
+            | PipelineError::Data(DataError::Io { .. })
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_system_refuses_is_no_mistake_of_the_call_however_it_is_wrapped() {
+        let full = || std::io::Error::from(std::io::ErrorKind::StorageFull);
+        let path = Path::new("report.html");
+        let own = ExperimentError::io(path, "write", full());
+        let data = PipelineError::Data(DataError::io(path, "read", full()));
+        let pipeline = PipelineError::Io {
+            path: path.into(),
+            action: "write",
+            source: full(),
+        };
+        for error in [own, data.into(), pipeline.into()] {
+            assert!(!error.is_usage(), "{error}");
+        }
+        let number = PipelineError::NotFinite {
+            what: "loss".into(),
+            epoch: 1,
+            batch: 1,
+        };
+        assert!(!ExperimentError::from(number).is_usage());
+        let recipe = PipelineError::Recipe {
+            origin: "a.toml".into(),
+            reason: "no".into(),
+        };
+        assert!(ExperimentError::from(recipe).is_usage());
+        let folder = ExperimentError::Folder {
+            path: path.into(),
+            reason: "full".into(),
+        };
+        assert!(folder.is_usage());
     }
 }

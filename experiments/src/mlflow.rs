@@ -1,18 +1,18 @@
 //! Export to the folder layout that MLflow's tracking UI opens (`mlflow ui --backend-store-uri DIR`).
 //!
-//! One MLflow experiment; one run a task, with parameters, final metrics, the course of training, and the run directory's files as
-//! artefacts. Layout: `mlflow.store.tracking.file_store` of MLflow 3.
+//! One MLflow experiment; one run a task. A training has parameters, final metrics, the course of training, and the run directory's
+//! files as artefacts; a question has its fields as parameters and its measurements as metrics. Layout: `mlflow.store.tracking.file_store` of MLflow 3.
 
 use std::fs;
 use std::path::Path;
 use std::time::UNIX_EPOCH;
 
-use sha2::{Digest, Sha256};
-use tactnet_pipeline::{Evaluation, RunDir};
+use tactnet_pipeline::{EpochMetrics, Evaluation, RunDir};
 use toml::Value;
 
+use crate::digest::sha256_hex;
 use crate::tasks::{ExperimentDir, TaskState};
-use crate::{ExperimentError, Probe, Task};
+use crate::{ExperimentError, Job, Measurement, Probe, QuestionTask, Task};
 
 /// Files that become artefacts.
 const ARTEFACTS: [&str; 5] = [
@@ -28,12 +28,6 @@ const ARTEFACTS: [&str; 5] = [
 /// # Errors
 /// A folder that is not empty or cannot be written; a damaged run directory.
 pub fn export_mlflow(dir: &ExperimentDir, out: &Path) -> Result<usize, ExperimentError> {
-    if dir.plan.recipe.study.is_some() {
-        return Err(ExperimentError::Folder {
-            path: dir.path().into(),
-            reason: "a study's tasks are no training runs, which is what MLflow shows; its numbers are in summary.json".into(),
-        });
-    }
     let failed = |error| ExperimentError::io(out, "make the folder", error);
     if out.exists() && fs::read_dir(out).map_err(failed)?.next().is_some() {
         return Err(ExperimentError::Folder {
@@ -80,6 +74,18 @@ pub fn export_mlflow(dir: &ExperimentDir, out: &Path) -> Result<usize, Experimen
     Ok(count)
 }
 
+/// One run in MLflow's words: names and values.
+struct Run {
+    /// Commit of the program.
+    git: String,
+    /// Time of the task, seconds.
+    seconds: f64,
+    parameters: Vec<(String, String)>,
+    metrics: Vec<(String, f64)>,
+    /// Value of every epoch, by name.
+    courses: Vec<(&'static str, Vec<(usize, f64)>)>,
+}
+
 fn export_task(
     dir: &ExperimentDir,
     task: &Task,
@@ -87,14 +93,17 @@ fn export_task(
     id: &str,
 ) -> Result<(), ExperimentError> {
     let folder = dir.task_dir(task);
-    let run = RunDir::open(&folder)?;
-    let (Some(result), config) = (run.result()?, run.config()?) else {
-        return Ok(());
+    let run = match &task.job {
+        Job::Train(_) => match training(&folder)? {
+            Some(run) => run,
+            None => return Ok(()),
+        },
+        Job::Question(asked) => question(dir, task, asked)?,
     };
-    let uuid: String = hex(&task.id).chars().take(32).collect();
+    let uuid: String = sha256_hex(&task.id).chars().take(32).collect();
     let target = experiment.join(&uuid);
     let end = millis(&folder.join("result.json"));
-    let start = end.saturating_sub((result.train_seconds * 1e3) as u128);
+    let start = end.saturating_sub((run.seconds * 1e3) as u128);
     write(
         &target.join("meta.yaml"),
         &format!(
@@ -103,13 +112,54 @@ fn export_task(
              tags: []\nuser_id: tactnet\n",
             uri(&target.join("artifacts")),
             yaml(&task.id),
-            yaml(&result.git)
+            yaml(&run.git)
         ),
     )?;
     for folder in ["metrics", "params", "tags", "artifacts"] {
         let path = target.join(folder);
         fs::create_dir_all(&path).map_err(|error| ExperimentError::io(&path, "make", error))?;
     }
+    for (name, value) in &run.parameters {
+        write(&target.join("params").join(name), value)?;
+    }
+    for (name, value) in &run.metrics {
+        let path = target.join("metrics").join(name);
+        write(&path, &format!("{end} {value} 0\n"))?;
+    }
+    for (name, course) in run.courses.iter().filter(|(_, course)| !course.is_empty()) {
+        let lines: String = course
+            .iter()
+            .map(|(epoch, value)| format!("{end} {value} {epoch}\n"))
+            .collect();
+        write(&target.join("metrics").join(name), &lines)?;
+    }
+    let probe = match task.probe {
+        None => "no",
+        Some(Probe::Means) => "taxel means",
+        Some(Probe::Permuted) => "permuted labels",
+    };
+    for (tag, value) in [
+        ("mlflow.runName", task.id.as_str()),
+        ("mlflow.source.git.commit", &run.git),
+        ("probe", probe),
+    ] {
+        write(&target.join("tags").join(tag), value)?;
+    }
+    for file in ARTEFACTS {
+        let (from, to) = (folder.join(file), target.join("artifacts").join(file));
+        if from.exists() {
+            fs::copy(&from, &to).map_err(|error| ExperimentError::io(&to, "write", error))?;
+        }
+    }
+    Ok(())
+}
+
+/// A training, from its run directory; `None` where it has no result.
+fn training(folder: &Path) -> Result<Option<Run>, ExperimentError> {
+    let run = RunDir::open(folder)?;
+    let (Some(result), config) = (run.result()?, run.config()?) else {
+        return Ok(None);
+    };
     let mut parameters = vec![
         ("data".to_string(), result.data.clone()),
         ("data_sha256".into(), result.data_sha256.clone()),
@@ -125,15 +175,7 @@ fn export_task(
     if let Ok(table) = config.recipe.to_toml().parse::<toml::Table>() {
         flatten("recipe", &Value::Table(table), &mut parameters);
     }
-    for (name, value) in &parameters {
-        write(&target.join("params").join(name), value)?;
-    }
-    let metric = |name: &str, value: f64| {
-        write(
-            &target.join("metrics").join(name),
-            &format!("{end} {value} 0\n"),
-        )
-    };
+    let mut metrics = Vec::new();
     for (way, evaluation) in &result.evaluations {
         let Evaluation {
             one_sweep,
@@ -143,54 +185,107 @@ fn export_task(
             brier,
             ..
         } = evaluation;
-        metric(&format!("{way}.accuracy"), one_sweep.mean)?;
+        metrics.push((format!("{way}.accuracy"), one_sweep.mean));
         if let Some(fused) = fused {
-            metric(
-                &format!("{way}.accuracy_{}_sweeps", fused.sweeps),
-                fused.bayes.mean,
-            )?;
+            let name = format!("{way}.accuracy_{}_sweeps", fused.sweeps);
+            metrics.push((name, fused.bayes.mean));
         }
-        metric(
-            &format!("{way}.negative_log_likelihood"),
-            *negative_log_likelihood,
-        )?;
-        metric(
-            &format!("{way}.expected_calibration_error"),
-            *expected_calibration_error,
-        )?;
-        metric(&format!("{way}.brier"), *brier)?;
+        metrics.extend([
+            (
+                format!("{way}.negative_log_likelihood"),
+                *negative_log_likelihood,
+            ),
+            (
+                format!("{way}.expected_calibration_error"),
+                *expected_calibration_error,
+            ),
+            (format!("{way}.brier"), *brier),
+        ]);
     }
-    metric("train_seconds", result.train_seconds)?;
-    let course = run.metrics_before(usize::MAX)?;
-    let line = |value: f64, epoch: usize| format!("{end} {value} {epoch}\n");
-    if !course.is_empty() {
-        let losses: String = course.iter().map(|e| line(e.train_loss, e.epoch)).collect();
-        write(&target.join("metrics/train_loss"), &losses)?;
-        let accuracies: String = course
+    metrics.push(("train_seconds".into(), result.train_seconds));
+    let epochs = run.metrics_before(usize::MAX)?;
+    let course = |of: fn(&EpochMetrics) -> f64| -> Vec<(usize, f64)> {
+        epochs
             .iter()
-            .map(|e| line(e.train_accuracy, e.epoch))
-            .collect();
-        write(&target.join("metrics/train_accuracy"), &accuracies)?;
-    }
-    let probe = match task.probe {
-        None => "no",
-        Some(Probe::Means) => "taxel means",
-        Some(Probe::Permuted) => "permuted labels",
+            .map(|epoch| (epoch.epoch, of(epoch)))
+            .collect()
     };
-    for (tag, value) in [
-        ("mlflow.runName", task.id.as_str()),
-        ("mlflow.source.git.commit", &result.git),
-        ("probe", probe),
-    ] {
-        write(&target.join("tags").join(tag), value)?;
+    Ok(Some(Run {
+        seconds: result.train_seconds,
+        parameters,
+        metrics,
+        courses: vec![
+            ("train_loss", course(|epoch| epoch.train_loss)),
+            ("train_accuracy", course(|epoch| epoch.train_accuracy)),
+        ],
+        git: result.git,
+    }))
+}
+
+/// The task of a question, from its result.
+fn question(
+    dir: &ExperimentDir,
+    task: &Task,
+    asked: &QuestionTask,
+) -> Result<Run, ExperimentError> {
+    let result = dir.question_result(task)?;
+    let (repeat, fold) = asked.part.repeat_and_fold();
+    let mut parameters = vec![
+        ("data".to_string(), result.data),
+        ("data_sha256".into(), result.data_sha256),
+        ("model".into(), result.recipe),
+        ("recipe_sha256".into(), result.recipe_sha256),
+        ("levels".into(), result.levels.name().into()),
+        ("split".into(), result.split),
+        ("split_sha256".into(), result.split_sha256),
+        ("repeat".into(), repeat.to_string()),
+        ("fold".into(), fold.to_string()),
+        ("seed".into(), asked.networks.seed.0.to_string()),
+    ];
+    if let Ok(fields) = Value::try_from(&asked.question) {
+        flatten("question", &fields, &mut parameters);
     }
-    for file in ARTEFACTS {
-        let (from, to) = (folder.join(file), target.join("artifacts").join(file));
-        if from.exists() {
-            fs::copy(&from, &to).map_err(|error| ExperimentError::io(&to, "write", error))?;
+    for (name, value) in &result.chosen {
+        parameters.push((allowed(&format!("chosen.{name}")), value.to_string()));
+    }
+    let mut metrics: Vec<(String, f64)> = result
+        .measurements
+        .iter()
+        .map(|measurement| (metric_name(measurement), measurement.value))
+        .collect();
+    metrics.push(("train_seconds".into(), result.seconds));
+    Ok(Run {
+        git: result.provenance.git,
+        seconds: result.seconds,
+        parameters,
+        metrics,
+        courses: Vec::new(),
+    })
+}
+
+/// `ol-mean.accuracy.3_shots` and its like.
+fn metric_name(measurement: &Measurement) -> String {
+    let mut name = format!("{}.{}", measurement.method, measurement.measure);
+    if !measurement.setting.is_empty() {
+        name.push('.');
+        name.push_str(&measurement.setting);
+    }
+    for (count, what) in [(measurement.shots, "shots"), (measurement.sweeps, "sweeps")] {
+        if let Some(count) = count {
+            name.push_str(&format!(".{count}_{what}"));
         }
     }
-    Ok(())
+    allowed(&name)
+}
+
+/// A name with nothing that MLflow forbids in one.
+fn allowed(name: &str) -> String {
+    let kept = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+    let replaced = name.replace(", ", "_").replace(' ', "_");
+    replaced
+        .chars()
+        .map(|c| if kept(c) { c } else { '_' })
+        .collect()
 }
 
 /// `recipe.training.epochs` and its like.
@@ -222,19 +317,12 @@ fn millis(path: &Path) -> u128 {
         .map_or(0, |time| time.as_millis())
 }
 
-fn hex(text: &str) -> String {
-    Sha256::digest(text)
-        .iter()
-        .map(|byte| format!("{byte:02x}"))
-        .collect()
-}
-
-/// A number that stands for a name: MLflow's experiments are numbered.
+/// Returns the number that stands for a name, as MLflow's experiments are numbered: its hash, at most 18 digits.
 fn number(name: &str) -> String {
-    let digest = Sha256::digest(name);
-    let mut bytes = [0; 8];
-    bytes.copy_from_slice(&digest[..8]);
-    (u64::from_be_bytes(bytes) % 1_000_000_000_000_000_000).to_string()
+    // Sixteen hexadecimal digits are 64 bits.
+    let hash = u64::from_str_radix(&sha256_hex(name)[..16], 16)
+        .unwrap_or_else(|error| panic!("a hash is hexadecimal: {error}"));
+    (hash % 1_000_000_000_000_000_000).to_string()
 }
 
 /// A YAML string in single quotes.
@@ -259,4 +347,27 @@ fn uri(path: &Path) -> String {
         })
         .collect();
     yaml(&format!("file://{encoded}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Measure;
+
+    #[test]
+    fn measurements_are_metrics_with_names_that_mlflow_allows() {
+        let lost =
+            Measurement::new(Measure::KnownLost, "knowledge prior, a tenth", 0.1, 9).shots(5);
+        assert_eq!(
+            metric_name(&lost),
+            "knowledge_prior_a_tenth.known_lost.5_shots"
+        );
+        let pairs = Measurement::new(Measure::Accuracy, "siamese", 0.1, 9)
+            .setting("all pairs")
+            .sweeps(3);
+        assert_eq!(metric_name(&pairs), "siamese.accuracy.all_pairs.3_sweeps");
+        let target =
+            Measurement::new(Measure::Coverage, "conformal set", 0.9, 9).setting("target 90 %");
+        assert_eq!(metric_name(&target), "conformal_set.coverage.target_90__");
+    }
 }

@@ -10,8 +10,9 @@ use tactnet_models::{
 };
 use tactnet_pipeline::Embedding;
 
-use super::pairs::rows_of_label;
-use super::{Cancelled, StudyContext, StudyTask};
+use super::Nshot;
+use crate::context::{Cancelled, StudyContext};
+use crate::pairs::rows_of_label;
 
 /// Tasks that every setting is tried on.
 const TASKS: usize = 12;
@@ -153,7 +154,7 @@ impl Trial {
 ///
 /// - `knowledge`: the prior that the known materials give, of which only the strength is chosen
 pub(super) fn tune(
-    task: &StudyTask,
+    task: &Nshot,
     context: &StudyContext<'_>,
     seen: &Embedding,
     unseen: &Embedding,
@@ -181,7 +182,7 @@ pub(super) fn tune(
         return Ok((whitening, tuned));
     }
     let trials = |shots: usize| -> Vec<Trial> {
-        let mut rng = context.seed.rng(("tuning", task.number, shots));
+        let mut rng = context.seed.rng(("tuning", context.part.stream(), shots));
         (0..TASKS)
             .map(|_| Trial::draw(&of_label, materials, shots, &mut rng))
             .collect()
@@ -259,7 +260,7 @@ mod tests {
         assert_eq!((prior.strength, prior.bias_scale), (0.3, 30.0));
         assert_eq!(prior.mean, knowledge.mean);
         // Tuning and use both ask these two functions; no prior is made elsewhere.
-        let sources = [include_str!("tuning.rs"), include_str!("transfer.rs")];
+        let sources = [include_str!("tuning.rs"), include_str!("../nshot.rs")];
         let made = |source: &str| {
             let code = source.split("#[cfg(test)]").next().unwrap_or_default();
             code.matches("WeightPrior {\n").count() - code.matches("-> WeightPrior {\n").count()
