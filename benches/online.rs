@@ -1,4 +1,4 @@
-//! What a frame costs while a sweep goes on, and what is left after the last one: `cargo bench --bench online`.
+//! Cost of a frame during a sweep, and of the scores after the last one: `cargo bench --bench online`.
 //!
 //! A fresh full-size network: the work does not depend on the weights.
 
@@ -13,7 +13,7 @@ fn main() {
     divan::main();
 }
 
-fn network(runs: usize) -> StreamingNet {
+fn network(mc_samples: usize) -> StreamingNet {
     let input = InputShape {
         steps: STEPS,
         taxels: TAXELS,
@@ -33,7 +33,7 @@ fn network(runs: usize) -> StreamingNet {
             0.0
         }
     };
-    let masks: Vec<f32> = (0..runs * config.features()).map(mask).collect();
+    let masks: Vec<f32> = (0..mc_samples * config.features()).map(mask).collect();
     StreamingNet::new(&net, &config, &masks)
 }
 
@@ -41,7 +41,7 @@ fn frame(number: usize) -> [f32; TAXELS] {
     std::array::from_fn(|taxel| ((number * 31 + taxel * 17) % 23) as f32 - 11.0)
 }
 
-/// A whole sweep, frame by frame, without a judgement: divide by 1000.
+/// A whole sweep, frame by frame, without scores: divide by 1000.
 #[divan::bench(sample_count = 50)]
 fn all_frames_of_a_sweep(bencher: Bencher) {
     let mut net = network(0);
@@ -67,13 +67,13 @@ fn heaviest_frame(bencher: Bencher) {
 
 /// From the last frame to the scores; 0: plainly, else with so many dropout masks.
 #[divan::bench(args = [0, 100], sample_count = 200)]
-fn after_the_last_frame(bencher: Bencher, runs: usize) {
-    let mut net = network(runs);
+fn after_the_last_frame(bencher: Bencher, mc_samples: usize) {
+    let mut net = network(mc_samples);
     (0..STEPS - 1).for_each(|number| net.push(&frame(number)));
     net.push(&frame(STEPS - 1));
     bencher.bench_local(|| {
         let mut sum = 0.0;
-        if runs == 0 {
+        if mc_samples == 0 {
             net.scores(|scores| sum += scores[0]);
         } else {
             net.monte_carlo_scores(|scores| sum += scores[0]);

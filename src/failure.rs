@@ -1,5 +1,6 @@
 //! Errors become one line and an exit code: 1 for a run that failed, 2 for something to correct in the call.
 
+use std::error::Error;
 use std::process::ExitCode;
 
 use clap::error::ErrorKind;
@@ -7,6 +8,7 @@ use tactnet_data::{DataError, FetchError};
 use tactnet_experiments::ExperimentError;
 use tactnet_pipeline::PipelineError;
 use tactnet_recording::RecordingError;
+use tactnet_serving::ServeError;
 
 /// Exit code of a failed check or a run that broke.
 pub const FAILED: u8 = 1;
@@ -85,48 +87,113 @@ pub fn report(error: &anyhow::Error) -> ExitCode {
     })
 }
 
-/// Whether whoever read our output has gone (`tactnet … | head`).
-fn is_closed_pipe(cause: &(dyn std::error::Error + 'static)) -> bool {
+/// Returns true if whoever read our output has gone (`tactnet … | head`).
+fn is_closed_pipe(cause: &(dyn Error + 'static)) -> bool {
     cause
         .downcast_ref::<std::io::Error>()
         .is_some_and(|error| error.kind() == std::io::ErrorKind::BrokenPipe)
 }
 
-/// Whether something failed that another call would not mend: disk, network, numbers.
-fn broke(cause: &(dyn std::error::Error + 'static)) -> bool {
-    let pipeline = cause.downcast_ref::<PipelineError>().is_some_and(|error| {
-        matches!(
-            error,
-            PipelineError::NotFinite { .. }
-                | PipelineError::Optimizer(_)
-                | PipelineError::Io { .. }
-                | PipelineError::Data(DataError::Io { .. })
-        )
-    });
-    let experiment = cause
-        .downcast_ref::<ExperimentError>()
-        .is_some_and(|error| {
-            matches!(
-                error,
-                ExperimentError::Tasks { .. }
-                    | ExperimentError::Io { .. }
-                    | ExperimentError::Slurm { .. }
-            )
-        });
-    let recording = matches!(
-        cause.downcast_ref(),
-        Some(
-            RecordingError::Write { .. }
-                | RecordingError::Channel(_)
-                | RecordingError::NoViewerAt { .. }
-                | RecordingError::Viewer(_)
-                | RecordingError::ViewerGone(_)
-                | RecordingError::Unwritten { .. }
-        )
-    );
-    pipeline
-        || experiment
-        || recording
-        || cause.is::<FetchError>()
-        || matches!(cause.downcast_ref(), Some(DataError::Io { .. }))
+/// Returns true if something failed that another call would not mend: disk, network, numbers.
+fn broke(cause: &(dyn Error + 'static)) -> bool {
+    if let Some(error) = cause.downcast_ref::<std::io::Error>() {
+        return is_about_disk(error);
+    }
+    is_usage(cause) == Some(false)
+}
+
+/// Returns what an error of our own crates says of itself; `None` for others.
+fn is_usage(cause: &(dyn Error + 'static)) -> Option<bool> {
+    None.or_else(|| cause.downcast_ref().map(DataError::is_usage))
+        .or_else(|| cause.downcast_ref().map(FetchError::is_usage))
+        .or_else(|| cause.downcast_ref().map(PipelineError::is_usage))
+        .or_else(|| cause.downcast_ref().map(ExperimentError::is_usage))
+        .or_else(|| cause.downcast_ref().map(recording_is_usage))
+        .or_else(|| cause.downcast_ref().and_then(serve_is_usage))
+}
+
+fn recording_is_usage(error: &RecordingError) -> bool {
+    !matches!(
+        error,
+        RecordingError::Write { .. }
+            | RecordingError::Channel(_)
+            | RecordingError::NoViewerAt { .. }
+            | RecordingError::Viewer(_)
+            | RecordingError::ViewerGone(_)
+            | RecordingError::Unwritten { .. }
+    )
+}
+
+fn serve_is_usage(error: &ServeError) -> Option<bool> {
+    match error {
+        ServeError::Pipeline(error) => Some(error.is_usage()),
+        _ => None,
+    }
+}
+
+/// Returns true for a disk that is full or cannot be written; other errors of the system, such as a file that is not there, may well be
+/// mistakes in the call.
+fn is_about_disk(error: &std::io::Error) -> bool {
+    use std::io::ErrorKind;
+    matches!(
+        error.kind(),
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::ReadOnlyFilesystem
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use anyhow::Context;
+
+    use super::*;
+
+    fn broken(error: impl Into<anyhow::Error>) -> bool {
+        error.into().chain().any(broke)
+    }
+
+    fn full_disk() -> PipelineError {
+        PipelineError::Io {
+            path: PathBuf::from("report.html"),
+            action: "write",
+            source: std::io::Error::from(std::io::ErrorKind::StorageFull),
+        }
+    }
+
+    #[test]
+    fn a_full_disk_fails_however_it_is_wrapped() {
+        assert!(broken(full_disk()));
+        assert!(broken(ExperimentError::from(full_disk())));
+        assert!(broken(ServeError::from(full_disk())));
+        let wrapped: anyhow::Result<()> = Err(ExperimentError::from(full_disk()).into());
+        assert!(broken(
+            wrapped.context("cannot write the report").unwrap_err()
+        ));
+        assert!(broken(std::io::Error::from(
+            std::io::ErrorKind::StorageFull
+        )));
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_read_fails_however_it_is_wrapped() {
+        let denied = || PipelineError::Io {
+            path: PathBuf::from("config.json"),
+            action: "read",
+            source: std::io::Error::from(std::io::ErrorKind::PermissionDenied),
+        };
+        assert!(broken(denied()));
+        assert!(broken(ExperimentError::from(denied())));
+    }
+
+    #[test]
+    fn a_mistake_in_the_call_is_none_of_the_machine() {
+        let unknown = || PipelineError::UnknownRecipe {
+            name: "fats".into(),
+            known: "fast".into(),
+        };
+        assert!(!broken(unknown()));
+        assert!(!broken(ExperimentError::from(unknown())));
+        assert!(!broken(anyhow::anyhow!("no such material")));
+    }
 }

@@ -3,13 +3,9 @@
 mod allocations;
 mod channel;
 mod child_process;
+mod commands;
 mod dashboard;
-mod data;
 mod demo;
-mod enroll;
-mod eval;
-mod experiment;
-mod export;
 mod failure;
 mod notify;
 mod output;
@@ -20,12 +16,11 @@ mod serve;
 mod simulate;
 mod source;
 mod stop;
-mod study;
-mod train;
 mod view;
 mod web;
 
 use clap::{Parser, Subcommand};
+use commands::{data, enroll, eval, experiment, export, task, train};
 use std::process::ExitCode;
 
 #[global_allocator]
@@ -69,9 +64,9 @@ enum Command {
     /// Run cross-validations and their like, and report
     #[command(subcommand)]
     Experiment(experiment::ExperimentCommand),
-    /// Run one task of a study: what experiments call
+    /// Run one task of an experiment: what experiments call
     #[command(hide = true)]
-    Study(study::StudyArgs),
+    Task(task::TaskArgs),
     /// Look at, check, make, convert and fetch data sets
     #[command(subcommand)]
     Data(data::DataCommand),
@@ -105,12 +100,12 @@ fn main() -> ExitCode {
         Err(error) => return failure::usage(&error),
     };
     let outcome = match cli.command {
-        Command::Train(arguments) => train::run(arguments),
-        Command::Eval(arguments) => eval::run(arguments),
+        Command::Train(arguments) => train::run(&arguments),
+        Command::Eval(arguments) => eval::run(&arguments),
         Command::Enroll(arguments) => enroll::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Experiment(command) => experiment::run(command),
-        Command::Study(arguments) => study::run(&arguments),
+        Command::Task(arguments) => task::run(&arguments),
         Command::Data(command) => data::run(command),
         Command::Channel(command) => channel::run(command),
         Command::Serve(arguments) => serve::run(&arguments),

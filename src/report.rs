@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::process::ExitCode;
 
 use tactnet_experiments::published_for;
-use tactnet_pipeline::{Estimate, Evaluation, FusedAccuracy, RunDir, RunResult};
+use tactnet_pipeline::{Estimate, Evaluation, FusedAccuracy, RunDir, RunResult, Verdicts};
 
 use crate::output;
 
@@ -18,7 +18,7 @@ pub enum OutputFormat {
 }
 
 impl OutputFormat {
-    /// What `--json` asks for.
+    /// Returns `Json` where `--json` was given.
     pub fn from_flag(json: bool) -> Self {
         if json { Self::Json } else { Self::Table }
     }
@@ -28,9 +28,9 @@ impl OutputFormat {
 pub fn print_result(
     run: &RunDir,
     result: &RunResult,
-    shown: OutputFormat,
+    format: OutputFormat,
 ) -> anyhow::Result<ExitCode> {
-    if let OutputFormat::Json = shown {
+    if let OutputFormat::Json = format {
         output::print_json(result)?;
         return Ok(ExitCode::SUCCESS);
     }
@@ -40,7 +40,12 @@ pub fn print_result(
     ))?;
     print_evaluations(&result.evaluations)?;
     let config = run.config()?;
-    if let Some(row) = published_for(&config, &run.split()?, config.recipe.method()) {
+    if let Some(row) = published_for(
+        &config,
+        result.origin,
+        &run.split()?,
+        config.recipe.method(),
+    ) {
         output::print(format_args!(
             "published for TactMat, {}: {:.1} % with 1 sweep, {:.1} % with 3 (thesis, table 4.2)",
             row.classifier, row.one_sweep.0, row.three_sweeps.0
@@ -88,6 +93,41 @@ pub fn print_evaluations(evaluations: &BTreeMap<String, Evaluation>) -> anyhow::
             evaluation.negative_log_likelihood,
             evaluation.expected_calibration_error,
             evaluation.brier,
+        ))?;
+    }
+    Ok(())
+}
+
+/// How well a calibration's targets were met.
+pub fn print_verdicts(verdicts: &Verdicts) -> anyhow::Result<()> {
+    let percent = |estimate: Estimate| {
+        format!(
+            "{:.1} % ({:.1} to {:.1})",
+            100.0 * estimate.mean,
+            100.0 * estimate.ci95_low,
+            100.0 * estimate.ci95_high
+        )
+    };
+    if let (Some(alarms), Some(coverage), Some(size)) =
+        (verdicts.false_alarms, verdicts.coverage, verdicts.set_size)
+    {
+        output::print(format_args!(
+            "known materials called unknown: {}, promised {:.1} %",
+            percent(alarms),
+            100.0 * verdicts.target.false_alarms
+        ))?;
+        output::print(format_args!(
+            "material in the prediction set: {}, promised {:.1} %; {size:.1} materials in a set",
+            percent(coverage),
+            100.0 * verdicts.target.coverage
+        ))?;
+    }
+    if let Some(detected) = verdicts.detected {
+        output::print(format_args!(
+            "unknown materials called unknown: {} of {} sweeps ({})",
+            percent(detected),
+            detected.n,
+            verdicts.unknown_materials.join(", ")
         ))?;
     }
     Ok(())

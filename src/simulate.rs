@@ -12,12 +12,11 @@ use clap::{Args, Subcommand, ValueEnum};
 use rand::seq::SliceRandom;
 use tactnet_channel::{Bus, Domain, Priority, Table};
 use tactnet_data::{Dataset, Seed};
-use tactnet_pipeline::RunDir;
+use tactnet_pipeline::{RunDir, TestSweeps};
 use tactnet_serving::packets::{SkinFrame, SweepCommand};
 use tactnet_serving::simulate::{CatchingRole, SkinSimulator, Ticker, catching_table, run_role};
 use tactnet_serving::{Realtime, ServeConfig};
 
-use crate::eval::unseen_sweeps;
 use crate::stop::Stop;
 use crate::{output, source};
 
@@ -75,7 +74,7 @@ pub struct SkinArgs {
 /// Sweeps that a run was not trained on.
 pub(crate) fn unseen_by(dataset: &Dataset, run: &Path) -> anyhow::Result<Vec<usize>> {
     let run = RunDir::open(run)?;
-    let (view, _) = unseen_sweeps(dataset, &run.config()?, &run.split()?)?;
+    let view = TestSweeps::unseen(dataset, &run.config()?, &run.split()?)?.view;
     Ok(view.indices().to_vec())
 }
 

@@ -1,30 +1,22 @@
-//! Where sweeps come from: the twin, or a file.
+//! Reading data sets, with a word on the twin.
 
-use std::path::Path;
-
-use tactnet_data::twin::{self, TwinConfig};
-use tactnet_data::{DataError, Dataset, Seed, format};
-use tactnet_pipeline::LabelOrder;
+use tactnet_data::{DataError, DataSource, Dataset, Seed};
+use tactnet_pipeline::{LabelOrder, read_sweeps};
 
 /// The name that stands for the built-in synthetic data set.
-pub const TWIN: &str = "twin";
+pub const TWIN: &str = DataSource::TWIN;
+
+/// Says so where the twin is about to be generated, which takes a moment and is no recording.
+pub fn announce(data: &str) {
+    if data == TWIN {
+        eprintln!("generating the twin (synthetic sweeps, not TactMat) …");
+    }
+}
 
 /// Generates the twin, or reads a file.
 pub fn load(data: &str) -> Result<Dataset, DataError> {
-    if data == TWIN {
-        eprintln!("generating the twin (synthetic sweeps, not TactMat) …");
-        return twin::generate(&TwinConfig::default());
-    }
-    let path = Path::new(data);
-    if !path.exists() {
-        return Err(DataError::format(
-            path,
-            "file",
-            "a data set (.h5, .npz) or the word `twin`",
-            "no such file",
-        ));
-    }
-    format::read(path)
+    announce(data);
+    DataSource::named(data).read()
 }
 
 /// The same, with the first `steps` steps of every sweep, and with labels in `order`.
@@ -34,12 +26,6 @@ pub fn load_part(
     order: LabelOrder,
     seed: Seed,
 ) -> Result<Dataset, DataError> {
-    let mut dataset = load(data)?;
-    if let Some(steps) = steps {
-        dataset = dataset.first_steps(steps)?;
-    }
-    match order {
-        LabelOrder::True => Ok(dataset),
-        LabelOrder::Permuted => dataset.permute_labels(seed),
-    }
+    announce(data);
+    read_sweeps(data, steps, order, seed)
 }

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::Context;
 
-/// Whether somebody asked to stop.
+/// Remembers that somebody asked to stop.
 #[derive(Clone)]
 pub struct Stop(Arc<AtomicBool>);
 
@@ -29,7 +29,7 @@ impl Stop {
         Ok(Self(asked))
     }
 
-    /// Whether to stop.
+    /// Returns true once somebody asked.
     pub fn asked(&self) -> bool {
         self.0.load(Ordering::SeqCst)
     }

@@ -12,7 +12,7 @@
 //! | [`OutOfRange`](FindingKind::OutOfRange) | warning | a sweep with values far beyond, or negative unlike, the others |
 //! | [`UnbalancedMaterials`](FindingKind::UnbalancedMaterials) | warning | unequal numbers of sweeps |
 
-use crate::{Dataset, Finding, FindingKind, Place, Severity, SweepShape};
+use crate::{DataError, Dataset, Finding, FindingKind, Place, Severity, SweepShape};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::collections::hash_map::DefaultHasher;
@@ -45,6 +45,27 @@ pub fn check(dataset: &Dataset) -> Vec<Finding> {
     findings.extend(sweeps_per_material(dataset));
     findings.sort_by_key(|finding| (finding.severity, finding.kind, finding.at.sweep));
     findings
+}
+
+/// Refuses a data set that has findings of [`Severity::Error`].
+///
+/// - `name`: its name or file, for the message
+///
+/// # Errors
+/// [`DataError::Unsound`].
+pub fn refuse_errors(dataset: &Dataset, name: &str) -> Result<(), DataError> {
+    let findings = check(dataset);
+    let mut errors = findings
+        .iter()
+        .filter(|finding| finding.severity == Severity::Error);
+    match errors.next() {
+        None => Ok(()),
+        Some(first) => Err(DataError::Unsound {
+            name: name.into(),
+            errors: 1 + errors.count(),
+            first: first.message.clone(),
+        }),
+    }
 }
 
 /// What one pass over a sweep tells.

@@ -42,3 +42,32 @@ impl DataOrigin {
         self == Self::Twin
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn origin(names: &[&str], rows: usize, cols: usize) -> DataOrigin {
+        let shape = SweepShape {
+            steps: 10,
+            rows,
+            cols,
+        };
+        let labels = LabelSet::new(names.iter().copied()).unwrap();
+        DataOrigin::of_recording(shape, &labels)
+    }
+
+    #[test]
+    fn tactmat_is_known_by_its_materials_and_its_skin() {
+        let mut names = twin::NAMES.to_vec();
+        assert_eq!(origin(&names, 4, 4), DataOrigin::Tactmat);
+        names.reverse();
+        assert_eq!(origin(&names, 4, 4), DataOrigin::Tactmat);
+        assert_eq!(origin(&names, 8, 8), DataOrigin::Recorded);
+        assert_eq!(origin(&names[1..], 4, 4), DataOrigin::Recorded);
+        names[0] = "felt";
+        assert_eq!(origin(&names, 4, 4), DataOrigin::Recorded);
+        names.push(twin::NAMES[35]);
+        assert_eq!(origin(&names, 4, 4), DataOrigin::Recorded);
+    }
+}

@@ -1,6 +1,6 @@
 //! A data set: ordered sweeps with their material, block and checksum.
 
-use crate::{DataError, DataOrigin, LabelSet, Samples, Seed, shuffle};
+use crate::{DataError, DataOrigin, LabelSet, Samples, Seed, hex, shuffle};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -46,7 +46,7 @@ pub struct SweepRecord {
     pub sweep: usize,
     /// Recording block: sweeps of one block were taken in one go, under the same drift.
     pub block: Option<u32>,
-    /// Whether the data set's author put the sweep into the test set.
+    /// True if the data set's author put the sweep into the test set.
     pub test: Option<bool>,
 }
 
@@ -138,7 +138,7 @@ impl Dataset {
         })
     }
 
-    /// What people call it.
+    /// Returns the data set's name.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -294,12 +294,12 @@ impl Dataset {
         counts
     }
 
-    /// Whether the author's own test split is known.
+    /// Returns true if the author's own test split is known.
     pub fn has_test_flag(&self) -> bool {
         self.records[0].test.is_some()
     }
 
-    /// Whether recording blocks are known.
+    /// Returns true if recording blocks are known.
     pub fn has_blocks(&self) -> bool {
         self.records[0].block.is_some()
     }
@@ -375,8 +375,5 @@ fn digest(
     }
     hash.update(samples.element().as_bytes());
     samples.for_each_le_chunk(|chunk| hash.update(chunk));
-    hash.finalize()
-        .iter()
-        .map(|byte| format!("{byte:02x}"))
-        .collect()
+    hex(hash.finalize())
 }

@@ -37,9 +37,29 @@ pub enum DataError {
         /// What was there.
         found: String,
     },
+    /// A data set that [`crate::check`] finds errors in.
+    #[error(
+        "{name}: the data set has {errors} errors, the first: {first}; `tactnet data check {name}` lists all"
+    )]
+    Unsound {
+        /// Its name or file, as it was given.
+        name: String,
+        /// How many there are.
+        errors: usize,
+        /// What the first one is.
+        first: String,
+    },
 }
 
 impl DataError {
+    /// Returns true if the mistake is in what was handed over, false if the operating system refused.
+    pub fn is_usage(&self) -> bool {
+        match self {
+            Self::Format { .. } | Self::Inconsistent { .. } | Self::Unsound { .. } => true,
+            Self::Io { .. } => false,
+        }
+    }
+
     /// An [`DataError::Io`] for `path`.
     pub fn io(path: &Path, action: &'static str, source: std::io::Error) -> Self {
         Self::Io {
@@ -75,5 +95,25 @@ impl DataError {
             expected: expected.into(),
             found: found.into(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_operating_system_is_to_blame_for_io() {
+        let path = Path::new("a.h5");
+        let full = std::io::Error::from(std::io::ErrorKind::StorageFull);
+        assert!(!DataError::io(path, "write", full).is_usage());
+        assert!(DataError::format(path, "file", "HDF5", "text").is_usage());
+        assert!(DataError::inconsistent("steps", "1 to 9", "10").is_usage());
+        let unsound = DataError::Unsound {
+            name: "a.h5".into(),
+            errors: 2,
+            first: "sweep 3 has values that are no numbers".into(),
+        };
+        assert!(unsound.is_usage());
     }
 }

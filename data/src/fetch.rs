@@ -154,6 +154,20 @@ pub enum FetchError {
     Disk(#[from] DataError),
 }
 
+impl FetchError {
+    /// Returns true if another call would succeed; false for network, server and disk, where the same call may succeed later.
+    pub fn is_usage(&self) -> bool {
+        match self {
+            Self::Disk(error) => error.is_usage(),
+            Self::Unreachable { .. }
+            | Self::Refused { .. }
+            | Self::Cut { .. }
+            | Self::WrongContent { .. }
+            | Self::Occupied { .. } => false,
+        }
+    }
+}
+
 /// Brings the published file to `out`, unless it is there already.
 ///
 /// The bytes gather in `<out>.part` and become `out` only when they are the whole file and have the

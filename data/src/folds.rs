@@ -15,6 +15,7 @@ pub use split::{SweepView, TestSplit, TrainSplit, ValidationSplit};
 
 use crate::{DataError, Dataset, Seed, shuffle};
 use scheme::blocks_of_each_label;
+use split::DealtBy;
 
 /// One split of a data set. It depends on the data set's content, the scheme, the seed, the repeat and
 /// the fold, and on nothing else.
@@ -93,7 +94,16 @@ impl<'a> Fold<'a> {
             ));
         }
         Ok(Self {
-            train: TrainSplit::new(dataset, train),
+            train: TrainSplit::new(
+                dataset,
+                train,
+                DealtBy {
+                    scheme,
+                    seed,
+                    repeat,
+                    fold,
+                },
+            ),
             test: TestSplit::new(dataset, test),
             dataset,
             scheme,
@@ -123,44 +133,21 @@ impl<'a> Fold<'a> {
         self.fold
     }
 
-    /// Splits the training sweeps once more, stratified, to choose settings without a look at the
-    /// test sweeps.
-    ///
-    /// Under [`Scheme::LeaveBlockOut`], too, the inner sides share recording blocks.
-    ///
-    /// - `part`: which of the [`Fold::INNER_FOLDS`] parts validates
+    /// Splits the training sweeps once more, see [`TrainSplit::inner`].
     ///
     /// # Errors
-    /// No such part, or a material with fewer training sweeps than parts.
+    /// As [`TrainSplit::inner`].
     pub fn inner(&self, part: usize) -> Result<(TrainSplit<'a>, ValidationSplit<'a>), DataError> {
-        if part >= Self::INNER_FOLDS {
-            return Err(DataError::inconsistent(
-                "inner fold",
-                format!("a number below {}", Self::INNER_FOLDS),
-                part.to_string(),
-            ));
+        self.train.inner(part)
+    }
+
+    fn dealt_by(&self) -> DealtBy {
+        DealtBy {
+            scheme: self.scheme,
+            seed: self.seed,
+            repeat: self.repeat,
+            fold: self.fold,
         }
-        let stream = format!("folds, inside fold {}", self.fold);
-        let sweeps = self.train.indices();
-        let parts = deal(
-            self.dataset,
-            sweeps,
-            Self::INNER_FOLDS,
-            self.seed,
-            &stream,
-            self.repeat,
-        )?;
-        let side = |validates: bool| -> Vec<usize> {
-            let members = sweeps
-                .iter()
-                .zip(&parts)
-                .filter(|&(_, &p)| (p == part) == validates);
-            members.map(|(&sweep, _)| sweep).collect()
-        };
-        Ok((
-            TrainSplit::new(self.dataset, side(false)),
-            ValidationSplit::new(self.dataset, side(true)),
-        ))
     }
 
     /// The same fold with few training sweeps: `shots` of every material, drawn at random. Fewer shots are a part of more.
@@ -193,7 +180,7 @@ impl<'a> Fold<'a> {
             drawn.extend_from_slice(&sweeps[..shots]);
         }
         Ok(Self {
-            train: TrainSplit::new(self.dataset, drawn),
+            train: TrainSplit::new(self.dataset, drawn, self.dealt_by()),
             ..self.clone()
         })
     }

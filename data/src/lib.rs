@@ -10,6 +10,7 @@
 
 mod check;
 mod data_origin;
+mod data_source;
 mod dataset;
 mod error;
 mod fetch;
@@ -17,6 +18,7 @@ mod finding;
 mod folds;
 pub mod format;
 mod frame;
+mod hex;
 mod info;
 mod material;
 mod material_split;
@@ -25,14 +27,16 @@ mod seed;
 mod shuffle;
 pub mod twin;
 
-pub use check::check;
+pub use check::{check, refuse_errors};
 pub use data_origin::DataOrigin;
+pub use data_source::DataSource;
 pub use dataset::{Dataset, SweepRecord, SweepShape};
 pub use error::DataError;
 pub use fetch::{FetchError, Fetched, Origin, Progress, Source, fetch, git_blob_id};
 pub use finding::{Finding, FindingGroup, FindingKind, Place, Severity, group_findings};
 pub use folds::{Fold, Scheme, SplitManifest, SweepView, TestSplit, TrainSplit, ValidationSplit};
 pub use frame::Frame;
+pub use hex::{hex, sha256_hex};
 pub use info::{Info, MaterialInfo, info};
 pub use material::{LabelSet, Material};
 pub use material_split::MaterialSplit;

@@ -4,10 +4,12 @@
 
 use proptest::prelude::*;
 use serde_json::{Value, json};
-use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 use tactnet_data::format::{self, Format, npz, tactmat, ts};
-use tactnet_data::{Dataset, LabelSet, Samples, Severity, SweepRecord, SweepShape, check};
+use tactnet_data::twin::{self, TwinConfig};
+use tactnet_data::{
+    DataOrigin, Dataset, LabelSet, Samples, Severity, SweepRecord, SweepShape, check, sha256_hex,
+};
 
 fn tests_dir() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests")
@@ -44,14 +46,6 @@ fn expected_materials() -> Vec<String> {
 
 fn names(dataset: &Dataset) -> Vec<String> {
     dataset.labels().names().map(str::to_owned).collect()
-}
-
-fn hex(bytes: impl AsRef<[u8]>) -> String {
-    bytes
-        .as_ref()
-        .iter()
-        .map(|byte| format!("{byte:02x}"))
-        .collect()
 }
 
 fn f32_bytes(values: impl IntoIterator<Item = f32>) -> Vec<u8> {
@@ -430,7 +424,7 @@ fn found_by(script: &str, dataset: &Dataset, target: &str) -> Value {
         .unwrap();
     let golden = std::fs::read_to_string(tests_dir().join("golden").join(script)).unwrap();
     let golden: Value = serde_json::from_str(&golden).unwrap();
-    let written = hex(Sha256::digest(std::fs::read(&path).unwrap()));
+    let written = sha256_hex(std::fs::read(&path).unwrap());
     assert_eq!(
         golden["file_sha256"], written,
         "the file has changed: run tests/golden/{script}'s script"
@@ -449,7 +443,7 @@ fn read_by_python(dataset: &Dataset, compression: Option<&str>) -> Value {
     let mut expected = json!({
         "shape": [3, 4, 60, 4, 4],
         "type": "uint8",
-        "samples_sha256": hex(Sha256::digest(expected_samples())),
+        "samples_sha256": sha256_hex(expected_samples()),
         "materials": expected_materials(),
         "blocks": table(&|r| r.block.unwrap()),
         "test_flag": table(&|r| u32::from(r.test.unwrap())),
@@ -493,7 +487,7 @@ fn aeon_reads_what_is_written() {
         .collect();
     let expected = json!({
         "shape": [12, 16, 60],
-        "values_sha256": hex(Sha256::digest(values)),
+        "values_sha256": sha256_hex(values),
         "exact": true,
         "labels": labels,
         "class_values": ["cork", "denim", "spun_fleece"],
@@ -544,6 +538,28 @@ proptest! {
         match format::read_with_gaps(&damaged) {
             Ok(dataset) => { check(&dataset); }
             Err(error) => prop_assert!(error.to_string().contains(name(path)), "{}", error),
+        }
+    }
+}
+
+#[test]
+fn files_keep_where_their_sweeps_come_from() {
+    let directory = tempfile::tempdir().unwrap();
+    let twin = twin::generate(&TwinConfig {
+        materials: 3,
+        sweeps: 4,
+        steps: 40,
+        ..TwinConfig::default()
+    })
+    .unwrap();
+    let recorded = format::read(&fixture("read/edge_chunks.h5")).unwrap();
+    for (dataset, origin) in [(twin, DataOrigin::Twin), (recorded, DataOrigin::Recorded)] {
+        assert_eq!(dataset.origin(), origin);
+        for file in ["a.h5", "a.npz"] {
+            let path = directory.path().join(file);
+            let format = Format::from_extension(&path).unwrap();
+            format.write(&path, &dataset).unwrap();
+            assert_eq!(format::read(&path).unwrap().origin(), origin, "{file}");
         }
     }
 }

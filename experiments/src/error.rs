@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use tactnet_data::DataError;
 use tactnet_pipeline::PipelineError;
 
 /// An error of planning, running or reporting an experiment.
@@ -74,7 +73,7 @@ impl ExperimentError {
     /// a task. An error that wraps another asks what it wraps.
     pub fn is_usage(&self) -> bool {
         match self {
-            Self::Pipeline(error) => is_usage_of_pipeline(error),
+            Self::Pipeline(error) => error.is_usage(),
             Self::Unknown { .. } | Self::Recipe { .. } | Self::Folder { .. } => true,
             Self::Io { .. } | Self::Slurm { .. } | Self::Tasks { .. } => false,
         }
@@ -89,19 +88,10 @@ impl ExperimentError {
     }
 }
 
-fn is_usage_of_pipeline(error: &PipelineError) -> bool {
-    !matches!(
-        error,
-        PipelineError::NotFinite { .. }
-            | PipelineError::Optimizer(_)
-            | PipelineError::Io { .. }
-            | PipelineError::Data(DataError::Io { .. })
-    )
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use tactnet_data::DataError;
 
     #[test]
     fn what_the_system_refuses_is_no_mistake_of_the_call_however_it_is_wrapped() {

@@ -6,7 +6,6 @@
 
 mod comparison;
 mod context;
-mod digest;
 mod error;
 mod event;
 mod groups;

@@ -7,10 +7,10 @@ use std::fs;
 use std::path::Path;
 use std::time::UNIX_EPOCH;
 
+use tactnet_data::sha256_hex;
 use tactnet_pipeline::{EpochMetrics, Evaluation, RunDir};
 use toml::Value;
 
-use crate::digest::sha256_hex;
 use crate::tasks::{ExperimentDir, TaskState};
 use crate::{ExperimentError, Job, Measurement, Probe, QuestionTask, Task};
 

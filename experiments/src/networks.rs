@@ -4,11 +4,11 @@ use std::cell::Cell;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use tactnet_data::sha256_hex;
 use tactnet_models::Weights;
 use tactnet_pipeline::{Classifier, PipelineError, write_whole};
 
 use crate::ExperimentError;
-use crate::digest::sha256_hex;
 
 /// The folder `networks` of a task, in the order in which the task trains.
 pub(crate) struct FinishedNetworks {

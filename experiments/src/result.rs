@@ -5,12 +5,11 @@ use std::path::Path;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
-use tactnet_data::{DataOrigin, Dataset};
+use tactnet_data::{DataOrigin, Dataset, sha256_hex};
 use tactnet_models::Compute;
 use tactnet_pipeline::{MeanRemoval, Provenance, Recipe, write_whole};
 
 use crate::context::{Cancelled, GoOn, StudyContext};
-use crate::digest::sha256_hex;
 use crate::networks::FinishedNetworks;
 use crate::{ExperimentError, FeatureMap, Measurement, QuestionTask};
 

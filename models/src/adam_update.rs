@@ -5,9 +5,9 @@ use burn::backend::{Backend, Dispatch, ExtensionType, Flex, TensorMetadata, back
 use burn::tensor::Tensor;
 use rayon::prelude::*;
 
-use crate::conv::{in_order, spare};
+use crate::conv::{in_order, reclaim};
 
-/// Values that a thread takes at once.
+/// Values that one task updates.
 const RUN: usize = 1 << 14;
 
 /// Adam (Kingma & Ba, 2015) with an L2 penalty added to the gradient.
@@ -23,17 +23,17 @@ pub struct AdamStep {
     pub epsilon: f32,
 }
 
-/// The parameter and both moments after a step from `[parameter, gradient, first moment, second moment]`, all of one shape and on the
+/// Returns the parameter and both moments after a step from `[parameter, gradient, first moment, second moment]`, all of one shape and on the
 /// processor ([`crate::is_cpu`]).
 ///
-/// What nobody else holds is changed in place, the rest copied first.
+/// Tensors that are not shared are changed in place, the others copied first.
 pub fn adam_update<const D: usize>(step: AdamStep, tensors: [Tensor<D>; 4]) -> [Tensor<D>; 3] {
     let [parameter, gradient, first, second] = tensors.map(Tensor::into_dispatch);
     let found = <Dispatch as AdamUpdate>::adam_update(parameter, gradient, first, second, step);
     [found.parameter, found.first, found.second].map(Tensor::from_dispatch)
 }
 
-/// What a step gives.
+/// Result of [`AdamUpdate::adam_update`].
 #[derive(ExtensionType)]
 pub struct AdamOutput<B: Backend> {
     parameter: FloatTensor<B>,
@@ -89,7 +89,7 @@ impl AdamUpdate for Flex {
                     *parameter -= rate * *m / (v.sqrt() + epsilon);
                 }
             });
-        spare::reclaim(gradient);
+        reclaim(gradient);
         AdamOutput {
             parameter,
             first,

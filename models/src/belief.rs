@@ -60,7 +60,7 @@ pub fn entropy(log_p: &[f64]) -> f64 {
         .sum::<f64>()
 }
 
-/// How much samples disagree: the mutual information of label and weights, entropy of the mean minus mean of the entropies, nats
+/// Returns how far samples disagree: the mutual information of label and weights, entropy of the mean minus mean of the entropies, nats
 /// (Houlsby et al., 2011; Gal & Ghahramani, 2016).
 ///
 /// - `samples`: `[samples][materials]` log-probabilities
@@ -83,7 +83,7 @@ pub struct Belief {
 }
 
 impl Belief {
-    /// Knows nothing: the same probability for each of `materials`.
+    /// Returns the uniform belief: the same probability for each of `materials`.
     ///
     /// # Panics
     /// If `materials` is zero.
@@ -95,7 +95,7 @@ impl Belief {
         }
     }
 
-    /// Takes in one more sweep.
+    /// Updates with the scores of one more sweep.
     ///
     /// - `log_probability`: `[materials]`, natural log of the probabilities given this sweep alone
     ///
@@ -143,7 +143,7 @@ impl Belief {
         out.iter_mut().for_each(|p| *p /= total);
     }
 
-    /// Forgets all sweeps.
+    /// Discards all sweeps.
     pub fn reset(&mut self) {
         self.log_likelihood.fill(0.0);
         self.sweeps = 0;

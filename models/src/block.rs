@@ -67,7 +67,7 @@ pub struct BlockConfig {
 /// taxels, ReLU, and max-pool `pool x 1`. The last pooled step covers whatever steps are left (`ceil(steps / pool)`).
 ///
 /// Maps lie channels last: `[batch, steps, taxels, maps_in] -> [batch, ceil(steps / pool), taxels, maps_out]`. On the processor
-/// the whole block is one operation, see [`crate::conv`]; other devices compose it of Burn's.
+/// the whole block is one operation, see `tactnet-conv`; other devices compose it of Burn's.
 ///
 /// Source: Tulbure & Bäuml, Humanoids 2018, figure 4.
 #[derive(Module, Debug)]
@@ -107,7 +107,7 @@ impl ConvBlock {
     /// Forward pass that normalises with the batch's own statistics, and returns them.
     pub fn forward_train(&self, input: Tensor<4>) -> (Tensor<4>, BatchStatistics) {
         let [batch, steps, taxels, _] = input.dims();
-        let found = if conv::runs_on(&input.device()) {
+        let found = if conv::is_cpu(&input.device()) {
             let (gamma, beta) = (self.gamma.val(), self.beta.val());
             conv::block_train(input, self.weight.val(), gamma, beta, self.pool)
         } else {
@@ -127,7 +127,7 @@ impl ConvBlock {
             self.running_mean.clone(),
             self.running_variance.clone(),
         ];
-        if conv::runs_on(&device) && !device.is_autodiff() {
+        if conv::is_cpu(&device) && !device.is_autodiff() {
             conv::block_eval(input, self.weight.val(), norm, self.pool)
         } else {
             let [gamma, beta, mean, variance] = norm;
@@ -166,7 +166,7 @@ impl ConvBlock {
         max_pool2d(relu(normalized), options).permute([0, 2, 3, 1])
     }
 
-    /// What the running statistics make of a convolution, `scale * map + shift`: both `[maps_out]`.
+    /// Returns scale and shift of the normalisation with running statistics, `scale * map + shift`: both `[maps_out]`.
     pub(crate) fn folded_norm(&self) -> (Vec<f32>, Vec<f32>) {
         let scale = self.gamma.val() / (self.running_variance.clone() + NORM_EPSILON).sqrt();
         let shift = self.beta.val() - self.running_mean.clone() * scale.clone();

@@ -1,4 +1,4 @@
-//! Where tensors live.
+//! Compute devices.
 
 use burn::tensor::Device;
 use serde::{Deserialize, Serialize};

@@ -1,6 +1,6 @@
 //! The dense layer's matrix product as one differentiable operation of Burn's Flex backend.
 //!
-//! Burn's own product clears what it writes to, copies it once more and knows no AVX-512; faer's writes the result where it stays.
+//! Burn's own product clears its target, copies the result once more and does not use AVX-512; faer's writes the result in place.
 
 use std::fmt;
 
@@ -14,11 +14,13 @@ use burn::tensor::{Tensor, TensorData};
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
 
-use crate::conv::{in_order, runs_on, spare};
+use tactnet_conv::spare;
+
+use crate::conv::{in_order, is_cpu};
 
 /// `x W^T`: `[rows, inputs]` and `[outputs, inputs]` to `[rows, outputs]`.
 pub(crate) fn dense_product(input: Tensor<2>, weight: Tensor<2>) -> Tensor<2> {
-    if runs_on(&input.device()) {
+    if is_cpu(&input.device()) {
         Tensor::from_dispatch(<Dispatch as DenseProduct>::dense_product(
             input.into_dispatch(),
             weight.into_dispatch(),

@@ -6,7 +6,7 @@ use rand::Rng;
 /// Bernoulli masks for inverted dropout: `[rows, features]`, each entry `1 / keep_probability` with probability
 /// `keep_probability`, else 0.
 ///
-/// The same masks drive training, Monte Carlo prediction (one row per Monte Carlo run, shared by all sweeps, so that
+/// The same masks drive training, Monte Carlo prediction (one row per Monte Carlo sample, shared by all sweeps, so that
 /// a row stands for one draw of the weights; Gal & Ghahramani, 2016) and every exported form of the network.
 ///
 /// # Panics

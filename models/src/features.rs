@@ -8,7 +8,7 @@ pub struct Features {
 }
 
 impl Features {
-    /// Puts `values` (`[sweeps][width]`) into rows.
+    /// Returns `values` (`[sweeps][width]`) as rows.
     ///
     /// # Panics
     /// If `width` is zero or the values do not fill whole rows.
@@ -28,7 +28,7 @@ impl Features {
         self.values.len() / self.width
     }
 
-    /// Whether there is no row.
+    /// Returns whether there is no row.
     pub fn is_empty(&self) -> bool {
         self.values.is_empty()
     }

@@ -10,7 +10,7 @@ const ROUNDING: f64 = 1e-13;
 /// Curvature (Wolfe).
 const CURVATURE: f64 = 0.5;
 
-/// Where a minimisation ended.
+/// Result of a minimisation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Minimum {
     /// The point.

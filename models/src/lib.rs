@@ -11,7 +11,7 @@ mod adam_update;
 mod belief;
 mod block;
 mod compute;
-pub mod conv;
+mod conv;
 mod dense;
 mod dense_product;
 mod dropout;
@@ -37,7 +37,7 @@ pub use belief::{
 };
 pub use block::{BatchStatistics, BlockConfig, ConvBlock, NORM_EPSILON};
 pub use compute::Compute;
-pub use conv::{runs_on as is_cpu, spare_memory};
+pub use conv::is_cpu;
 pub use dense::NormalizedDense;
 pub use dropout::dropout_masks;
 pub use features::Features;
@@ -54,10 +54,11 @@ pub use svm::{Pair, PlattSigmoids, Svm, SvmSettings, fit_platt};
 pub use tactnet::{
     Architecture, InputShape, TactNet, TactNetConfig, TrainingForward, default_pools,
 };
+pub use tactnet_conv::spare::take as spare_memory;
 pub use temperature::fit_inverse_temperature;
 pub use weights::{NamedTensor, Weights, values};
 
-/// What can be wrong with a network's description or its weights.
+/// Errors of a network's description, its weights, its device and of fitting.
 #[derive(Debug, thiserror::Error)]
 pub enum ModelError {
     /// A setting out of its range.
@@ -65,9 +66,9 @@ pub enum ModelError {
     Setting {
         /// Name of the setting in the recipe.
         setting: &'static str,
-        /// What is possible.
+        /// Values that are allowed.
         expected: String,
-        /// What was asked for.
+        /// Value found.
         found: String,
     },
     /// Weights that do not belong to this network.
@@ -77,7 +78,7 @@ pub enum ModelError {
         tensor: String,
         /// Shape or type that the network has.
         expected: String,
-        /// What the file holds.
+        /// Shape or type in the file.
         found: String,
     },
     /// A safetensors file that cannot be parsed.
@@ -94,9 +95,9 @@ pub enum ModelError {
     /// A classical classifier that cannot be fitted.
     #[error("{what}: {reason}")]
     Fit {
-        /// Which one.
+        /// Name of the classifier.
         what: &'static str,
-        /// What its solver said.
+        /// Message of its solver.
         reason: String,
     },
 }

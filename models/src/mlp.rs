@@ -1,4 +1,4 @@
-//! Fully connected layers with ReLU between them, on features that somebody else computed.
+//! Fully connected layers with ReLU between them, on given features.
 
 use burn::module::{Module, Param};
 use burn::tensor::activation::relu;
@@ -101,7 +101,7 @@ impl Mlp {
         values
     }
 
-    /// What it gives for many rows at once, without autodiff.
+    /// Returns the outputs of many rows at once, without autodiff.
     pub fn apply(&self, features: &Features) -> Features {
         let rows = matrix(features, &self.device());
         let out = self.forward(rows);
@@ -109,7 +109,7 @@ impl Mlp {
         Features::new(width, values(out))
     }
 
-    /// Where it computes.
+    /// Returns the device of the weights.
     pub fn device(&self) -> Device {
         self.layers[0].weight.val().device()
     }

@@ -1,6 +1,7 @@
-//! TactNet-II that follows a sweep frame by frame.
+//! TactNet-II frame by frame.
 
-use crate::conv::{StreamBlock, StreamHead, StreamShape};
+use tactnet_conv::{StreamBlock, StreamHead, StreamShape};
+
 use crate::weights::values;
 use crate::{TactNet, TactNetConfig};
 
@@ -12,7 +13,7 @@ use crate::{TactNet, TactNetConfig};
 #[derive(Debug)]
 pub struct StreamingNet {
     blocks: Vec<StreamBlock>,
-    /// To finish what `blocks` has begun without losing it.
+    /// Copies of `blocks` that are finished for the features so far.
     ends: Vec<StreamBlock>,
     features: FeatureRows,
     /// As `features`, with what the ends add.
@@ -109,7 +110,7 @@ impl StreamingNet {
         }
     }
 
-    /// Forgets the sweep; the next frame is the first of a new one.
+    /// Discards the sweep; the next frame is the first of a new one.
     pub fn restart(&mut self) {
         self.blocks.iter_mut().for_each(StreamBlock::restart);
         self.features.values.fill(0.0);
@@ -117,17 +118,17 @@ impl StreamingNet {
         self.frames = 0;
     }
 
-    /// Frames so far.
+    /// Returns the number of frames so far.
     pub fn frames(&self) -> usize {
         self.frames
     }
 
-    /// Whether the sweep is whole.
+    /// Returns whether the sweep is complete.
     pub fn is_complete(&self) -> bool {
         self.frames == self.steps
     }
 
-    /// Takes the next frame.
+    /// Adds the next frame.
     ///
     /// - `frame`: `[taxels]`, normalised
     ///
@@ -139,7 +140,7 @@ impl StreamingNet {
         push(&mut self.blocks, &self.rows, frame, &mut self.features);
     }
 
-    /// What the dense layer sees of the frames so far, `[maps x pooled steps x taxels]`.
+    /// Computes the inputs of the dense layer for the frames so far, `[maps x pooled steps x taxels]`.
     fn end(&mut self) {
         for (end, block) in self.ends.iter_mut().zip(&self.blocks) {
             end.copy_from(block);
@@ -158,7 +159,7 @@ impl StreamingNet {
         }
     }
 
-    /// Features of the frames so far, in the order of [`TactNet::features`].
+    /// Returns the features of the frames so far, in the order of [`TactNet::features`].
     pub fn features(&mut self) -> &[f32] {
         self.end();
         &self.ended.values
@@ -184,13 +185,13 @@ impl StreamingNet {
         self.head.monte_carlo(&self.ended.values, visit);
     }
 
-    /// Number of dropout masks.
+    /// Returns the number of dropout masks.
     pub fn mc_samples(&self) -> usize {
         self.head.mc_samples()
     }
 }
 
-/// Takes a row through the blocks as far as it leads.
+/// Pushes a row through the blocks, and on where it completes a pooled row.
 fn push(blocks: &mut [StreamBlock], rows: &[usize], row: &[f32], features: &mut FeatureRows) {
     let [first, rest @ ..] = blocks else {
         features.push(row);

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Features, ModelError};
 
-/// What is chosen before fitting.
+/// Settings chosen before fitting.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SvmSettings {
@@ -59,7 +59,7 @@ impl Svm {
     /// - `labels`: `[sweeps]`, below `materials`
     ///
     /// # Errors
-    /// What linfa-svm refuses, such as a negative C.
+    /// Settings that linfa-svm refuses, such as a negative C.
     pub fn fit(
         features: &Features,
         labels: &[usize],
@@ -97,7 +97,7 @@ impl Svm {
         })
     }
 
-    /// Puts a machine together again.
+    /// Restores a machine from its parts.
     ///
     /// - `counts`, `rho`: `[pairs]`, support vectors and offset of each pair
     /// - `rows`, `weights`: of all pairs, one after the other

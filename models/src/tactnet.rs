@@ -44,7 +44,7 @@ impl Default for Architecture {
     }
 }
 
-/// What the network sees of one sweep: `steps` by flattened `taxels`.
+/// Shape of one sweep: `steps` by flattened `taxels`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct InputShape {
     /// Time steps.
@@ -189,7 +189,7 @@ impl TactNetConfig {
     }
 }
 
-/// What a training pass gives.
+/// Result of a training pass.
 pub struct TrainingForward {
     /// `[batch, materials]`
     pub logits: Tensor<2>,
@@ -301,7 +301,7 @@ impl TactNet {
         self.output(self.hidden.forward(features))
     }
 
-    /// What the output layer sees, with frozen statistics: `[rows, features] -> [rows, hidden]`. The feature space of transfer
+    /// Returns the inputs of the output layer, with frozen statistics: `[rows, features] -> [rows, hidden]`. The feature space of transfer
     /// (thesis, section 4.6.1).
     pub fn embedding(&self, features: Tensor<2>) -> Tensor<2> {
         self.hidden.forward(features)

@@ -116,7 +116,7 @@ impl Weights {
     }
 }
 
-/// A tensor's numbers, row-major; not copied where nobody else holds them.
+/// Returns a tensor's values, row-major; not copied unless they are shared.
 pub fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor
         .into_data_as::<f32>()

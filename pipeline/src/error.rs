@@ -78,6 +78,20 @@ pub enum PipelineError {
         /// Why not.
         reason: String,
     },
+    /// A form of the network that this program was built without.
+    #[error("this program was built without `{runtime}`; build it with `--features {runtime}`")]
+    NoRuntime {
+        /// Its name, which is that of the cargo feature.
+        runtime: &'static str,
+    },
+    /// Another form of the network that cannot be made or run.
+    #[error("{runtime}: {reason}")]
+    Runtime {
+        /// Its name.
+        runtime: &'static str,
+        /// What it said.
+        reason: String,
+    },
     /// The loss or a weight is no number any more.
     #[error(
         "{what} is not finite in epoch {epoch}, batch {batch}; try a lower learning rate or another scaling"
@@ -95,7 +109,38 @@ pub enum PipelineError {
     Optimizer(String),
 }
 
+/// A setting of a recipe that is out of range.
+#[derive(Debug, thiserror::Error)]
+#[error("`{setting}`: expected {expected}, found {found}")]
+pub(crate) struct InvalidSetting {
+    /// Its path in the recipe.
+    pub setting: &'static str,
+    /// What it may be.
+    pub expected: &'static str,
+    /// What it is.
+    pub found: String,
+}
+
 impl PipelineError {
+    /// Returns true if another call would succeed: the mistake is in what was asked for or in what was handed over, not in the machine.
+    pub fn is_usage(&self) -> bool {
+        match self {
+            Self::Data(error) => error.is_usage(),
+            Self::Model(error) => !matches!(error, ModelError::Fit { .. }),
+            Self::UnknownRecipe { .. }
+            | Self::Recipe { .. }
+            | Self::Spec { .. }
+            | Self::Run { .. }
+            | Self::Incompatible { .. }
+            | Self::Enroll { .. }
+            | Self::NoRuntime { .. } => true,
+            Self::Io { .. }
+            | Self::Runtime { .. }
+            | Self::NotFinite { .. }
+            | Self::Optimizer(_) => false,
+        }
+    }
+
     pub(crate) fn io(path: &Path, action: &'static str, source: std::io::Error) -> Self {
         Self::Io {
             path: path.to_path_buf(),

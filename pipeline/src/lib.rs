@@ -4,94 +4,75 @@
 //! TrainSplit ─> Normalizer ─> Training (step by step) ─> RunDir ─> Classifier ─> Predictions ─> Evaluation
 //! ```
 //!
+//! | room | content |
+//! |---|---|
+//! | `spec` | what is trained on what, shared by command line, plans and child processes |
+//! | `features` | scaling, augmentation, the features of baselines |
+//! | `network` | the training of networks, embeddings, novelty |
+//! | `baseline` | features and a classical classifier |
+//! | `predict` | classifiers, offline and online, their predictions, and how good those are |
+//! | `run` | run directories, and the session that fills one |
+//! | `export` | networks for other programs |
+//!
 //! Only a [`tactnet_data::TrainSplit`] can be fitted to; any view can be predicted. A [`Training`] does one batch at a
 //! time and can be stopped anywhere: every random choice is named by seed, epoch and batch.
 
-mod adam;
-mod arrays;
-mod augment;
 mod baseline;
-mod baseline_fit;
-mod calibration;
-mod checkpoint;
-mod classifier;
-mod confusion_picture;
-mod embedding;
-mod enroll;
 mod error;
-mod evaluate_run;
-mod evaluation;
-mod extractor;
-mod feature_timing;
-mod fit_mlp;
-#[cfg(test)]
-mod golden;
-mod hydra;
-mod mean_removal;
-mod metrics;
+mod export;
+mod features;
 mod model_recipe;
-mod network_scorer;
-mod normalize;
-mod novelty;
-mod objective;
-mod online;
-mod onnx;
-mod overlap;
-mod predictions;
-mod provenance;
+mod network;
+mod predict;
 mod recipe;
-mod result;
-mod rocket;
-mod run_config;
-mod run_dir;
-mod scaler;
-mod series;
+mod run;
 mod spec;
-mod spectrum;
-mod train_embeddings;
-mod train_network;
-mod training;
-mod write_whole;
 
-pub use augment::Augmentation;
-pub use baseline::{BaselineRecipe, ClassicalClassifier, FeatureScaling};
-pub use baseline_fit::{BaselineFit, fit_baseline};
+pub use baseline::fit::{BaselineFit, fit_baseline};
+pub use baseline::recipe::{BaselineRecipe, ClassicalClassifier, FeatureScaling};
 pub use burn::tensor::Device;
-pub use calibration::{
-    Calibration, CalibrationTarget, Verdict, least_probability, prediction_set, upper_quantile,
-};
-pub use classifier::{Classifier, ClassifierConfig, ModelConfig, TactNetSetup};
-pub use embedding::Embedding;
-pub use enroll::{Enrolled, EnrolledMaterial, enroll};
 pub use error::PipelineError;
-pub use evaluate_run::{TrainingSummary, evaluate_run};
-pub use evaluation::{Evaluation, evaluate_all_ways};
-pub use extractor::FeatureSet;
+pub use export::onnx::to_onnx;
+pub use export::safetensors::to_safetensors;
+pub use features::augment::Augmentation;
+pub use features::extractor::FeatureSet;
 #[doc(hidden)]
-pub use feature_timing::FeatureTimer;
-pub use fit_mlp::{
+pub use features::feature_timing::FeatureTimer;
+pub use features::mean_removal::MeanRemoval;
+pub use features::normalize::{Normalizer, Scaling};
+pub use model_recipe::ModelRecipe;
+pub use network::embedding::Embedding;
+pub use network::fit_mlp::{
     MlpTraining, SweepPair, fit_difference, fit_embedding, fit_labels, predict_difference,
 };
-pub use mean_removal::MeanRemoval;
-pub use metrics::{Estimate, FusedAccuracy};
-pub use model_recipe::ModelRecipe;
-pub use normalize::{Normalizer, Scaling};
-pub use novelty::{NoveltyScore, NoveltyScorer};
-pub use objective::{Pass, Perturbation, adversarial_pass, base_pass};
-pub use online::{OnlineClassifier, SweepBelief};
-pub use onnx::{to_onnx, to_safetensors};
-pub use overlap::without_sweeps_of;
-pub use predictions::{PredictionSource, Predictions, SweepScore};
-pub use provenance::{Provenance, peak_rss_mib};
+pub use network::novelty::{NoveltyScore, NoveltyScorer};
+pub use network::objective::{Pass, Perturbation, adversarial_pass, base_pass};
+pub use network::train_embeddings::TrainEmbeddings;
+pub use network::train_network::train_network;
+pub use network::training::{BatchReport, Position, Training, TrainingState};
+pub use predict::calibration::{
+    Calibration, CalibrationTarget, Verdict, least_probability, prediction_set, upper_quantile,
+};
+pub use predict::classifier::{Classifier, ClassifierConfig, ModelConfig, TactNetSetup};
+pub use predict::enroll::{Enrolled, EnrolledMaterial, enroll, weights_sha256};
+pub use predict::evaluation::{Evaluation, evaluate_all_ways};
+pub use predict::metrics::{Estimate, FusedAccuracy};
+pub use predict::online::{OnlineClassifier, SweepBelief};
+pub use predict::overlap::without_sweeps_of;
+pub use predict::predictions::{PredictionSource, Predictions, SweepScore};
+pub use predict::runtime::{RuntimeComparison, RuntimeKind, compare_runtime};
+pub use predict::verdicts::Verdicts;
 pub use recipe::{
     Input, LearningRateDrop, OneCycle, Prediction, PredictionMethod, Recipe, TrainingMethod,
     TrainingSettings,
 };
-pub use result::{RunResult, describe_split};
-pub use run_config::{EpochMetrics, LabelOrder, RunConfig};
-pub use run_dir::RunDir;
+pub use run::evaluate_run::{TrainingSummary, evaluate_run};
+pub use run::provenance::{Provenance, peak_rss_mib};
+pub use run::read_sweeps::read_sweeps;
+pub use run::result::{RunResult, describe_split};
+pub use run::run_config::{EpochMetrics, LabelOrder, RunConfig};
+pub use run::run_dir::RunDir;
+pub use run::session::{Session, TrainEvent, TrainOutcome};
+pub use run::test_sweeps::TestSweeps;
+pub use run::write_whole::{UNFINISHED, write_whole};
 pub use spec::{SplitKind, TrainJob, TrainSpec};
-pub use train_embeddings::TrainEmbeddings;
-pub use train_network::train_network;
-pub use training::{BatchReport, Position, Training, TrainingState};
-pub use write_whole::{UNFINISHED, write_whole};

@@ -78,15 +78,13 @@ impl ModelRecipe {
         }
         let recipe: BaselineRecipe = toml::from_str(text)
             .map_err(|error| refused(error.to_string().trim_end().replace('\n', " / ")))?;
-        match recipe.mistake() {
-            None => Ok(Self::Baseline(recipe)),
-            Some((setting, expected, found)) => Err(refused(format!(
-                "`{setting}`: expected {expected}, found {found}"
-            ))),
+        match recipe.validate() {
+            Ok(()) => Ok(Self::Baseline(recipe)),
+            Err(invalid) => Err(refused(invalid.to_string())),
         }
     }
 
-    /// What people call it.
+    /// Returns the recipe's name.
     pub fn name(&self) -> &str {
         match self {
             Self::TactNet2(recipe) => &recipe.name,
@@ -102,7 +100,7 @@ impl ModelRecipe {
         }
     }
 
-    /// Whether the mean of each taxel over a sweep may be used.
+    /// Returns what happens to the mean of each taxel over a sweep.
     pub fn levels(&self) -> MeanRemoval {
         match self {
             Self::TactNet2(recipe) => recipe.input.levels,

@@ -5,6 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use tactnet_models::Architecture;
 
+use crate::error::InvalidSetting;
 use crate::{Augmentation, MeanRemoval, PipelineError, Scaling};
 
 /// Recipes that ship with the binary, by name.
@@ -38,7 +39,7 @@ pub struct Recipe {
 pub struct Input {
     /// See [`Scaling`].
     pub scaling: Scaling,
-    /// Whether the mean of each taxel over a sweep may be used.
+    /// What happens to the mean of each taxel over a sweep.
     #[serde(skip_serializing_if = "MeanRemoval::is_none")]
     pub levels: MeanRemoval,
 }
@@ -196,8 +197,13 @@ impl Recipe {
             origin: origin.into(),
             reason: error.to_string().trim_end().replace('\n', " / "),
         })?;
-        recipe.check(origin)?;
-        Ok(recipe)
+        match recipe.validate() {
+            Ok(()) => Ok(recipe),
+            Err(invalid) => Err(PipelineError::Recipe {
+                origin: origin.into(),
+                reason: invalid.to_string(),
+            }),
+        }
     }
 
     /// The recipe as TOML.
@@ -224,13 +230,14 @@ impl Recipe {
             .fold(training.learning_rate, |rate, drop| rate * drop.factor)
     }
 
-    fn check(&self, origin: &str) -> Result<(), PipelineError> {
+    fn validate(&self) -> Result<(), InvalidSetting> {
         let training = &self.training;
         let positive = |value: f64| value.is_finite() && value > 0.0;
-        let wrong = |setting: &str, expected: &str, found: String| {
-            Err(PipelineError::Recipe {
-                origin: origin.into(),
-                reason: format!("`{setting}`: expected {expected}, found {found}"),
+        let wrong = |setting, expected, found| {
+            Err(InvalidSetting {
+                setting,
+                expected,
+                found,
             })
         };
         if self.name.trim().is_empty() {
@@ -279,9 +286,7 @@ impl Recipe {
                 return wrong("training.learning_rate_drops", expected, found);
             }
         }
-        if let Some((setting, expected, found)) = training.augmentation.mistake() {
-            return wrong(setting, expected, found);
-        }
+        training.augmentation.validate()?;
         if let TrainingMethod::Adversarial { alpha, epsilon } = training.method {
             if !(0.0..=1.0).contains(&alpha) {
                 return wrong("training.method.alpha", "0 to 1", alpha.to_string());

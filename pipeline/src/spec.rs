@@ -20,7 +20,7 @@ pub struct TrainSpec {
     pub data: String,
     /// Built-in name or file of the recipe, of a network or of a baseline.
     pub recipe: String,
-    /// Whether the mean of each taxel over a sweep is removed; absent: as the recipe says.
+    /// What happens to the mean of each taxel over a sweep; absent: as the recipe says.
     #[serde(rename = "levels", skip_serializing_if = "Option::is_none")]
     pub mean_removal: Option<MeanRemoval>,
     /// Time steps kept of every sweep, from its beginning; absent: all.
@@ -93,7 +93,7 @@ pub enum SplitKind {
 }
 
 impl SplitKind {
-    /// Its name on the command line and in recipes of experiments.
+    /// Returns its name on the command line and in recipes of experiments.
     pub fn name(self) -> &'static str {
         match self {
             Self::KFold => "k-fold",
@@ -102,7 +102,7 @@ impl SplitKind {
         }
     }
 
-    /// The scheme that it stands for.
+    /// Returns the scheme that it stands for.
     pub fn scheme(self) -> Scheme {
         match self {
             Self::KFold => Scheme::default(),
@@ -111,7 +111,7 @@ impl SplitKind {
         }
     }
 
-    /// The kind of `scheme`, whatever its numbers.
+    /// Returns the kind of `scheme`, whatever its numbers.
     pub fn of(scheme: Scheme) -> Self {
         match scheme {
             Scheme::StratifiedKFold { .. } => Self::KFold,
@@ -122,7 +122,7 @@ impl SplitKind {
 }
 
 impl TrainSpec {
-    /// The scheme by which `dataset` is split.
+    /// Returns the scheme by which `dataset` is split.
     pub fn scheme(&self, dataset: &Dataset) -> Scheme {
         match (self.split, self.fold) {
             (Some(split), _) => split.scheme(),
@@ -131,7 +131,7 @@ impl TrainSpec {
         }
     }
 
-    /// The same with the file names of data set and recipe only, for results that others read.
+    /// Returns the same with the file names of data set and recipe only, for results that others read.
     pub fn without_folders(mut self) -> Self {
         for path in [&mut self.data, &mut self.recipe] {
             if let Some(name) = Path::new(path.as_str()).file_name() {
@@ -203,17 +203,17 @@ pub struct TrainJob {
 }
 
 impl TrainJob {
-    /// What was asked for.
+    /// Returns the spec that the job was made from.
     pub fn spec(&self) -> &TrainSpec {
         &self.spec
     }
 
-    /// How the classifier comes about.
+    /// Returns how the classifier comes about.
     pub fn recipe(&self) -> &ModelRecipe {
         &self.recipe
     }
 
-    /// Where tensors live; without autodiff.
+    /// Returns the open device, without autodiff.
     pub fn device(&self) -> &Device {
         &self.device
     }

@@ -159,7 +159,11 @@ fn permuted_labels_are_another_data_set() {
 fn what_a_baseline_cannot_do_is_said_in_one_line() {
     let lab = Lab::new();
     for (model, more, said) in [
-        ("minirocket", ["--epochs", "3"], "--epochs is for networks"),
+        (
+            "minirocket",
+            ["--epochs", "3"],
+            "`--epochs`: expected the recipe of a network",
+        ),
         (
             "knn-h",
             ["--recipe", "fast"],

@@ -100,7 +100,10 @@ fn a_calibrated_classifier_says_what_it_does_not_know() {
     baseline.arg(lab.path("twin.h5"));
     baseline.arg("--out").arg(lab.path("knn"));
     let refused = stderr(&expect(2, baseline));
-    assert!(refused.contains("--calibrate is for networks"), "{refused}");
+    assert!(
+        refused.contains("`--calibrate`: expected the recipe of a network"),
+        "{refused}"
+    );
 }
 
 fn eval(lab: &Lab, run: &str, data: Option<&str>) -> Value {

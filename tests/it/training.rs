@@ -261,6 +261,50 @@ fn a_loss_that_is_no_number_stops_with_epoch_and_batch_and_keeps_the_checkpoint(
     );
 }
 
+/// `command`, to which every file is full after so many KiB, as on a full disk.
+fn limited(kibibytes: usize, command: &Command) -> Command {
+    let mut limited = Command::new("bash");
+    limited
+        .arg("-c")
+        .arg(format!("trap '' XFSZ; ulimit -f {kibibytes}; exec \"$@\""))
+        .arg("bash")
+        .arg(command.get_program())
+        .args(command.get_args());
+    limited
+}
+
+#[test]
+fn a_report_that_does_not_fit_on_the_disk_is_a_failure_not_a_mistake() {
+    let lab = Lab::new();
+    let mut run = tactnet(["experiment", "run", "crossval_baselines", "--out"]);
+    run.arg(lab.path("out"))
+        .args(["--set", "models=knn-l", "--set", "probes=[]"])
+        .args(["--set", "folds=1", "--set", "repeats=1", "--set"])
+        .arg(format!("data={}", lab.path("twin.h5").display()));
+    expect(0, run);
+    let [summary, page] = ["out/summary.json", "out/report.html"].map(|file| lab.read(file).len());
+    let limit = summary.div_ceil(1024);
+    assert!(
+        page > 1024 * limit,
+        "{page} bytes are more than {limit} KiB"
+    );
+    let mut report = tactnet(["experiment", "report"]);
+    report.arg(lab.path("out"));
+    let message = stderr(&expect(1, limited(limit, &report)));
+    assert!(message.contains("report.html: cannot write"), "{message}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn results_that_cannot_be_printed_are_a_failure() {
+    let lab = Lab::new();
+    let mut info = tactnet(["data", "info"]);
+    info.arg(lab.path("twin.h5"));
+    let full = std::fs::File::create("/dev/full").unwrap();
+    let status = info.stdout(full).stderr(Stdio::null()).status().unwrap();
+    assert_eq!(status.code(), Some(1));
+}
+
 #[test]
 fn a_full_disk_is_an_error_and_never_a_broken_checkpoint() {
     let lab = Lab::new();
@@ -280,14 +324,7 @@ fn a_full_disk_is_an_error_and_never_a_broken_checkpoint() {
     };
     // A file beyond the limit fails half-way, as on a full disk.
     let limit = (checkpoint.len() - 1) / 1024;
-    let mut limited = Command::new("bash");
-    limited
-        .arg("-c")
-        .arg(format!("trap '' XFSZ; ulimit -f {limit}; exec \"$@\""))
-        .arg("bash")
-        .arg(env!("CARGO_BIN_EXE_tactnet"))
-        .args(resume().get_args());
-    let message = stderr(&expect(1, limited));
+    let message = stderr(&expect(1, limited(limit, &resume())));
     assert!(
         message.contains("checkpoint.safetensors: cannot write"),
         "{message}"

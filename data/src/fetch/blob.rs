@@ -1,6 +1,6 @@
 //! A file's identity in git, known for TactMat without having the file.
 
-use crate::DataError;
+use crate::{DataError, hex};
 use sha1::{Digest, Sha1};
 use std::fs::File;
 use std::io::Read;
@@ -25,11 +25,7 @@ pub fn git_blob_id(path: &Path) -> Result<String, DataError> {
             Err(error) => return Err(unreadable(error)),
         }
     }
-    Ok(hash
-        .finalize()
-        .iter()
-        .map(|byte| format!("{byte:02x}"))
-        .collect())
+    Ok(hex(hash.finalize()))
 }
 
 #[cfg(test)]

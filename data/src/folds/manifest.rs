@@ -1,10 +1,9 @@
 //! A split as data: what goes into every result, so that the very same split can be had again.
 
-use super::split::{TestSplit, TrainSplit};
+use super::split::{DealtBy, TestSplit, TrainSplit};
 use super::{Fold, Scheme};
-use crate::{DataError, Dataset, Seed};
+use crate::{DataError, Dataset, Seed, sha256_hex};
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
 /// Which sweeps of which data set trained and which tested, and how that came about.
 ///
@@ -56,10 +55,7 @@ impl SplitManifest {
         );
         let json = serde_json::to_vec(&fields)
             .unwrap_or_else(|error| panic!("numbers and strings always have a JSON form: {error}"));
-        Sha256::digest(&json)
-            .iter()
-            .map(|byte| format!("{byte:02x}"))
-            .collect()
+        sha256_hex(&json)
     }
 
     /// The split that the manifest describes.
@@ -97,7 +93,16 @@ impl SplitManifest {
             seed: self.seed,
             repeat: self.repeat,
             fold: self.fold,
-            train: TrainSplit::new(dataset, self.train.clone()),
+            train: TrainSplit::new(
+                dataset,
+                self.train.clone(),
+                DealtBy {
+                    scheme: self.scheme,
+                    seed: self.seed,
+                    repeat: self.repeat,
+                    fold: self.fold,
+                },
+            ),
             test: TestSplit::new(dataset, self.test.clone()),
         })
     }

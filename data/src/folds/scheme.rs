@@ -146,7 +146,7 @@ impl Scheme {
 }
 
 impl std::fmt::Display for Scheme {
-    /// What the scheme does, as a verb phrase.
+    /// Returns what the scheme does, as a verb phrase.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::StratifiedKFold { folds, repeats } => {

@@ -1,6 +1,7 @@
 //! The sides of a split. Their types keep fitting away from the sweeps that judge it.
 
-use crate::{Dataset, SweepShape};
+use super::{Fold, Scheme, SplitManifest, deal};
+use crate::{DataError, Dataset, Seed, SweepShape};
 use std::ops::Deref;
 
 /// Some sweeps of a data set, in ascending order: what any prediction reads.
@@ -60,7 +61,7 @@ impl<'a> SweepView<'a> {
         self.indices.len()
     }
 
-    /// Whether there is no sweep.
+    /// Returns true if there is no sweep.
     pub fn is_empty(&self) -> bool {
         self.indices.is_empty()
     }
@@ -131,42 +132,127 @@ macro_rules! side {
     };
 }
 
-side! {
-    /// The sweeps that may be learnt from: the only ones that anything is fitted to.
+/// The random choices that made a fold; inner splits of its training sweeps are named after them.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct DealtBy {
+    pub(super) scheme: Scheme,
+    pub(super) seed: Seed,
+    pub(super) repeat: usize,
+    pub(super) fold: usize,
+}
+
+/// The sweeps that may be learnt from: the only ones that anything is fitted to.
+///
+/// Only a [`Fold`](crate::Fold) makes one, so a function that takes a `TrainSplit` cannot see a
+/// test sweep, while one that takes a [`SweepView`] reads any side:
+///
+/// ```
+/// use tactnet_data::{Fold, SweepView, TrainSplit};
+/// fn fit(_: &TrainSplit) {}
+/// fn predict(_: &SweepView) {}
+/// fn learn(fold: &Fold) {
+///     fit(&fold.train);
+///     predict(&fold.train);
+///     predict(&fold.test);
+/// }
+/// ```
+///
+/// Fitting to the other side does not compile:
+///
+/// ```compile_fail,E0308
+/// use tactnet_data::{Fold, TrainSplit};
+/// fn fit(_: &TrainSplit) {}
+/// fn learn(fold: &Fold) {
+///     fit(&fold.test);
+/// }
+/// ```
+///
+/// nor does turning test sweeps into training sweeps:
+///
+/// ```compile_fail,E0451
+/// use tactnet_data::{Fold, TrainSplit};
+/// fn cheat<'a>(fold: &Fold<'a>) -> TrainSplit<'a> {
+///     TrainSplit { view: (*fold.test).clone() }
+/// }
+/// ```
+#[derive(Debug, Clone)]
+pub struct TrainSplit<'a> {
+    view: SweepView<'a>,
+    dealt_by: DealtBy,
+}
+
+impl<'a> TrainSplit<'a> {
+    pub(super) fn new(dataset: &'a Dataset, indices: Vec<usize>, dealt_by: DealtBy) -> Self {
+        Self {
+            view: SweepView::new(dataset, indices),
+            dealt_by,
+        }
+    }
+
+    /// Splits the training sweeps once more, stratified, to choose settings without a look at the test sweeps.
     ///
-    /// Only a [`Fold`](crate::Fold) makes one, so a function that takes a `TrainSplit` cannot see a
-    /// test sweep, while one that takes a [`SweepView`] reads any side:
+    /// Under [`Scheme::LeaveBlockOut`](crate::Scheme::LeaveBlockOut), too, the inner sides share recording blocks.
     ///
-    /// ```
-    /// use tactnet_data::{Fold, SweepView, TrainSplit};
-    /// fn fit(_: &TrainSplit) {}
-    /// fn predict(_: &SweepView) {}
-    /// fn learn(fold: &Fold) {
-    ///     fit(&fold.train);
-    ///     predict(&fold.train);
-    ///     predict(&fold.test);
-    /// }
-    /// ```
+    /// - `part`: which of the [`Fold::INNER_FOLDS`] parts validates
     ///
-    /// Fitting to the other side does not compile:
+    /// # Errors
+    /// No such part, or a material with fewer training sweeps than parts.
+    pub fn inner(&self, part: usize) -> Result<(Self, ValidationSplit<'a>), DataError> {
+        if part >= Fold::INNER_FOLDS {
+            return Err(DataError::inconsistent(
+                "inner fold",
+                format!("a number below {}", Fold::INNER_FOLDS),
+                part.to_string(),
+            ));
+        }
+        let DealtBy {
+            seed, repeat, fold, ..
+        } = self.dealt_by;
+        let (dataset, sweeps) = (self.view.dataset, self.view.indices());
+        let stream = format!("folds, inside fold {fold}");
+        let parts = deal(dataset, sweeps, Fold::INNER_FOLDS, seed, &stream, repeat)?;
+        let side = |validates: bool| -> Vec<usize> {
+            let members = sweeps
+                .iter()
+                .zip(&parts)
+                .filter(|&(_, &p)| (p == part) == validates);
+            members.map(|(&sweep, _)| sweep).collect()
+        };
+        Ok((
+            Self::new(dataset, side(false), self.dealt_by),
+            ValidationSplit::new(dataset, side(true)),
+        ))
+    }
+}
+
+impl TrainSplit<'_> {
+    /// Returns the split as data, for whatever is saved of a classifier: these training sweeps, and the test sweeps of the fold that they
+    /// belong to.
     ///
-    /// ```compile_fail,E0308
-    /// use tactnet_data::{Fold, TrainSplit};
-    /// fn fit(_: &TrainSplit) {}
-    /// fn learn(fold: &Fold) {
-    ///     fit(&fold.test);
-    /// }
-    /// ```
-    ///
-    /// nor does turning test sweeps into training sweeps:
-    ///
-    /// ```compile_fail,E0423
-    /// use tactnet_data::{Fold, TrainSplit};
-    /// fn cheat<'a>(fold: &Fold<'a>) -> TrainSplit<'a> {
-    ///     TrainSplit((*fold.test).clone())
-    /// }
-    /// ```
-    TrainSplit
+    /// # Errors
+    /// A data set that cannot be dealt the same way again.
+    pub fn manifest(&self) -> Result<SplitManifest, DataError> {
+        let DealtBy {
+            scheme,
+            seed,
+            repeat,
+            fold,
+        } = self.dealt_by;
+        let dealt = Fold::new(self.view.dataset, scheme, seed, repeat, fold)?;
+        let fold = Fold {
+            train: self.clone(),
+            ..dealt
+        };
+        Ok(fold.manifest())
+    }
+}
+
+impl<'a> Deref for TrainSplit<'a> {
+    type Target = SweepView<'a>;
+
+    fn deref(&self) -> &SweepView<'a> {
+        &self.view
+    }
 }
 
 side! {

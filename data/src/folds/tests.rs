@@ -376,3 +376,20 @@ fn permuted_labels_keep_their_counts_and_nothing_else() {
     assert!(kept < 75 / 2, "{kept} of 75 kept their label");
     assert!(permuted.name().contains("permuted"));
 }
+
+#[test]
+fn training_sweeps_know_the_split_that_they_belong_to() {
+    let dataset = recorded(&[20, 23], 4);
+    let fold = Fold::new(&dataset, Scheme::default(), Seed(3), 1, 2).unwrap();
+    assert_eq!(fold.train.manifest().unwrap(), fold.manifest());
+    let (inner, validation) = fold.train.inner(1).unwrap();
+    let manifest = inner.manifest().unwrap();
+    assert_eq!(manifest.train, inner.indices());
+    assert_eq!(manifest.test, fold.test.indices());
+    assert!(
+        validation
+            .indices()
+            .iter()
+            .all(|index| !manifest.train.contains(index) && !manifest.test.contains(index))
+    );
+}

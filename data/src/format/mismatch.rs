@@ -18,7 +18,7 @@ impl Mismatch {
         }
     }
 
-    /// What the HDF5 crate says, with filters by name.
+    /// Returns what the HDF5 crate says, with filters by name.
     pub(super) fn from_hdf5(error: &Error) -> Self {
         match error {
             Error::Context { source, .. } => Self::from_hdf5(source),

@@ -187,7 +187,7 @@ impl Array {
     }
 }
 
-/// What follows `'name':` in a header.
+/// Returns what follows `'name':` in a header.
 fn field<'a>(header: &'a str, name: &str) -> Option<&'a str> {
     let (_, rest) = header.split_once(&format!("'{name}'"))?;
     Some(rest.trim_start().strip_prefix(':')?.trim_start())

@@ -110,7 +110,7 @@ pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
     })
 }
 
-/// Whether the file carries the mark of generated sweeps.
+/// Returns true if the file carries the mark of generated sweeps.
 fn is_synthetic(file: &Hdf5File) -> bool {
     file.root_group()
         .and_then(|group| group.attribute(SYNTHETIC_ATTRIBUTE))

@@ -240,7 +240,14 @@ fn differentiate(sweeps: &[usize], context: &StudyContext<'_>) -> Result<Answer,
             &mut seed.rng(("pair network", distances.width())),
         )
         .layers();
-        let mlp = fit_difference(&layers, &scaled(distances, scale), &pairs, TRAINING, seed)?;
+        let mlp = fit_difference(
+            &layers,
+            &scaled(distances, scale),
+            &pairs,
+            TRAINING,
+            seed,
+            context.device,
+        )?;
         scorers.push((
             name,
             PairScorer::Network {

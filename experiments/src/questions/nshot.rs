@@ -219,8 +219,7 @@ fn transfer(task: &Nshot, context: &StudyContext<'_>) -> Result<Answer, Cancelle
             let answers: Vec<Result<Vec<usize>, Cancelled>> = if method == TransferMethod::Nk {
                 own.iter().map(|fold| from_scratch(context, fold)).collect()
             } else {
-                let recipe = context.recipe;
-                let device = context.device;
+                let (recipe, device) = (context.recipe, context.device);
                 let seeds: Vec<Seed> = (0..FOLDS)
                     .map(|fold| {
                         context.seed_for("fine-tuning", context.part.stream() * FOLDS + fold)
@@ -347,7 +346,15 @@ fn siamese_layers(
         keep: None,
     };
     let layers = [classifier.network()?.folded_hidden()];
-    let mlp = fit_embedding(&layers, &seen.convolution, &pairs, margin, training, seed)?;
+    let mlp = fit_embedding(
+        &layers,
+        &seen.convolution,
+        &pairs,
+        margin,
+        training,
+        seed,
+        context.device,
+    )?;
     Ok(mlp.layers())
 }
 
@@ -468,7 +475,14 @@ impl FewShots<'_> {
                     bias: vec![0.0; self.materials],
                 };
                 let layers = [self.knowledge.classifier.network()?.folded_hidden(), output];
-                let mlp = fit_labels(&layers, &self.support.convolution, labels, training, seed)?;
+                let mlp = fit_labels(
+                    &layers,
+                    &self.support.convolution,
+                    labels,
+                    training,
+                    seed,
+                    self.device,
+                )?;
                 let scores = mlp.apply(&queries.convolution);
                 scores
                     .rows()

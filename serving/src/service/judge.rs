@@ -26,8 +26,8 @@ impl Service {
         let mut packet = self.beliefs.loan(1)?;
         let out = &mut packet[0];
         let belief = match stage {
-            Stage::Dropout => finger.classifier.judge_by_dropout(),
-            Stage::Anytime | Stage::Plain => finger.classifier.judge(),
+            Stage::Dropout => finger.classifier.classify_by_dropout(),
+            Stage::Anytime | Stage::Plain => finger.classifier.classify(),
         };
         let log_p = belief.log_probability;
         let verdict = match belief.unknown {

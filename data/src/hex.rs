@@ -1,0 +1,34 @@
+//! Digests as text.
+
+use std::fmt::Write;
+
+use sha2::{Digest, Sha256};
+
+/// Bytes as lower-case hexadecimal digits, two a byte.
+pub fn hex(bytes: impl AsRef<[u8]>) -> String {
+    let bytes = bytes.as_ref();
+    let mut text = String::with_capacity(2 * bytes.len());
+    for byte in bytes {
+        write!(text, "{byte:02x}").unwrap_or_else(|_| panic!("a string takes any text"));
+    }
+    text
+}
+
+/// SHA-256 of `content` in hexadecimal digits.
+pub fn sha256_hex(content: impl AsRef<[u8]>) -> String {
+    hex(Sha256::digest(content))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn digests_are_those_of_sha256sum() {
+        assert_eq!(
+            sha256_hex("abc"),
+            "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+        );
+        assert_eq!(hex([0, 10, 255]), "000aff");
+    }
+}

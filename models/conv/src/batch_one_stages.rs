@@ -1,0 +1,129 @@
+//! The kernels of the batch-of-one route: two taxels' spectra from one transform, and back; winners.
+
+use super::pooling::{Goal, Window, pool_column};
+use super::shape::BlockShape;
+use super::simd::{Kernel, Lanes, Octet};
+use super::spectral_plan::Plan;
+
+/// Where the spectra of two signals lie.
+pub(super) struct Spectra {
+    /// Octets from one frequency to the next.
+    pub(super) stride: usize,
+    /// Their real parts at frequency zero.
+    pub(super) firsts: [usize; 2],
+    /// Octets from a real part to its imaginary part.
+    pub(super) imaginary: usize,
+}
+
+/// Two real signals' spectra, at half the frequencies, from that of one as real and the other as imaginary part.
+pub(super) struct Untangle<'a> {
+    /// `[length, 2, vector]`
+    pub(super) both: &'a [Octet],
+    pub(super) length: usize,
+    /// Half of what both are multiplied by.
+    pub(super) scale: f32,
+    pub(super) to: Spectra,
+    pub(super) target: &'a mut [Octet],
+}
+
+impl Kernel for Untangle<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let Spectra {
+            stride,
+            firsts: [a, b],
+            imaginary,
+        } = self.to;
+        let scale = L::splat(self.scale);
+        for f in 0..=self.length / 2 {
+            let [re, im] = element::<L>(self.both, f, scale);
+            let mirrored = (self.length - f) % self.length;
+            let [other_re, other_im] = element::<L>(self.both, mirrored, scale);
+            let at = f * stride;
+            re.add(other_re).store(self.target, at + a);
+            im.sub(other_im).store(self.target, at + a + imaginary);
+            im.add(other_im).store(self.target, at + b);
+            other_re.sub(re).store(self.target, at + b + imaginary);
+        }
+    }
+}
+
+/// Real and imaginary part of one frequency, scaled.
+#[inline(always)]
+fn element<L: Lanes>(both: &[Octet], f: usize, scale: L) -> [L; 2] {
+    let at = f * 2 * L::OCTETS;
+    [
+        L::load(both, at).mul(scale),
+        L::load(both, at + L::OCTETS).mul(scale),
+    ]
+}
+
+/// The other way: one spectrum whose signal has the first as its real and the second as its imaginary part.
+pub(super) struct Tangle<'a> {
+    pub(super) source: &'a [Octet],
+    pub(super) from: Spectra,
+    pub(super) length: usize,
+    /// `[length, 2, vector]`
+    pub(super) both: &'a mut [Octet],
+}
+
+impl Kernel for Tangle<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let Spectra {
+            stride,
+            firsts: [a, b],
+            imaginary,
+        } = self.from;
+        for f in 0..=self.length / 2 {
+            let at = f * stride;
+            let a_re = L::load(self.source, at + a);
+            let a_im = L::load(self.source, at + a + imaginary);
+            let b_re = L::load(self.source, at + b);
+            let b_im = L::load(self.source, at + b + imaginary);
+            // Where a frequency mirrors itself, the lines after these write last.
+            let mirrored = (self.length - f) % self.length * 2 * L::OCTETS;
+            a_re.add(b_im).store(self.both, mirrored);
+            b_re.sub(a_im).store(self.both, mirrored + L::OCTETS);
+            let at = f * 2 * L::OCTETS;
+            a_re.sub(b_im).store(self.both, at);
+            a_im.add(b_re).store(self.both, at + L::OCTETS);
+        }
+    }
+}
+
+/// All pooling windows of one block of maps.
+pub(super) struct Pool<'a> {
+    pub(super) plan: &'a Plan,
+    /// `[steps, taxels, block]`
+    pub(super) maps: &'a [Octet],
+    pub(super) goal: Goal<'a>,
+    /// `[pooled_steps, taxels, block's maps]`
+    pub(super) outputs: &'a mut [f32],
+}
+
+impl Kernel for Pool<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let BlockShape { taxels, pool, .. } = self.plan.shape;
+        let block = self.plan.out_block;
+        // Neither steps nor statistics are wanted.
+        let mut positions = vec![0; taxels * 8 * block];
+        let mut sums = vec![Octet::ZERO; 3 * block];
+        let windows = self.maps.chunks(pool * taxels * block);
+        for (tile, outputs) in windows.zip(self.outputs.chunks_exact_mut(taxels * 8 * block)) {
+            let mut to = Window {
+                winners: outputs,
+                positions: &mut positions,
+                sums: &mut sums,
+                columns: block,
+            };
+            for v in (0..block).step_by(L::OCTETS) {
+                pool_column::<L>((tile, block, v), taxels, self.goal, &mut to, v);
+            }
+        }
+    }
+}

@@ -1,0 +1,366 @@
+//! One planned block: the route its shape takes, forward and backward.
+
+use super::batch_one::BatchOne;
+use super::buffers::Buffers;
+use super::direct::{self, SavedDirect};
+use super::first_layer::{FirstLayer, SavedFirstLayer};
+use super::norm::{Normalizer, OutputGradient, Pooled};
+use super::pooling::{Goal, octets, signs};
+use super::shape::BlockShape;
+use super::simd::Isa;
+use super::spare;
+use super::spectral::{SavedSpectral, Spectral};
+use super::weight::Weight;
+
+/// Least output maps for which maps of zeros are added to the input.
+const MIN_PADDED_MAPS: usize = 16;
+
+/// A block planned for one shape, with the workspace that it reuses from call to call.
+///
+/// All calls take `&self` and may run on several threads at once; each call's parallel parts run on rayon's current pool. Results do not
+/// depend on the number of threads, to the bit. They do differ between instruction sets, within rounding.
+#[derive(Debug)]
+pub struct Block {
+    shape: BlockShape,
+    route: Route,
+    /// Present where one sweep with frozen statistics is computed faster over time alone.
+    batch_one: Option<BatchOne>,
+    values: Buffers<Vec<f32>>,
+    bytes: Buffers<Vec<u8>>,
+}
+
+/// The algorithm of a shape.
+#[derive(Debug)]
+enum Route {
+    /// Tap by tap: any shape.
+    Direct,
+    /// Multiples of eight maps in and out, at most 32 taxels.
+    Spectral(Spectral),
+    /// The same with maps of zeros added to the input.
+    Padded(Spectral),
+    /// One map in, multiples of eight out, at most 16 taxels and a kernel of at most 15 x 5.
+    FirstLayer(FirstLayer),
+}
+
+/// Result of [`Block::forward_train`].
+#[derive(Debug)]
+pub struct ForwardTrain {
+    /// `[batch, pooled_steps, taxels, maps_out]`
+    pub pooled: Vec<f32>,
+    /// `[maps_out]`: mean of the convolution over batch, steps and taxels.
+    pub mean: Vec<f32>,
+    /// `[maps_out]`: its biased variance.
+    pub variance: Vec<f32>,
+    /// State for [`Block::backward`] or [`Block::recycle`].
+    pub saved: Saved,
+}
+
+/// State that a forward pass leaves for its backward pass: winners, their positions, and spectra or maps of the input.
+#[derive(Debug)]
+pub struct Saved {
+    normalizer: Normalizer,
+    winners: Vec<f32>,
+    positions: Vec<u8>,
+    route: SavedRoute,
+}
+
+#[derive(Debug)]
+enum SavedRoute {
+    Direct(SavedDirect),
+    Spectral(SavedSpectral),
+    FirstLayer(SavedFirstLayer),
+}
+
+/// Gradients of a scalar with respect to what a block takes.
+#[derive(Debug)]
+pub struct Gradients {
+    /// `[maps_out, maps_in, kernel steps, kernel taxels]`
+    pub weight: Vec<f32>,
+    /// `[maps_out]`
+    pub gamma: Vec<f32>,
+    /// `[maps_out]`
+    pub beta: Vec<f32>,
+    /// `[batch, steps, taxels, maps_in]`, if `need_input` was set.
+    pub input: Option<Vec<f32>>,
+}
+
+impl Block {
+    /// Plans a block for the best instruction set of this processor.
+    ///
+    /// # Panics
+    /// On even kernel sizes, a pool outside 1 to 256 and empty dimensions.
+    pub fn plan(shape: BlockShape) -> Self {
+        Self::plan_for(shape, Isa::detect())
+    }
+
+    /// Plans a block for the instruction set `isa`, one of [`Isa::all`].
+    ///
+    /// # Panics
+    /// As [`Block::plan`], and if this processor lacks `isa`.
+    pub fn plan_for(shape: BlockShape, isa: Isa) -> Self {
+        shape.check();
+        assert!(Isa::all().contains(&isa), "this processor lacks {isa:?}");
+        let padded = BlockShape {
+            maps_in: shape.maps_in.next_multiple_of(8),
+            ..shape
+        };
+        let route = if let Some(first_layer) = FirstLayer::new(shape, isa) {
+            Route::FirstLayer(first_layer)
+        } else if let Some(spectral) = Spectral::new(shape, isa) {
+            Route::Spectral(spectral)
+        } else if shape.maps_out >= MIN_PADDED_MAPS {
+            Spectral::new(padded, isa).map_or(Route::Direct, Route::Padded)
+        } else {
+            // Few maps are quick in any way; this one rounds least.
+            Route::Direct
+        };
+        Self {
+            shape,
+            batch_one: match route {
+                Route::Spectral(_) => BatchOne::new(shape, isa),
+                _ => None,
+            },
+            route,
+            values: Buffers::default(),
+            bytes: Buffers::default(),
+        }
+    }
+
+    /// Writes winners (or outputs) to the buffer that `out` returns; the direct route computes winners only, in a buffer of its own.
+    fn convolve(
+        &self,
+        input: &[f32],
+        weight: &Weight<'_>,
+        gamma: &[f32],
+        goal: Goal<'_>,
+        out: impl FnOnce(usize) -> Vec<f32>,
+    ) -> (Pooled, SavedRoute) {
+        let outputs = self.shape.output_len();
+        let to = || (out(outputs), self.bytes.take(outputs));
+        match &self.route {
+            Route::Direct => {
+                let (pooled, saved) = direct::forward(&self.shape, input, weight.values, gamma);
+                (pooled, SavedRoute::Direct(saved))
+            }
+            Route::Spectral(spectral) => {
+                let (pooled, saved) = spectral.forward(input, weight, goal, to());
+                (pooled, SavedRoute::Spectral(saved))
+            }
+            Route::Padded(spectral) => {
+                let maps = self.shape.maps_in;
+                let input = padded(input, maps, 1, spectral.plan.shape.maps_in);
+                let taps = self.shape.kernel[0] * self.shape.kernel[1];
+                let weight = padded(weight.values, maps, taps, spectral.plan.shape.maps_in);
+                let (pooled, saved) = spectral.forward(&input, &Weight::from(&weight), goal, to());
+                (pooled, SavedRoute::Spectral(saved))
+            }
+            Route::FirstLayer(first_layer) => {
+                let (pooled, saved) = first_layer.forward(input, weight, goal, to());
+                (pooled, SavedRoute::FirstLayer(saved))
+            }
+        }
+    }
+
+    /// The planned shape.
+    pub fn shape(&self) -> &BlockShape {
+        &self.shape
+    }
+
+    /// Forward pass that normalises with the statistics of this batch.
+    ///
+    /// - `input`: `[batch, steps, taxels, maps_in]`
+    /// - `weight`: `[maps_out, maps_in, kernel steps, kernel taxels]`
+    /// - `gamma`, `beta`: `[maps_out]`
+    ///
+    /// # Panics
+    /// If a slice has another length.
+    pub fn forward_train<'a>(
+        &self,
+        input: &[f32],
+        weight: impl Into<Weight<'a>>,
+        gamma: &[f32],
+        beta: &[f32],
+    ) -> ForwardTrain {
+        let weight = weight.into();
+        self.check(input, &weight, gamma, beta);
+        let signs = signs(gamma);
+        let winners = |len| self.values.take(len);
+        let (pooled, route) = self.convolve(input, &weight, gamma, Goal::winners(&signs), winners);
+        let moments = pooled
+            .moments
+            .unwrap_or_else(|| panic!("winners come with moments"));
+        let (mean, variance) = (moments.mean(), moments.variance());
+        let normalizer = Normalizer::new(&mean, &variance, gamma, beta);
+        let mut out = spare::take(self.shape.output_len());
+        normalizer.rectify(&pooled.winners, &mut out);
+        let saved = Saved {
+            normalizer,
+            winners: pooled.winners,
+            positions: pooled.positions,
+            route,
+        };
+        ForwardTrain {
+            pooled: out,
+            mean,
+            variance,
+            saved,
+        }
+    }
+
+    /// Forward pass that normalises with the given mean and variance. Returns `[batch, pooled_steps, taxels, maps_out]`.
+    ///
+    /// - `input`, `weight`, `gamma`, `beta`: as for [`Block::forward_train`]
+    /// - `mean`, `variance`: `[maps_out]`
+    ///
+    /// # Panics
+    /// If a slice has another length.
+    pub fn forward_eval<'a>(
+        &self,
+        input: &[f32],
+        weight: impl Into<Weight<'a>>,
+        gamma: &[f32],
+        beta: &[f32],
+        mean: &[f32],
+        variance: &[f32],
+    ) -> Vec<f32> {
+        let weight = weight.into();
+        self.check(input, &weight, gamma, beta);
+        let normalizer = Normalizer::new(mean, variance, gamma, beta);
+        let [scale, shift] = [&normalizer.scale, &normalizer.shift].map(|values| octets(values));
+        let goal = Goal::outputs(&scale, &shift);
+        if let Some(batch_one) = &self.batch_one {
+            let mut out = spare::take(self.shape.output_len());
+            batch_one.forward(input, &weight, goal, &mut out);
+            return out;
+        }
+        let (pooled, saved) = self.convolve(input, &weight, gamma, goal, spare::take);
+        self.recycle_route(saved);
+        if matches!(self.route, Route::Direct) {
+            let mut out = spare::take(self.shape.output_len());
+            normalizer.rectify(&pooled.winners, &mut out);
+            return out;
+        }
+        self.bytes.give(pooled.positions);
+        pooled.winners
+    }
+
+    /// Returns the gradients of a forward pass with batch statistics.
+    ///
+    /// - `saved`: of that forward pass of this block
+    /// - `gradient`: `[batch, pooled_steps, taxels, maps_out]`, with respect to its pooled output
+    ///
+    /// # Panics
+    /// If `gradient` has another length, or `saved` comes from a block of another route.
+    pub fn backward(&self, saved: Saved, gradient: &[f32], need_input: bool) -> Gradients {
+        assert_eq!(
+            gradient.len(),
+            self.shape.output_len(),
+            "the gradient must have the pooled output's size"
+        );
+        let mut gated = self.values.take(gradient.len());
+        let affine = saved
+            .normalizer
+            .backward(&self.shape, gradient, &saved.winners, &mut gated);
+        let output = OutputGradient {
+            gradient: &gated,
+            positions: &saved.positions,
+            affine: &affine,
+        };
+        let (weight, input) = match (&self.route, saved.route) {
+            (Route::Spectral(spectral), SavedRoute::Spectral(route)) => {
+                spectral.backward(route, output, need_input)
+            }
+            (Route::Padded(spectral), SavedRoute::Spectral(route)) => {
+                let (weight, input) = spectral.backward(route, output, need_input);
+                let (maps, wide) = (self.shape.maps_in, spectral.plan.shape.maps_in);
+                let taps = self.shape.kernel[0] * self.shape.kernel[1];
+                let input = input.map(|input| unpadded(&input, maps, 1, wide));
+                (unpadded(&weight, maps, taps, wide), input)
+            }
+            (Route::FirstLayer(first_layer), SavedRoute::FirstLayer(route)) => {
+                first_layer.backward(route, output, need_input)
+            }
+            (Route::Direct, SavedRoute::Direct(route)) => {
+                direct::backward(&self.shape, route, output, need_input)
+            }
+            _ => panic!("the saved state must come from this block"),
+        };
+        self.values.give(gated);
+        self.give_back(saved.winners, saved.positions);
+        Gradients {
+            weight,
+            gamma: affine.gamma,
+            beta: affine.beta,
+            input,
+        }
+    }
+
+    /// Takes back the buffers of a forward pass whose gradient is not wanted.
+    pub fn recycle(&self, saved: Saved) {
+        self.recycle_route(saved.route);
+        self.give_back(saved.winners, saved.positions);
+    }
+
+    /// Returns buffers to the block; those of the direct route are freed.
+    fn give_back(&self, winners: Vec<f32>, positions: Vec<u8>) {
+        if !matches!(self.route, Route::Direct) {
+            self.values.give(winners);
+            self.bytes.give(positions);
+        }
+    }
+
+    fn recycle_route(&self, saved: SavedRoute) {
+        if let (Route::Spectral(spectral) | Route::Padded(spectral), SavedRoute::Spectral(saved)) =
+            (&self.route, saved)
+        {
+            spectral.recycle(saved);
+        }
+    }
+
+    fn check(&self, input: &[f32], weight: &Weight<'_>, gamma: &[f32], beta: &[f32]) {
+        let shape = &self.shape;
+        assert_eq!(
+            input.len(),
+            shape.input_len(),
+            "the input must have the planned size"
+        );
+        assert_eq!(
+            weight.values.len(),
+            shape.weight_len(),
+            "the weights must have the planned size"
+        );
+        assert_eq!(
+            [gamma.len(), beta.len()],
+            [shape.maps_out; 2],
+            "gamma and beta must have one value per map"
+        );
+    }
+}
+
+/// `[…, maps, run]` to `[…, wide, run]`, filled up with zeros.
+fn padded(values: &[f32], maps: usize, run: usize, wide: usize) -> Vec<f32> {
+    let mut out = vec![0.0; values.len() / maps * wide];
+    for (out, values) in out
+        .chunks_exact_mut(wide * run)
+        .zip(values.chunks_exact(maps * run))
+    {
+        out[..maps * run].copy_from_slice(values);
+    }
+    out
+}
+
+/// `[…, wide, run]` to the first `[…, maps, run]`.
+fn unpadded(values: &[f32], maps: usize, run: usize, wide: usize) -> Vec<f32> {
+    let mut out = Vec::with_capacity(values.len() / wide * maps);
+    for values in values.chunks_exact(wide * run) {
+        out.extend_from_slice(&values[..maps * run]);
+    }
+    out
+}
+
+impl Saved {
+    /// Returns the step of the winner within every pooling window, `[batch, pooled_steps, taxels, maps_out]`.
+    pub fn positions(&self) -> &[u8] {
+        &self.positions
+    }
+}

@@ -1,0 +1,358 @@
+//! The first layer, one input map: overlap-save tiles.
+//!
+//! A tile of `tile` steps needs `tile + 2 pad` input steps; its two-dimensional spectrum times those of the kernels gives all output
+//! maps. The spectra of eight tiles are computed at once, one tile a lane; from the product on, lanes are maps. A tile is
+//! pooled while it is in cache, so the full-resolution maps are never written. The backward pass does not need them either.
+//!
+//! Processors with AVX-512 go tap by tap instead (`first_layer_taps.rs`).
+
+use rayon::prelude::*;
+
+use super::buffers::Buffers;
+use super::fft::TimePlan;
+use super::first_layer_backward::Winner;
+use super::first_layer_stages::{Analyze, Scale, Synthesize};
+use super::first_layer_taps::by_taps;
+use super::norm::Pooled;
+use super::pooling::{Goal, Window, merge_sums};
+use super::shape::BlockShape;
+use super::simd::{Isa, NOTHING, NOWHERE, Octet, Octets, Rows, Table};
+use super::spare;
+use super::spectral_plan::by_group;
+use super::spectral_stages::KernelRows;
+use super::taxel::TaxelPlan;
+use super::weight::{Remembered, Weight};
+
+/// Most steps of a tile, unless one pooling window is longer.
+const TILE: usize = 100;
+/// Most taxels.
+const MAX_TAXELS: usize = 16;
+/// Most kernel steps and taxels.
+pub(super) const MAX_KERNEL: [usize; 2] = [15, 5];
+
+/// Plan and workspace.
+#[derive(Debug)]
+pub(super) struct FirstLayer {
+    pub(super) shape: BlockShape,
+    pub(super) isa: Isa,
+    pub(super) time: TimePlan,
+    pub(super) taxel: TaxelPlan,
+    /// Octets of output maps, and how many make a vector.
+    pub(super) outs: usize,
+    pub(super) group: usize,
+    /// Output steps of a tile.
+    pub(super) tile: usize,
+    all: Table,
+    taps: Table,
+    cropped: Table,
+    weights: Remembered<Octets>,
+    pub(super) buffers: Buffers<Octets>,
+    pub(super) values: Buffers<Vec<f32>>,
+    pub(super) winners: Buffers<Vec<Winner>>,
+    pub(super) products: Buffers<Vec<f32>>,
+}
+
+/// State for the backward pass.
+#[derive(Debug)]
+pub(super) struct SavedFirstLayer {
+    pub(super) input: Vec<f32>,
+    pub(super) weight: Vec<f32>,
+}
+
+/// One tile: its sweep, its first step and the outputs of its windows.
+pub(super) struct Tile<'a> {
+    pub(super) input: &'a [f32],
+    pub(super) first: usize,
+    pub(super) steps: usize,
+    pub(super) to: Window<'a>,
+}
+
+impl FirstLayer {
+    /// Returns `None` if the route does not take the shape.
+    pub(super) fn new(shape: BlockShape, isa: Isa) -> Option<Self> {
+        let [pad_steps, pad_taxels] = shape.padding();
+        if shape.maps_in != 1
+            || shape.taxels > MAX_TAXELS
+            || !shape.maps_out.is_multiple_of(8)
+            || shape.kernel[0] > MAX_KERNEL[0]
+            || shape.kernel[1] > MAX_KERNEL[1]
+        {
+            return None;
+        }
+        let tile = (TILE / shape.pool).max(1) * shape.pool;
+        let time = TimePlan::at_least(tile + 2 * pad_steps);
+        let length = time.length();
+        let taxel = TaxelPlan::new(shape.taxels, pad_taxels, 1.0 / length as f64)?;
+        let row = |inside: bool, row: usize| if inside { row as u32 } else { NOWHERE };
+        let taps = |t: usize| {
+            let tap = if t <= pad_steps {
+                pad_steps - t
+            } else {
+                pad_steps + length - t
+            };
+            row(tap < shape.kernel[0], tap)
+        };
+        let cropped = |t: usize| {
+            row(
+                (pad_steps..pad_steps + tile).contains(&t),
+                t.wrapping_sub(pad_steps),
+            )
+        };
+        Some(Self {
+            outs: shape.maps_out / 8,
+            group: isa.group(shape.maps_out / 8),
+            tile,
+            all: Table::new((0..length).map(|s| row(true, s))),
+            taps: Table::new((0..length).map(taps)),
+            cropped: Table::new((0..length).map(cropped)),
+            weights: Remembered::default(),
+            buffers: Buffers::default(),
+            values: Buffers::default(),
+            winners: Buffers::default(),
+            products: Buffers::default(),
+            shape,
+            isa,
+            time,
+            taxel,
+        })
+    }
+
+    /// Convolves and pools; with the winners it saves what the backward pass needs. Winners (or outputs) and positions are written over `to`.
+    pub(super) fn forward(
+        &self,
+        input: &[f32],
+        weight: &Weight<'_>,
+        goal: Goal<'_>,
+        to: (Vec<f32>, Vec<u8>),
+    ) -> (Pooled, SavedFirstLayer) {
+        let shape = &self.shape;
+        let (windows, tile_windows) = (shape.pooled_steps(), self.tile / shape.pool);
+        let window = shape.taxels * shape.maps_out;
+        let (mut winners, mut positions) = to;
+        let mut sums = self.buffers.take(shape.batch * windows * 3 * self.outs);
+        let mut tiles = Vec::new();
+        let sweeps = input.chunks_exact(shape.steps * shape.taxels);
+        let outputs = winners
+            .chunks_exact_mut(windows * window)
+            .zip(positions.chunks_exact_mut(windows * window));
+        for ((input, (winners, positions)), sums) in sweeps
+            .zip(outputs)
+            .zip(sums.chunks_exact_mut(windows * 3 * self.outs))
+        {
+            let parts = winners
+                .chunks_mut(tile_windows * window)
+                .zip(positions.chunks_mut(tile_windows * window));
+            for (index, ((winners, positions), sums)) in parts
+                .zip(sums.chunks_mut(tile_windows * 3 * self.outs))
+                .enumerate()
+            {
+                let first = index * self.tile;
+                let to = Window {
+                    winners,
+                    positions,
+                    sums,
+                    columns: self.outs,
+                };
+                tiles.push(Tile {
+                    input,
+                    first,
+                    steps: (shape.steps - first).min(self.tile),
+                    to,
+                });
+            }
+        }
+        if by_taps(shape, self.isa) {
+            let panels = self.panels(weight.values);
+            self.convolve_by_taps(&panels, goal, &mut tiles);
+            self.buffers.give(panels);
+        } else {
+            self.convolve_by_tiles(weight, goal, &mut tiles);
+        }
+        drop(tiles);
+        let moments = goal.is_winners().then(|| {
+            merge_sums(&sums, self.outs, |index| {
+                (shape.steps - index % windows * shape.pool).min(shape.pool) * shape.taxels
+            })
+        });
+        self.buffers.give(sums);
+        let mut saved = SavedFirstLayer {
+            input: Vec::new(),
+            weight: weight.values.to_vec(),
+        };
+        if goal.is_winners() {
+            saved.input = spare::take(input.len());
+            saved.input.copy_from_slice(input);
+        }
+        (
+            Pooled {
+                winners,
+                positions,
+                moments,
+            },
+            saved,
+        )
+    }
+
+    /// Convolves and pools every tile by its spectrum.
+    fn convolve_by_tiles(&self, weight: &Weight<'_>, goal: Goal<'_>, tiles: &mut [Tile<'_>]) {
+        let shape = &self.shape;
+        let spectra = self.weights.get_or_make(weight, |before| {
+            before.into_iter().for_each(|made| self.buffers.give(made));
+            self.weight_spectra(weight.values)
+        });
+        // Eight tiles are analysed at once; fewer where that would leave threads idle.
+        let at_once = tiles
+            .len()
+            .div_ceil(2 * rayon::current_num_threads())
+            .min(8);
+        tiles
+            .par_chunks_mut(at_once)
+            .with_max_len(1)
+            .for_each(|tiles| {
+                let columns = self.taxel.frequencies();
+                let length = self.time.length();
+                let mut rows = self.buffers.take(length * shape.taxels);
+                let mut taxel_spectra = self.buffers.take(columns * length * 2);
+                let mut tile_spectra = self.buffers.take(columns * length * 2);
+                let mut scratch = self.buffers.take(self.time.scratch(2));
+                self.gather(tiles, &mut rows);
+                let stage = Analyze {
+                    plan: self,
+                    rows: &rows,
+                    spectra: &mut taxel_spectra,
+                };
+                self.isa.run(1, stage);
+                let pairs = Rows {
+                    table: &self.all,
+                    stride: 2,
+                    parts: [0, 1],
+                    ahead: NOTHING,
+                };
+                for (source, target) in taxel_spectra
+                    .chunks_exact(2 * length)
+                    .zip(tile_spectra.chunks_exact_mut(2 * length))
+                {
+                    self.time.run(
+                        (self.isa, 1),
+                        (source, pairs),
+                        (target, pairs),
+                        &mut scratch,
+                    );
+                }
+                let group = self.group;
+                let mut product = self.buffers.take(2 * length * group);
+                let mut cropped = self.buffers.take(columns * self.tile * 2 * group);
+                let mut maps = self.buffers.take(shape.pool * shape.taxels * group);
+                let [whole, inside] = [&self.all, &self.cropped].map(|table| {
+                    let rows = Rows {
+                        table,
+                        stride: 2 * group,
+                        parts: [0, group],
+                        ahead: NOTHING,
+                    };
+                    rows.exchanged()
+                });
+                for (kernels, v) in spectra
+                    .chunks_exact(columns * 2 * length * group)
+                    .zip((0..).step_by(group))
+                {
+                    for (lane, tile) in tiles.iter_mut().enumerate() {
+                        let factors = tile_spectra
+                            .chunks_exact(2 * length)
+                            .zip(kernels.chunks_exact(2 * length * group));
+                        for ((spectrum, kernel), target) in
+                            factors.zip(cropped.chunks_exact_mut(self.tile * 2 * group))
+                        {
+                            let stage = Scale {
+                                spectrum,
+                                lane,
+                                kernel,
+                                product: &mut product,
+                            };
+                            self.isa.run(self.outs, stage);
+                            self.time.run(
+                                (self.isa, self.outs),
+                                (&product, whole),
+                                (target, inside),
+                                &mut scratch,
+                            );
+                        }
+                        let stage = Synthesize {
+                            plan: self,
+                            spectra: &cropped,
+                            maps: &mut maps,
+                            goal,
+                            tile,
+                            column: v,
+                        };
+                        self.isa.run(self.outs, stage);
+                    }
+                }
+                for buffer in [
+                    rows,
+                    taxel_spectra,
+                    tile_spectra,
+                    scratch,
+                    product,
+                    cropped,
+                    maps,
+                ] {
+                    self.buffers.give(buffer);
+                }
+            });
+    }
+
+    /// `[group of maps_out octets, column, time frequency, 2]`
+    fn weight_spectra(&self, weight: &[f32]) -> Octets {
+        let [kernel_steps, kernel_taxels] = self.shape.kernel;
+        let (columns, length, group) = (self.taxel.frequencies(), self.time.length(), self.group);
+        let mut taps = self.buffers.take(weight.len() / 8);
+        by_group(weight, kernel_steps * kernel_taxels, group, &mut taps);
+        let mut spectra = self.buffers.take(self.outs * columns * length * 2);
+        let mut lags = Octets::zeros(kernel_steps * 2 * group);
+        let mut scratch = self.buffers.take(self.time.scratch(2));
+        let [from, to] = [&self.taps, &self.all].map(|table| Rows {
+            table,
+            stride: 2 * group,
+            parts: [0, group],
+            ahead: NOTHING,
+        });
+        for (taps, spectra) in taps
+            .chunks_exact(kernel_steps * kernel_taxels * group)
+            .zip(spectra.chunks_exact_mut(columns * length * 2 * group))
+        {
+            for (column, spectrum) in spectra.chunks_exact_mut(2 * length * group).enumerate() {
+                let rows = KernelRows {
+                    plan: &self.taxel,
+                    column,
+                    taps,
+                    lags: &mut lags,
+                };
+                self.isa.run(self.outs, rows);
+                let lanes = (self.isa, self.outs);
+                self.time
+                    .run(lanes, (&lags, from), (spectrum, to), &mut scratch);
+            }
+        }
+        self.buffers.give(taps);
+        self.buffers.give(scratch);
+        spectra
+    }
+
+    /// Input of up to eight tiles, `[length, taxels]`, one tile a lane, zero outside the sweep.
+    fn gather(&self, tiles: &[Tile<'_>], rows: &mut [Octet]) {
+        let (taxels, pad) = (self.shape.taxels, self.shape.padding()[0]);
+        rows.fill(Octet::ZERO);
+        for (lane, tile) in tiles.iter().enumerate() {
+            let begin = tile.first.saturating_sub(pad);
+            let end = (tile.first + self.time.length() - pad).min(self.shape.steps);
+            let offset = (begin + pad - tile.first) * taxels;
+            for (row, &value) in rows[offset..]
+                .iter_mut()
+                .zip(&tile.input[begin * taxels..end * taxels])
+            {
+                row.0[lane] = value;
+            }
+        }
+    }
+}

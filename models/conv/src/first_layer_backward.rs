@@ -1,0 +1,429 @@
+//! Gradient of the first layer's weights: winners gathered, the rest by autocorrelation.
+//!
+//! With `dy = ka g + kb + kc y` (see [`super::norm`]) the gradient of tap `k` of a map with weights `w` is
+//!
+//! `sum ka g x[winner + k] + kb P[k] + kc (R w)[k]`, `P[k] = sum x[p + k]`, `R[k', k] = sum x[p + k'] x[p + k]`,
+//!
+//! sums over winners and over all output cells `p`. So the maps `y` are not needed. `R` depends on the two taps' distance alone
+//! but for the borders: products of rows `a` and `a + d` are summed over all `a`, and for each tap those few rows that it
+//! does not meet are taken away again.
+
+use rayon::prelude::*;
+
+use super::first_layer::{FirstLayer, MAX_KERNEL, SavedFirstLayer};
+use super::norm::OutputGradient;
+use super::simd::{Narrow, NarrowKernel, Octet};
+use super::spare;
+
+/// Values in a padded row: four zeros, up to sixteen taxels, zeros.
+pub(super) const ROW: usize = 24;
+/// Zeros before the first taxel: the farthest that two taps of a row lie apart.
+pub(super) const MARGIN: usize = MAX_KERNEL[1] - 1;
+/// Sums that a thread takes at once.
+const RUN: usize = 1 << 11;
+/// Distances between two taps of a row, from `-MARGIN` on.
+const ACROSS: usize = 2 * MARGIN + 1;
+
+/// A winner with a gradient: the gradient times `ka`, and the padded row that its patch begins with.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Winner {
+    pub(super) gradient: f32,
+    pub(super) row: u32,
+}
+
+/// The winners of one sweep that have a gradient, taxel by taxel and map by map.
+///
+/// The patches of one taxel's winners lie in the same few columns of the sweep. These are copied, an octet a row: patches are then whole
+/// octets, one after the other, in the nearest cache.
+pub(super) struct Winners {
+    /// `[taxels, maps_out, pooled_steps]`, of which each map's first `counts` are winners
+    all: Vec<Winner>,
+    /// `[taxels, maps_out]`
+    counts: Vec<usize>,
+    maps: usize,
+}
+
+impl Winners {
+    /// Iterates over taxels, and for each over the winners of every map.
+    pub(super) fn by_taxel(&self) -> impl Iterator<Item = impl Iterator<Item = &[Winner]>> {
+        let windows = self.all.len() / self.counts.len();
+        let taxels = self.all.chunks_exact(windows * self.maps);
+        taxels
+            .zip(self.counts.chunks_exact(self.maps))
+            .map(move |(winners, counts)| {
+                let maps = winners.chunks_exact(windows).zip(counts);
+                maps.map(|(winners, &count)| &winners[..count])
+            })
+    }
+}
+
+/// One sweep's share.
+struct Share {
+    /// `[maps_out, MAX_KERNEL[0], 8]`
+    sparse: Vec<f32>,
+    /// `[time distance, rows, ACROSS, 16]`, rows as [`Autocorrelation::edges`] numbers them
+    products: Vec<f32>,
+    /// `[1 + edges, 16]`: column sums over all rows and the edge rows
+    sums: Vec<f32>,
+}
+
+impl FirstLayer {
+    /// Gradients of the weights and, if wanted, of the input.
+    pub(super) fn backward(
+        &self,
+        saved: SavedFirstLayer,
+        output: OutputGradient<'_>,
+        need_input: bool,
+    ) -> (Vec<f32>, Option<Vec<f32>>) {
+        let shape = &self.shape;
+        let edges = self.edges();
+        let composite = need_input.then(|| self.composite(&saved.weight, output.affine));
+        let values = shape.steps * shape.taxels;
+        let mut d_input = need_input.then(|| spare::take(saved.input.len()));
+        let targets: Vec<&mut [f32]> = match &mut d_input {
+            Some(d_input) => d_input.chunks_exact_mut(values).collect(),
+            None => (0..shape.batch).map(|_| <&mut [f32]>::default()).collect(),
+        };
+        let shares: Vec<Share> = saved
+            .input
+            .par_chunks_exact(values)
+            .zip(targets)
+            .enumerate()
+            .map(|(sweep, (input, target))| {
+                let padded = self.pad(input);
+                let winners = self.winners(sweep, output);
+                let mut share = Share {
+                    sparse: vec![0.0; shape.maps_out * MAX_KERNEL[0] * 8],
+                    products: self
+                        .products
+                        .take(shape.kernel[0] * (1 + edges.len()) * ACROSS * 16),
+                    sums: vec![0.0; (1 + edges.len()) * 16],
+                };
+                let mut columns = self.buffers.take(padded.len() / ROW - 1);
+                self.isa.run_narrow(Gather {
+                    corner: self.corner(),
+                    padded: &padded,
+                    columns: &mut columns,
+                    winners: &winners,
+                    out: &mut share.sparse,
+                });
+                self.buffers.give(columns);
+                self.isa.run_narrow(Autocorrelation {
+                    plan: self,
+                    padded: &padded,
+                    edges: &edges,
+                    share: &mut share,
+                });
+                if let Some(composite) = &composite {
+                    self.input_gradient(composite, &saved.weight, &padded, &winners, target);
+                }
+                self.winners.give(winners.all);
+                share
+            })
+            .collect();
+        let weight = self.weight_gradient(&saved.weight, output, &shares, edges.len());
+        for share in shares {
+            self.products.give(share.products);
+        }
+        spare::give(saved.input);
+        (weight, d_input)
+    }
+
+    /// The sweep within zeros: `pad` rows before, enough for a patch after.
+    fn pad(&self, input: &[f32]) -> Vec<f32> {
+        let (taxels, pad) = (self.shape.taxels, self.shape.padding()[0]);
+        let mut padded = vec![0.0; (self.shape.steps + pad + MAX_KERNEL[0] + 1) * ROW];
+        for (row, values) in padded
+            .chunks_exact_mut(ROW)
+            .skip(pad)
+            .zip(input.chunks_exact(taxels))
+        {
+            row[MARGIN..MARGIN + taxels].copy_from_slice(values);
+        }
+        padded
+    }
+
+    /// Where the patches of the first taxel begin in their rows.
+    pub(super) fn corner(&self) -> usize {
+        MARGIN - self.shape.padding()[1]
+    }
+
+    fn winners(&self, sweep: usize, output: OutputGradient<'_>) -> Winners {
+        let shape = &self.shape;
+        let cells = shape.pooled_steps() * shape.taxels;
+        let mut found = Winners {
+            all: self.winners.take(shape.maps_out * cells),
+            counts: vec![0; shape.taxels * shape.maps_out],
+            maps: shape.maps_out,
+        };
+        let span = sweep * cells * shape.maps_out..(sweep + 1) * cells * shape.maps_out;
+        let rows = output.gradient[span.clone()].chunks_exact(shape.maps_out);
+        let windows = shape.pooled_steps();
+        for (cell, (gradients, positions)) in rows
+            .zip(output.positions[span].chunks_exact(shape.maps_out))
+            .enumerate()
+        {
+            let (first, taxel) = (cell / shape.taxels * shape.pool, cell % shape.taxels);
+            let maps = taxel * shape.maps_out..(taxel + 1) * shape.maps_out;
+            let all = &mut found.all[maps.start * windows..maps.end * windows];
+            let lists = all.chunks_exact_mut(windows).zip(&mut found.counts[maps]);
+            for (((&gradient, &position), ka), (winners, count)) in gradients
+                .iter()
+                .zip(positions)
+                .zip(&output.affine.ka)
+                .zip(lists)
+            {
+                // Written always and counted if the gradient is not zero: about half are, so a branch would be mispredicted.
+                winners[*count] = Winner {
+                    gradient: gradient * ka,
+                    row: (first + usize::from(position)) as u32,
+                };
+                *count += usize::from(gradient != 0.0);
+            }
+        }
+        found
+    }
+
+    /// Padded rows of the sweep that some tap does not meet.
+    fn edges(&self) -> Vec<usize> {
+        let (steps, pad) = (self.shape.steps, self.shape.padding()[0]);
+        (0..2 * pad + steps)
+            .filter(|&a| (pad..pad + steps).contains(&a) && (a < 2 * pad || a >= steps))
+            .collect()
+    }
+
+    fn weight_gradient(
+        &self,
+        weight: &[f32],
+        output: OutputGradient<'_>,
+        shares: &[Share],
+        edges: usize,
+    ) -> Vec<f32> {
+        let [kernel_steps, kernel_taxels] = self.shape.kernel;
+        let taps = kernel_steps * kernel_taxels;
+        let total = |part: fn(&Share) -> &[f32]| {
+            let mut total = vec![0f64; part(&shares[0]).len()];
+            total
+                .par_chunks_mut(RUN)
+                .enumerate()
+                .for_each(|(run, total)| {
+                    for share in shares {
+                        let values = &part(share)[run * RUN..][..total.len()];
+                        for (total, &value) in total.iter_mut().zip(values) {
+                            *total += f64::from(value);
+                        }
+                    }
+                });
+            total
+        };
+        let sparse = total(|share| &share.sparse);
+        let products = total(|share| &share.products);
+        let sums = total(|share| &share.sums);
+        let (correlation, patch_sums) =
+            (self.correlation(&products, edges), self.patch_sums(&sums));
+        let mut out = vec![0f32; weight.len()];
+        let maps = out.par_chunks_exact_mut(taps);
+        let maps = maps.zip(weight.par_chunks_exact(taps)).enumerate();
+        maps.for_each(|(map, (out, weight))| {
+            let (kb, kc) = (
+                f64::from(output.affine.kb[map]),
+                f64::from(output.affine.kc[map]),
+            );
+            for (tap, out) in out.iter_mut().enumerate() {
+                let gathered =
+                    sparse[(map * MAX_KERNEL[0] + tap / kernel_taxels) * 8 + tap % kernel_taxels];
+                let row = &correlation[tap * taps..(tap + 1) * taps];
+                let mixed: f64 = row.iter().zip(weight).map(|(r, &w)| r * f64::from(w)).sum();
+                *out = (gathered + kb * patch_sums[tap] + kc * mixed) as f32;
+            }
+        });
+        out
+    }
+
+    /// Returns whether tap row `tap` meets padded row `a` for some output step.
+    fn meets(&self, tap: usize, a: usize) -> bool {
+        (tap..tap + self.shape.steps).contains(&a)
+    }
+
+    /// Taxels that tap column `tap` meets.
+    fn met_taxels(&self, tap: usize) -> std::ops::Range<usize> {
+        let (taxels, pad) = (self.shape.taxels, self.shape.padding()[1]);
+        tap.saturating_sub(pad)..(taxels + tap).saturating_sub(pad).min(taxels)
+    }
+
+    /// `P`, per tap.
+    fn patch_sums(&self, sums: &[f64]) -> Vec<f64> {
+        let [kernel_steps, kernel_taxels] = self.shape.kernel;
+        let edges = self.edges();
+        let mut out = Vec::with_capacity(kernel_steps * kernel_taxels);
+        for tap in 0..kernel_steps * kernel_taxels {
+            let (row, column) = (tap / kernel_taxels, tap % kernel_taxels);
+            let over = |line: usize| {
+                self.met_taxels(column)
+                    .map(|c| sums[line * 16 + c])
+                    .sum::<f64>()
+            };
+            let missed = edges
+                .iter()
+                .enumerate()
+                .filter(|&(_, &a)| !self.meets(row, a));
+            out.push(over(0) - missed.map(|(edge, _)| over(1 + edge)).sum::<f64>());
+        }
+        out
+    }
+
+    /// `R`, `[tap, tap]`.
+    fn correlation(&self, products: &[f64], edges: usize) -> Vec<f64> {
+        let [kernel_steps, kernel_taxels] = self.shape.kernel;
+        let taps = kernel_steps * kernel_taxels;
+        let rows = self.edges();
+        let mut out = vec![0f64; taps * taps];
+        // The tap further up first; the other half is the same.
+        out.par_chunks_exact_mut(taps)
+            .enumerate()
+            .for_each(|(tap, out)| {
+                let (early, left) = (tap / kernel_taxels, tap % kernel_taxels);
+                let met = self.met_taxels(left);
+                for late in early..kernel_steps {
+                    let lines = &products[(late - early) * (1 + edges) * ACROSS * 16..];
+                    for right in 0..kernel_taxels {
+                        let across = right + MARGIN - left;
+                        let over = |line: usize| {
+                            let line = &lines[(line * ACROSS + across) * 16..];
+                            met.clone().map(|c| line[c]).sum::<f64>()
+                        };
+                        let missed = rows
+                            .iter()
+                            .enumerate()
+                            .filter(|&(_, &a)| !self.meets(early, a));
+                        out[late * kernel_taxels + right] =
+                            over(0) - missed.map(|(edge, _)| over(1 + edge)).sum::<f64>();
+                    }
+                }
+            });
+        for a in 0..taps {
+            for b in 0..a {
+                out[a * taps + b] = out[b * taps + a];
+            }
+        }
+        out
+    }
+}
+
+/// Sums of `gradient * patch` per map.
+struct Gather<'a> {
+    corner: usize,
+    padded: &'a [f32],
+    /// `[rows of the padded sweep]`: eight columns around one taxel.
+    columns: &'a mut [Octet],
+    winners: &'a Winners,
+    out: &'a mut [f32],
+}
+
+impl NarrowKernel for Gather<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Narrow>(self) {
+        for (taxel, winners) in self.winners.by_taxel().enumerate() {
+            let rows = self.padded[self.corner + taxel..].chunks(ROW);
+            for (row, columns) in rows.zip(self.columns.iter_mut()) {
+                if let Some(values) = row.first_chunk::<8>() {
+                    columns.0 = *values;
+                }
+            }
+            for (winners, out) in winners.zip(self.out.chunks_exact_mut(MAX_KERNEL[0] * 8)) {
+                let (out, _) = out.as_chunks_mut::<8>();
+                let Some(out) = out.first_chunk_mut::<{ MAX_KERNEL[0] }>() else {
+                    continue;
+                };
+                let mut sums = [L::splat(0.0); MAX_KERNEL[0]];
+                for row in 0..MAX_KERNEL[0] {
+                    sums[row] = L::load_slice(&out[row]);
+                }
+                for winner in winners {
+                    let rows = &self.columns[winner.row as usize..];
+                    let Some(patch) = rows.first_chunk::<{ MAX_KERNEL[0] }>() else {
+                        continue;
+                    };
+                    let gradient = L::splat(winner.gradient);
+                    for row in 0..MAX_KERNEL[0] {
+                        sums[row] = gradient.mul_add(L::load(patch, row), sums[row]);
+                    }
+                }
+                for row in 0..MAX_KERNEL[0] {
+                    sums[row].store_slice(&mut out[row]);
+                }
+            }
+        }
+    }
+}
+
+/// Sums of the products of every two rows up to a kernel apart, over all rows and for each edge row alone, and column sums.
+struct Autocorrelation<'a> {
+    plan: &'a FirstLayer,
+    padded: &'a [f32],
+    edges: &'a [usize],
+    share: &'a mut Share,
+}
+
+impl Autocorrelation<'_> {
+    /// Sums the products of padded rows `first..end` with those `distance` later, `[ACROSS, 16]`.
+    #[inline(always)]
+    fn sum<L: Narrow>(padded: &[f32], first: usize, end: usize, distance: usize, out: &mut [f32]) {
+        for half in [0, 8] {
+            let mut sums = [L::splat(0.0); ACROSS];
+            for a in first..end {
+                let base = &padded[a * ROW + MARGIN + half..];
+                let other = &padded[(a + distance) * ROW + half..];
+                let (Some(x), Some(other)) = (
+                    base.first_chunk::<8>(),
+                    other.first_chunk::<{ 2 * MARGIN + 8 }>(),
+                ) else {
+                    continue;
+                };
+                let x = L::load_slice(x);
+                for across in 0..ACROSS {
+                    let Some(values) = other[across..].first_chunk::<8>() else {
+                        continue;
+                    };
+                    sums[across] = x.mul_add(L::load_slice(values), sums[across]);
+                }
+            }
+            for across in 0..ACROSS {
+                if let Some(out) = out[across * 16 + half..].first_chunk_mut::<8>() {
+                    sums[across].store_slice(out);
+                }
+            }
+        }
+    }
+}
+
+impl NarrowKernel for Autocorrelation<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Narrow>(self) {
+        let (steps, pad) = (self.plan.shape.steps, self.plan.shape.padding()[0]);
+        let Share { products, sums, .. } = self.share;
+        let lines = 1 + self.edges.len();
+        for (distance, out) in products.chunks_exact_mut(lines * ACROSS * 16).enumerate() {
+            for (line, out) in out.chunks_exact_mut(ACROSS * 16).enumerate() {
+                let (first, end) = match line {
+                    0 => (pad, pad + steps),
+                    _ => (self.edges[line - 1], self.edges[line - 1] + 1),
+                };
+                Self::sum::<L>(self.padded, first, end.min(pad + steps), distance, out);
+            }
+        }
+        for (line, out) in sums.chunks_exact_mut(16).enumerate() {
+            let rows = match line {
+                0 => pad..pad + steps,
+                _ => self.edges[line - 1]..self.edges[line - 1] + 1,
+            };
+            for a in rows {
+                for (out, &x) in out.iter_mut().zip(&self.padded[a * ROW + MARGIN..]) {
+                    *out += x;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,108 @@
+//! The kernels of the first layer's tiles.
+
+use super::first_layer::{FirstLayer, Tile};
+use super::pooling::{Goal, Window, pool_column};
+use super::shape::BlockShape;
+use super::simd::{Kernel, Lanes, Octet};
+
+/// `[length, taxels]` to `[column, length, 2]`.
+pub(super) struct Analyze<'a> {
+    pub(super) plan: &'a FirstLayer,
+    pub(super) rows: &'a [Octet],
+    pub(super) spectra: &'a mut [Octet],
+}
+
+impl Kernel for Analyze<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let length = self.plan.time.length();
+        for (step, row) in self.rows.chunks_exact(self.plan.shape.taxels).enumerate() {
+            let out = &mut self.spectra[2 * step..];
+            self.plan
+                .taxel
+                .forward::<L>(|taxel| L::load(row, taxel), out, 2 * length, 1);
+        }
+    }
+}
+
+/// One lane of the tiles' spectra times the spectra of a vector of kernels.
+pub(super) struct Scale<'a> {
+    pub(super) spectrum: &'a [Octet],
+    pub(super) lane: usize,
+    pub(super) kernel: &'a [Octet],
+    pub(super) product: &'a mut [Octet],
+}
+
+impl Kernel for Scale<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let lane = self.lane & 7;
+        let pair = 2 * L::OCTETS;
+        let factors = self
+            .spectrum
+            .chunks_exact(2)
+            .zip(self.kernel.chunks_exact(pair));
+        for ((x, kernel), product) in factors.zip(self.product.chunks_exact_mut(pair)) {
+            let (a, b) = (L::splat(x[0].0[lane]), L::splat(x[1].0[lane]));
+            let (re, im) = (L::load(kernel, 0), L::load(kernel, L::OCTETS));
+            b.mul_sub_from(im, a.mul(re)).store(product, 0);
+            b.mul_add(re, a.mul(im)).store(product, L::OCTETS);
+        }
+    }
+}
+
+/// A vector of maps of one tile, window by window, and their winners.
+pub(super) struct Synthesize<'a, 'b> {
+    pub(super) plan: &'a FirstLayer,
+    pub(super) spectra: &'a [Octet],
+    pub(super) maps: &'a mut [Octet],
+    pub(super) goal: Goal<'a>,
+    pub(super) tile: &'a mut Tile<'b>,
+    /// First octet of maps.
+    pub(super) column: usize,
+}
+
+impl Kernel for Synthesize<'_, '_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let (plan, outs) = (self.plan, self.plan.outs);
+        let BlockShape {
+            taxels,
+            maps_out,
+            pool,
+            ..
+        } = plan.shape;
+        let values = taxels * maps_out;
+        let to = &mut self.tile.to;
+        let windows = to
+            .winners
+            .chunks_exact_mut(values)
+            .zip(to.positions.chunks_exact_mut(values));
+        for (window, ((winners, positions), sums)) in
+            windows.zip(to.sums.chunks_exact_mut(3 * outs)).enumerate()
+        {
+            let steps = (self.tile.steps - window * pool).min(pool);
+            let row = taxels * L::OCTETS;
+            let maps = &mut self.maps[..steps * row];
+            for (step, row) in maps.chunks_exact_mut(row).enumerate() {
+                let spectrum = &self.spectra[2 * (window * pool + step) * L::OCTETS..];
+                let stride = plan.tile * 2 * L::OCTETS;
+                plan.taxel
+                    .inverse::<L>(spectrum, stride, L::OCTETS, 0, |taxel, y: L| {
+                        y.store(row, taxel * L::OCTETS);
+                    });
+            }
+            let mut to = Window {
+                winners,
+                positions,
+                sums,
+                columns: outs,
+            };
+            let tile = (&*maps, L::OCTETS, 0);
+            pool_column::<L>(tile, taxels, self.goal, &mut to, self.column);
+        }
+    }
+}

@@ -1,0 +1,364 @@
+//! Blocks with many input maps: the convolution in the two-dimensional frequency domain.
+//!
+//! A sweep of `steps x taxels` is transformed with `steps + pad` by `taxels + pad` points: SAME padding needs no more, as
+//! what wraps around falls on outputs that are cropped away. At every frequency the convolution is one complex matrix product,
+//! `[batch, maps_in] x [maps_in, maps_out]`. The same spectra serve the backward pass.
+//!
+//! One taxel frequency after the other (a *column*) is taken through its time spectrum, its products and back, and of its output maps one
+//! block of sixteen after the other, so only these spectra need to stay in a core's cache; columns are also what threads share out.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::buffers::Buffers;
+use super::norm::Pooled;
+use super::pooling::{Goal, Window, merge_sums};
+use super::product::{Left, Soon};
+use super::shape::BlockShape;
+use super::simd::{Isa, NOTHING, NOWHERE, Octet, Octets, Rows, WRITTEN, floats};
+use super::spectral_plan::{Plan, by_group, following, in_blocks};
+use super::spectral_stages::{Analyze, KernelRows, Maps, Synthesize};
+use super::weight::{Remembered, Weight};
+
+/// Plan and workspace.
+#[derive(Debug)]
+pub(super) struct Spectral {
+    pub(super) plan: Plan,
+    weights: Remembered<Octets>,
+    pub(super) buffers: Buffers<Octets>,
+}
+
+/// State for the backward pass.
+#[derive(Debug)]
+pub(super) struct SavedSpectral {
+    /// `[column, time frequency, batch, 2, maps_in]`
+    pub(super) input: Octets,
+    /// `[column, block of maps_out, time frequency, maps_in, 2, block's octets]`
+    pub(super) weight: Arc<Octets>,
+    /// `[batch, steps, taxels, maps_out]`, empty if no backward pass will come
+    pub(super) maps: Octets,
+}
+
+impl Spectral {
+    pub(super) fn new(shape: BlockShape, isa: Isa) -> Option<Self> {
+        Some(Self {
+            plan: Plan::new(shape, isa)?,
+            weights: Remembered::default(),
+            buffers: Buffers::default(),
+        })
+    }
+
+    /// Convolves and pools; with the winners it saves what the backward pass needs. Winners (or outputs) and positions are written over `to`.
+    pub(super) fn forward(
+        &self,
+        input: &[f32],
+        weight: &Weight<'_>,
+        goal: Goal<'_>,
+        to: (Vec<f32>, Vec<u8>),
+    ) -> (Pooled, SavedSpectral) {
+        let plan = &self.plan;
+        let (shape, columns, length) = (plan.shape, plan.taxel.frequencies(), plan.time.length());
+        let mut rows = self
+            .buffers
+            .take(shape.batch * columns * shape.steps * 2 * plan.ins);
+        rows.par_chunks_exact_mut(columns * shape.steps * 2 * plan.ins)
+            .zip(input.par_chunks_exact(shape.input_len() / shape.batch))
+            .for_each(|(rows, input)| plan.isa.run(plan.ins, Analyze { plan, input, rows }));
+        let weight = self.weights.get_or_make(weight, |before| {
+            before.into_iter().for_each(|made| self.buffers.give(made));
+            self.weight_spectra(weight.values)
+        });
+        let mut input = self.buffers.take(columns * length * plan.input_stride());
+        let mut products = self
+            .buffers
+            .take(columns * shape.batch * shape.steps * 2 * plan.outs);
+        input
+            .par_chunks_exact_mut(length * plan.input_stride())
+            .zip(weight.par_chunks_exact(plan.weight_column()))
+            .zip(products.par_chunks_exact_mut(shape.batch * shape.steps * 2 * plan.outs))
+            .enumerate()
+            .for_each(|(column, ((input, weight), out))| {
+                let mut spectrum = self.buffers.take(length * plan.output_stride());
+                let mut scratch = self.buffers.take(plan.time.scratch(2));
+                Column {
+                    plan,
+                    column,
+                    rows: &rows,
+                    input,
+                    weight,
+                    spectrum: &mut spectrum,
+                    out,
+                    scratch: &mut scratch,
+                }
+                .run();
+                self.buffers.give(spectrum);
+                self.buffers.give(scratch);
+            });
+        let mut maps = self.buffers.take(if goal.is_winners() {
+            shape.count() * plan.outs
+        } else {
+            0
+        });
+        let pooled = self.pool(&products, &mut maps, goal, to);
+        for buffer in [rows, products] {
+            self.buffers.give(buffer);
+        }
+        let saved = SavedSpectral {
+            input,
+            weight,
+            maps,
+        };
+        (pooled, saved)
+    }
+
+    /// Spectra of all kernels, column by column.
+    fn weight_spectra(&self, weight: &[f32]) -> Octets {
+        let plan = &self.plan;
+        let columns = plan.taxel.frequencies();
+        let mut taps = self.buffers.take(weight.len() / 8);
+        let row = weight.len() / plan.shape.maps_out;
+        by_group(weight, row, plan.out_group, &mut taps);
+        let mut spectra = self.buffers.take(columns * plan.weight_column());
+        spectra
+            .par_chunks_exact_mut(plan.weight_column())
+            .enumerate()
+            .for_each(|(column, spectrum)| {
+                let mut scratch = self.buffers.take(plan.time.scratch(2));
+                weight_spectrum(plan, column, &taps, spectrum, &mut scratch);
+                self.buffers.give(scratch);
+            });
+        self.buffers.give(taps);
+        spectra
+    }
+
+    fn pool(
+        &self,
+        products: &[Octet],
+        maps: &mut [Octet],
+        goal: Goal<'_>,
+        to: (Vec<f32>, Vec<u8>),
+    ) -> Pooled {
+        let plan = &self.plan;
+        let shape = &plan.shape;
+        let windows = shape.pooled_steps();
+        let sweep = windows * shape.taxels * shape.maps_out;
+        let (mut winners, mut positions) = to;
+        let mut sums = self.buffers.take(shape.batch * windows * 3 * plan.outs);
+        let kept: Vec<Option<&mut [Octet]>> = if maps.is_empty() {
+            (0..shape.batch).map(|_| None).collect()
+        } else {
+            let sweeps = maps.chunks_exact_mut(shape.steps * shape.taxels * plan.outs);
+            sweeps.map(Some).collect()
+        };
+        winners
+            .par_chunks_exact_mut(sweep)
+            .zip(positions.par_chunks_exact_mut(sweep))
+            .zip(sums.par_chunks_exact_mut(windows * 3 * plan.outs))
+            .zip(kept)
+            .enumerate()
+            .for_each(|(sweep, (((winners, positions), sums), kept))| {
+                let mut tile = self.buffers.take(match kept {
+                    Some(_) => 0,
+                    None => shape.pool * shape.taxels * plan.outs,
+                });
+                let maps = match kept {
+                    Some(maps) => Maps::Kept(maps),
+                    None => Maps::Passing(&mut tile),
+                };
+                let to = Window {
+                    winners,
+                    positions,
+                    sums,
+                    columns: plan.outs,
+                };
+                let stage = Synthesize {
+                    plan,
+                    sweep,
+                    products,
+                    maps,
+                    goal,
+                    to,
+                };
+                plan.isa.run(plan.outs, stage);
+                self.buffers.give(tile);
+            });
+        let moments = goal.is_winners().then(|| {
+            merge_sums(&sums, plan.outs, |window| {
+                let first = window % windows * shape.pool;
+                (shape.steps - first).min(shape.pool) * shape.taxels
+            })
+        });
+        self.buffers.give(sums);
+        Pooled {
+            winners,
+            positions,
+            moments,
+        }
+    }
+
+    /// Returns the buffers of a forward pass to the pool.
+    pub(super) fn recycle(&self, saved: SavedSpectral) {
+        for buffer in [saved.input, saved.maps] {
+            self.buffers.give(buffer);
+        }
+        // Returned with the last reference to them.
+        if let Some(weight) = Arc::into_inner(saved.weight) {
+            self.buffers.give(weight);
+        }
+    }
+}
+
+/// One column: time spectra of the input, then, block by block of output maps, products and back to steps,
+/// `[block, batch, steps, 2, block's octets]`.
+struct Column<'a> {
+    plan: &'a Plan,
+    column: usize,
+    rows: &'a [Octet],
+    input: &'a mut [Octet],
+    weight: &'a [Octet],
+    spectrum: &'a mut [Octet],
+    out: &'a mut [Octet],
+    scratch: &'a mut [Octet],
+}
+
+impl Column<'_> {
+    fn run(self) {
+        let (plan, column) = (self.plan, self.column);
+        let BlockShape {
+            batch,
+            steps,
+            maps_in,
+            ..
+        } = plan.shape;
+        let (ins, block) = (plan.ins, plan.in_block);
+        let wanted = plan.wanted(column);
+        let columns = plan.taxel.frequencies();
+        for sweep in 0..batch {
+            let source =
+                &self.rows[(sweep * columns + column) * steps * 2 * ins..][..steps * 2 * ins];
+            for v in (0..ins).step_by(plan.in_group) {
+                let first = in_blocks(v, block, steps * 2 * block);
+                let from = Rows {
+                    table: &plan.steps,
+                    stride: 2 * block,
+                    parts: [first, first + block],
+                    ahead: columns * steps * 2 * ins,
+                };
+                let at = sweep * 2 * ins + v;
+                let to = Rows {
+                    table: wanted,
+                    stride: plan.input_stride(),
+                    parts: [at, at + ins],
+                    ahead: WRITTEN,
+                };
+                let lanes = (plan.isa, ins);
+                plan.time
+                    .run(lanes, (source, from), (self.input, to), self.scratch);
+            }
+        }
+        let block = plan.out_block;
+        let weights = self
+            .weight
+            .chunks_exact(plan.time.length() * plan.weight_stride());
+        let outs = self.out.chunks_exact_mut(batch * steps * 2 * block);
+        for (weight, out) in weights.zip(outs) {
+            let lefts = self.input.chunks_exact(plan.input_stride());
+            let rights = weight.chunks_exact(plan.weight_stride());
+            let products = self.spectrum.chunks_exact_mut(plan.output_stride());
+            let nexts = following(lefts.clone()).zip(following(rights.clone()));
+            let products = lefts.zip(rights).zip(products).zip(nexts);
+            for ((((left, right), out), next), &row) in products.zip(wanted.rows()) {
+                if row != NOWHERE {
+                    let left = Left {
+                        values: floats(left),
+                        row: 2 * maps_in,
+                        inner: 1,
+                        imaginary: maps_in,
+                        soon: Soon {
+                            left: floats(next.0),
+                            right: next.1,
+                        },
+                    };
+                    left.times(
+                        plan.isa,
+                        &right[..maps_in * 2 * block],
+                        &mut out[..batch * 2 * block],
+                        block,
+                    );
+                }
+            }
+            plan.mirror(
+                plan.taxel.mirror(column),
+                self.spectrum,
+                plan.output_stride(),
+                block,
+            );
+            for (sweep, out) in out.chunks_exact_mut(steps * 2 * block).enumerate() {
+                for v in (0..block).step_by(plan.out_group) {
+                    let at = sweep * 2 * block + v;
+                    let from = Rows {
+                        table: &plan.all,
+                        stride: plan.output_stride(),
+                        parts: [at, at + block],
+                        ahead: 2 * block,
+                    };
+                    let to = Rows {
+                        table: &plan.steps,
+                        stride: 2 * block,
+                        parts: [v, v + block],
+                        ahead: WRITTEN,
+                    };
+                    plan.time.run(
+                        (plan.isa, block),
+                        (self.spectrum, from.exchanged()),
+                        (out, to.exchanged()),
+                        self.scratch,
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// One column of the weights' spectra: `[block of maps_out, time frequency, maps_in, 2, block's octets]`.
+fn weight_spectrum(
+    plan: &Plan,
+    column: usize,
+    taps: &[Octet],
+    spectrum: &mut [Octet],
+    scratch: &mut [Octet],
+) {
+    let [kernel_steps, kernel_taxels] = plan.shape.kernel;
+    let (maps_in, outs, group) = (plan.shape.maps_in, plan.outs, plan.out_group);
+    let mut lags = Octets::zeros(2 * kernel_steps * group);
+    for (kernel, taps) in taps
+        .chunks_exact(kernel_steps * kernel_taxels * group)
+        .enumerate()
+    {
+        let rows = KernelRows {
+            plan: &plan.taxel,
+            column,
+            taps,
+            lags: &mut lags,
+        };
+        plan.isa.run(outs, rows);
+        let block = plan.out_block;
+        let span = plan.time.length() * plan.weight_stride();
+        let at = in_blocks(kernel / maps_in * group, block, span) + kernel % maps_in * 2 * block;
+        let from = Rows {
+            table: &plan.taps,
+            stride: 2 * group,
+            parts: [0, group],
+            ahead: NOTHING,
+        };
+        let to = Rows {
+            table: plan.wanted(column),
+            stride: plan.weight_stride(),
+            parts: [at, at + block],
+            ahead: WRITTEN,
+        };
+        plan.time
+            .run((plan.isa, outs), (&lags, from), (spectrum, to), scratch);
+    }
+}

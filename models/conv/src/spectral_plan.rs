@@ -1,0 +1,170 @@
+//! Sizes, transforms and tables of rows of a spectral block.
+
+use rayon::prelude::*;
+
+use super::fft::TimePlan;
+use super::shape::BlockShape;
+use super::simd::{Isa, NOWHERE, Octet, Table};
+use super::taxel::{Mirror, TaxelPlan};
+
+/// Sizes, transforms and tables of rows.
+#[derive(Debug)]
+pub(super) struct Plan {
+    pub(super) shape: BlockShape,
+    pub(super) isa: Isa,
+    pub(super) time: TimePlan,
+    pub(super) taxel: TaxelPlan,
+    /// Octets of input and output maps.
+    pub(super) ins: usize,
+    pub(super) outs: usize,
+    /// Octets of input and output maps that make a vector.
+    pub(super) in_group: usize,
+    pub(super) out_group: usize,
+    /// Octets of input and output maps that lie together: a block of them is taken through its transforms and products at a time, so
+    /// that its spectra stay in a core's cache. A block is one or more vectors.
+    pub(super) in_block: usize,
+    pub(super) out_block: usize,
+    /// A sweep's steps within the transform.
+    pub(super) steps: Table,
+    /// The kernel's taps within the transform.
+    pub(super) taps: Table,
+    /// All time frequencies, and those that do not mirror another.
+    pub(super) all: Table,
+    pub(super) half: Table,
+}
+
+/// Octets of a block, among `octets`: two fill a cache line, and the product's registers.
+fn block_of(octets: usize) -> usize {
+    if octets.is_multiple_of(2) { 2 } else { 1 }
+}
+
+/// Where octet `v` lies among blocks of `block` octets each of which spans `span`.
+#[inline(always)]
+pub(super) fn in_blocks(v: usize, block: usize, span: usize) -> usize {
+    v / block * span + v % block
+}
+
+/// For every row the one after it, for the last one nothing.
+pub(super) fn following<'a>(
+    rows: impl Iterator<Item = &'a [Octet]>,
+) -> impl Iterator<Item = &'a [Octet]> {
+    rows.skip(1).chain(std::iter::once(&[][..]))
+}
+
+/// Octets per time frequency: padded, as strides of powers of two would crowd into few cache sets.
+pub(super) fn padded(octets: usize) -> usize {
+    octets + 2
+}
+
+impl Plan {
+    /// Returns `None` unless both counts of maps are multiples of eight and [`TaxelPlan`] takes the taxels.
+    pub(super) fn new(shape: BlockShape, isa: Isa) -> Option<Self> {
+        let [pad_steps, pad_taxels] = shape.padding();
+        if !shape.maps_in.is_multiple_of(8) || !shape.maps_out.is_multiple_of(8) {
+            return None;
+        }
+        let time = TimePlan::at_least((shape.steps + pad_steps).max(shape.kernel[0]));
+        let length = time.length();
+        let taxel = TaxelPlan::new(shape.taxels, pad_taxels, 1.0 / length as f64)?;
+        let row = |inside: bool, row: usize| if inside { row as u32 } else { NOWHERE };
+        let taps = |t: usize| {
+            // Lag t (or t - length) is tap pad - lag of the cross-correlation.
+            let tap = if t <= pad_steps {
+                pad_steps - t
+            } else {
+                pad_steps + length - t
+            };
+            row(tap < shape.kernel[0], tap)
+        };
+        Some(Self {
+            ins: shape.maps_in / 8,
+            outs: shape.maps_out / 8,
+            in_group: isa.group(shape.maps_in / 8),
+            out_group: isa.group(shape.maps_out / 8),
+            in_block: block_of(shape.maps_in / 8),
+            out_block: block_of(shape.maps_out / 8),
+            steps: Table::new((0..length).map(|t| row(t < shape.steps, t))),
+            taps: Table::new((0..length).map(taps)),
+            all: Table::new((0..length).map(|s| row(true, s))),
+            half: Table::new((0..length).map(|s| row(s <= length / 2, s))),
+            shape,
+            isa,
+            time,
+            taxel,
+        })
+    }
+
+    /// Octets per time frequency of the inputs of a column, `[batch, 2, maps_in]`.
+    pub(super) fn input_stride(&self) -> usize {
+        padded(self.shape.batch * 2 * self.ins)
+    }
+
+    /// Octets per time frequency of a block of outputs, `[batch, 2, block]`.
+    pub(super) fn output_stride(&self) -> usize {
+        padded(self.shape.batch * 2 * self.out_block)
+    }
+
+    /// Octets per time frequency of a block of weights, `[maps_in, 2, block]`.
+    pub(super) fn weight_stride(&self) -> usize {
+        padded(self.shape.maps_in * 2 * self.out_block)
+    }
+
+    /// Blocks of output maps.
+    pub(super) fn out_blocks(&self) -> usize {
+        self.outs / self.out_block
+    }
+
+    /// Octets of a column of weights, `[block, time frequency, maps_in, 2, block's octets]`.
+    pub(super) fn weight_column(&self) -> usize {
+        self.out_blocks() * self.time.length() * self.weight_stride()
+    }
+
+    /// Time frequencies to multiply in a column, as a table of rows.
+    pub(super) fn wanted(&self, column: usize) -> &Table {
+        if self.taxel.mirror(column) == Mirror::Free {
+            &self.all
+        } else {
+            &self.half
+        }
+    }
+
+    /// Fills in the mirrored half of a column's spectrum.
+    pub(super) fn mirror(
+        &self,
+        mirror: Mirror,
+        spectrum: &mut [Octet],
+        stride: usize,
+        parts: usize,
+    ) {
+        let (re, im) = match mirror {
+            Mirror::Free => return,
+            Mirror::Real => (1.0, -1.0),
+            Mirror::Imaginary => (-1.0, 1.0),
+        };
+        let length = self.time.length();
+        for s in length / 2 + 1..length {
+            let (low, high) = spectrum.split_at_mut(s * stride);
+            let from = low[(length - s) * stride..].chunks_exact(2 * parts);
+            for (to, from) in high[..stride].chunks_exact_mut(2 * parts).zip(from) {
+                for part in 0..parts {
+                    to[part].0 = from[part].0.map(|value| re * value);
+                    to[parts + part].0 = from[parts + part].0.map(|value| im * value);
+                }
+            }
+        }
+    }
+}
+
+/// Weights `[out][in][tap]` to `[group of out octets][in][tap]` vectors of `group` octets.
+pub(super) fn by_group(weight: &[f32], row: usize, group: usize, out: &mut [Octet]) {
+    out.par_chunks_exact_mut(row * group)
+        .zip(weight.par_chunks_exact(8 * row * group))
+        .for_each(|(out, weight)| {
+            for (at, out) in out.iter_mut().enumerate() {
+                let (at, first) = (at / group, at % group * 8);
+                for (lane, value) in out.0.iter_mut().enumerate() {
+                    *value = weight[(first + lane) * row + at];
+                }
+            }
+        });
+}

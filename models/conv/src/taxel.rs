@@ -1,0 +1,278 @@
+//! Real Fourier transforms across the few taxels, as dense products, a vector of maps at once.
+//!
+//! Positions are counted from the middle of the taxel row, `u = w - (taxels - 1) / 2`, so every pair `+-u` enters as its sum
+//! (times a cosine) and its difference (times a sine): half the multiplications. The middle may lie between two taxels; the
+//! phase this adds is the same before and after a convolution, so products of spectra do not see it. Only frequencies
+//! `0 ..= length / 2` are kept, as the values are real.
+
+use super::simd::{Lanes, Octet, prefetch};
+
+/// Most taxels that a plan takes.
+pub(super) const MAX_TAXELS: usize = 32;
+/// Pairs of taxels that are handled together, few or many; narrower rows are padded with zero pairs. Sums and differences of eight pairs
+/// fill sixteen registers.
+const FEW: usize = 8;
+const MANY: usize = MAX_TAXELS / 2;
+
+/// Symmetry of the time spectrum of one taxel frequency.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Mirror {
+    /// It does not.
+    Free,
+    /// Real in time: `z(-s) = conj z(s)`.
+    Real,
+    /// Imaginary in time: `z(-s) = -conj z(s)`.
+    Imaginary,
+}
+
+/// Tables for one row width and kernel width.
+#[derive(Debug, Clone)]
+pub(super) struct TaxelPlan {
+    taxels: usize,
+    length: usize,
+    /// `[frequency, pair, 2]`: cosine, minus sine
+    forward: Vec<Octet>,
+    /// `[2, frequency, pair]`: the same, scaled by the inverse transform's weights
+    inverse: Vec<Octet>,
+    /// `[frequency, lag, 2]` for lags 0 ..= pad
+    kernel: Vec<[f32; 2]>,
+    pad: usize,
+    scale: f32,
+}
+
+impl TaxelPlan {
+    /// For rows of `taxels` and kernels of `2 pad + 1`; the inverse also multiplies by `scale`. None if the row is too wide.
+    pub(super) fn new(taxels: usize, pad: usize, scale: f64) -> Option<Self> {
+        let length = taxels + pad;
+        if taxels > MAX_TAXELS {
+            return None;
+        }
+        let half = if taxels.is_multiple_of(2) { 0.5 } else { 0.0 };
+        let splat = |value: f64| Octet([value as f32; 8]);
+        let angle = |f: usize, u: f64| std::f64::consts::TAU * f as f64 * u / length as f64;
+        let (mut forward, mut inverse, mut kernel) = (Vec::new(), Vec::new(), Vec::new());
+        let pairs = if taxels <= 2 * FEW { FEW } else { MANY };
+        for f in 0..=length / 2 {
+            for pair in 0..pairs {
+                let angle = angle(f, pair as f64 + half);
+                forward.extend([splat(angle.cos()), splat(-angle.sin())]);
+            }
+            for lag in 0..=pad {
+                kernel.push([
+                    angle(f, lag as f64).cos() as f32,
+                    -angle(f, lag as f64).sin() as f32,
+                ]);
+            }
+        }
+        let plan = Self {
+            taxels,
+            length,
+            forward,
+            inverse: Vec::new(),
+            kernel,
+            pad,
+            scale: scale as f32,
+        };
+        let parts: [fn(f64) -> f64; 2] = [f64::cos, |angle| -angle.sin()];
+        for part in parts {
+            for f in 0..=length / 2 {
+                let weight = f64::from(plan.weight(f));
+                let angles = (0..pairs).map(|pair| angle(f, pair as f64 + half));
+                inverse.extend(angles.map(|angle| splat(weight * part(angle))));
+            }
+        }
+        Some(Self { inverse, ..plan })
+    }
+
+    /// Frequencies kept.
+    pub(super) fn frequencies(&self) -> usize {
+        self.length / 2 + 1
+    }
+
+    pub(super) fn kernel_taxels(&self) -> usize {
+        2 * self.pad + 1
+    }
+
+    fn pairs(&self) -> usize {
+        self.taxels.div_ceil(2)
+    }
+
+    pub(super) fn mirror(&self, frequency: usize) -> Mirror {
+        match frequency {
+            0 => Mirror::Real,
+            f if 2 * f == self.length && self.taxels.is_multiple_of(2) => Mirror::Imaginary,
+            f if 2 * f == self.length => Mirror::Real,
+            _ => Mirror::Free,
+        }
+    }
+
+    /// Share of a frequency in the inverse transform: all but zero and Nyquist stand for their negative too.
+    fn weight(&self, frequency: usize) -> f32 {
+        let doubled = if frequency == 0 || 2 * frequency == self.length {
+            1.0
+        } else {
+            2.0
+        };
+        self.scale * doubled / self.length as f32
+    }
+
+    /// The taxels `+-u` of a pair; equal in the middle of an odd row.
+    #[inline(always)]
+    fn ends(&self, pair: usize) -> [usize; 2] {
+        let (pairs, even) = (self.pairs(), self.taxels.is_multiple_of(2));
+        [
+            pairs - 1 - pair,
+            if even { pairs + pair } else { pairs - 1 + pair },
+        ]
+    }
+
+    /// Spectrum of one row: frequency `f` goes to `out[f * stride]` (real) and `out[f * stride + imaginary]`.
+    ///
+    /// `values` gives the taxels' values.
+    #[inline(always)]
+    pub(super) fn forward<L: Lanes>(
+        &self,
+        values: impl Fn(usize) -> L,
+        out: &mut [Octet],
+        stride: usize,
+        imaginary: usize,
+    ) {
+        if self.pairs() <= FEW {
+            self.forward_of::<L, FEW>(values, out, stride, imaginary);
+        } else {
+            self.forward_of::<L, MANY>(values, out, stride, imaginary);
+        }
+    }
+
+    #[inline(always)]
+    fn forward_of<L: Lanes, const PAIRS: usize>(
+        &self,
+        values: impl Fn(usize) -> L,
+        out: &mut [Octet],
+        stride: usize,
+        imaginary: usize,
+    ) {
+        let mut sums = [L::splat(0.0); PAIRS];
+        let mut differences = [L::splat(0.0); PAIRS];
+        for pair in 0..PAIRS {
+            if pair >= self.pairs() {
+                break;
+            }
+            let [minus, plus] = self.ends(pair);
+            let (a, b) = (values(plus), values(minus));
+            sums[pair] = if plus == minus { a } else { a.add(b) };
+            differences[pair] = a.sub(b);
+        }
+        for (f, table) in self.forward.chunks_exact(2 * PAIRS).enumerate() {
+            let mut re = sums[0].mul(L::load_equal(&table[0]));
+            let mut im = differences[0].mul(L::load_equal(&table[1]));
+            for pair in 1..PAIRS {
+                re = sums[pair].mul_add(L::load_equal(&table[2 * pair]), re);
+                im = differences[pair].mul_add(L::load_equal(&table[2 * pair + 1]), im);
+            }
+            re.store(out, f * stride);
+            im.store(out, f * stride + imaginary);
+        }
+    }
+
+    /// One row from its spectrum, which lies as [`TaxelPlan::forward`] writes it; taxel `w` goes to `put(w, value)`. What lies `ahead` octets
+    /// further is prefetched, unless `ahead` is 0.
+    #[inline(always)]
+    pub(super) fn inverse<L: Lanes>(
+        &self,
+        spectrum: &[Octet],
+        stride: usize,
+        imaginary: usize,
+        ahead: usize,
+        put: impl FnMut(usize, L),
+    ) {
+        if self.pairs() <= FEW {
+            self.inverse_of::<L, FEW>(spectrum, stride, imaginary, ahead, put);
+        } else {
+            self.inverse_of::<L, MANY>(spectrum, stride, imaginary, ahead, put);
+        }
+    }
+
+    #[inline(always)]
+    fn inverse_of<L: Lanes, const PAIRS: usize>(
+        &self,
+        spectrum: &[Octet],
+        stride: usize,
+        imaginary: usize,
+        ahead: usize,
+        mut put: impl FnMut(usize, L),
+    ) {
+        let mut even = [L::splat(0.0); PAIRS];
+        let mut odd = [L::splat(0.0); PAIRS];
+        let (table, _) = self.inverse.as_chunks::<PAIRS>();
+        let (cosines, sines) = table.split_at(self.frequencies());
+        for (f, cosines) in cosines.iter().enumerate() {
+            let re = L::load(spectrum, f * stride);
+            if ahead > 0 {
+                prefetch(spectrum.as_ptr().wrapping_add(f * stride + ahead));
+                prefetch(
+                    spectrum
+                        .as_ptr()
+                        .wrapping_add(f * stride + imaginary + ahead),
+                );
+            }
+            for pair in 0..PAIRS {
+                even[pair] = re.mul_add(L::load_equal(&cosines[pair]), even[pair]);
+            }
+        }
+        for (f, sines) in sines.iter().enumerate() {
+            let im = L::load(spectrum, f * stride + imaginary);
+            for pair in 0..PAIRS {
+                odd[pair] = im.mul_add(L::load_equal(&sines[pair]), odd[pair]);
+            }
+        }
+        for pair in 0..PAIRS {
+            if pair >= self.pairs() {
+                break;
+            }
+            let [minus, plus] = self.ends(pair);
+            put(minus, even[pair].sub(odd[pair]));
+            put(plus, even[pair].add(odd[pair]));
+        }
+    }
+
+    /// Frequency `f` of a kernel row, given as taps of a cross-correlation, a vector each: the convolution's lags are the taps reversed.
+    #[inline(always)]
+    pub(super) fn kernel<L: Lanes>(&self, frequency: usize, taps: &[Octet]) -> [L; 2] {
+        let table = &self.kernel[frequency * (self.pad + 1)..(frequency + 1) * (self.pad + 1)];
+        let tap = |tap: usize| L::load(taps, tap * L::OCTETS);
+        let (mut re, mut im) = (tap(self.pad), L::splat(0.0));
+        for lag in 1..=self.pad {
+            let (plus, minus) = (tap(self.pad - lag), tap(self.pad + lag));
+            re = plus.add(minus).mul_add(L::splat(table[lag][0]), re);
+            im = plus.sub(minus).mul_add(L::splat(table[lag][1]), im);
+        }
+        [re, im]
+    }
+
+    /// Adds frequency `f` of a kernel's gradient, real and imaginary part, to the gradients of the taps.
+    #[inline(always)]
+    pub(super) fn add_kernel_inverse<L: Lanes>(
+        &self,
+        frequency: usize,
+        [re, im]: [L; 2],
+        taps: &mut [Octet],
+    ) {
+        let table = &self.kernel[frequency * (self.pad + 1)..(frequency + 1) * (self.pad + 1)];
+        let weight = L::splat(self.weight(frequency));
+        let (re, im) = (re.mul(weight), im.mul(weight));
+        let mut add = |tap: usize, value: L| {
+            let at = tap * L::OCTETS;
+            L::load(taps, at).add(value).store(taps, at);
+        };
+        add(self.pad, re);
+        for lag in 1..=self.pad {
+            let (even, odd) = (
+                re.mul(L::splat(table[lag][0])),
+                im.mul(L::splat(table[lag][1])),
+            );
+            add(self.pad - lag, even.add(odd));
+            add(self.pad + lag, even.sub(odd));
+        }
+    }
+}

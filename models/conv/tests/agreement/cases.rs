@@ -1,0 +1,118 @@
+//! Cases, and how far results are from the reference.
+
+use tactnet_conv::{Block, BlockShape};
+
+use crate::noise::noise;
+use crate::reference::{Branch, Reference, reference};
+
+pub(crate) struct Case {
+    pub(crate) x: Vec<f32>,
+    pub(crate) weight: Vec<f32>,
+    pub(crate) gamma: Vec<f32>,
+    pub(crate) beta: Vec<f32>,
+    pub(crate) grad: Vec<f32>,
+}
+
+pub(crate) fn case(s: &BlockShape, seed: u64) -> Case {
+    let fan = (s.maps_in * s.kernel[0] * s.kernel[1]) as f32;
+    Case {
+        x: noise(s.input_len(), seed + 1),
+        weight: noise(s.weight_len(), seed + 2)
+            .iter()
+            .map(|w| w / fan.sqrt())
+            .collect(),
+        // Both signs of gamma, none near zero.
+        gamma: noise(s.maps_out, seed + 3)
+            .iter()
+            .map(|g| g + 0.5f32.copysign(*g))
+            .collect(),
+        beta: noise(s.maps_out, seed + 4)
+            .iter()
+            .map(|b| 0.3 * b)
+            .collect(),
+        grad: noise(s.output_len(), seed + 5),
+    }
+}
+
+/// Largest difference over the largest magnitude, which counts as 0.3 at least: normalisation cancels some gradients altogether.
+pub(crate) fn error(found: &[f32], expected: &[f64]) -> f64 {
+    assert_eq!(found.len(), expected.len());
+    let scale = expected.iter().fold(0.3, |m: f64, v| m.max(v.abs()));
+    found
+        .iter()
+        .zip(expected)
+        .fold(0.0, |m: f64, (f, e)| m.max((f64::from(*f) - e).abs()))
+        / scale
+}
+
+/// Errors of pooled, mean, variance, d_weight, d_gamma, d_beta, d_input.
+pub(crate) fn errors(s: BlockShape, seed: u64) -> [f64; 7] {
+    let c = case(&s, seed);
+    let block = Block::plan(s);
+    let t = block.forward_train(&c.x, &c.weight, &c.gamma, &c.beta);
+    let r: Reference = reference(
+        &s,
+        &c.x,
+        &c.weight,
+        &c.gamma,
+        &c.beta,
+        None,
+        &c.grad,
+        Some(Branch {
+            positions: t.saved.positions(),
+            pooled: &t.pooled,
+        }),
+    );
+    let forward = [
+        error(&t.pooled, &r.pooled),
+        error(&t.mean, &r.mean),
+        error(&t.variance, &r.variance),
+    ];
+    let g = block.backward(t.saved, &c.grad, true);
+    let input = g.input.expect("asked for");
+    let eval = block.forward_eval(&c.x, &c.weight, &c.gamma, &c.beta, &c.beta, &t.variance);
+    let e = reference(
+        &s,
+        &c.x,
+        &c.weight,
+        &c.gamma,
+        &c.beta,
+        Some((&c.beta, &t.variance)),
+        &c.grad,
+        None,
+    );
+    assert!(
+        error(&eval, &e.pooled) < 2e-5,
+        "eval {s:?}: {}",
+        error(&eval, &e.pooled)
+    );
+    let [a, b, d] = forward;
+    [
+        a,
+        b,
+        d,
+        error(&g.weight, &r.d_weight),
+        error(&g.gamma, &r.d_gamma),
+        error(&g.beta, &r.d_beta),
+        error(&input, &r.d_input),
+    ]
+}
+
+pub(crate) fn shape(
+    batch: usize,
+    steps: usize,
+    taxels: usize,
+    maps: [usize; 2],
+    kernel: [usize; 2],
+    pool: usize,
+) -> BlockShape {
+    BlockShape {
+        batch,
+        steps,
+        taxels,
+        maps_in: maps[0],
+        maps_out: maps[1],
+        kernel,
+        pool,
+    }
+}

@@ -1,0 +1,183 @@
+//! Every route, forward and backward, against a plain f64 reference; threads and instruction sets against each other.
+//!
+//! Tolerances are errors over the largest magnitude: 2e-5 where shapes are drawn at random, 1e-5 at full size. The blocks compute in f32,
+//! whose rounding unit is 6e-8, and sum up to some thousands of products.
+
+mod batch_one;
+mod cases;
+#[path = "../../src/noise.rs"]
+mod noise;
+mod reference;
+
+use cases::{case, error, errors, shape};
+use proptest::prelude::*;
+use tactnet_conv::{Block, BlockShape, Isa};
+
+fn holds(s: BlockShape, seed: u64) {
+    let found = errors(s, seed);
+    assert!(
+        found.iter().all(|&e| e < 2e-5),
+        "{s:?}, seed {seed}: {found:?}"
+    );
+}
+
+#[test]
+fn direct_route_agrees_with_f64() {
+    holds(shape(2, 23, 5, [3, 5], [5, 3], 4), 1);
+    holds(shape(1, 4, 3, [1, 2], [15, 5], 10), 2);
+    holds(shape(3, 9, 1, [2, 3], [1, 1], 1), 3);
+}
+
+#[test]
+fn first_layer_route_agrees_with_f64() {
+    holds(shape(2, 230, 16, [1, 32], [15, 5], 10), 1);
+    holds(shape(3, 23, 5, [1, 8], [5, 3], 4), 2);
+    holds(shape(1, 4, 1, [1, 8], [15, 5], 10), 3);
+    holds(shape(5, 105, 13, [1, 16], [7, 5], 7), 3);
+}
+
+/// Where there is AVX-512; elsewhere by tiles.
+#[test]
+fn first_layer_route_by_taps_agrees_with_f64() {
+    holds(shape(2, 230, 16, [1, 32], [15, 5], 10), 1);
+    holds(shape(3, 47, 5, [1, 64], [7, 3], 20), 2);
+    holds(shape(1, 4, 1, [1, 32], [15, 5], 10), 3);
+    holds(shape(2, 125, 2, [1, 32], [1, 5], 30), 4);
+}
+
+#[test]
+fn spectral_route_agrees_with_f64() {
+    holds(shape(2, 30, 16, [8, 16], [15, 5], 10), 1);
+    holds(shape(3, 23, 5, [16, 8], [5, 3], 4), 2);
+    holds(shape(1, 4, 1, [8, 8], [15, 5], 10), 3);
+    holds(shape(5, 10, 16, [32, 24], [15, 5], 10), 3);
+    holds(shape(3, 40, 19, [16, 16], [15, 5], 10), 4);
+    holds(shape(2, 23, 32, [8, 8], [5, 3], 4), 5);
+}
+
+#[test]
+fn padded_route_agrees_with_f64() {
+    holds(shape(2, 40, 19, [1, 16], [15, 5], 10), 1);
+    holds(shape(3, 23, 20, [3, 16], [5, 3], 4), 2);
+    holds(shape(2, 30, 4, [12, 24], [15, 5], 10), 3);
+}
+
+/// Among many values some lie so near zero that single and double precision see them on different sides.
+#[test]
+fn values_within_rounding_of_zero_may_take_either_side() {
+    for seed in [623, 828] {
+        holds(shape(3, 59, 13, [1, 16], [15, 5], 1), seed);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 40, failure_persistence: None, ..ProptestConfig::default() })]
+    #[test]
+    fn any_small_shape_agrees_with_f64(
+        batch in 1usize..4, steps in 2usize..40, taxels in 1usize..10,
+        ins in 1usize..4, outs in 1usize..4, kt in 1usize..8, kw in 0usize..3, pool in 1usize..11, seed in 0u64..1000,
+    ) {
+        holds(shape(batch, steps, taxels, [ins, outs], [2 * kt + 1, 2 * kw + 1], pool), seed);
+    }
+
+    #[test]
+    fn any_small_first_layer_shape_agrees_with_f64(
+        batch in 1usize..4, steps in 2usize..130, taxels in 1usize..17,
+        outs in 1usize..4, kt in 1usize..8, kw in 0usize..3, pool in 1usize..11, seed in 0u64..1000,
+    ) {
+        holds(shape(batch, steps, taxels, [1, 8 * outs], [2 * kt + 1, 2 * kw + 1], pool), seed);
+    }
+
+    #[test]
+    fn any_small_shape_by_taps_agrees_with_f64(
+        batch in 1usize..3, steps in 2usize..130, taxels in 1usize..17,
+        outs in 1usize..3, kt in 0usize..8, kw in 0usize..3, pool in 1usize..4, seed in 0u64..1000,
+    ) {
+        holds(shape(batch, steps, taxels, [1, 32 * outs], [2 * kt + 1, 2 * kw + 1], 10 * pool), seed);
+    }
+
+    #[test]
+    fn any_small_spectral_shape_agrees_with_f64(
+        batch in 1usize..4, steps in 2usize..30, taxels in 1usize..33,
+        ins in 1usize..3, outs in 1usize..4, kt in 1usize..8, kw in 0usize..3, pool in 1usize..11, seed in 0u64..1000,
+    ) {
+        holds(shape(batch, steps, taxels, [8 * ins, 8 * outs], [2 * kt + 1, 2 * kw + 1], pool), seed);
+    }
+}
+
+/// Everything a step computes, in one list.
+fn step(s: BlockShape, isa: Isa, threads: usize) -> Vec<f32> {
+    let c = case(&s, 7);
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .expect("threads");
+    pool.install(|| {
+        let block = Block::plan_for(s, isa);
+        // Twice: the second time with used buffers.
+        let first = block.forward_train(&c.x, &c.weight, &c.gamma, &c.beta);
+        block.backward(first.saved, &c.grad, true);
+        let t = block.forward_train(&c.x, &c.weight, &c.gamma, &c.beta);
+        let g = block.backward(t.saved, &c.grad, true);
+        [
+            t.pooled,
+            t.mean,
+            t.variance,
+            g.weight,
+            g.gamma,
+            g.beta,
+            g.input.expect("asked for"),
+        ]
+        .concat()
+    })
+}
+
+fn routes() -> [BlockShape; 5] {
+    [
+        shape(3, 50, 19, [1, 16], [15, 5], 10),
+        shape(3, 230, 16, [1, 16], [15, 5], 10),
+        shape(3, 230, 16, [1, 32], [15, 5], 10),
+        shape(5, 50, 16, [16, 24], [15, 5], 10),
+        shape(3, 30, 6, [3, 5], [5, 3], 4),
+    ]
+}
+
+#[test]
+fn threads_change_no_bit() {
+    for s in routes() {
+        let one = step(s, Isa::detect(), 1);
+        for threads in [2, 4] {
+            let more = step(s, Isa::detect(), threads);
+            assert!(
+                one.iter()
+                    .zip(&more)
+                    .all(|(a, b)| a.to_bits() == b.to_bits()),
+                "{s:?} on {threads} threads"
+            );
+        }
+    }
+}
+
+#[test]
+fn plain_arrays_agree_with_all_instruction_sets() {
+    for s in routes() {
+        let plain: Vec<f64> = step(s, Isa::Portable, 2)
+            .into_iter()
+            .map(f64::from)
+            .collect();
+        for isa in Isa::all() {
+            let found = error(&step(s, isa, 2), &plain);
+            assert!(found < 1e-5, "{s:?} with {isa:?}: {found}");
+        }
+    }
+}
+
+/// Full-size sweeps, few of them: the f64 reference takes a while.
+#[test]
+fn full_size_blocks_agree_with_f64() {
+    for (steps, maps, batch) in [(1000, [1, 32], 2), (100, [32, 64], 2), (10, [64, 128], 4)] {
+        let found = errors(shape(batch, steps, 16, maps, [15, 5], 10), 11);
+        println!("{maps:?}: {:?}", found.map(|e| format!("{e:.1e}")));
+        assert!(found.iter().all(|&e| e < 1e-5), "{maps:?}: {found:?}");
+    }
+}

@@ -1,0 +1,159 @@
+//! The block in f64, term by term, as the yardstick of the tests.
+
+use tactnet_conv::BlockShape;
+
+/// Sides taken by a forward pass in single precision, `[batch, pooled_steps, taxels, maps_out]`.
+#[derive(Clone, Copy)]
+pub(crate) struct Branch<'a> {
+    /// Step of the winner within its window.
+    pub(crate) positions: &'a [u8],
+    /// After ReLU: positive where the gradient passes.
+    pub(crate) pooled: &'a [f32],
+}
+
+/// How far from a tie or from zero, in standard deviations of the map, a choice may differ from the one in f64.
+const ROUNDING: f64 = 2e-5;
+
+pub(crate) struct Reference {
+    pub(crate) pooled: Vec<f64>,
+    pub(crate) mean: Vec<f64>,
+    pub(crate) variance: Vec<f64>,
+    pub(crate) d_weight: Vec<f64>,
+    pub(crate) d_gamma: Vec<f64>,
+    pub(crate) d_beta: Vec<f64>,
+    pub(crate) d_input: Vec<f64>,
+}
+
+fn taps(s: &BlockShape, mut visit: impl FnMut(usize, usize, usize)) {
+    let [pr, pc] = s.padding();
+    for b in 0..s.batch {
+        for t in 0..s.steps {
+            for w in 0..s.taxels {
+                for i in 0..s.kernel[0] {
+                    for j in 0..s.kernel[1] {
+                        let (u, v) = ((t + i).wrapping_sub(pr), (w + j).wrapping_sub(pc));
+                        if u < s.steps && v < s.taxels {
+                            let cell = |t, w| (b * s.steps + t) * s.taxels + w;
+                            visit(i * s.kernel[1] + j, cell(t, w), cell(u, v));
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Statistics of the batch unless `running` gives mean and variance (then gradients are left zero).
+/// `branch`, if given, names the side of every kink that the implementation under test took: within rounding both sides are right, but
+/// their gradients differ. A choice that rounding does not explain is a panic.
+#[allow(clippy::too_many_arguments)]
+pub(crate) fn reference(
+    s: &BlockShape,
+    x: &[f32],
+    weight: &[f32],
+    gamma: &[f32],
+    beta: &[f32],
+    running: Option<(&[f32], &[f32])>,
+    grad: &[f32],
+    branch: Option<Branch<'_>>,
+) -> Reference {
+    let (ci, co, k) = (s.maps_in, s.maps_out, s.kernel[0] * s.kernel[1]);
+    let n = s.count();
+    let x: Vec<f64> = x.iter().map(|&v| f64::from(v)).collect();
+    let mut turned = vec![0f64; weight.len()];
+    for (at, &v) in weight.iter().enumerate() {
+        turned[((at % k) * ci + at / k % ci) * co + at / k / ci] = f64::from(v);
+    }
+    let mut y = vec![0f64; n * co];
+    taps(s, |tap, to, from| {
+        for i in 0..ci {
+            for o in 0..co {
+                y[to * co + o] += x[from * ci + i] * turned[(tap * ci + i) * co + o];
+            }
+        }
+    });
+    let (mut mean, mut variance) = (vec![0f64; co], vec![0f64; co]);
+    if let Some((m, v)) = running {
+        for o in 0..co {
+            (mean[o], variance[o]) = (f64::from(m[o]), f64::from(v[o]));
+        }
+    } else {
+        (0..n * co).for_each(|at| mean[at % co] += y[at] / n as f64);
+        (0..n * co).for_each(|at| variance[at % co] += (y[at] - mean[at % co]).powi(2) / n as f64);
+    }
+    let inverse: Vec<f64> = variance.iter().map(|v| 1.0 / (v + 1e-5).sqrt()).collect();
+    let mut pooled = vec![0f64; s.output_len()];
+    let mut dz = vec![0f64; n * co];
+    for at in 0..s.output_len() {
+        let (o, w) = (at % co, at / co % s.taxels);
+        let (p, b) = (
+            at / co / s.taxels % s.pooled_steps(),
+            at / co / s.taxels / s.pooled_steps(),
+        );
+        let cell = |t: usize| ((b * s.steps + t) * s.taxels + w) * co + o;
+        let z = |t: usize| {
+            f64::from(gamma[o]) * (y[cell(t)] - mean[o]) * inverse[o] + f64::from(beta[o])
+        };
+        let mut best = p * s.pool;
+        for t in p * s.pool..((p + 1) * s.pool).min(s.steps) {
+            if z(t) > z(best) {
+                best = t;
+            }
+        }
+        pooled[at] = z(best).max(0.0);
+        let mut passes = z(best) > 0.0;
+        if let Some(branch) = branch {
+            let winner = p * s.pool + usize::from(branch.positions[at]);
+            assert!(
+                z(best) - z(winner) < ROUNDING,
+                "{s:?}: not the winner of window {at}"
+            );
+            best = winner;
+            let chosen = branch.pooled[at] > 0.0;
+            assert!(
+                chosen == passes || z(best).abs() < ROUNDING,
+                "{s:?}: wrong side of zero in window {at}: {}",
+                z(best)
+            );
+            passes = chosen;
+        }
+        if passes {
+            dz[cell(best)] = f64::from(grad[at]);
+        }
+    }
+    let (mut d_gamma, mut d_beta) = (vec![0f64; co], vec![0f64; co]);
+    for at in 0..n * co {
+        d_beta[at % co] += dz[at];
+        d_gamma[at % co] += dz[at] * (y[at] - mean[at % co]) * inverse[at % co];
+    }
+    let dy: Vec<f64> = (0..n * co)
+        .map(|at| {
+            let o = at % co;
+            let hat = (y[at] - mean[o]) * inverse[o];
+            f64::from(gamma[o])
+                * inverse[o]
+                * (dz[at] - d_beta[o] / n as f64 - hat * d_gamma[o] / n as f64)
+        })
+        .collect();
+    let (mut dw, mut d_input) = (vec![0f64; weight.len()], vec![0f64; n * ci]);
+    taps(s, |tap, to, from| {
+        for i in 0..ci {
+            for o in 0..co {
+                dw[(tap * ci + i) * co + o] += dy[to * co + o] * x[from * ci + i];
+                d_input[from * ci + i] += dy[to * co + o] * turned[(tap * ci + i) * co + o];
+            }
+        }
+    });
+    let d_weight = (0..weight.len())
+        .map(|at| dw[((at % k) * ci + at / k % ci) * co + at / k / ci])
+        .collect();
+    Reference {
+        pooled,
+        mean,
+        variance,
+        d_weight,
+        d_gamma,
+        d_beta,
+        d_input,
+    }
+}

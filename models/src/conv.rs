@@ -1,0 +1,378 @@
+//! The block of `tactnet-conv` as one differentiable operation of Burn's Flex backend.
+
+use std::fmt;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use burn::backend::Autodiff;
+use burn::backend::autodiff::checkpoint::{base::Checkpointer, strategy::CheckpointStrategy};
+use burn::backend::autodiff::grads::Gradients as Graph;
+use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{
+    AutodiffBackend, Backend, Dispatch, DispatchDevice, ExtensionType, Flex, TensorMetadata,
+    backend_extension,
+};
+use burn::tensor::{Device, Tensor, TensorData};
+use tactnet_conv::{Block, BlockShape, Saved, Weight, shared_block, spare};
+
+/// Returns whether `device` is the processor, that is Burn's Flex backend, with or without autodiff. The fused operations run only there.
+pub fn is_cpu(device: &Device) -> bool {
+    match device.as_dispatch() {
+        DispatchDevice::Flex(_) => true,
+        DispatchDevice::Autodiff(device) => matches!(**device, DispatchDevice::Flex(_)),
+        #[allow(unreachable_patterns)]
+        _ => false,
+    }
+}
+
+/// A block's pooled output, with the batch statistics it was normalised with.
+pub(crate) struct TrainedBlock {
+    /// `[batch, pooled steps, taxels, maps_out]`
+    pub(crate) pooled: Tensor<4>,
+    /// `[maps_out]`, outside the graph
+    pub(crate) mean: Tensor<1>,
+    /// `[maps_out]`, biased, outside the graph
+    pub(crate) variance: Tensor<1>,
+}
+
+/// The block with batch statistics, differentiable in `input` `[batch, steps, taxels, maps_in]`, `weight`
+/// `[maps_out, maps_in, kernel steps, kernel taxels]`, `gamma` and `beta` `[maps_out]`.
+pub(crate) fn block_train(
+    input: Tensor<4>,
+    weight: Tensor<4>,
+    gamma: Tensor<1>,
+    beta: Tensor<1>,
+    pool: usize,
+) -> TrainedBlock {
+    let found = <Dispatch as TrainableBlock>::block_train(
+        input.into_dispatch(),
+        weight.into_dispatch(),
+        gamma.into_dispatch(),
+        beta.into_dispatch(),
+        pool,
+    );
+    TrainedBlock {
+        pooled: Tensor::from_dispatch(found.pooled),
+        mean: Tensor::from_dispatch(found.mean),
+        variance: Tensor::from_dispatch(found.variance),
+    }
+}
+
+/// The block with frozen statistics, not differentiable; shapes as for [`block_train`].
+pub(crate) fn block_eval(
+    input: Tensor<4>,
+    weight: Tensor<4>,
+    [gamma, beta, mean, variance]: [Tensor<1>; 4],
+    pool: usize,
+) -> Tensor<4> {
+    Tensor::from_dispatch(<Dispatch as FrozenBlock>::block_eval(
+        input.into_dispatch(),
+        weight.into_dispatch(),
+        gamma.into_dispatch(),
+        beta.into_dispatch(),
+        mean.into_dispatch(),
+        variance.into_dispatch(),
+        pool,
+    ))
+}
+
+/// Result of [`TrainableBlock::block_train`]; shapes as in [`TrainedBlock`].
+#[derive(ExtensionType)]
+pub struct BlockOutput<B: Backend> {
+    pooled: FloatTensor<B>,
+    mean: FloatTensor<B>,
+    variance: FloatTensor<B>,
+}
+
+/// Backends that train the block as one operation.
+#[backend_extension(Flex, Autodiff)]
+pub trait TrainableBlock: Backend {
+    /// See [`block_train`].
+    fn block_train(
+        input: FloatTensor<Self>,
+        weight: FloatTensor<Self>,
+        gamma: FloatTensor<Self>,
+        beta: FloatTensor<Self>,
+        pool: usize,
+    ) -> BlockOutput<Self>;
+}
+
+/// Backends that evaluate the block as one operation.
+#[backend_extension(Flex)]
+pub trait FrozenBlock: Backend {
+    /// See [`block_eval`].
+    fn block_eval(
+        input: FloatTensor<Self>,
+        weight: FloatTensor<Self>,
+        gamma: FloatTensor<Self>,
+        beta: FloatTensor<Self>,
+        mean: FloatTensor<Self>,
+        variance: FloatTensor<Self>,
+        pool: usize,
+    ) -> FloatTensor<Self>;
+}
+
+type Primitive = FloatTensor<Flex>;
+
+/// Returns the tensor with its values in order from the start of its memory, copied if they are not.
+pub(crate) fn in_order(tensor: Primitive) -> Primitive {
+    if tensor.is_contiguous() && tensor.layout().start_offset() == 0 {
+        tensor
+    } else {
+        tensor.to_contiguous()
+    }
+}
+
+/// Gives the memory of a large tensor to [`spare`], unless the tensor is shared.
+pub(crate) fn reclaim(tensor: Primitive) {
+    let large = tensor.layout().num_elements() >= spare::MIN_LEN;
+    if large && tensor.is_unique() && tensor.is_contiguous() {
+        tensor
+            .into_data()
+            .try_into_vec()
+            .into_iter()
+            .for_each(spare::give);
+    }
+}
+
+/// A contiguous f32 tensor and its values.
+struct Values(Primitive);
+
+impl Values {
+    fn of(tensor: Primitive) -> Self {
+        Self(in_order(tensor))
+    }
+
+    /// Returns the values as weights identified by their memory: Burn changes a tensor only through `Arc::make_mut`.
+    fn weight(&self) -> Weight<'_> {
+        let memory = Arc::downgrade(&self.0.data_arc());
+        Weight::known(self.slice(), memory)
+    }
+
+    fn slice(&self) -> &[f32] {
+        &self.0.storage()[..self.0.shape().num_elements()]
+    }
+}
+
+fn tensor<const D: usize>(values: Vec<f32>, extents: [usize; D]) -> Primitive {
+    Primitive::from_data(TensorData::new(values, extents))
+}
+
+fn plan(input: &Primitive, weight: &Primitive, pool: usize) -> Arc<Block> {
+    let [batch, steps, taxels, maps_in] = input.shape().dims();
+    let [maps_out, _, kernel_steps, kernel_taxels] = weight.shape().dims();
+    shared_block(BlockShape {
+        batch,
+        steps,
+        taxels,
+        maps_in,
+        maps_out,
+        kernel: [kernel_steps, kernel_taxels],
+        pool,
+    })
+}
+
+/// Runs a block's pass on a thread of rayon's pool: from another thread each of its parallel parts would be handed over to the pool and
+/// waited for.
+fn in_pool<R: Send>(pass: impl FnOnce() -> R + Send) -> R {
+    rayon::scope(|_| pass())
+}
+
+fn pooled(values: Vec<f32>, shape: &BlockShape) -> Primitive {
+    let extents = [
+        shape.batch,
+        shape.pooled_steps(),
+        shape.taxels,
+        shape.maps_out,
+    ];
+    tensor(values, extents)
+}
+
+/// The forward pass, and what its backward pass needs.
+fn train(inputs: [Primitive; 4], pool: usize) -> (BlockOutput<Flex>, State) {
+    let block = plan(&inputs[0], &inputs[1], pool);
+    let [input, weight, gamma, beta] = inputs.map(Values::of);
+    let trained = in_pool(|| {
+        block.forward_train(input.slice(), weight.weight(), gamma.slice(), beta.slice())
+    });
+    let maps = [block.shape().maps_out];
+    reclaim(input.0);
+    let output = BlockOutput {
+        pooled: pooled(trained.pooled, block.shape()),
+        mean: tensor(trained.mean, maps),
+        variance: tensor(trained.variance, maps),
+    };
+    let saved = Arc::new(Mutex::new(Some(trained.saved)));
+    (output, State { block, saved })
+}
+
+impl TrainableBlock for Flex {
+    fn block_train(
+        input: Primitive,
+        weight: Primitive,
+        gamma: Primitive,
+        beta: Primitive,
+        pool: usize,
+    ) -> BlockOutput<Self> {
+        let (output, state) = train([input, weight, gamma, beta], pool);
+        if let Some(saved) = state.take() {
+            state.block.recycle(saved);
+        }
+        output
+    }
+}
+
+impl FrozenBlock for Flex {
+    fn block_eval(
+        input: Primitive,
+        weight: Primitive,
+        gamma: Primitive,
+        beta: Primitive,
+        mean: Primitive,
+        variance: Primitive,
+        pool: usize,
+    ) -> Primitive {
+        let block = plan(&input, &weight, pool);
+        let [input, weight, gamma, beta, mean, variance] =
+            [input, weight, gamma, beta, mean, variance].map(Values::of);
+        let out = in_pool(|| {
+            block.forward_eval(
+                input.slice(),
+                weight.weight(),
+                gamma.slice(),
+                beta.slice(),
+                mean.slice(),
+                variance.slice(),
+            )
+        });
+        reclaim(input.0);
+        pooled(out, block.shape())
+    }
+}
+
+/// State for the backward pass; it can be taken once.
+#[derive(Clone)]
+struct State {
+    block: Arc<Block>,
+    saved: Arc<Mutex<Option<Saved>>>,
+}
+
+impl State {
+    fn take(&self) -> Option<Saved> {
+        self.saved
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .take()
+    }
+}
+
+impl fmt::Debug for State {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("State").field(self.block.shape()).finish()
+    }
+}
+
+#[derive(Debug)]
+struct BlockBackward;
+
+impl Backward<Flex, 4> for BlockBackward {
+    type State = State;
+
+    fn backward(self, ops: Ops<State, 4>, graph: &mut Graph, _checkpointer: &mut Checkpointer) {
+        let State { block, .. } = &ops.state;
+        let shape = *block.shape();
+        let saved = ops
+            .state
+            .take()
+            .unwrap_or_else(|| panic!("a block's backward pass runs once"));
+        let gradient = Values::of(graph.consume::<Flex>(&ops.node));
+        let [input, weight, gamma, beta] = ops.parents;
+        let need_input = input.is_some();
+        let found = in_pool(|| block.backward(saved, gradient.slice(), need_input));
+        reclaim(gradient.0);
+        let maps = [shape.maps_out];
+        if let (Some(node), Some(values)) = (input, found.input) {
+            let extents = [shape.batch, shape.steps, shape.taxels, shape.maps_in];
+            graph.register::<Flex>(node.id, tensor(values, extents));
+        }
+        if let Some(node) = weight {
+            let [kernel_steps, kernel_taxels] = shape.kernel;
+            let extents = [shape.maps_out, shape.maps_in, kernel_steps, kernel_taxels];
+            graph.register::<Flex>(node.id, tensor(found.weight, extents));
+        }
+        if let Some(node) = gamma {
+            graph.register::<Flex>(node.id, tensor(found.gamma, maps));
+        }
+        if let Some(node) = beta {
+            graph.register::<Flex>(node.id, tensor(found.beta, maps));
+        }
+    }
+}
+
+impl<C: CheckpointStrategy> TrainableBlock for Autodiff<Flex, C> {
+    fn block_train(
+        input: FloatTensor<Self>,
+        weight: FloatTensor<Self>,
+        gamma: FloatTensor<Self>,
+        beta: FloatTensor<Self>,
+        pool: usize,
+    ) -> BlockOutput<Self> {
+        let inputs = [input, weight, gamma, beta];
+        let nodes = inputs.each_ref().map(|tensor| tensor.node());
+        let prepared = BlockBackward.prepare::<C>(nodes).compute_bound().stateful();
+        let primitives = inputs.map(|tensor| tensor.into_primitive());
+        let (found, pooled) = match prepared {
+            OpsKind::Tracked(prepared) => {
+                let (found, state) = train(primitives, pool);
+                let pooled = prepared.finish(state, found.pooled.clone());
+                (found, pooled)
+            }
+            OpsKind::UnTracked(prepared) => {
+                let [input, weight, gamma, beta] = primitives;
+                let found = Flex::block_train(input, weight, gamma, beta, pool);
+                let pooled = prepared.finish(found.pooled.clone());
+                (found, pooled)
+            }
+        };
+        BlockOutput {
+            pooled,
+            mean: Self::from_inner(found.mean),
+            variance: Self::from_inner(found.variance),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    // Sizes that no other test has.
+    fn tensor(len: usize) -> Primitive {
+        Primitive::from_data(TensorData::new(vec![7f32; len], [len]))
+    }
+
+    #[test]
+    fn memory_of_a_tensor_is_taken_again() {
+        let len = spare::MIN_LEN + 1234;
+        // Other tests may push it out meanwhile, but not every time.
+        let found = (0..100).any(|_| {
+            let lost = tensor(len);
+            reclaim(lost);
+            let (again, other) = (spare::take(len), spare::take(len));
+            // It is handed out once, as it was; fresh memory is zero.
+            assert!(other.iter().all(|&value| value == 0.0));
+            again.iter().all(|&value| value == 7.0)
+        });
+        assert!(found);
+    }
+
+    #[test]
+    fn memory_of_a_shared_tensor_is_not_taken() {
+        let len = spare::MIN_LEN + 4321;
+        let held = tensor(len);
+        reclaim(held.clone());
+        let mut taken = spare::take(len);
+        taken.fill(1.0);
+        assert!(held.storage::<f32>().iter().all(|&value| value == 7.0));
+    }
+}

@@ -1,0 +1,98 @@
+//! How a classical or random-convolution classifier comes about: features, scaling, classifier.
+
+use serde::{Deserialize, Serialize};
+use tactnet_models::default_penalties;
+
+use crate::error::InvalidSetting;
+use crate::{FeatureSet, MeanRemoval};
+
+/// How a baseline comes about.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BaselineRecipe {
+    /// What people call it.
+    pub name: String,
+    /// What is computed from a sweep.
+    pub features: FeatureSet,
+    /// What happens to the mean of each taxel over a sweep.
+    #[serde(default, skip_serializing_if = "MeanRemoval::is_none")]
+    pub levels: MeanRemoval,
+    /// What happens to the features.
+    #[serde(default)]
+    pub scaling: FeatureScaling,
+    /// What reads them.
+    pub classifier: ClassicalClassifier,
+}
+
+/// What happens to features before a classifier reads them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FeatureScaling {
+    /// Nothing.
+    #[default]
+    Raw,
+    /// Mean 0 and standard deviation 1 over the training sweeps (Hydra's features: their own sparse scaling).
+    Standard,
+}
+
+/// What reads the features. Where a list holds several values, the inner 64/16 split chooses.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum ClassicalClassifier {
+    /// k nearest neighbours.
+    Knn {
+        /// Values of k.
+        neighbours: Vec<usize>,
+    },
+    /// Support vector machine, one against one, radial basis kernel.
+    Svm {
+        /// Values of C.
+        c: Vec<f64>,
+        /// Values of gamma, in units of one over the number of features.
+        gamma: Vec<f64>,
+    },
+    /// Ridge regression on +1 and -1.
+    Ridge {
+        /// Penalties to choose from by leave-one-out.
+        #[serde(default = "default_penalties")]
+        penalties: Vec<f64>,
+    },
+}
+
+impl BaselineRecipe {
+    /// # Errors
+    /// An empty name, a list without values, a value out of range.
+    pub(crate) fn validate(&self) -> Result<(), InvalidSetting> {
+        let positive =
+            |values: &[f64]| !values.is_empty() && values.iter().all(|v| v.is_finite() && *v > 0.0);
+        let refused = |setting, expected, found| {
+            Err(InvalidSetting {
+                setting,
+                expected,
+                found,
+            })
+        };
+        if self.name.trim().is_empty() {
+            return refused("name", "a name", "an empty one".into());
+        }
+        match &self.classifier {
+            ClassicalClassifier::Knn { neighbours }
+                if neighbours.is_empty() || neighbours.contains(&0) =>
+            {
+                let found = format!("{neighbours:?}");
+                refused("classifier.neighbours", "whole numbers from 1", found)
+            }
+            ClassicalClassifier::Svm { c, .. } if !positive(c) => {
+                refused("classifier.c", "positive numbers", format!("{c:?}"))
+            }
+            ClassicalClassifier::Svm { gamma, .. } if !positive(gamma) => {
+                refused("classifier.gamma", "positive numbers", format!("{gamma:?}"))
+            }
+            ClassicalClassifier::Ridge { penalties } if !positive(penalties) => {
+                let found = format!("{penalties:?}");
+                refused("classifier.penalties", "positive numbers", found)
+            }
+            _ => Ok(()),
+        }
+    }
+}

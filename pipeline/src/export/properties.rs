@@ -1,0 +1,77 @@
+//! What an exported file says besides its numbers.
+
+use std::collections::BTreeMap;
+
+use crate::{Calibration, ClassifierConfig, ModelConfig, PipelineError, TactNetSetup};
+
+/// The network of a classifier.
+///
+/// # Errors
+/// A classifier that is no network.
+pub(super) fn network_setup(config: &ClassifierConfig) -> Result<&TactNetSetup, PipelineError> {
+    match &config.model {
+        ModelConfig::TactNet2(setup) => Ok(setup),
+        ModelConfig::Baseline(_) => Err(PipelineError::Incompatible {
+            item: "export",
+            expected: "a network".into(),
+            found: "a baseline".into(),
+        }),
+    }
+}
+
+/// Properties by name that a program needs besides the numbers: labels, rate, window, calibration and `about`. Lists are JSON.
+pub(super) fn properties(
+    config: &ClassifierConfig,
+    setup: &TactNetSetup,
+    calibration: Option<&Calibration>,
+    about: &BTreeMap<String, String>,
+) -> BTreeMap<String, String> {
+    let labels: Vec<&str> = config.labels.names().collect();
+    let mut properties = BTreeMap::from([
+        ("labels".to_owned(), serde_json::json!(labels).to_string()),
+        ("sample_rate_hz".into(), config.sample_rate_hz.to_string()),
+        ("window_steps".into(), config.shape.steps.to_string()),
+        ("rows".into(), config.shape.rows.to_string()),
+        ("cols".into(), config.shape.cols.to_string()),
+        (
+            "keep_probability".into(),
+            setup.network.keep_probability.to_string(),
+        ),
+        (
+            "levels".into(),
+            if setup.normalizer.needs_whole_sweep() {
+                "removed"
+            } else {
+                "kept"
+            }
+            .into(),
+        ),
+    ]);
+    if let Some(calibration) = calibration {
+        let score = serde_json::json!(calibration.score);
+        properties.extend([
+            (
+                "unknown_score".to_owned(),
+                score.as_str().unwrap_or_default().to_owned(),
+            ),
+            (
+                "unknown_threshold".into(),
+                calibration.threshold.to_string(),
+            ),
+            (
+                "unknown_false_alarms".into(),
+                calibration.target.false_alarms.to_string(),
+            ),
+            (
+                "set_least_probability".into(),
+                calibration.least_probability.to_string(),
+            ),
+            (
+                "set_coverage".into(),
+                calibration.target.coverage.to_string(),
+            ),
+        ]);
+    }
+    properties.extend(about.clone());
+    properties
+}

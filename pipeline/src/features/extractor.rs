@@ -1,0 +1,337 @@
+//! From sweeps to the feature vectors that classical classifiers read.
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use tactnet_data::{Seed, SweepShape, SweepView, TrainSplit};
+use tactnet_models::{Features, Weights};
+
+use crate::features::arrays::{get, put, put_indices};
+use crate::features::hydra::Hydra;
+use crate::features::rocket::{Kernels, Order, Pooling, WAYS, Workspace};
+use crate::features::series::Series;
+use crate::features::spectrum::{HighFeatures, LowFeatures};
+use crate::{MeanRemoval, PipelineError};
+
+/// MiniRocket's features, rounded down to a multiple of 84 (Dempster et al., 2021).
+const MINIROCKET_FEATURES: usize = 10_000;
+/// MultiRocket's biases for each of two series, before four ways of pooling (Tan et al., 2022).
+const MULTIROCKET_BIASES: usize = 6_250;
+
+/// What is computed from a sweep.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FeatureSet {
+    /// Mean digit of every taxel.
+    Means,
+    /// Roughness and two spectral centroids.
+    L,
+    /// Short-time spectrum.
+    H,
+    /// MiniRocket.
+    MiniRocket,
+    /// MultiRocket, then Hydra.
+    MultiRocketHydra,
+}
+
+impl FeatureSet {
+    /// Returns true if sweeps of this shape and rate have such features.
+    ///
+    /// # Errors
+    /// Sweeps that are too short, or a rate that is too low.
+    pub fn check(self, shape: SweepShape, rate: f64) -> Result<(), PipelineError> {
+        match self {
+            Self::Means => Ok(()),
+            Self::L => LowFeatures::new(shape, rate, MeanRemoval::None).map(|_| ()),
+            Self::H => HighFeatures::new(shape, rate, MeanRemoval::None).map(|_| ()),
+            Self::MiniRocket | Self::MultiRocketHydra => enough_steps(shape),
+        }
+    }
+}
+
+/// A feature set, fitted where it has something to fit.
+pub(crate) struct Extractor {
+    shape: SweepShape,
+    levels: MeanRemoval,
+    kind: Kind,
+}
+
+enum Kind {
+    Means,
+    Low(LowFeatures),
+    High(HighFeatures),
+    MiniRocket(Kernels),
+    MultiRocketHydra {
+        base: Kernels,
+        difference: Kernels,
+        hydra: Hydra,
+    },
+}
+
+impl Extractor {
+    /// Fits to training sweeps; only random kernels' biases depend on them.
+    ///
+    /// # Errors
+    /// Sweeps that are too short for the feature set.
+    pub fn fit(
+        set: FeatureSet,
+        levels: MeanRemoval,
+        train: &TrainSplit<'_>,
+        seed: Seed,
+    ) -> Result<Self, PipelineError> {
+        let shape = train.shape();
+        set.check(shape, train.dataset().sample_rate_hz())?;
+        let extents = [shape.taxels(), shape.steps];
+        let series = |position: usize| {
+            let mut values = vec![0.0; shape.values()];
+            train.copy_batch(&[position], &mut values);
+            levels.apply(&mut values, shape);
+            Series::from_frames(&values, shape.taxels())
+        };
+        let kernels = |order: Order, biases: usize, stream: &str| {
+            let extents = match order {
+                Order::Base => extents,
+                Order::Difference => [extents[0], extents[1] - 1],
+            };
+            let read = |position| match order {
+                Order::Base => series(position),
+                Order::Difference => series(position).difference(),
+            };
+            let rng = &mut seed.rng(stream);
+            Kernels::fit(extents, order, biases, train.len(), read, rng)
+        };
+        let kind = match set {
+            FeatureSet::MiniRocket => {
+                Kind::MiniRocket(kernels(Order::Base, MINIROCKET_FEATURES, "minirocket"))
+            }
+            FeatureSet::MultiRocketHydra => Kind::MultiRocketHydra {
+                base: kernels(Order::Base, MULTIROCKET_BIASES, "multirocket"),
+                difference: kernels(
+                    Order::Difference,
+                    MULTIROCKET_BIASES,
+                    "multirocket difference",
+                ),
+                hydra: Hydra::draw(extents, &mut seed.rng("hydra")),
+            },
+            FeatureSet::Means | FeatureSet::L | FeatureSet::H => {
+                return Self::unfitted(set, levels, shape, train.dataset().sample_rate_hz());
+            }
+        };
+        Ok(Self {
+            shape,
+            levels,
+            kind,
+        })
+    }
+
+    fn unfitted(
+        set: FeatureSet,
+        levels: MeanRemoval,
+        shape: SweepShape,
+        rate: f64,
+    ) -> Result<Self, PipelineError> {
+        let kind = match set {
+            FeatureSet::L => Kind::Low(LowFeatures::new(shape, rate, levels)?),
+            FeatureSet::H => Kind::High(HighFeatures::new(shape, rate, levels)?),
+            _ => Kind::Means,
+        };
+        Ok(Self {
+            shape,
+            levels,
+            kind,
+        })
+    }
+
+    /// Rebuilds what [`Extractor::save`] has written.
+    ///
+    /// # Errors
+    /// Tensors that are missing or do not belong together.
+    pub fn load(
+        set: FeatureSet,
+        levels: MeanRemoval,
+        shape: SweepShape,
+        rate: f64,
+        weights: &Weights,
+    ) -> Result<Self, PipelineError> {
+        let kernels = |name: &str| load_kernels(weights, name);
+        let kind = match set {
+            FeatureSet::MiniRocket => Kind::MiniRocket(kernels("minirocket")?),
+            FeatureSet::MultiRocketHydra => Kind::MultiRocketHydra {
+                base: kernels("multirocket")?,
+                difference: kernels("multirocket_difference")?,
+                hydra: Hydra {
+                    weights: get(weights, "hydra.weights")?.values.clone(),
+                    taxels: load_lists(weights, "hydra")?,
+                },
+            },
+            FeatureSet::Means | FeatureSet::L | FeatureSet::H => {
+                return Self::unfitted(set, levels, shape, rate);
+            }
+        };
+        Ok(Self {
+            shape,
+            levels,
+            kind,
+        })
+    }
+
+    /// Writes what was fitted into `weights`.
+    pub fn save(&self, weights: &mut Weights) {
+        match &self.kind {
+            Kind::Means | Kind::Low(_) | Kind::High(_) => {}
+            Kind::MiniRocket(kernels) => save_kernels(weights, "minirocket", kernels),
+            Kind::MultiRocketHydra {
+                base,
+                difference,
+                hydra,
+            } => {
+                save_kernels(weights, "multirocket", base);
+                save_kernels(weights, "multirocket_difference", difference);
+                put(weights, "hydra.weights", hydra.weights.clone());
+                save_lists(weights, "hydra", &hydra.taxels);
+            }
+        }
+    }
+
+    /// Number of features.
+    pub fn width(&self) -> usize {
+        match &self.kind {
+            Kind::Means => self.shape.taxels(),
+            Kind::Low(_) => LowFeatures::WIDTH,
+            Kind::High(features) => features.width(),
+            Kind::MiniRocket(kernels) => kernels.len(),
+            Kind::MultiRocketHydra {
+                base,
+                difference,
+                hydra,
+            } => WAYS * (base.len() + difference.len()) + hydra.width(),
+        }
+    }
+
+    /// Of the features, how many (the last ones) are Hydra's.
+    pub fn hydra_width(&self) -> usize {
+        match &self.kind {
+            Kind::MultiRocketHydra { hydra, .. } => hydra.width(),
+            _ => 0,
+        }
+    }
+
+    /// Features of every sweep of `view`: `[sweeps][width]`.
+    pub fn features(&self, view: &SweepView<'_>) -> Features {
+        let mut all = vec![0.0; view.len() * self.width()];
+        all.par_chunks_exact_mut(self.width())
+            .enumerate()
+            .for_each_init(
+                || (vec![0.0; self.shape.values()], Workspace::default()),
+                |(sweep, workspace), (position, out)| {
+                    view.copy_batch(&[position], sweep);
+                    self.levels.apply(sweep, self.shape);
+                    self.write(sweep, workspace, out);
+                },
+            );
+        Features::new(self.width(), all)
+    }
+
+    fn write(&self, sweep: &[f32], workspace: &mut Workspace, out: &mut [f32]) {
+        let taxels = self.shape.taxels();
+        match &self.kind {
+            Kind::Means => write_means(sweep, self.levels, out),
+            Kind::Low(features) => out.copy_from_slice(&features.of(sweep)),
+            Kind::High(features) => features.write(sweep, out),
+            Kind::MiniRocket(kernels) => {
+                let series = Series::from_frames(sweep, taxels);
+                kernels.transform(&series, Order::Base, Pooling::Share, workspace, out);
+            }
+            Kind::MultiRocketHydra {
+                base,
+                difference: of_difference,
+                hydra,
+            } => {
+                let series = Series::from_frames(sweep, taxels);
+                let difference = series.difference();
+                let (first, rest) = out.split_at_mut(WAYS * base.len());
+                let (second, third) = rest.split_at_mut(WAYS * of_difference.len());
+                base.transform(&series, Order::Base, Pooling::FourWays, workspace, first);
+                of_difference.transform(
+                    &difference,
+                    Order::Difference,
+                    Pooling::FourWays,
+                    workspace,
+                    second,
+                );
+                hydra.transform(&series, &difference, third);
+            }
+        }
+    }
+}
+
+/// Mean of every taxel; exactly zero where levels are removed, so that rounding cannot tell materials apart.
+fn write_means(sweep: &[f32], levels: MeanRemoval, out: &mut [f32]) {
+    if levels == MeanRemoval::PerSweep {
+        out.fill(0.0);
+        return;
+    }
+    let mut sums = vec![0.0_f64; out.len()];
+    for frame in sweep.chunks_exact(out.len()) {
+        sums.iter_mut()
+            .zip(frame)
+            .for_each(|(sum, v)| *sum += f64::from(*v));
+    }
+    let steps = (sweep.len() / out.len()) as f64;
+    out.iter_mut()
+        .zip(sums)
+        .for_each(|(out, sum)| *out = (sum / steps) as f32);
+}
+
+fn enough_steps(shape: SweepShape) -> Result<(), PipelineError> {
+    const LEAST: usize = 10;
+    if shape.steps >= LEAST {
+        return Ok(());
+    }
+    Err(PipelineError::Incompatible {
+        item: "sweeps",
+        expected: format!("at least {LEAST} steps for random convolution kernels"),
+        found: format!("{} steps", shape.steps),
+    })
+}
+
+fn save_kernels(weights: &mut Weights, name: &str, kernels: &Kernels) {
+    put_indices(weights, &format!("{name}.dilations"), &kernels.dilations);
+    put_indices(
+        weights,
+        &format!("{name}.biases_per_kernel"),
+        &kernels.biases_per_kernel,
+    );
+    put(weights, &format!("{name}.biases"), kernels.biases.clone());
+    save_lists(weights, name, &kernels.taxels);
+}
+
+pub(crate) fn load_kernels(weights: &Weights, name: &str) -> Result<Kernels, PipelineError> {
+    let indices =
+        |part: &str| crate::features::arrays::get_indices(weights, &format!("{name}.{part}"));
+    Ok(Kernels {
+        dilations: indices("dilations")?,
+        biases_per_kernel: indices("biases_per_kernel")?,
+        taxels: load_lists(weights, name)?,
+        biases: get(weights, &format!("{name}.biases"))?.values.clone(),
+    })
+}
+
+fn save_lists(weights: &mut Weights, name: &str, lists: &[Vec<usize>]) {
+    let counts: Vec<usize> = lists.iter().map(Vec::len).collect();
+    put_indices(weights, &format!("{name}.taxel_counts"), &counts);
+    put_indices(weights, &format!("{name}.taxels"), &lists.concat());
+}
+
+pub(crate) fn load_lists(weights: &Weights, name: &str) -> Result<Vec<Vec<usize>>, PipelineError> {
+    let counts = crate::features::arrays::get_indices(weights, &format!("{name}.taxel_counts"))?;
+    let all = crate::features::arrays::get_indices(weights, &format!("{name}.taxels"))?;
+    let mut rest = all.as_slice();
+    Ok(counts
+        .into_iter()
+        .map(|count| {
+            let (list, after) = rest.split_at(count.min(rest.len()));
+            rest = after;
+            list.to_vec()
+        })
+        .collect())
+}

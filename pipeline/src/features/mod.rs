@@ -1,0 +1,15 @@
+//! Sweeps to numbers: scaling, augmentation, and the features that baselines read.
+
+pub(crate) mod arrays;
+pub(crate) mod augment;
+pub(crate) mod extractor;
+pub(crate) mod feature_timing;
+#[cfg(test)]
+pub(crate) mod golden;
+pub(crate) mod hydra;
+pub(crate) mod mean_removal;
+pub(crate) mod normalize;
+pub(crate) mod rocket;
+pub(crate) mod scaler;
+pub(crate) mod series;
+pub(crate) mod spectrum;

@@ -1,0 +1,112 @@
+//! Scaling of feature vectors, fitted on training sweeps.
+
+use tactnet_models::{Features, Weights};
+
+use crate::PipelineError;
+use crate::features::arrays::{get, put};
+
+/// Subtracts a mean from every feature and multiplies it with a gain.
+///
+/// The last `sparse` features are Hydra's: their square root is scaled, and zeros stay zero (aeon's `_SparseScaler`).
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Scaler {
+    /// `[width]`
+    mean: Vec<f32>,
+    /// `[width]`
+    gain: Vec<f32>,
+    sparse: usize,
+}
+
+impl Scaler {
+    /// Means and standard deviations of `train`; a feature that never changes keeps a gain of one.
+    pub fn fit(train: &Features, sparse: usize) -> Self {
+        let width = train.width();
+        let dense = width - sparse;
+        let sweeps = train.len() as f64;
+        let mut mean = vec![0.0_f64; width];
+        let mut zeros = vec![0.0_f64; width];
+        for row in train.rows() {
+            for (index, value) in row.iter().enumerate() {
+                let value = rooted(*value, index >= dense);
+                mean[index] += f64::from(value);
+                zeros[index] += f64::from(u8::from(value == 0.0));
+            }
+        }
+        mean.iter_mut().for_each(|mean| *mean /= sweeps);
+        let mut squares = vec![0.0_f64; width];
+        for row in train.rows() {
+            for (index, value) in row.iter().enumerate() {
+                let value = f64::from(rooted(*value, index >= dense));
+                squares[index] += (value - mean[index]).powi(2);
+            }
+        }
+        let gain = squares
+            .iter()
+            .enumerate()
+            .map(|(index, squares)| {
+                if index < dense {
+                    let deviation = (squares / sweeps).sqrt();
+                    if deviation > 0.0 {
+                        (1.0 / deviation) as f32
+                    } else {
+                        1.0
+                    }
+                } else {
+                    // Rarely winning kernels are damped; the constants are the paper's.
+                    let deviation = (squares / (sweeps - 1.0).max(1.0)).sqrt();
+                    let rare = (zeros[index] / sweeps).powi(4) + 1e-8;
+                    (1.0 / (deviation + rare)) as f32
+                }
+            })
+            .collect();
+        Self {
+            mean: mean.iter().map(|mean| *mean as f32).collect(),
+            gain,
+            sparse,
+        }
+    }
+
+    /// Scales in place.
+    ///
+    /// # Panics
+    /// If `features` have another width.
+    pub fn apply(&self, features: &mut Features) {
+        let width = features.width();
+        assert_eq!(width, self.mean.len(), "width of a row");
+        let dense = width - self.sparse;
+        for row in features.values_mut().chunks_exact_mut(width) {
+            let scales = self.mean.iter().zip(&self.gain);
+            for (index, (value, (mean, gain))) in row.iter_mut().zip(scales).enumerate() {
+                let sparse = index >= dense;
+                let rooted = rooted(*value, sparse);
+                *value = if sparse && rooted == 0.0 {
+                    0.0
+                } else {
+                    (rooted - mean) * gain
+                };
+            }
+        }
+    }
+
+    /// Writes itself into `weights`.
+    pub fn save(&self, weights: &mut Weights) {
+        put(weights, "scaler.mean", self.mean.clone());
+        put(weights, "scaler.gain", self.gain.clone());
+    }
+
+    /// Rebuilds what [`Scaler::save`] has written.
+    ///
+    /// # Errors
+    /// Tensors that are missing.
+    pub fn load(weights: &Weights, sparse: usize) -> Result<Self, PipelineError> {
+        Ok(Self {
+            mean: get(weights, "scaler.mean")?.values.clone(),
+            gain: get(weights, "scaler.gain")?.values.clone(),
+            sparse,
+        })
+    }
+}
+
+fn rooted(value: f32, sparse: bool) -> f32 {
+    if sparse { value.max(0.0).sqrt() } else { value }
+}

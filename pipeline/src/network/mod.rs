@@ -1,0 +1,12 @@
+//! Training of TactNet-II and of small networks on its features; embeddings and novelty.
+
+pub(crate) mod adam;
+pub(crate) mod checkpoint;
+pub(crate) mod embedding;
+pub(crate) mod fit_mlp;
+pub(crate) mod network_scorer;
+pub(crate) mod novelty;
+pub(crate) mod objective;
+pub(crate) mod train_embeddings;
+pub(crate) mod train_network;
+pub(crate) mod training;

@@ -1,0 +1,207 @@
+//! A trained network that scores sweeps, plainly or with Monte Carlo dropout.
+
+use std::sync::{Mutex, PoisonError};
+
+use burn::tensor::{Device, Tensor, TensorData};
+use rayon::prelude::*;
+use tactnet_data::{Seed, SweepView};
+use tactnet_models::{
+    Features, StreamingNet, TactNet, TactNetConfig, Weights, dropout_masks, log_mean_exp_into,
+    log_softmax, log_softmax_into, matrix, mutual_information, spare_memory, values,
+};
+
+use crate::{Embedding, Normalizer, PipelineError, PredictionMethod, TactNetSetup};
+
+/// Sweeps that go through the network at once.
+const BATCH: usize = 36;
+
+pub(crate) struct NetworkScorer {
+    normalizer: Normalizer,
+    network: TactNetConfig,
+    net: TactNet,
+    device: Device,
+    /// Names the masks.
+    seed: Seed,
+    /// The masks drawn last: they only depend on their number.
+    masks: Mutex<Option<(usize, Tensor<2>)>>,
+}
+
+impl NetworkScorer {
+    /// Puts description and weights together on `device`.
+    ///
+    /// # Errors
+    /// Weights of another network.
+    pub fn new(
+        setup: &TactNetSetup,
+        network: TactNetConfig,
+        weights: &Weights,
+        device: &Device,
+        seed: Seed,
+    ) -> Result<Self, PipelineError> {
+        let device = device.clone().without_autodiff();
+        let net = TactNet::from_weights(&network, weights, &device)?;
+        Ok(Self {
+            normalizer: setup.normalizer.clone(),
+            network,
+            net,
+            device,
+            seed,
+            masks: Mutex::new(None),
+        })
+    }
+
+    /// `[sweeps][materials]`
+    pub fn log_probabilities(
+        &self,
+        view: &SweepView<'_>,
+        method: PredictionMethod,
+    ) -> Vec<Vec<f64>> {
+        let masks = match method {
+            PredictionMethod::Plain => None,
+            PredictionMethod::McDropout { mc_samples } => Some(self.masks(mc_samples)),
+        };
+        let positions: Vec<usize> = (0..view.len()).collect();
+        let mut rows = Vec::with_capacity(view.len());
+        for batch in positions.chunks(BATCH) {
+            let features = self.net.features(self.load(view, batch));
+            rows.extend(match &masks {
+                None => self.plain(features),
+                Some(masks) => self.monte_carlo(features, masks),
+            });
+        }
+        rows
+    }
+
+    /// Returns the outputs of every layer for every sweep.
+    pub fn embed(&self, view: &SweepView<'_>) -> Embedding {
+        let positions: Vec<usize> = (0..view.len()).collect();
+        let mut layers: [Vec<f32>; 3] = Default::default();
+        for batch in positions.chunks(BATCH) {
+            let convolution = self.net.features(self.load(view, batch));
+            let hidden = self.net.embedding(convolution.clone());
+            let logits = self.net.head(convolution.clone());
+            for (all, layer) in layers.iter_mut().zip([convolution, hidden, logits]) {
+                all.extend(values(layer));
+            }
+        }
+        let [convolution, hidden, logits] = layers;
+        Embedding {
+            labels: view.labels().collect(),
+            convolution: Features::new(self.network.features(), convolution),
+            hidden: Features::new(self.network.architecture().hidden, hidden),
+            logits: Features::new(self.network.materials(), logits),
+        }
+    }
+
+    /// How much the dropout masks disagree about every sweep, nats; see [`mutual_information`].
+    pub fn mutual_information(&self, convolution: &Features, mc_samples: usize) -> Vec<f64> {
+        let masks = self.masks(mc_samples);
+        let mut mean = vec![0.0; self.network.materials()];
+        let features = matrix(convolution, &self.device);
+        (0..convolution.len())
+            .map(|sweep| {
+                let mc_samples = self.run_log_probabilities(&features, sweep, &masks);
+                log_mean_exp_into(&mc_samples, &mut mean);
+                mutual_information(&mc_samples, &mean)
+            })
+            .collect()
+    }
+
+    /// The same network for one sweep as it happens, with `mc_samples` masks.
+    pub fn streaming(&self, mc_samples: usize) -> StreamingNet {
+        let masks = match mc_samples {
+            0 => Vec::new(),
+            mc_samples => values(self.masks(mc_samples)),
+        };
+        StreamingNet::new(&self.net, &self.network, &masks)
+    }
+
+    /// `[mc_samples][features]`: the masks behind a Monte Carlo prediction, for other forms of the network.
+    pub fn mask_values(&self, mc_samples: usize) -> Vec<f32> {
+        values(self.masks(mc_samples))
+    }
+
+    /// Returns what is done to a frame before.
+    pub fn normalizer(&self) -> &Normalizer {
+        &self.normalizer
+    }
+
+    /// The trained network.
+    pub fn net(&self) -> &TactNet {
+        &self.net
+    }
+
+    fn load(&self, view: &SweepView<'_>, positions: &[usize]) -> Tensor<4> {
+        let shape = view.shape();
+        let mut values = spare_memory(positions.len() * shape.values());
+        values
+            .par_chunks_exact_mut(shape.values())
+            .zip(positions)
+            .for_each(|(sweep, &position)| {
+                view.copy_batch(&[position], sweep);
+                self.normalizer.apply(sweep, shape);
+            });
+        let extents = [positions.len(), 1, shape.steps, shape.taxels()];
+        Tensor::from_data(TensorData::new(values, extents), &self.device)
+    }
+
+    /// `[mc_samples, features]`
+    fn masks(&self, mc_samples: usize) -> Tensor<2> {
+        let mut drawn = self.masks.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*drawn {
+            Some((known, masks)) if *known == mc_samples => masks.clone(),
+            _ => {
+                let masks = dropout_masks(
+                    mc_samples,
+                    self.network.features(),
+                    self.network.architecture().keep_probability,
+                    &self.device,
+                    &mut self.seed.rng("monte carlo dropout"),
+                );
+                *drawn = Some((mc_samples, masks.clone()));
+                masks
+            }
+        }
+    }
+
+    fn plain(&self, features: Tensor<2>) -> Vec<Vec<f64>> {
+        let materials = self.network.materials();
+        values(self.net.head(features))
+            .chunks(materials)
+            .map(log_softmax)
+            .collect()
+    }
+
+    /// Log of the mean softmax over all masks; the head runs once per sweep, on all masks together.
+    fn monte_carlo(&self, features: Tensor<2>, masks: &Tensor<2>) -> Vec<Vec<f64>> {
+        let [sweeps, _] = features.dims();
+        (0..sweeps)
+            .map(|sweep| {
+                let mut mean = vec![0.0; self.network.materials()];
+                let mc_samples = self.run_log_probabilities(&features, sweep, masks);
+                log_mean_exp_into(&mc_samples, &mut mean);
+                mean
+            })
+            .collect()
+    }
+
+    /// `[mc_samples][materials]`
+    fn run_log_probabilities(
+        &self,
+        features: &Tensor<2>,
+        sweep: usize,
+        masks: &Tensor<2>,
+    ) -> Vec<f64> {
+        let materials = self.network.materials();
+        let rows = features.clone().narrow(0, sweep, 1) * masks.clone();
+        let scores = values(self.net.head(rows));
+        let mut mc_samples = vec![0.0; scores.len()];
+        for (sample, scores) in mc_samples
+            .chunks_mut(materials)
+            .zip(scores.chunks(materials))
+        {
+            log_softmax_into(scores, sample);
+        }
+        mc_samples
+    }
+}

@@ -1,0 +1,297 @@
+//! Training, one batch at a time, so that whoever drives it can show progress, stop and resume.
+
+use burn::optim::ModuleOptimizer;
+use burn::tensor::{Bytes, Device, Int, Tensor, TensorData};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use tactnet_data::{Seed, TrainSplit, shuffle};
+use tactnet_models::{TactNet, TactNetConfig, Weights, dropout_masks, spare_memory};
+
+use crate::network::adam::FusedAdam;
+use crate::network::objective::{Perturbation, adversarial_pass, base_pass};
+use crate::{Normalizer, PipelineError, Recipe, TrainingMethod};
+
+/// Where training stands: the next batch, and what the running epoch has shown so far.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Position {
+    /// Epoch of the next batch, counted from 0.
+    pub epoch: usize,
+    /// The next batch, counted from 0.
+    pub batch: usize,
+    /// Sum of the objective over the sweeps of this epoch so far, nats.
+    pub loss_sum: f64,
+    /// Sweeps of this epoch that were recognised while training.
+    pub correct: usize,
+    /// Sweeps of this epoch so far.
+    pub sweeps: usize,
+}
+
+/// Everything that a restart needs to go on as if nothing had happened.
+#[derive(Debug, Clone)]
+pub struct TrainingState {
+    /// Where training stands.
+    pub position: Position,
+    /// Parameters and running statistics.
+    pub weights: Weights,
+    /// Adam's moments, as Burn stores them.
+    pub optimizer: Vec<u8>,
+}
+
+/// What one batch did.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BatchReport {
+    /// Epoch, counted from 0.
+    pub epoch: usize,
+    /// Batch, counted from 0.
+    pub batch: usize,
+    /// Batches in an epoch.
+    pub batches: usize,
+    /// Mean objective of the epoch so far, nats per sweep.
+    pub mean_loss: f64,
+    /// Share of the epoch's sweeps recognised so far, with dropout on.
+    pub accuracy: f64,
+    /// Learning rate used.
+    pub learning_rate: f64,
+}
+
+impl BatchReport {
+    /// Returns true if this batch was the last of its epoch.
+    pub fn ends_epoch(&self) -> bool {
+        self.batch + 1 == self.batches
+    }
+}
+
+/// A network on its way. Every random choice is named by epoch and batch, so it does not matter where a run was
+/// interrupted.
+pub struct Training<'a> {
+    recipe: &'a Recipe,
+    train: &'a TrainSplit<'a>,
+    normalizer: &'a Normalizer,
+    config: TactNetConfig,
+    seed: Seed,
+    device: Device,
+    /// Absent only while the optimiser has it: what nobody else holds it changes in place.
+    net: Option<TactNet>,
+    optimizer: ModuleOptimizer,
+    position: Position,
+    /// Epoch and batch of the last step, counted from 0, for messages.
+    last: (usize, usize),
+}
+
+impl<'a> Training<'a> {
+    /// Starts with fresh weights.
+    ///
+    /// # Errors
+    /// A training set without sweeps.
+    pub fn start(
+        recipe: &'a Recipe,
+        train: &'a TrainSplit<'a>,
+        normalizer: &'a Normalizer,
+        config: &TactNetConfig,
+        seed: Seed,
+        device: &Device,
+    ) -> Result<Self, PipelineError> {
+        if train.is_empty() {
+            return Err(PipelineError::Incompatible {
+                item: "training sweeps",
+                expected: "at least one".into(),
+                found: "none".into(),
+            });
+        }
+        let device = device.clone().autodiff();
+        let net = TactNet::init(config, &device, &mut seed.rng("initial weights"));
+        Ok(Self {
+            recipe,
+            train,
+            normalizer,
+            config: config.clone(),
+            seed,
+            device,
+            net: Some(net),
+            optimizer: adam(recipe),
+            position: Position::default(),
+            last: (0, 0),
+        })
+    }
+
+    /// Continues from `state`.
+    ///
+    /// # Errors
+    /// A state that belongs to another network.
+    pub fn resume(mut self, state: TrainingState) -> Result<Self, PipelineError> {
+        let net = TactNet::from_weights(&self.config, &state.weights, &self.device)?;
+        self.net = Some(net);
+        if !state.optimizer.is_empty() {
+            self.optimizer = adam(self.recipe)
+                .from_bytes(Bytes::from_bytes_vec(state.optimizer))
+                .map_err(|error| PipelineError::Optimizer(error.to_string()))?;
+        }
+        self.position = state.position;
+        Ok(self)
+    }
+
+    /// Returns what a restart needs.
+    ///
+    /// # Errors
+    /// A weight that is not finite: such a state is not worth keeping.
+    pub fn state(&self) -> Result<TrainingState, PipelineError> {
+        let weights = self.net().weights();
+        for (name, tensor) in &weights.0 {
+            if tensor.values.iter().any(|v| !v.is_finite()) {
+                return Err(self.not_finite(format!("weight {name}")));
+            }
+        }
+        let optimizer = if self.position == Position::default() {
+            Vec::new()
+        } else {
+            self.optimizer
+                .into_bytes()
+                .map_err(|error| PipelineError::Optimizer(error.to_string()))?
+                .to_vec()
+        };
+        Ok(TrainingState {
+            position: self.position.clone(),
+            weights,
+            optimizer,
+        })
+    }
+
+    /// Where training stands.
+    pub fn position(&self) -> &Position {
+        &self.position
+    }
+
+    /// Batches in an epoch.
+    pub fn batches(&self) -> usize {
+        self.train.len().div_ceil(self.recipe.training.batch)
+    }
+
+    /// Trains on the next batch; `None` when all epochs are done.
+    ///
+    /// # Errors
+    /// A loss that is not finite, with its epoch and batch; the weights are then those before this batch.
+    pub fn step(&mut self) -> Result<Option<BatchReport>, PipelineError> {
+        let Position { epoch, batch, .. } = self.position;
+        if epoch >= self.recipe.training.epochs {
+            return Ok(None);
+        }
+        self.last = (epoch, batch);
+        let positions = self.batch_positions(epoch, batch);
+        let sweeps = self.load(epoch, &positions);
+        let labels = self.labels(&positions);
+        let mask = |stream| self.mask(stream, positions.len());
+
+        let pass = match self.recipe.training.method {
+            TrainingMethod::Base => base_pass(self.net(), sweeps, labels, mask("dropout")),
+            TrainingMethod::Adversarial { alpha, epsilon } => adversarial_pass(
+                self.net(),
+                sweeps,
+                labels,
+                [mask("dropout"), mask("adversarial dropout")],
+                Perturbation { alpha, epsilon },
+            ),
+        };
+        if !pass.loss.is_finite() {
+            return Err(self.not_finite("loss"));
+        }
+        let learning_rate = self.recipe.learning_rate(epoch, batch, self.batches());
+        let net = self.net.take().unwrap_or_else(no_network);
+        let mut net = self.optimizer.step(learning_rate, net, pass.gradients);
+        net.update_running_stats(&pass.statistics);
+        self.net = Some(net);
+
+        let batches = self.batches();
+        let position = &mut self.position;
+        position.loss_sum += pass.loss * positions.len() as f64;
+        position.correct += pass.correct;
+        position.sweeps += positions.len();
+        let report = BatchReport {
+            epoch,
+            batch,
+            batches,
+            mean_loss: position.loss_sum / position.sweeps as f64,
+            accuracy: position.correct as f64 / position.sweeps as f64,
+            learning_rate,
+        };
+        position.batch += 1;
+        if report.ends_epoch() {
+            *position = Position {
+                epoch: epoch + 1,
+                ..Position::default()
+            };
+        }
+        Ok(Some(report))
+    }
+
+    fn net(&self) -> &TactNet {
+        self.net.as_ref().unwrap_or_else(no_network)
+    }
+
+    /// The epoch's order is drawn afresh and cut into batches whose sizes differ by one at most.
+    fn batch_positions(&self, epoch: usize, batch: usize) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..self.train.len()).collect();
+        shuffle(&mut order, &mut self.seed.rng(("shuffle", epoch)));
+        let (sweeps, batches) = (self.train.len(), self.batches());
+        order[batch * sweeps / batches..(batch + 1) * sweeps / batches].to_vec()
+    }
+
+    /// `[batch, 1, steps, taxels]`, augmented and normalised, on the device without autodiff.
+    fn load(&self, epoch: usize, positions: &[usize]) -> Tensor<4> {
+        let shape = self.train.shape();
+        let mut values = spare_memory(positions.len() * shape.values());
+        let augmentation = self.recipe.training.augmentation;
+        values
+            .par_chunks_exact_mut(shape.values())
+            .zip(positions)
+            .for_each(|(sweep, &position)| {
+                self.train.copy_batch(&[position], sweep);
+                if !augmentation.is_none() {
+                    let mut rng = self.seed.rng(("augmentation", epoch, position));
+                    augmentation.apply(sweep, shape.taxels(), &mut rng);
+                }
+                self.normalizer.apply(sweep, shape);
+            });
+        let extents = [positions.len(), 1, shape.steps, shape.taxels()];
+        Tensor::from_data(
+            TensorData::new(values, extents),
+            &self.device.clone().without_autodiff(),
+        )
+    }
+
+    fn labels(&self, positions: &[usize]) -> Tensor<1, Int> {
+        let labels: Vec<i64> = positions
+            .iter()
+            .map(|p| self.train.label(*p) as i64)
+            .collect();
+        let extent = [labels.len()];
+        Tensor::from_data(TensorData::new(labels, extent), &self.device)
+    }
+
+    fn mask(&self, stream: &str, rows: usize) -> Tensor<2> {
+        let Position { epoch, batch, .. } = self.position;
+        dropout_masks(
+            rows,
+            self.config.features(),
+            self.config.architecture().keep_probability,
+            &self.device,
+            &mut self.seed.rng((stream, epoch, batch)),
+        )
+    }
+
+    fn not_finite(&self, what: impl Into<String>) -> PipelineError {
+        PipelineError::NotFinite {
+            what: what.into(),
+            epoch: self.last.0 + 1,
+            batch: self.last.1 + 1,
+        }
+    }
+}
+
+fn no_network<T>() -> T {
+    panic!("the optimiser gives the network back")
+}
+
+fn adam(recipe: &Recipe) -> ModuleOptimizer {
+    FusedAdam::for_module(recipe.training.l2)
+}

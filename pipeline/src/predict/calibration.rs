@@ -1,0 +1,205 @@
+//! When a classifier says "unknown", and how many materials it names to be right as often as promised.
+//!
+//! Both bounds are order statistics of scores of sweeps that nothing was fitted to (split conformal prediction: Vovk et al., 2005;
+//! Sadinle et al., 2019), so they hold for new sweeps of the same materials, whatever the network.
+
+use serde::{Deserialize, Serialize};
+use tactnet_models::argmax;
+
+use crate::{Embedding, NoveltyScore, NoveltyScorer, PipelineError};
+
+/// Error rates that a calibrated classifier is to keep.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CalibrationTarget {
+    /// Share of sweeps of known materials that may be called unknown, 0 to 1.
+    pub false_alarms: f64,
+    /// Share of sweeps whose material is to be in the prediction set, 0 to 1.
+    pub coverage: f64,
+}
+
+impl Default for CalibrationTarget {
+    fn default() -> Self {
+        Self {
+            false_alarms: 0.05,
+            coverage: 0.9,
+        }
+    }
+}
+
+impl CalibrationTarget {
+    /// Succeeds if order statistics of `sweeps` sweeps can keep both rates.
+    ///
+    /// # Errors
+    /// Too few of them.
+    pub fn check(self, sweeps: usize) -> Result<(), PipelineError> {
+        let values = vec![0.0; sweeps];
+        let bounds =
+            [self.false_alarms, 1.0 - self.coverage].map(|share| upper_quantile(&values, share));
+        if bounds.iter().all(|bound| bound.is_finite()) {
+            return Ok(());
+        }
+        Err(PipelineError::Incompatible {
+            item: "calibration",
+            expected: format!(
+                "enough sweeps for {} % false alarms and {} % coverage",
+                100.0 * self.false_alarms,
+                100.0 * self.coverage
+            ),
+            found: format!("{sweeps} sweeps set aside"),
+        })
+    }
+}
+
+/// `calibration.json`: bounds that keep the rates of a [`CalibrationTarget`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Calibration {
+    /// Version of this layout.
+    pub schema_version: u32,
+    /// What the bounds were fitted to.
+    #[serde(alias = "promise")]
+    pub target: CalibrationTarget,
+    /// What tells unknown materials.
+    pub score: NoveltyScore,
+    /// A sweep with a larger score is unknown.
+    pub threshold: f64,
+    /// Materials of at least this probability are in the prediction set.
+    pub least_probability: f64,
+    /// Number of sweeps behind the bounds.
+    pub sweeps: usize,
+}
+
+/// What a calibrated classifier says of one sweep besides its probabilities.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Verdict {
+    /// Larger for stranger sweeps.
+    pub strangeness: f64,
+    /// True if the strangeness is above the threshold.
+    pub unknown: bool,
+    /// The materials it may be; never empty.
+    pub set: Vec<usize>,
+}
+
+impl Calibration {
+    /// Version written by this program.
+    pub const SCHEMA_VERSION: u32 = 1;
+
+    /// From sweeps of known materials that neither network nor `strangeness` was fitted to.
+    ///
+    /// # Errors
+    /// Too few sweeps for the target; a model that is no network.
+    pub fn fit(
+        target: CalibrationTarget,
+        score: NoveltyScore,
+        strangeness: &NoveltyScorer<'_>,
+        held_out: &Embedding,
+    ) -> Result<Self, PipelineError> {
+        target.check(held_out.len())?;
+        let threshold = upper_quantile(&strangeness.score(score, held_out)?, target.false_alarms);
+        let least_probability = least_probability(
+            &held_out.log_probabilities(),
+            &held_out.labels,
+            target.coverage,
+        );
+        Ok(Self {
+            schema_version: Self::SCHEMA_VERSION,
+            target,
+            score,
+            threshold,
+            least_probability,
+            sweeps: held_out.len(),
+        })
+    }
+
+    /// Returns what to say of every sweep.
+    ///
+    /// # Errors
+    /// A model that is no network.
+    pub fn assess(
+        &self,
+        strangeness: &NoveltyScorer<'_>,
+        embedding: &Embedding,
+    ) -> Result<Vec<Verdict>, PipelineError> {
+        let scores = strangeness.score(self.score, embedding)?;
+        Ok(scores
+            .into_iter()
+            .zip(embedding.log_probabilities())
+            .map(|(strangeness, log_p)| Verdict {
+                strangeness,
+                unknown: strangeness > self.threshold,
+                set: prediction_set(&log_p, self.least_probability),
+            })
+            .collect())
+    }
+}
+
+/// The probability that the true materials of at least a share `coverage` of new sweeps reach, from sweeps that nothing was fitted to;
+/// minus infinity where they are too few to promise that.
+///
+/// - `log_probabilities`: `[sweeps][materials]`
+pub fn least_probability(log_probabilities: &[Vec<f64>], labels: &[usize], coverage: f64) -> f64 {
+    let losses: Vec<f64> = log_probabilities
+        .iter()
+        .zip(labels)
+        .map(|(log_p, label)| 1.0 - log_p[*label].exp())
+        .collect();
+    1.0 - upper_quantile(&losses, 1.0 - coverage)
+}
+
+/// Every material of at least that probability, and the most probable one.
+pub fn prediction_set(log_probabilities: &[f64], least_probability: f64) -> Vec<usize> {
+    let best = argmax(log_probabilities);
+    (0..log_probabilities.len())
+        .filter(|&label| {
+            label == best || 1.0 - log_probabilities[label].exp() <= 1.0 - least_probability
+        })
+        .collect()
+}
+
+/// The smallest value that at most `share` of `values` exceed, with the correction for a finite sample that split conformal
+/// prediction asks for: the `ceil((n + 1)(1 - share))`-th smallest of n; infinite where n is too small (Vovk et al., 2005).
+pub fn upper_quantile(values: &[f64], share: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let rank = ((sorted.len() + 1) as f64 * (1.0 - share) - 1e-9).ceil() as usize;
+    match rank {
+        0 => f64::NEG_INFINITY,
+        rank => sorted.get(rank - 1).copied().unwrap_or(f64::INFINITY),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_are_those_of_split_conformal_prediction() {
+        let values: Vec<f64> = (1..=99).rev().map(f64::from).collect();
+        assert_eq!(upper_quantile(&values, 0.05), 95.0);
+        assert_eq!(upper_quantile(&values, 0.1), 90.0);
+        assert_eq!(upper_quantile(&values[..9], 0.05), f64::INFINITY);
+    }
+
+    #[test]
+    fn a_set_holds_the_best_and_all_that_are_probable_enough() {
+        let log_p: Vec<f64> = [0.5_f64, 0.3, 0.2].iter().map(|p| p.ln()).collect();
+        assert_eq!(prediction_set(&log_p, 0.25), [0, 1]);
+        assert_eq!(prediction_set(&log_p, 0.9), [0]);
+        assert_eq!(prediction_set(&log_p, 0.0), [0, 1, 2]);
+    }
+
+    #[test]
+    fn nine_of_ten_true_materials_reach_the_bound_for_ninety_percent() {
+        let log_p: Vec<Vec<f64>> = (1..=19)
+            .map(|k| vec![f64::from(k).ln() - 20_f64.ln(), -1.0])
+            .collect();
+        // The second smallest of 19: (19 + 1) * 0.9 = 18 of them are at or above it.
+        let bound = least_probability(&log_p, &[0; 19], 0.9);
+        assert!((bound - 2.0 / 20.0).abs() < 1e-12, "{bound}");
+        assert_eq!(
+            least_probability(&log_p[..3], &[0; 3], 0.9),
+            f64::NEG_INFINITY
+        );
+    }
+}

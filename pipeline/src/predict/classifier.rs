@@ -1,0 +1,307 @@
+//! The offline classifier: model and label set together.
+
+use burn::tensor::Device;
+use serde::{Deserialize, Serialize};
+use tactnet_data::{LabelSet, Seed, SweepShape, SweepView, TrainSplit};
+use tactnet_models::{Architecture, InputShape, TactNet, TactNetConfig, Weights};
+
+use crate::baseline::fitted::Baseline;
+use crate::network::network_scorer::NetworkScorer;
+use crate::{
+    BaselineRecipe, Embedding, Normalizer, PipelineError, Prediction, PredictionMethod,
+    Predictions, Recipe, SweepScore,
+};
+
+/// Everything about a classifier but its fitted numbers; together they rebuild it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ClassifierConfig {
+    /// What scores sweeps.
+    pub model: ModelConfig,
+    /// Materials in label order.
+    pub labels: LabelSet,
+    /// Shape of every sweep.
+    pub shape: SweepShape,
+    /// Frames per second of the training sweeps.
+    pub sample_rate_hz: f64,
+    /// Names the Monte Carlo masks.
+    pub seed: Seed,
+}
+
+/// What scores sweeps.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum ModelConfig {
+    /// TactNet-II.
+    #[serde(rename = "tactnet2")]
+    TactNet2(TactNetSetup),
+    /// Features and a classical classifier.
+    #[serde(rename = "baseline")]
+    Baseline(BaselineRecipe),
+}
+
+/// A network and what surrounds it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TactNetSetup {
+    /// Layers.
+    pub network: Architecture,
+    /// How it predicts unless told otherwise.
+    pub prediction: Prediction,
+    /// Fitted to the training sweeps.
+    pub normalizer: Normalizer,
+}
+
+impl TactNetSetup {
+    /// Returns the network of `recipe`, with its normaliser fitted to training sweeps.
+    pub fn fit(recipe: &Recipe, train: &TrainSplit<'_>) -> Self {
+        Self {
+            network: recipe.network.clone(),
+            prediction: recipe.prediction.clone(),
+            normalizer: Normalizer::fit(recipe.input.scaling, recipe.input.levels, train),
+        }
+    }
+}
+
+impl ClassifierConfig {
+    /// For the sweeps and materials of `train`'s data set.
+    pub fn new(model: ModelConfig, train: &TrainSplit<'_>, seed: Seed) -> Self {
+        let dataset = train.dataset();
+        Self {
+            model,
+            labels: dataset.labels().clone(),
+            shape: dataset.shape(),
+            sample_rate_hz: dataset.sample_rate_hz(),
+            seed,
+        }
+    }
+
+    /// Succeeds if the model's settings fit the sweeps and materials.
+    ///
+    /// # Errors
+    /// A setting of the network out of range; sweeps too short for the features of a baseline.
+    pub(crate) fn validate(&self) -> Result<(), PipelineError> {
+        match &self.model {
+            ModelConfig::TactNet2(setup) => self.network_config(setup).map(drop),
+            ModelConfig::Baseline(recipe) => recipe.features.check(self.shape, self.sample_rate_hz),
+        }
+    }
+
+    /// The checked description of a network for these sweeps and materials.
+    ///
+    /// # Errors
+    /// A setting out of range.
+    pub fn network_config(&self, setup: &TactNetSetup) -> Result<TactNetConfig, PipelineError> {
+        let input = InputShape {
+            steps: self.shape.steps,
+            taxels: self.shape.taxels(),
+        };
+        Ok(TactNetConfig::new(
+            setup.network.clone(),
+            input,
+            self.labels.len(),
+        )?)
+    }
+}
+
+/// A trained classifier.
+pub struct Classifier {
+    config: ClassifierConfig,
+    model: Model,
+}
+
+enum Model {
+    Network(Box<NetworkScorer>),
+    Baseline(Box<Baseline>),
+}
+
+impl Classifier {
+    /// Puts configuration and weights together; networks compute on `device`.
+    ///
+    /// # Errors
+    /// Weights of another model.
+    pub fn new(
+        config: ClassifierConfig,
+        weights: &Weights,
+        device: &Device,
+    ) -> Result<Self, PipelineError> {
+        let model = match &config.model {
+            ModelConfig::TactNet2(setup) => {
+                let network = config.network_config(setup)?;
+                let scorer = NetworkScorer::new(setup, network, weights, device, config.seed)?;
+                Model::Network(Box::new(scorer))
+            }
+            ModelConfig::Baseline(recipe) => {
+                Model::Baseline(Box::new(Baseline::from_weights(recipe, &config, weights)?))
+            }
+        };
+        Ok(Self { config, model })
+    }
+
+    /// Returns the configuration that it was built from.
+    pub fn config(&self) -> &ClassifierConfig {
+        &self.config
+    }
+
+    /// Returns true if it has dropout, so that [`PredictionMethod::McDropout`] means something.
+    pub fn has_dropout(&self) -> bool {
+        matches!(self.model, Model::Network(_))
+    }
+
+    /// Scores every sweep of `view`. Its materials are found by their names, in whatever order; the classifier may know more.
+    ///
+    /// The `mc_samples` Monte Carlo masks are drawn once from the classifier's seed: run `m` stands for the same draw of the
+    /// weights for every sweep, so a sweep's score does not depend on its neighbours.
+    ///
+    /// # Errors
+    /// Sweeps of another shape or rate, or of a material that it does not know; Monte Carlo dropout of a model without dropout.
+    pub fn predict(
+        &self,
+        view: &SweepView<'_>,
+        method: PredictionMethod,
+    ) -> Result<Predictions, PipelineError> {
+        let own_labels = self.own_labels(view)?;
+        let rows = match (&self.model, method) {
+            (Model::Network(network), _) => network.log_probabilities(view, method),
+            (Model::Baseline(baseline), PredictionMethod::Plain) => {
+                baseline.log_probabilities(view)
+            }
+            (Model::Baseline(_), PredictionMethod::McDropout { .. }) => {
+                return Err(PipelineError::Incompatible {
+                    item: "prediction",
+                    expected: "to be asked plainly, as it has no dropout".into(),
+                    found: "to do with this; asked was Monte Carlo dropout".into(),
+                });
+            }
+        };
+        let sweeps = rows
+            .into_iter()
+            .enumerate()
+            .map(|(position, log_probability)| SweepScore {
+                index: view.indices()[position],
+                label: own_labels[position],
+                log_probability,
+            })
+            .collect();
+        Ok(Predictions {
+            labels: self.config.labels.clone(),
+            method,
+            sweeps,
+        })
+    }
+
+    /// Returns the outputs of a network's layers for every sweep of `view`. The sweeps' materials need not be the classifier's own.
+    ///
+    /// # Errors
+    /// Sweeps of another shape or rate; a model that is no network.
+    pub fn embed(&self, view: &SweepView<'_>) -> Result<Embedding, PipelineError> {
+        self.check_shape(view)?;
+        Ok(self.scorer()?.embed(view))
+    }
+
+    /// How much `mc_samples` dropout masks disagree about every sweep: mutual information of label and weights, nats.
+    ///
+    /// # Errors
+    /// A model that is no network.
+    pub fn mutual_information(
+        &self,
+        embedding: &Embedding,
+        mc_samples: usize,
+    ) -> Result<Vec<f64>, PipelineError> {
+        Ok(self
+            .scorer()?
+            .mutual_information(&embedding.convolution, mc_samples))
+    }
+
+    /// The trained network.
+    ///
+    /// # Errors
+    /// A model that is no network.
+    pub fn network(&self) -> Result<&TactNet, PipelineError> {
+        Ok(self.scorer()?.net())
+    }
+
+    /// The dropout masks of a Monte Carlo prediction, for other forms of the network: `[mc_samples][features]`.
+    ///
+    /// # Errors
+    /// A model that is no network.
+    pub fn masks(&self, mc_samples: usize) -> Result<Vec<f32>, PipelineError> {
+        Ok(self.scorer()?.mask_values(mc_samples))
+    }
+
+    pub(crate) fn scorer(&self) -> Result<&NetworkScorer, PipelineError> {
+        match &self.model {
+            Model::Network(network) => Ok(network),
+            Model::Baseline(_) => Err(PipelineError::Incompatible {
+                item: "embedding",
+                expected: "none, as it is no network".into(),
+                found: "sweeps to embed".into(),
+            }),
+        }
+    }
+
+    /// Sweeps of materials that the classifier knows, and the others.
+    pub fn by_known_material<'a>(&self, view: &SweepView<'a>) -> (SweepView<'a>, SweepView<'a>) {
+        let dataset = view.dataset();
+        let known: Vec<&str> = self.config.labels.names().collect();
+        let is_known =
+            |index: &usize| known.contains(&dataset.labels().name(dataset.records()[*index].label));
+        let (inside, outside) = view.indices().iter().copied().partition(is_known);
+        (
+            SweepView::new(dataset, inside),
+            SweepView::new(dataset, outside),
+        )
+    }
+
+    /// For every sweep of the view, the classifier's own label of its material.
+    fn own_labels(&self, view: &SweepView<'_>) -> Result<Vec<usize>, PipelineError> {
+        self.check_shape(view)?;
+        let own: Vec<&str> = self.config.labels.names().collect();
+        let labels = view.dataset().labels();
+        let found: Vec<Option<usize>> = labels
+            .names()
+            .map(|name| own.iter().position(|known| *known == name))
+            .collect();
+        (0..view.len())
+            .map(|position| {
+                let label = view.label(position);
+                found[label].ok_or_else(|| PipelineError::Incompatible {
+                    item: "materials",
+                    expected: format!(
+                        "some of its {} ({}, …)",
+                        own.len(),
+                        own[..own.len().min(4)].join(", ")
+                    ),
+                    found: format!("`{}`", labels.name(label)),
+                })
+            })
+            .collect()
+    }
+
+    fn check_shape(&self, view: &SweepView<'_>) -> Result<(), PipelineError> {
+        let ClassifierConfig {
+            shape,
+            sample_rate_hz,
+            ..
+        } = &self.config;
+        let dataset = view.dataset();
+        let incompatible = |item, expected: String, found: String| {
+            Err(PipelineError::Incompatible {
+                item,
+                expected,
+                found,
+            })
+        };
+        if view.shape() != *shape {
+            return incompatible("sweeps", shape.to_string(), view.shape().to_string());
+        }
+        if (dataset.sample_rate_hz() - sample_rate_hz).abs() > 1e-6 * sample_rate_hz {
+            let hz = |rate: f64| format!("{rate} Hz");
+            return incompatible(
+                "sample rate",
+                hz(*sample_rate_hz),
+                hz(dataset.sample_rate_hz()),
+            );
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,13 @@
+//! Classifiers, their predictions, and how good those are.
+
+pub(crate) mod calibration;
+pub(crate) mod classifier;
+pub(crate) mod confusion_picture;
+pub(crate) mod enroll;
+pub(crate) mod evaluation;
+pub(crate) mod metrics;
+pub(crate) mod online;
+pub(crate) mod overlap;
+pub(crate) mod predictions;
+pub(crate) mod runtime;
+pub(crate) mod verdicts;

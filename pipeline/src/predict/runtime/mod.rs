@@ -1,0 +1,226 @@
+//! Other forms of the network, compared with Burn's predictions of the same sweeps.
+
+#[cfg(feature = "candle")]
+mod candle;
+#[cfg(feature = "onnxruntime")]
+mod onnx_runtime;
+
+use std::time::Instant;
+
+use tactnet_data::SweepView;
+
+use crate::{Classifier, OnlineClassifier, PipelineError, PredictionMethod, Predictions};
+
+/// What computes the scores.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RuntimeKind {
+    /// Burn, sweep by sweep: what training uses, batch by batch.
+    Burn,
+    /// Frame by frame: what `tactnet serve` uses.
+    Online,
+    /// The exported ONNX file in ONNX Runtime; needs the cargo feature `onnxruntime`.
+    OnnxRuntime,
+    /// The exported weights in candle; needs the cargo feature `candle`.
+    Candle,
+}
+
+impl RuntimeKind {
+    /// Its name on the command line and in results.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Burn => "burn",
+            Self::Online => "online",
+            Self::OnnxRuntime => "onnxruntime",
+            Self::Candle => "candle",
+        }
+    }
+}
+
+/// Predictions of another form of the network, beside Burn's of whole batches.
+#[derive(Debug, Clone)]
+pub struct RuntimeComparison {
+    /// What the form predicts.
+    pub predictions: Predictions,
+    /// Largest difference of a probability.
+    pub largest_difference: f64,
+    /// From the last frame to the probabilities of a sweep that comes alone, microseconds, ascending: `[sweeps]`.
+    pub microseconds: Vec<f64>,
+}
+
+/// A network that another library runs.
+#[cfg(any(feature = "onnxruntime", feature = "candle"))]
+trait ExportedNetwork {
+    /// Log-probabilities `[sweeps][materials]`.
+    ///
+    /// - `digits`: `[sweeps][steps][taxels]`
+    ///
+    /// # Errors
+    /// What the library says.
+    fn score(&mut self, digits: &[f32]) -> Result<Vec<f64>, RuntimeFailure>;
+}
+
+/// Whatever a library says that cannot make or run a network.
+#[cfg(any(feature = "onnxruntime", feature = "candle"))]
+type RuntimeFailure = Box<dyn std::error::Error + Send + Sync>;
+
+/// Predicts every sweep by itself.
+///
+/// - `burn`: Burn's predictions of the same sweeps, whole batches at once
+///
+/// # Errors
+/// A form that this program was built without; a model that the form cannot be made of.
+pub fn compare_runtime(
+    kind: RuntimeKind,
+    classifier: &Classifier,
+    view: &SweepView<'_>,
+    burn: &Predictions,
+) -> Result<RuntimeComparison, PipelineError> {
+    let mc_samples = burn.method.mc_samples_or(0);
+    match kind {
+        RuntimeKind::Burn => {
+            let mut one = Vec::new();
+            compare(kind, view, burn, |position, _| {
+                let view = SweepView::new(view.dataset(), vec![view.indices()[position]]);
+                let begun = Instant::now();
+                let found = classifier.predict(&view, burn.method)?;
+                let time = begun.elapsed().as_secs_f64() * 1e6;
+                one.clone_from(&found.sweeps[0].log_probability);
+                Ok((one.clone(), time))
+            })
+        }
+        RuntimeKind::Online => {
+            let mut online = OnlineClassifier::new(classifier, None, mc_samples)?;
+            let taxels = view.shape().taxels();
+            compare(kind, view, burn, |_, sweep| {
+                let (before, last) = sweep.split_at(sweep.len() - taxels);
+                online.begin();
+                for frame in before.chunks_exact(taxels) {
+                    online.push(frame);
+                }
+                let begun = Instant::now();
+                online.push(last);
+                let belief = match burn.method {
+                    PredictionMethod::Plain => online.classify(),
+                    PredictionMethod::McDropout { .. } => online.classify_by_dropout(),
+                };
+                let time = begun.elapsed().as_secs_f64() * 1e6;
+                Ok((belief.log_probability.to_vec(), time))
+            })
+        }
+        RuntimeKind::OnnxRuntime | RuntimeKind::Candle => {
+            compare_exported(kind, classifier, view, burn, mc_samples)
+        }
+    }
+}
+
+#[cfg(any(feature = "onnxruntime", feature = "candle"))]
+fn compare_exported(
+    kind: RuntimeKind,
+    classifier: &Classifier,
+    view: &SweepView<'_>,
+    burn: &Predictions,
+    mc_samples: usize,
+) -> Result<RuntimeComparison, PipelineError> {
+    use std::collections::BTreeMap;
+
+    let failed = |reason: RuntimeFailure| PipelineError::Runtime {
+        runtime: kind.name(),
+        reason: one_line(&*reason),
+    };
+    let weights = classifier.network()?.weights();
+    let config = classifier.config();
+    let masks = match mc_samples {
+        0 => Vec::new(),
+        mc_samples => classifier.masks(mc_samples)?,
+    };
+    let about = BTreeMap::new();
+    let mut network: Box<dyn ExportedNetwork> = match kind {
+        #[cfg(feature = "onnxruntime")]
+        RuntimeKind::OnnxRuntime => {
+            let model = crate::to_onnx(config, &weights, None, &about)?;
+            let threads = std::thread::available_parallelism().map_or(1, usize::from);
+            let features = weights.0["hidden.weight"].shape[1];
+            let network =
+                onnx_runtime::OnnxRuntime::new(&model, config.shape, features, masks, threads);
+            Box::new(network.map_err(failed)?)
+        }
+        #[cfg(feature = "candle")]
+        RuntimeKind::Candle => {
+            let bytes = crate::to_safetensors(config, &weights, None, &about)?;
+            let network = candle::Candle::new(&bytes, config.shape, masks);
+            Box::new(network.map_err(failed)?)
+        }
+        _ => {
+            return Err(PipelineError::NoRuntime {
+                runtime: kind.name(),
+            });
+        }
+    };
+    compare(kind, view, burn, |_, sweep| {
+        let begun = Instant::now();
+        let found = network.score(sweep).map_err(failed)?;
+        Ok((found, begun.elapsed().as_secs_f64() * 1e6))
+    })
+}
+
+/// An error with its causes, which its own text may leave out.
+#[cfg(any(feature = "onnxruntime", feature = "candle"))]
+fn one_line(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        let said = error.to_string();
+        if !text.contains(&said) {
+            text = format!("{text}: {said}");
+        }
+        cause = error.source();
+    }
+    text
+}
+
+#[cfg(not(any(feature = "onnxruntime", feature = "candle")))]
+fn compare_exported(
+    kind: RuntimeKind,
+    _: &Classifier,
+    _: &SweepView<'_>,
+    _: &Predictions,
+    _: usize,
+) -> Result<RuntimeComparison, PipelineError> {
+    Err(PipelineError::NoRuntime {
+        runtime: kind.name(),
+    })
+}
+
+/// - `score`: log-probabilities of a sweep, and how long they took, microseconds
+fn compare(
+    kind: RuntimeKind,
+    view: &SweepView<'_>,
+    burn: &Predictions,
+    mut score: impl FnMut(usize, &[f32]) -> Result<(Vec<f64>, f64), PipelineError>,
+) -> Result<RuntimeComparison, PipelineError> {
+    let mut predictions = burn.clone();
+    let mut sweep = vec![0.0; view.shape().values()];
+    let mut times = Vec::with_capacity(view.len());
+    let mut largest_difference = 0.0_f64;
+    for (position, one) in predictions.sweeps.iter_mut().enumerate() {
+        view.copy_batch(&[position], &mut sweep);
+        let (found, time) = score(position, &sweep)?;
+        if found.len() != one.log_probability.len() || found.iter().any(|score| score.is_nan()) {
+            return Err(PipelineError::Runtime {
+                runtime: kind.name(),
+                reason: "a sweep has no scores, or others than of its materials".into(),
+            });
+        }
+        times.push(time);
+        for (burn, found) in one.log_probability.iter_mut().zip(found) {
+            largest_difference = largest_difference.max((burn.exp() - found.exp()).abs());
+            *burn = found;
+        }
+    }
+    times.sort_by(f64::total_cmp);
+    Ok(RuntimeComparison {
+        predictions,
+        largest_difference,
+        microseconds: times,
+    })
+}

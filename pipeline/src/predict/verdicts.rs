@@ -1,0 +1,70 @@
+//! How well a calibration's targets were met on sweeps of known and of unknown materials.
+
+use serde::Serialize;
+use tactnet_data::SweepView;
+
+use crate::{
+    Calibration, CalibrationTarget, Classifier, Estimate, NoveltyScorer, PipelineError,
+    TrainEmbeddings,
+};
+
+/// What a calibrated classifier said of sweeps besides their material, beside its targets.
+#[derive(Debug, Clone, Serialize)]
+pub struct Verdicts {
+    /// What the bounds were fitted to.
+    pub target: CalibrationTarget,
+    /// Of sweeps of known materials: share called unknown.
+    pub false_alarms: Option<Estimate>,
+    /// Of sweeps of known materials: share whose material is in the prediction set.
+    pub coverage: Option<Estimate>,
+    /// Materials in a prediction set, mean over sweeps of known materials.
+    pub set_size: Option<f64>,
+    /// Materials of the data set that the classifier does not know.
+    pub unknown_materials: Vec<String>,
+    /// Of sweeps of unknown materials: share called unknown.
+    pub detected: Option<Estimate>,
+}
+
+impl Verdicts {
+    /// - `known`, `unknown`: sweeps of materials that the classifier knows, and of others; see [`Classifier::by_known_material`]
+    ///
+    /// # Errors
+    /// Sweeps of another shape or rate; a model that is no network.
+    pub fn of(
+        calibration: &Calibration,
+        embeddings: &TrainEmbeddings,
+        classifier: &Classifier,
+        known: &SweepView<'_>,
+        unknown: &SweepView<'_>,
+    ) -> Result<Self, PipelineError> {
+        let novelty = NoveltyScorer::fit(classifier, embeddings)?;
+        let inside = calibration.assess(&novelty, &classifier.embed(known)?)?;
+        let outside = calibration.assess(&novelty, &classifier.embed(unknown)?)?;
+        let share = |of: usize, all: usize| {
+            (all > 0).then(|| Estimate::wilson(of as f64 / all as f64, all))
+        };
+        let own: Vec<&str> = classifier.config().labels.names().collect();
+        let labels = known.dataset().labels();
+        let covered = inside.iter().enumerate().filter(|(position, verdict)| {
+            let name = labels.name(known.label(*position));
+            verdict.set.iter().any(|label| own[*label] == name)
+        });
+        let covered = covered.count();
+        let alarms = inside.iter().filter(|verdict| verdict.unknown).count();
+        let detected = outside.iter().filter(|verdict| verdict.unknown).count();
+        let sizes: usize = inside.iter().map(|verdict| verdict.set.len()).sum();
+        let mut unknown_materials: Vec<String> = (0..unknown.len())
+            .map(|position| labels.name(unknown.label(position)).to_string())
+            .collect();
+        unknown_materials.sort();
+        unknown_materials.dedup();
+        Ok(Self {
+            target: calibration.target,
+            false_alarms: share(alarms, inside.len()),
+            coverage: share(covered, inside.len()),
+            set_size: (!inside.is_empty()).then(|| sizes as f64 / inside.len() as f64),
+            unknown_materials,
+            detected: share(detected, outside.len()),
+        })
+    }
+}

@@ -1,0 +1,106 @@
+//! From a trained classifier to everything a run directory says about it.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use tactnet_data::{Fold, sha256_hex};
+
+use crate::{
+    Classifier, PipelineError, PredictionSource, Provenance, RunConfig, RunDir, RunResult,
+    describe_split, evaluate_all_ways, peak_rss_mib,
+};
+
+/// Sweeps that are fused where a result speaks of several.
+const FUSED: usize = 3;
+/// Monte Carlo passes where the recipe names none.
+const MC_SAMPLES: usize = 100;
+
+/// What training leaves besides weights.
+#[derive(Debug, Clone, Default)]
+pub struct TrainingSummary {
+    /// Time spent in training steps or in fitting, seconds.
+    pub seconds: f64,
+    /// Number of sweeps trained on.
+    pub sweeps: usize,
+    /// Epochs trained, where the model has any.
+    pub epochs: Option<usize>,
+    /// Settings that were chosen on training sweeps, by name.
+    pub chosen: BTreeMap<String, f64>,
+}
+
+/// Predicts the test sweeps every way there is, writes scores and picture into `run`, and puts the result together (which is not
+/// written yet).
+///
+/// - `sessions`: program and machine of every session that trained
+/// - `command`: the call that leads to the same result
+///
+/// # Errors
+/// Sweeps that do not fit the classifier; a file that cannot be written.
+pub fn evaluate_run(
+    run: &RunDir,
+    config: &RunConfig,
+    classifier: &Classifier,
+    fold: &Fold<'_>,
+    sessions: Vec<Provenance>,
+    trained: TrainingSummary,
+    command: String,
+) -> Result<RunResult, PipelineError> {
+    let (recipe, own) = (&config.recipe, config.recipe.method());
+    let dataset = fold.test.dataset();
+    let mc_samples = own.mc_samples_or(MC_SAMPLES);
+    let ways = evaluate_all_ways(classifier, &fold.test, mc_samples, FUSED, config.seed)?;
+    let mut evaluations = BTreeMap::new();
+    for (name, predictions, evaluation) in ways {
+        let tsml = predictions.to_tsml(&PredictionSource {
+            dataset: dataset.name(),
+            classifier: &format!("{} ({name})", recipe.name()),
+            resample: fold.repeat() * 1000 + fold.fold(),
+            parameters: &command,
+        });
+        let file = RunDir::predictions_file(name, own);
+        run.write(&file, tsml.as_bytes())?;
+        if name == own.name() {
+            let title = format!(
+                "{}: {:.1} % of {} test sweeps right (recipe {}, {name})",
+                dataset.name(),
+                100.0 * predictions.accuracy(),
+                fold.test.len(),
+                recipe.name()
+            );
+            let picture = predictions.confusion_svg(&title);
+            run.write("confusion.svg", picture.as_bytes())?;
+        }
+        evaluations.insert(name.to_string(), evaluation);
+    }
+    let chosen = &evaluations[own.name()];
+    let manifest = fold.manifest();
+    let commits: BTreeSet<&str> = sessions
+        .iter()
+        .map(|session| session.git.as_str())
+        .collect();
+    Ok(RunResult {
+        schema_version: RunResult::SCHEMA_VERSION,
+        data: dataset.name().into(),
+        origin: dataset.origin(),
+        data_sha256: dataset.sha256().into(),
+        git: commits.into_iter().collect::<Vec<_>>().join(" "),
+        command,
+        seed: config.seed,
+        recipe: recipe.name().into(),
+        recipe_sha256: sha256_hex(recipe.to_toml()),
+        split_sha256: manifest.sha256.clone(),
+        split: describe_split(&manifest, config.inner),
+        repeat: fold.repeat(),
+        fold: fold.fold(),
+        n_train: trained.sweeps,
+        n_test: fold.test.len(),
+        epochs: trained.epochs,
+        chosen: trained.chosen,
+        accuracy_one_sweep: chosen.one_sweep,
+        accuracy_three_sweeps: chosen.fused.map(|fused| fused.bayes),
+        evaluations,
+        train_seconds: trained.seconds,
+        seconds_per_epoch: trained.epochs.map(|epochs| trained.seconds / epochs as f64),
+        peak_rss_mib: peak_rss_mib(),
+        provenance: sessions,
+    })
+}

@@ -1,0 +1,13 @@
+//! Run directories: what a training leaves on disk, and how it gets there.
+
+pub(crate) mod evaluate_run;
+mod free_folder;
+pub(crate) mod provenance;
+pub(crate) mod read_sweeps;
+pub(crate) mod result;
+pub(crate) mod run_config;
+pub(crate) mod run_dir;
+pub(crate) mod session;
+pub(crate) mod test_sweeps;
+pub(crate) mod training_record;
+pub(crate) mod write_whole;

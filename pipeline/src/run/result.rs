@@ -1,0 +1,82 @@
+//! `result.json`: what a training run found.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use tactnet_data::{DataOrigin, Seed, SplitManifest};
+
+use crate::{Estimate, Evaluation, Provenance};
+
+/// What a training run found, with everything needed to find it again.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunResult {
+    /// Version of this layout, [`RunResult::SCHEMA_VERSION`].
+    pub schema_version: u32,
+    /// Name of the data set.
+    pub data: String,
+    /// Where its sweeps come from.
+    #[serde(default)]
+    pub origin: DataOrigin,
+    /// SHA-256 of its content.
+    pub data_sha256: String,
+    /// Commit of the program; all commits where it was resumed by another build.
+    pub git: String,
+    /// Program and machine of every session.
+    pub provenance: Vec<Provenance>,
+    /// Command line that leads here, paths shortened to file names.
+    pub command: String,
+    /// Names every random choice.
+    pub seed: Seed,
+    /// Name of the recipe.
+    pub recipe: String,
+    /// SHA-256 of the recipe as TOML.
+    pub recipe_sha256: String,
+    /// SHA-256 of the split.
+    pub split_sha256: String,
+    /// How the data set was split.
+    pub split: String,
+    /// Repeat of the cross-validation, counted from 0.
+    #[serde(alias = "run")]
+    pub repeat: usize,
+    /// Fold, counted from 0.
+    pub fold: usize,
+    /// Sweeps trained on.
+    pub n_train: usize,
+    /// Sweeps tested on.
+    pub n_test: usize,
+    /// Epochs trained; absent where the model has none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub epochs: Option<usize>,
+    /// Settings that were chosen on inner splits of the training sweeps, by name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub chosen: BTreeMap<String, f64>,
+    /// One sweep, predicted the recipe's own way.
+    pub accuracy_one_sweep: Estimate,
+    /// Three sweeps fused (Bayes), predicted the recipe's own way; absent with fewer than three test sweeps a material.
+    pub accuracy_three_sweeps: Option<Estimate>,
+    /// All ways of predicting: `plain`, and `mc_dropout` where the model has dropout.
+    pub evaluations: BTreeMap<String, Evaluation>,
+    /// Time spent in training steps or in fitting, seconds, interruptions left out.
+    pub train_seconds: f64,
+    /// The same per epoch.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seconds_per_epoch: Option<f64>,
+    /// Largest resident memory of the process that ended the run, MiB.
+    pub peak_rss_mib: Option<f64>,
+}
+
+impl RunResult {
+    /// Version written by this program.
+    pub const SCHEMA_VERSION: u32 = 1;
+}
+
+/// How a split is named for people: scheme and part.
+///
+/// - `inner`: the part of the training sweeps that is tested on instead of the test sweeps
+pub fn describe_split(manifest: &SplitManifest, inner: Option<usize>) -> String {
+    let inner = inner.map_or(String::new(), |part| format!(", inner part {part}"));
+    format!(
+        "{}, repeat {}, fold {}{inner}",
+        manifest.scheme, manifest.repeat, manifest.fold
+    )
+}

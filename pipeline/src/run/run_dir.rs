@@ -1,0 +1,513 @@
+//! A run directory: what a run leaves on disk, each file written whole or not at all.
+//!
+//! | file | content | written |
+//! |---|---|---|
+//! | `config.json` | recipe, data source, seed, classifier (normaliser, labels, shape) | before training |
+//! | `split.json` | the split, hashed | before training |
+//! | `environment.json` | program, commit, machine of every session | before training, at a resume elsewhere |
+//! | `.lock` | held by the process that trains | while it trains |
+//! | `metrics.jsonl` | one line per epoch | after every epoch |
+//! | `checkpoint.safetensors` | weights, optimiser state, position | at least once a minute and at every stop |
+//! | `weights.safetensors` | final weights and running statistics | at the end |
+//! | `known.safetensors` | embeddings of the training sweeps, networks only: what `enroll` needs | at the end |
+//! | `calibration.json` | bounds for unknown materials and prediction sets, with `--calibrate` only | at the end |
+//! | `enrolled.json` | materials that were added to a trained classifier | by `enroll` |
+//! | `predictions_test.csv` | scores of every test sweep, tsml layout | at the end |
+//! | `confusion.svg` | confusion matrix | at the end |
+//! | `result.json` | what was found | last |
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde::{Serialize, de::DeserializeOwned};
+use tactnet_data::SplitManifest;
+use tactnet_models::Weights;
+
+use crate::network::checkpoint::{decode_checkpoint, encode_checkpoint};
+use crate::{
+    Calibration, Enrolled, EnrolledMaterial, EpochMetrics, PipelineError, PredictionMethod,
+    Predictions, Provenance, RunConfig, RunResult, TrainEmbeddings, TrainingState, write_whole,
+};
+
+/// Name of the lock file.
+const LOCK: &str = ".lock";
+const WEIGHTS: &str = "weights.safetensors";
+const KNOWN: &str = "known.safetensors";
+const CALIBRATION: &str = "calibration.json";
+const ENROLLED: &str = "enrolled.json";
+
+/// A folder that holds one run.
+#[derive(Debug)]
+pub struct RunDir {
+    path: PathBuf,
+    /// Locked while this process trains; the system lets go of it when the process ends, however it ends.
+    lock: Option<fs::File>,
+}
+
+impl RunDir {
+    /// Makes a new run directory with everything known before training, and locks it.
+    ///
+    /// # Errors
+    /// A folder that holds anything already; a file that cannot be written.
+    pub fn create(
+        path: &Path,
+        config: &RunConfig,
+        split: &SplitManifest,
+        provenance: &Provenance,
+    ) -> Result<Self, PipelineError> {
+        let failed = |error| PipelineError::io(path, "make the run directory", error);
+        fs::create_dir_all(path).map_err(failed)?;
+        let run = Self {
+            path: path.to_path_buf(),
+            lock: None,
+        }
+        .locked()?;
+        if run.file("config.json").exists() {
+            return Err(run.refused(
+                "holds a run already; continue it with `--resume`, or name another folder with `--out`",
+            ));
+        }
+        for entry in fs::read_dir(path).map_err(failed)? {
+            let name = entry.map_err(failed)?.file_name();
+            if name != LOCK {
+                let name = name.to_string_lossy();
+                return Err(run.refused(&format!(
+                    "a new run needs an empty folder, found `{name}`; name another with `--out`"
+                )));
+            }
+        }
+        run.write_json("split.json", split)?;
+        run.write_json("environment.json", &[provenance])?;
+        run.write_json("config.json", config)?;
+        Ok(run)
+    }
+
+    /// Opens an existing run directory to read from it.
+    ///
+    /// # Errors
+    /// A folder without a `config.json`.
+    pub fn open(path: &Path) -> Result<Self, PipelineError> {
+        let run = Self {
+            path: path.to_path_buf(),
+            lock: None,
+        };
+        if run.file("config.json").is_file() {
+            Ok(run)
+        } else {
+            Err(run
+                .refused("no run here (no config.json); name a folder that `tactnet train` made"))
+        }
+    }
+
+    /// Returns true if a process trains in the folder `path`; false where there is no such folder.
+    pub fn is_busy(path: &Path) -> bool {
+        let Ok(file) = fs::File::open(path.join(LOCK)) else {
+            return false;
+        };
+        matches!(file.try_lock_shared(), Err(fs::TryLockError::WouldBlock))
+    }
+
+    /// Name of the file with the predictions of one way (`plain`, `mc_dropout`) of a run whose recipe asks `own`.
+    pub(crate) fn predictions_file(way: &str, own: PredictionMethod) -> String {
+        if way == own.name() {
+            "predictions_test.csv".into()
+        } else {
+            format!("predictions_test_{way}.csv")
+        }
+    }
+
+    /// Predictions of the way the recipe asks (`mc_dropout` or `plain`), or of the other.
+    ///
+    /// # Errors
+    /// No such file, or a damaged one.
+    pub fn predictions(&self, way: &str) -> Result<(String, Predictions), PipelineError> {
+        let config = self.config()?;
+        let own = config.recipe.method();
+        let file = Self::predictions_file(way, own);
+        let path = self.file(&file);
+        let text =
+            fs::read_to_string(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
+        let method = if way == PredictionMethod::Plain.name() {
+            PredictionMethod::Plain
+        } else {
+            PredictionMethod::McDropout {
+                mc_samples: own.mc_samples_or(100),
+            }
+        };
+        let test = self.split()?.test;
+        let predictions = Predictions::from_tsml(&text, config.classifier.labels, method, &test)
+            .map_err(|reason| PipelineError::Run { path, reason })?;
+        Ok((file, predictions))
+    }
+
+    /// Locks the folder for training in it.
+    ///
+    /// # Errors
+    /// Another process trains in it.
+    pub fn locked(mut self) -> Result<Self, PipelineError> {
+        self.lock = Some(Self::lock(&self.path)?);
+        Ok(self)
+    }
+
+    /// Makes the folder `path` where there is none and locks it, so that [`RunDir::is_busy`] is true until the file is dropped or the
+    /// process ends.
+    ///
+    /// # Errors
+    /// Another process works in it.
+    pub fn lock(path: &Path) -> Result<fs::File, PipelineError> {
+        fs::create_dir_all(path)
+            .map_err(|error| PipelineError::io(path, "make the folder", error))?;
+        let name = path.join(LOCK);
+        let file = fs::File::create(&name)
+            .map_err(|error| PipelineError::io(&name, "make the lock file", error))?;
+        let mut outcome = file.try_lock();
+        for _ in 0..20 {
+            // Whoever asks whether the folder is busy holds the lock for a moment.
+            if !matches!(outcome, Err(fs::TryLockError::WouldBlock)) {
+                break;
+            }
+            std::thread::sleep(std::time::Duration::from_millis(10));
+            outcome = file.try_lock();
+        }
+        match outcome {
+            Ok(()) => Ok(file),
+            Err(fs::TryLockError::WouldBlock) => Err(PipelineError::Run {
+                path: path.into(),
+                reason: "another process trains in this folder".into(),
+            }),
+            Err(fs::TryLockError::Error(error)) => Err(PipelineError::io(&name, "lock", error)),
+        }
+    }
+
+    /// Adds a session to `environment.json` where program or machine differ from the last one; returns all sessions.
+    ///
+    /// # Errors
+    /// The file is missing, damaged, or cannot be written.
+    pub fn record_session(
+        &self,
+        provenance: &Provenance,
+    ) -> Result<Vec<Provenance>, PipelineError> {
+        let mut sessions: Vec<Provenance> = self.read_json("environment.json")?;
+        if sessions.last() != Some(provenance) {
+            sessions.push(provenance.clone());
+            self.write_json("environment.json", &sessions)?;
+        }
+        Ok(sessions)
+    }
+
+    fn refused(&self, reason: &str) -> PipelineError {
+        PipelineError::Run {
+            path: self.path.clone(),
+            reason: reason.into(),
+        }
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// `config.json`.
+    ///
+    /// # Errors
+    /// Missing, damaged, or of another version.
+    pub fn config(&self) -> Result<RunConfig, PipelineError> {
+        let config: RunConfig = self.read_json("config.json")?;
+        if config.schema_version == RunConfig::SCHEMA_VERSION {
+            Ok(config)
+        } else {
+            Err(PipelineError::Run {
+                path: self.file("config.json"),
+                reason: format!(
+                    "expected schema version {}, found {}",
+                    RunConfig::SCHEMA_VERSION,
+                    config.schema_version
+                ),
+            })
+        }
+    }
+
+    /// `split.json`.
+    ///
+    /// # Errors
+    /// Missing or damaged.
+    pub fn split(&self) -> Result<SplitManifest, PipelineError> {
+        self.read_json("split.json")
+    }
+
+    /// `result.json`, or `None` while the run has not ended.
+    ///
+    /// # Errors
+    /// Damaged.
+    pub fn result(&self) -> Result<Option<RunResult>, PipelineError> {
+        if self.file("result.json").exists() {
+            self.read_json("result.json").map(Some)
+        } else {
+            Ok(None)
+        }
+    }
+
+    /// Embeddings of the training sweeps, which networks leave.
+    ///
+    /// # Errors
+    /// There are none, or they are damaged.
+    pub fn train_embeddings(&self) -> Result<TrainEmbeddings, PipelineError> {
+        let path = self.file(KNOWN);
+        if !path.exists() {
+            return Err(self.refused(
+                "no known.safetensors: networks leave it at the end of their training; train anew with this version",
+            ));
+        }
+        let materials = self.config()?.classifier.labels.len();
+        let bytes = fs::read(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
+        let damaged = |reason: String| PipelineError::Run {
+            path: path.clone(),
+            reason,
+        };
+        let weights =
+            Weights::from_safetensors(&bytes).map_err(|error| damaged(error.to_string()))?;
+        TrainEmbeddings::from_weights(&weights, materials).map_err(damaged)
+    }
+
+    /// Writes embeddings of the training sweeps.
+    ///
+    /// # Errors
+    /// They cannot be written.
+    pub fn write_train_embeddings(&self, known: &TrainEmbeddings) -> Result<(), PipelineError> {
+        let metadata = [("format".to_string(), "tactnet known sweeps 1".to_string())].into();
+        self.write(KNOWN, &known.to_weights().to_safetensors(metadata)?)
+    }
+
+    /// Bounds for unknown materials and prediction sets, where the classifier was calibrated.
+    ///
+    /// # Errors
+    /// Damaged, or of another version.
+    pub fn calibration(&self) -> Result<Option<Calibration>, PipelineError> {
+        if !self.file(CALIBRATION).exists() {
+            return Ok(None);
+        }
+        let calibration: Calibration = self.read_json(CALIBRATION)?;
+        if calibration.schema_version != Calibration::SCHEMA_VERSION {
+            return Err(PipelineError::Run {
+                path: self.file(CALIBRATION),
+                reason: format!(
+                    "expected schema version {}, found {}",
+                    Calibration::SCHEMA_VERSION,
+                    calibration.schema_version
+                ),
+            });
+        }
+        Ok(Some(calibration))
+    }
+
+    /// Writes the bounds.
+    ///
+    /// # Errors
+    /// They cannot be written.
+    pub fn write_calibration(&self, calibration: &Calibration) -> Result<(), PipelineError> {
+        self.write_json(CALIBRATION, calibration)
+    }
+
+    /// Materials that were added to the classifier after its training, in their order.
+    ///
+    /// # Errors
+    /// Damaged.
+    pub fn enrolled(&self) -> Result<Vec<EnrolledMaterial>, PipelineError> {
+        if self.file(ENROLLED).exists() {
+            self.read_json(ENROLLED)
+        } else {
+            Ok(Vec::new())
+        }
+    }
+
+    /// Makes a new run directory for a classifier with one more material: what `self` holds, but for the training's course and results.
+    ///
+    /// # Errors
+    /// A folder that holds anything already; a file that cannot be written.
+    pub fn create_enrolled(
+        &self,
+        path: &Path,
+        enrolled: &Enrolled,
+        material: EnrolledMaterial,
+    ) -> Result<Self, PipelineError> {
+        let occupied = fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_some());
+        if occupied {
+            return Err(PipelineError::Run {
+                path: path.into(),
+                reason: "is not empty; name a new folder with `--out`".into(),
+            });
+        }
+        let mut materials = self.enrolled()?;
+        materials.push(material);
+        let config = RunConfig {
+            classifier: enrolled.config.clone(),
+            ..self.config()?
+        };
+        let sessions: Vec<Provenance> = self.read_json("environment.json")?;
+        let Some(last) = sessions.last() else {
+            return Err(self.refused("environment.json names no session"));
+        };
+        let run = Self::create(path, &config, &self.split()?, last)?;
+        run.write_json("environment.json", &sessions)?;
+        run.write_json(ENROLLED, &materials)?;
+        run.write_train_embeddings(&enrolled.known)?;
+        if let Some(calibration) = self.calibration()? {
+            run.write_calibration(&calibration)?;
+        }
+        run.write_weights(&enrolled.weights)?;
+        Ok(run)
+    }
+
+    /// Returns true if training has come to its end, so that the weights are final.
+    pub fn has_final_weights(&self) -> bool {
+        self.file(WEIGHTS).exists()
+    }
+
+    /// The last checkpoint with the training seconds spent until then, or `None` before the first.
+    ///
+    /// # Errors
+    /// Damaged.
+    pub fn checkpoint(&self) -> Result<Option<(TrainingState, f64)>, PipelineError> {
+        let path = self.file("checkpoint.safetensors");
+        if !path.exists() {
+            return Ok(None);
+        }
+        let bytes = fs::read(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
+        decode_checkpoint(&bytes)
+            .map(Some)
+            .map_err(|reason| PipelineError::Run { path, reason })
+    }
+
+    /// Replaces the checkpoint.
+    ///
+    /// # Errors
+    /// It cannot be written; the former one is then still whole.
+    pub fn write_checkpoint(
+        &self,
+        state: &TrainingState,
+        seconds: f64,
+    ) -> Result<(), PipelineError> {
+        let bytes = encode_checkpoint(state, seconds)?;
+        self.write("checkpoint.safetensors", &bytes)
+    }
+
+    /// `metrics.jsonl` up to (not including) `epoch`, counted from 1.
+    ///
+    /// # Errors
+    /// Damaged.
+    pub fn metrics_before(&self, epoch: usize) -> Result<Vec<EpochMetrics>, PipelineError> {
+        let path = self.file("metrics.jsonl");
+        if !path.exists() {
+            return Ok(Vec::new());
+        }
+        let text =
+            fs::read_to_string(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
+        let mut metrics = Vec::new();
+        for line in text.lines() {
+            let line: EpochMetrics =
+                serde_json::from_str(line).map_err(|error| PipelineError::Run {
+                    path: path.clone(),
+                    reason: error.to_string(),
+                })?;
+            metrics.push(line);
+        }
+        metrics.retain(|line| line.epoch < epoch);
+        Ok(metrics)
+    }
+
+    /// Replaces `metrics.jsonl`.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn write_metrics(&self, metrics: &[EpochMetrics]) -> Result<(), PipelineError> {
+        let mut text = String::new();
+        for line in metrics {
+            text.push_str(&to_json("metrics.jsonl", line, false)?);
+            text.push('\n');
+        }
+        self.write("metrics.jsonl", text.as_bytes())
+    }
+
+    /// `weights.safetensors`, or the checkpoint's weights where the run has not ended.
+    ///
+    /// # Errors
+    /// Neither is there, or damaged.
+    pub fn weights(&self) -> Result<Weights, PipelineError> {
+        let path = self.file(WEIGHTS);
+        if path.exists() {
+            let bytes = fs::read(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
+            return Weights::from_safetensors(&bytes).map_err(|error| PipelineError::Run {
+                path,
+                reason: error.to_string(),
+            });
+        }
+        match self.checkpoint()? {
+            Some((state, _)) => Ok(state.weights),
+            None => Err(PipelineError::Run {
+                path: self.path.clone(),
+                reason: "no weights yet; continue the run with `tactnet train --resume`".into(),
+            }),
+        }
+    }
+
+    /// Writes a network's final weights.
+    ///
+    /// # Errors
+    /// They cannot be written.
+    pub fn write_weights(&self, weights: &Weights) -> Result<(), PipelineError> {
+        let metadata = [("format".to_string(), "tactnet weights 1".to_string())].into();
+        self.write(WEIGHTS, &weights.to_safetensors(metadata)?)
+    }
+
+    /// Writes the fitted numbers of a baseline.
+    ///
+    /// # Errors
+    /// They cannot be written.
+    pub fn write_baseline(&self, weights: &Weights) -> Result<(), PipelineError> {
+        let metadata = [("format".to_string(), "tactnet baseline 1".to_string())].into();
+        self.write(WEIGHTS, &weights.to_safetensors(metadata)?)
+    }
+
+    /// Writes one of the final text files (`predictions_test.csv`, `confusion.svg`).
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), PipelineError> {
+        write_whole(&self.file(name), bytes)
+    }
+
+    /// Writes `value` as JSON.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn write_json(&self, name: &str, value: &impl Serialize) -> Result<(), PipelineError> {
+        let text = to_json(name, value, true)?;
+        self.write(name, format!("{text}\n").as_bytes())
+    }
+
+    fn read_json<T: DeserializeOwned>(&self, name: &str) -> Result<T, PipelineError> {
+        let path = self.file(name);
+        let text =
+            fs::read_to_string(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
+        serde_json::from_str(&text).map_err(|error| PipelineError::Run {
+            path,
+            reason: error.to_string(),
+        })
+    }
+
+    fn file(&self, name: &str) -> PathBuf {
+        self.path.join(name)
+    }
+}
+
+fn to_json(name: &str, value: &impl Serialize, pretty: bool) -> Result<String, PipelineError> {
+    let text = if pretty {
+        serde_json::to_string_pretty(value)
+    } else {
+        serde_json::to_string(value)
+    };
+    text.map_err(|error| PipelineError::Run {
+        path: name.into(),
+        reason: error.to_string(),
+    })
+}

@@ -1,0 +1,335 @@
+//! A training in a run directory, from sweeps to result: split, set aside, fit, calibrate, evaluate, write.
+//!
+//! It can be stopped after every batch and resumed in another process; the result is then the same to the bit.
+
+use std::path::Path;
+use std::time::Instant;
+
+use tactnet_data::{Dataset, Fold, TrainSplit, ValidationSplit, refuse_errors};
+
+use super::free_folder::free_folder;
+use super::training_record::TrainingRecord;
+use crate::network::train_network::train_batches;
+use crate::{
+    BaselineRecipe, BatchReport, Calibration, CalibrationTarget, Classifier, ClassifierConfig,
+    ModelConfig, ModelRecipe, NoveltyScore, NoveltyScorer, PipelineError, Provenance, Recipe,
+    RunConfig, RunDir, RunResult, TactNetSetup, TrainEmbeddings, TrainJob, Training,
+    TrainingSummary, evaluate_run, fit_baseline, read_sweeps,
+};
+
+/// What a session does, for whoever shows progress.
+#[derive(Debug)]
+pub enum TrainEvent<'a> {
+    /// The run has a result already; nothing is trained.
+    AlreadyEnded,
+    /// Another build of the program trained before; the result will name both commits.
+    OtherBuild,
+    /// A network is about to be trained.
+    Begun {
+        /// Batches trained before an interruption.
+        batches_before: usize,
+        /// Batches in an epoch.
+        batches: usize,
+        /// Epochs of the whole training.
+        epochs: usize,
+    },
+    /// A batch has been trained.
+    Batch {
+        /// What it did.
+        batch: &'a BatchReport,
+        /// Epochs of the whole training.
+        epochs: usize,
+    },
+    /// A step of fitting a baseline, for people.
+    Fitting {
+        /// The step.
+        step: &'a str,
+        /// Time since the fit began, seconds.
+        seconds: f64,
+    },
+    /// The test sweeps are about to be predicted.
+    Predicting {
+        /// How many there are.
+        sweeps: usize,
+    },
+}
+
+/// How a session ended.
+#[derive(Debug)]
+pub enum TrainOutcome {
+    /// The run has a result.
+    Finished(Box<RunResult>),
+    /// Somebody asked to stop; the run can be resumed.
+    Stopped,
+}
+
+/// A run directory that this process holds the lock of, and its data set.
+#[derive(Debug)]
+pub struct Session {
+    dataset: Dataset,
+    run: RunDir,
+    program: Provenance,
+}
+
+impl Session {
+    /// Reads the data, splits it, and writes everything known before training into a new folder.
+    ///
+    /// - `folder`: where the run is kept; `None`: `runs/DATA-RECIPE-FOLD-SEED`, numbered on if taken
+    ///
+    /// # Errors
+    /// Data that cannot be read or has errors; a fold that it does not have; too few sweeps for the calibration; settings that do not
+    /// fit the sweeps; a folder that holds anything already.
+    pub fn begin(
+        job: &TrainJob,
+        folder: Option<&Path>,
+        program: Provenance,
+    ) -> Result<Self, PipelineError> {
+        let spec = job.spec();
+        let dataset = read_sweeps(&spec.data, spec.steps, spec.label_order, spec.seed)?;
+        refuse_errors(&dataset, &spec.data)?;
+        let number = spec.fold.unwrap_or(0);
+        let fold = Fold::new(
+            &dataset,
+            spec.scheme(&dataset),
+            spec.seed,
+            spec.repeat,
+            number,
+        )?;
+        let fold = match spec.inner {
+            None => fold,
+            Some(part) => fold.nested(part)?,
+        };
+        let (fitted, aside) = set_aside(&fold, spec.calibration)?;
+        if let Some((target, aside)) = &aside {
+            target.check(aside.len())?;
+        }
+        let model = match job.recipe() {
+            ModelRecipe::TactNet2(recipe) => {
+                ModelConfig::TactNet2(TactNetSetup::fit(recipe, &fitted.train))
+            }
+            ModelRecipe::Baseline(recipe) => ModelConfig::Baseline(recipe.clone()),
+        };
+        let classifier = ClassifierConfig::new(model, &fitted.train, spec.seed);
+        classifier.validate()?;
+        let config = RunConfig {
+            schema_version: RunConfig::SCHEMA_VERSION,
+            data: spec.data.clone(),
+            steps: spec.steps,
+            label_order: spec.label_order,
+            inner: spec.inner,
+            calibration_target: spec.calibration,
+            recipe_source: spec.recipe.clone(),
+            data_sha256: dataset.sha256().into(),
+            seed: spec.seed,
+            compute: spec.device,
+            recipe: job.recipe().clone(),
+            classifier,
+        };
+        let folder = match folder {
+            Some(folder) => folder.to_path_buf(),
+            None => free_folder(dataset.name(), &config, &fold),
+        };
+        let run = RunDir::create(&folder, &config, &fold.manifest(), &program)?;
+        Ok(Self {
+            dataset,
+            run,
+            program,
+        })
+    }
+
+    /// Opens a run that was interrupted, with its own settings.
+    ///
+    /// - `data`: where its data set is now, if it was moved
+    ///
+    /// # Errors
+    /// No run in the folder, or one that materials were added to; another data set than before.
+    pub fn resume(
+        folder: &Path,
+        data: Option<&str>,
+        program: Provenance,
+    ) -> Result<Self, PipelineError> {
+        let run = RunDir::open(folder)?.locked()?;
+        let refused = |path: &Path, reason: String| PipelineError::Run {
+            path: path.into(),
+            reason,
+        };
+        if !run.enrolled()?.is_empty() {
+            let reason = "materials were added to this classifier, so it cannot be trained further; train the run it came from, and \
+                          enroll again";
+            return Err(refused(folder, reason.into()));
+        }
+        let config = run.config()?;
+        let data = data.unwrap_or(&config.data);
+        let dataset = read_sweeps(data, config.steps, config.label_order, config.seed)?;
+        if dataset.sha256() != config.data_sha256 {
+            let reason = format!(
+                "the data set has changed since the run began: expected SHA-256 {}, found {}; `--data FILE` names the right one",
+                config.data_sha256,
+                dataset.sha256()
+            );
+            return Err(refused(Path::new(data), reason));
+        }
+        Ok(Self {
+            dataset,
+            run,
+            program,
+        })
+    }
+
+    /// The run directory.
+    pub fn run(&self) -> &RunDir {
+        &self.run
+    }
+
+    /// Trains from where the run stands to its result.
+    ///
+    /// - `on_event`: called as work goes on
+    /// - `stop`: asked after every batch; true ends the session as soon as the run can be resumed
+    ///
+    /// # Errors
+    /// A loss that is not finite, a solver that fails, a file of the run that is damaged or cannot be written.
+    pub fn train(
+        &self,
+        mut on_event: impl FnMut(TrainEvent<'_>),
+        stop: impl Fn() -> bool,
+    ) -> Result<TrainOutcome, PipelineError> {
+        let run = &self.run;
+        if let Some(result) = run.result()? {
+            on_event(TrainEvent::AlreadyEnded);
+            return Ok(TrainOutcome::Finished(Box::new(result)));
+        }
+        let config = run.config()?;
+        let fold = run.split()?.fold(&self.dataset)?;
+        let (fitted, aside) = set_aside(&fold, config.calibration_target)?;
+        let sessions = run.record_session(&self.program)?;
+        if sessions
+            .iter()
+            .any(|session| session.git != self.program.git)
+        {
+            on_event(TrainEvent::OtherBuild);
+        }
+
+        let trained = match (&config.recipe, &config.classifier.model) {
+            (ModelRecipe::TactNet2(recipe), ModelConfig::TactNet2(setup)) => {
+                self.train_network(&config, recipe, setup, &fitted.train, &mut on_event, &stop)?
+            }
+            (ModelRecipe::Baseline(recipe), ModelConfig::Baseline(_)) => {
+                self.fit_baseline(&config, recipe, &fitted.train, &mut on_event, &stop)?
+            }
+            _ => {
+                return Err(PipelineError::Run {
+                    path: run.path().into(),
+                    reason: "recipe and model do not belong together".into(),
+                });
+            }
+        };
+        let Some(trained) = trained else {
+            return Ok(TrainOutcome::Stopped);
+        };
+        let device = config.compute.open()?;
+        let classifier = Classifier::new(config.classifier.clone(), &run.weights()?, &device)?;
+        if let ModelConfig::TactNet2(_) = config.classifier.model {
+            let known = TrainEmbeddings::of(&classifier.embed(&fitted.train)?);
+            run.write_train_embeddings(&known)?;
+            if let Some((target, aside)) = &aside {
+                let novelty = NoveltyScorer::fit(&classifier, &known)?;
+                let held_out = classifier.embed(aside)?;
+                let score = NoveltyScore::BEST;
+                run.write_calibration(&Calibration::fit(*target, score, &novelty, &held_out)?)?;
+            }
+        }
+        on_event(TrainEvent::Predicting {
+            sweeps: fold.test.len(),
+        });
+        let command = config.spec(&fold).without_folders().to_string();
+        let result = evaluate_run(run, &config, &classifier, &fold, sessions, trained, command)?;
+        if stop() {
+            return Ok(TrainOutcome::Stopped);
+        }
+        run.write_json("result.json", &result)?;
+        Ok(TrainOutcome::Finished(Box::new(result)))
+    }
+
+    /// `None` when somebody asked to stop; the training then goes on from a checkpoint.
+    fn train_network(
+        &self,
+        config: &RunConfig,
+        recipe: &Recipe,
+        setup: &TactNetSetup,
+        train: &TrainSplit<'_>,
+        on_event: &mut impl FnMut(TrainEvent<'_>),
+        stop: &impl Fn() -> bool,
+    ) -> Result<Option<TrainingSummary>, PipelineError> {
+        let device = config.compute.open()?;
+        let network = config.classifier.network_config(setup)?;
+        let normalizer = &setup.normalizer;
+        let training = Training::start(recipe, train, normalizer, &network, config.seed, &device)?;
+        let (mut record, mut training) = TrainingRecord::resume(&self.run, training)?;
+        let (epochs, batches) = (recipe.training.epochs, training.batches());
+        on_event(TrainEvent::Begun {
+            batches_before: training.position().epoch * batches + training.position().batch,
+            batches,
+            epochs,
+        });
+        let ended = train_batches(&mut training, Some(&mut record), |batch| {
+            on_event(TrainEvent::Batch { batch, epochs });
+            !stop()
+        })?;
+        if !ended {
+            return Ok(None);
+        }
+        record.save(&training)?;
+        self.run.write_weights(&training.state()?.weights)?;
+        Ok(Some(TrainingSummary {
+            seconds: record.seconds(),
+            sweeps: train.len(),
+            epochs: Some(epochs),
+            ..TrainingSummary::default()
+        }))
+    }
+
+    /// `None` when somebody asked to stop; the fit then starts over.
+    fn fit_baseline(
+        &self,
+        config: &RunConfig,
+        recipe: &BaselineRecipe,
+        train: &TrainSplit<'_>,
+        on_event: &mut impl FnMut(TrainEvent<'_>),
+        stop: &impl Fn() -> bool,
+    ) -> Result<Option<TrainingSummary>, PipelineError> {
+        let begun = Instant::now();
+        let fitted = fit_baseline(recipe, train, config.seed, |step| {
+            on_event(TrainEvent::Fitting {
+                step: &step,
+                seconds: begun.elapsed().as_secs_f64(),
+            });
+        })?;
+        if stop() {
+            return Ok(None);
+        }
+        let seconds = begun.elapsed().as_secs_f64();
+        self.run.write_baseline(&fitted.weights)?;
+        Ok(Some(TrainingSummary {
+            seconds,
+            sweeps: train.len(),
+            epochs: None,
+            chosen: fitted.chosen,
+        }))
+    }
+}
+
+/// What is fitted to, and what a calibration has of the training sweeps, if there is one.
+type SetAside<'a> = (Fold<'a>, Option<(CalibrationTarget, ValidationSplit<'a>)>);
+
+fn set_aside<'a>(
+    fold: &Fold<'a>,
+    target: Option<CalibrationTarget>,
+) -> Result<SetAside<'a>, PipelineError> {
+    match target {
+        None => Ok((fold.clone(), None)),
+        Some(target) => {
+            let (fitted, aside) = fold.set_aside()?;
+            Ok((fitted, Some((target, aside))))
+        }
+    }
+}

@@ -1,0 +1,88 @@
+//! Sweeps that a trained classifier can be tested on: those that nothing was fitted to.
+
+use tactnet_data::{Dataset, SplitManifest, SweepView};
+
+use super::read_sweeps::read_sweeps;
+use crate::{PipelineError, RunConfig, RunDir, without_sweeps_of};
+
+/// Sweeps of a data set without those that a classifier was trained on.
+#[derive(Debug, Clone)]
+pub struct TestSweeps<'a> {
+    /// The sweeps.
+    pub view: SweepView<'a>,
+    /// What they are, for people.
+    pub description: String,
+    /// False if the training data could not be read, so that training sweeps may be among them.
+    pub training_sweeps_known: bool,
+}
+
+impl<'a> TestSweeps<'a> {
+    /// The run's own test sweeps if `dataset` is what it was trained on, else every sweep but those of the training set; in both cases
+    /// without sweeps that were enrolled.
+    ///
+    /// # Errors
+    /// A damaged run directory; no sweep is left.
+    pub fn of_run(run: &RunDir, dataset: &'a Dataset) -> Result<Self, PipelineError> {
+        let (config, manifest) = (run.config()?, run.split()?);
+        let mut found = if dataset.sha256() == config.data_sha256 {
+            Self {
+                view: SweepView::clone(&manifest.fold(dataset)?.test),
+                description: "test split of the run".into(),
+                training_sweeps_known: true,
+            }
+        } else {
+            Self::unseen(dataset, &config, &manifest)?
+        };
+        let enrolled: Vec<usize> = run
+            .enrolled()?
+            .into_iter()
+            .filter(|material| material.data_sha256 == dataset.sha256())
+            .flat_map(|material| material.sweeps)
+            .collect();
+        let all = found.view.indices().iter().copied();
+        let left: Vec<usize> = all.filter(|index| !enrolled.contains(index)).collect();
+        let dropped = found.view.len() - left.len();
+        if dropped > 0 {
+            found.view = SweepView::new(dataset, left);
+            found.description += &format!(", but {dropped} that were enrolled");
+        }
+        if found.view.is_empty() {
+            return Err(PipelineError::Incompatible {
+                item: "test sweeps",
+                expected: "sweeps that it has not been trained on".into(),
+                found: format!("none in {}", dataset.name()),
+            });
+        }
+        Ok(found)
+    }
+
+    /// Every sweep of `dataset` but those of the training set that `config` and `manifest` describe.
+    ///
+    /// # Errors
+    /// A manifest that is damaged.
+    pub fn unseen(
+        dataset: &'a Dataset,
+        config: &RunConfig,
+        manifest: &SplitManifest,
+    ) -> Result<Self, PipelineError> {
+        let all = SweepView::all(dataset);
+        let own = read_sweeps(&config.data, config.steps, config.label_order, config.seed)
+            .ok()
+            .filter(|own| own.sha256() == config.data_sha256);
+        let Some(own) = own else {
+            return Ok(Self {
+                view: all,
+                description:
+                    "every sweep; the training data is not at hand, so training sweeps may be among them"
+                        .into(),
+                training_sweeps_known: false,
+            });
+        };
+        let (view, dropped) = without_sweeps_of(&all, &manifest.fold(&own)?.train);
+        Ok(Self {
+            view,
+            description: format!("every sweep but {dropped} of the training set"),
+            training_sweeps_known: true,
+        })
+    }
+}

@@ -1,0 +1,127 @@
+//! Closed choices of the command line, as clap shows them.
+
+use clap::ValueEnum;
+use tactnet_models::Compute;
+use tactnet_pipeline::{MeanRemoval, RuntimeKind, SplitKind};
+
+/// What to train.
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+pub enum ModelChoice {
+    /// TactNet-II, the thesis's convolutional network
+    Tactnet2,
+    /// k nearest neighbours on roughness and two spectral centroids
+    KnnL,
+    /// k nearest neighbours on the short-time spectrum
+    KnnH,
+    /// Support vector machine on roughness and two spectral centroids
+    SvmL,
+    /// Support vector machine on the short-time spectrum
+    SvmH,
+    /// MiniRocket and a ridge classifier
+    Minirocket,
+    /// MultiRocket and Hydra and a ridge classifier
+    MultirocketHydra,
+    /// Nearest neighbour on the taxels' means: a probe of what the data set gives away
+    Means,
+}
+
+impl ModelChoice {
+    /// The recipe that it has by itself.
+    pub fn recipe(self) -> &'static str {
+        match self {
+            Self::Tactnet2 => "fast",
+            Self::KnnL => "knn-l",
+            Self::KnnH => "knn-h",
+            Self::SvmL => "svm-l",
+            Self::SvmH => "svm-h",
+            Self::Minirocket => "minirocket",
+            Self::MultirocketHydra => "multirocket-hydra",
+            Self::Means => "means",
+        }
+    }
+}
+
+/// What happens to levels.
+#[derive(Clone, Copy, ValueEnum)]
+pub enum LevelsChoice {
+    /// They may be used
+    Kept,
+    /// Each taxel's mean over the sweep is subtracted
+    Removed,
+}
+
+impl From<LevelsChoice> for MeanRemoval {
+    fn from(choice: LevelsChoice) -> Self {
+        match choice {
+            LevelsChoice::Kept => Self::None,
+            LevelsChoice::Removed => Self::PerSweep,
+        }
+    }
+}
+
+/// How to split.
+#[derive(Clone, Copy, ValueEnum)]
+pub enum SplitChoice {
+    /// Stratified 5-fold cross-validation, 2 runs
+    KFold,
+    /// The file's own test sweeps
+    TestFlag,
+    /// Fold k tests on the k-th recording block of every material
+    LeaveBlockOut,
+}
+
+impl From<SplitChoice> for SplitKind {
+    fn from(choice: SplitChoice) -> Self {
+        match choice {
+            SplitChoice::KFold => Self::KFold,
+            SplitChoice::TestFlag => Self::TestFlag,
+            SplitChoice::LeaveBlockOut => Self::LeaveBlockOut,
+        }
+    }
+}
+
+/// Where to compute.
+#[derive(Clone, Copy, Default, ValueEnum)]
+pub enum DeviceChoice {
+    /// The processor
+    #[default]
+    Cpu,
+    /// A GPU with a Vulkan driver (needs a build with `--features vulkan`)
+    Vulkan,
+    /// An NVIDIA GPU (needs a build with `--features cuda`)
+    Cuda,
+}
+
+impl From<DeviceChoice> for Compute {
+    fn from(choice: DeviceChoice) -> Self {
+        match choice {
+            DeviceChoice::Cpu => Self::Cpu,
+            DeviceChoice::Vulkan => Self::Vulkan,
+            DeviceChoice::Cuda => Self::Cuda,
+        }
+    }
+}
+
+/// What computes the scores.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum RuntimeChoice {
+    /// Burn, batch by batch: what training uses
+    Burn,
+    /// Frame by frame: what `tactnet serve` uses
+    Online,
+    /// The exported ONNX file in ONNX Runtime (a build with `--features onnxruntime`)
+    Onnxruntime,
+    /// The exported weights in candle (a build with `--features candle`)
+    Candle,
+}
+
+impl From<RuntimeChoice> for RuntimeKind {
+    fn from(choice: RuntimeChoice) -> Self {
+        match choice {
+            RuntimeChoice::Burn => Self::Burn,
+            RuntimeChoice::Online => Self::Online,
+            RuntimeChoice::Onnxruntime => Self::OnnxRuntime,
+            RuntimeChoice::Candle => Self::Candle,
+        }
+    }
+}

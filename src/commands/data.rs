@@ -1,0 +1,169 @@
+//! `tactnet data`: look at, check, make, convert and fetch data sets.
+
+mod fetch;
+mod import;
+mod make_twin;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::bail;
+use clap::{Args, Subcommand};
+use tactnet_data::format::{self, Format};
+use tactnet_data::{Dataset, Finding, Severity, check, group_findings, info};
+
+use crate::{failure, output, source, view};
+
+#[derive(Subcommand)]
+pub enum DataCommand {
+    /// Show what a data set holds
+    #[command(
+        after_help = "Examples:\n  tactnet data info sweeps.h5\n  tactnet data info twin --json"
+    )]
+    Info(FileArgs),
+    /// Show sweeps in the Rerun viewer
+    View(view::SweepsArgs),
+    /// Look for what would spoil training; exit code 1 if there are errors
+    #[command(
+        after_help = "Examples:\n  tactnet data check sweeps.h5\n  tactnet data check sweeps.npz --json"
+    )]
+    Check(CheckArgs),
+    /// Make the synthetic TactMat twin
+    #[command(after_help = "Examples:\n  tactnet data twin --out twin.h5\n  \
+        tactnet data twin --materials 6 --sweeps 20 --out small.h5\n  \
+        tactnet data twin --stats                compare its signal with the real one")]
+    Twin(make_twin::TwinArgs),
+    /// Convert a recording into an HDF5 data set
+    #[command(
+        after_help = "Examples:\n  tactnet data import sweeps.npz --out sweeps.h5\n  \
+        tactnet data import today.mcap --out today.h5                     sweeps labelled by their start commands\n  \
+        tactnet data import felt.mcap --out felt.h5 --material felt       all of one material\n\n\
+        Where a recording has not equally many sweeps of every material, write .npz."
+    )]
+    Import(import::ImportArgs),
+    /// Convert a data set for other programs: .npz (numpy), .ts (aeon), .h5
+    #[command(
+        after_help = "Examples:\n  tactnet data export sweeps.h5 --out sweeps.ts\n  \
+        tactnet data export twin --out twin.npz"
+    )]
+    Export(ConvertArgs),
+    /// Download a published data set and verify it
+    #[command(
+        after_help = "Example:\n  tactnet data fetch tactmat --out tactmat.h5\n\n\
+        A broken download is resumed by the same command."
+    )]
+    Fetch(fetch::FetchArgs),
+}
+
+#[derive(Args)]
+pub struct FileArgs {
+    /// A data set (.h5, .npz), or `twin`
+    #[arg(value_name = "FILE|twin")]
+    data: String,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Args)]
+pub struct CheckArgs {
+    #[command(flatten)]
+    file: FileArgs,
+    /// List every finding, not only the first of each kind
+    #[arg(long)]
+    all: bool,
+}
+
+#[derive(Args)]
+pub struct ConvertArgs {
+    /// What to read (.h5, .npz), or `twin`
+    #[arg(value_name = "FILE|twin")]
+    data: String,
+    /// What to write; the extension decides the format
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Overwrite the file
+    #[arg(long)]
+    force: bool,
+}
+
+/// Runs the command.
+pub fn run(command: DataCommand) -> anyhow::Result<ExitCode> {
+    match command {
+        DataCommand::Info(arguments) => show_info(&arguments),
+        DataCommand::View(arguments) => view::run_sweeps(&arguments),
+        DataCommand::Check(arguments) => run_check(&arguments),
+        DataCommand::Twin(arguments) => make_twin::run(&arguments),
+        DataCommand::Import(arguments) => import::run(&arguments),
+        DataCommand::Export(arguments) => convert(&arguments),
+        DataCommand::Fetch(arguments) => fetch::run(&arguments),
+    }
+}
+
+/// Reads a data set even if some of its values are no numbers.
+fn load_with_gaps(data: &str) -> anyhow::Result<Dataset> {
+    if data == source::TWIN || !Path::new(data).exists() {
+        return Ok(source::load(data)?);
+    }
+    Ok(format::read_with_gaps(Path::new(data))?)
+}
+
+fn show_info(arguments: &FileArgs) -> anyhow::Result<ExitCode> {
+    let info = info(&load_with_gaps(&arguments.data)?);
+    if arguments.json {
+        output::print_json(&info)?;
+    } else {
+        output::print(info)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn run_check(arguments: &CheckArgs) -> anyhow::Result<ExitCode> {
+    let findings = check(&load_with_gaps(&arguments.file.data)?);
+    let errors = count(&findings, Severity::Error);
+    if arguments.file.json {
+        output::print_json(&findings)?;
+    } else {
+        let shown = if arguments.all { findings.len() } else { 3 };
+        for group in group_findings(&findings) {
+            output::print(format_args!("{group:.shown$}"))?;
+        }
+        let warnings = count(&findings, Severity::Warning);
+        output::print(format_args!(
+            "{}: {errors} errors, {warnings} warnings",
+            arguments.file.data
+        ))?;
+    }
+    Ok(ExitCode::from(if errors > 0 { failure::FAILED } else { 0 }))
+}
+
+fn count(findings: &[Finding], severity: Severity) -> usize {
+    findings
+        .iter()
+        .filter(|finding| finding.severity == severity)
+        .count()
+}
+
+fn convert(arguments: &ConvertArgs) -> anyhow::Result<ExitCode> {
+    let format = Format::from_extension(&arguments.out)?;
+    refuse_to_overwrite(&arguments.out, arguments.force)?;
+    let dataset = source::load(&arguments.data)?;
+    format.write(&arguments.out, &dataset)?;
+    eprintln!(
+        "{}: {} sweeps ({})",
+        arguments.out.display(),
+        dataset.len(),
+        dataset.shape()
+    );
+    Ok(ExitCode::SUCCESS)
+}
+
+fn refuse_to_overwrite(out: &Path, force: bool) -> anyhow::Result<()> {
+    if out.exists() && !force {
+        bail!(
+            "{}: exists already; overwrite it with `--force`",
+            out.display()
+        );
+    }
+    Ok(())
+}

@@ -1,0 +1,83 @@
+//! `tactnet data fetch`: downloads a published data set and verifies it.
+
+use std::io::IsTerminal;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Args, ValueEnum};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use tactnet_data::{Origin, Progress, Source, fetch};
+
+use crate::output;
+
+#[derive(Args)]
+pub struct FetchArgs {
+    /// Which data set
+    #[arg(value_enum)]
+    name: Published,
+    /// Where to put it
+    #[arg(long, value_name = "FILE", default_value = "tactmat.h5")]
+    out: PathBuf,
+    /// Fetch from another address, a mirror; the content is verified all the same
+    #[arg(long, value_name = "URL")]
+    url: Option<String>,
+}
+
+/// Published data sets.
+#[derive(Clone, Copy, ValueEnum)]
+enum Published {
+    /// TactMat: 36 materials, 100 sweeps each
+    Tactmat,
+}
+
+/// Runs the command.
+pub fn run(arguments: &FetchArgs) -> anyhow::Result<ExitCode> {
+    let mut source = match arguments.name {
+        Published::Tactmat => Source::tactmat(),
+    };
+    if let Some(url) = &arguments.url {
+        source.url.clone_from(url);
+    }
+    let bar = download_bar();
+    let fetched = fetch(
+        &source,
+        &arguments.out,
+        &mut |Progress {
+                  done_bytes,
+                  total_bytes,
+                  ..
+              }| {
+            if let Some(total) = total_bytes {
+                bar.set_length(total);
+            }
+            bar.set_position(done_bytes);
+        },
+    );
+    bar.finish_and_clear();
+    let fetched = fetched?;
+    let how = match fetched.origin {
+        Origin::AlreadyThere => "there already, verified".to_string(),
+        Origin::Downloaded { resumed_from: 0 } => "downloaded and verified".to_string(),
+        Origin::Downloaded { resumed_from } => {
+            format!("downloaded (resumed at byte {resumed_from}) and verified")
+        }
+    };
+    output::print(format_args!(
+        "{}: {} bytes, {how}",
+        fetched.path.display(),
+        fetched.bytes
+    ))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn download_bar() -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
+    let template = "[{bar:30}] {bytes}/{total_bytes}, {bytes_per_sec}, {eta} to go";
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style.progress_chars("=> "));
+    }
+    bar
+}

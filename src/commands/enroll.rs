@@ -1,0 +1,137 @@
+//! `tactnet enroll`: adds a material to a trained classifier from a few sweeps.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use anyhow::{Context, bail};
+use clap::Args;
+use serde::Serialize;
+use tactnet_data::{SweepView, refuse_errors};
+use tactnet_models::Compute;
+use tactnet_pipeline::{Classifier, EnrolledMaterial, LabelOrder, RunDir, enroll, weights_sha256};
+
+use super::choices::DeviceChoice;
+use crate::{GIT, output, source};
+
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    tactnet enroll runs/a --data new.h5 --material felt --sweeps 5 --out runs/a-felt     its first five sweeps in the file\n  \
+    tactnet enroll runs/a --data new.h5 --material felt --out runs/a-felt-all            every sweep of it\n  \
+    tactnet eval runs/a-felt --data new.h5                                               judge by the file's other sweeps\n\n\
+    Network and other rows of the output layer stay bit for bit; only sweeps that the new material now claims change their answer \
+    (`tactnet experiment run enrolment` measures how many). RUN must be a network whose training has ended. To be judged, a classifier \
+    must know every material of the file.")]
+pub struct EnrollArgs {
+    /// Run directory of a trained network
+    #[arg(value_name = "RUN")]
+    run: PathBuf,
+    /// A data set that holds sweeps of the new material
+    #[arg(long, value_name = "FILE|twin")]
+    data: String,
+    /// The new material's name in that data set
+    #[arg(long, value_name = "NAME")]
+    material: String,
+    /// Learn from its first N sweeps only
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    sweeps: Option<u32>,
+    /// New folder for the classifier that knows it
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Where to compute
+    #[arg(long, value_enum, default_value_t)]
+    device: DeviceChoice,
+    /// Print one JSON document instead of a line
+    #[arg(long)]
+    json: bool,
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct EnrollResult<'a> {
+    schema_version: u32,
+    run: String,
+    #[serde(flatten)]
+    enrolled: &'a EnrolledMaterial,
+    materials: usize,
+    /// Embedding, fit and writing, without loading data and network.
+    seconds: f64,
+}
+
+/// Runs the command.
+pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
+    let run = RunDir::open(&arguments.run)?;
+    let config = run.config()?;
+    if !run.has_final_weights() {
+        bail!(
+            "{}: the run has not ended; continue it with `tactnet train --resume`",
+            arguments.run.display()
+        );
+    }
+    let known = run.train_embeddings()?;
+    let weights = run.weights()?;
+    let device = Compute::from(arguments.device).open()?;
+    let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
+    let dataset = source::load_part(&arguments.data, config.steps, LabelOrder::True, config.seed)?;
+    refuse_errors(&dataset, &arguments.data)?;
+    let Some(label) = dataset
+        .labels()
+        .names()
+        .position(|name| name == arguments.material)
+    else {
+        let names: Vec<&str> = dataset.labels().names().collect();
+        bail!(
+            "{}: no material `{}`; it holds {}",
+            arguments.data,
+            arguments.material,
+            names.join(", ")
+        );
+    };
+    let own = (0..dataset.len()).filter(|index| dataset.records()[*index].label == label);
+    let sweeps: Vec<usize> = match arguments.sweeps {
+        None => own.collect(),
+        Some(wanted) => {
+            let found = own.clone().count();
+            if found < wanted as usize {
+                bail!(
+                    "{}: `{}` has {found} sweeps, {wanted} were asked for",
+                    arguments.data,
+                    arguments.material
+                );
+            }
+            own.take(wanted as usize).collect()
+        }
+    };
+    let begun = Instant::now();
+    let view = SweepView::new(&dataset, sweeps.clone());
+    let enrolled = enroll(&classifier, &known, &view, &arguments.material)?;
+    let material = EnrolledMaterial {
+        material: arguments.material.clone(),
+        data: dataset.name().into(),
+        data_sha256: dataset.sha256().into(),
+        sweeps,
+        weights_sha256: weights_sha256(&weights)?,
+        git: GIT.into(),
+    };
+    run.create_enrolled(&arguments.out, &enrolled, material.clone())
+        .context("cannot write the new classifier")?;
+    let seconds = begun.elapsed().as_secs_f64();
+    let materials = enrolled.config.labels.len();
+    if arguments.json {
+        output::print_json(&EnrollResult {
+            schema_version: 1,
+            run: arguments.out.display().to_string(),
+            enrolled: &material,
+            materials,
+            seconds,
+        })?;
+    } else {
+        output::print(format_args!(
+            "`{}` learnt from {} sweeps in {seconds:.2} s; {} knows {materials} materials",
+            arguments.material,
+            material.sweeps.len(),
+            arguments.out.display()
+        ))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,89 @@
+//! `tactnet export`: a trained network for other programs.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::{Context, bail};
+use clap::{Args, ValueEnum};
+use tactnet_pipeline::{RunDir, to_onnx, to_safetensors, weights_sha256, write_whole};
+
+use crate::GIT;
+
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    tactnet export runs/a --out tactnet.onnx            digits in, log-probabilities out, for any ONNX runtime\n  \
+    tactnet export runs/a --out tactnet.safetensors     weights and scaling by name\n\n\
+    The ONNX file takes `digits` [sweeps, steps, taxels] and, for Monte Carlo dropout, `masks` [runs, features]; labels, rate, window, \
+    thresholds and hashes are in its metadata_props.")]
+pub struct ExportArgs {
+    /// Run directory of a trained network
+    #[arg(value_name = "RUN")]
+    run: PathBuf,
+    /// What to write
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Which format [default: by the file's extension]
+    #[arg(long, value_enum)]
+    format: Option<Format>,
+    /// Overwrite the file
+    #[arg(long)]
+    force: bool,
+}
+
+/// What other programs read.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Format {
+    /// The whole computation
+    Onnx,
+    /// Weights and scaling
+    Safetensors,
+}
+
+/// Runs the command.
+pub fn run(arguments: &ExportArgs) -> anyhow::Result<ExitCode> {
+    let extension = arguments.out.extension().and_then(|e| e.to_str());
+    let format = match (arguments.format, extension) {
+        (Some(format), _) => format,
+        (None, Some("onnx")) => Format::Onnx,
+        (None, Some("safetensors")) => Format::Safetensors,
+        (None, _) => bail!(
+            "{}: expected the extension .onnx or .safetensors, or `--format`",
+            arguments.out.display()
+        ),
+    };
+    if arguments.out.exists() && !arguments.force {
+        bail!(
+            "{}: exists already; overwrite it with `--force`",
+            arguments.out.display()
+        );
+    }
+    let run = RunDir::open(&arguments.run)?;
+    if !run.has_final_weights() {
+        bail!("{}: its training has not ended", arguments.run.display());
+    }
+    let config = run.config()?;
+    let weights = run.weights()?;
+    let about = BTreeMap::from([
+        ("format".to_owned(), "tactnet 1".to_owned()),
+        ("version".into(), env!("CARGO_PKG_VERSION").into()),
+        ("git".into(), GIT.into()),
+        ("data_sha256".into(), config.data_sha256.clone()),
+        ("weights_sha256".into(), weights_sha256(&weights)?),
+    ]);
+    let calibration = run.calibration()?;
+    let bytes = match format {
+        Format::Onnx => to_onnx(&config.classifier, &weights, calibration.as_ref(), &about)?,
+        Format::Safetensors => {
+            to_safetensors(&config.classifier, &weights, calibration.as_ref(), &about)?
+        }
+    };
+    write_whole(&arguments.out, &bytes).context("cannot export")?;
+    eprintln!(
+        "{}: {} materials, {:.1} MB",
+        arguments.out.display(),
+        config.classifier.labels.len(),
+        bytes.len() as f64 / 1e6
+    );
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,181 @@
+//! `tactnet train`: from sweeps to a trained, evaluated classifier in a run directory.
+
+mod progress;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::bail;
+use clap::Args;
+use tactnet_data::Seed;
+use tactnet_pipeline::{
+    CalibrationTarget, LabelOrder, ModelRecipe, Provenance, RunDir, Session, TrainJob,
+    TrainOutcome, TrainSpec,
+};
+
+use super::choices::{DeviceChoice, LevelsChoice, ModelChoice, SplitChoice};
+use crate::report::OutputFormat;
+use crate::stop::Stop;
+use crate::{GIT, failure, report, source};
+use progress::Progress;
+
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    tactnet train                                        the twin, two minutes\n  \
+    tactnet train --recipe thesis --out runs/thesis      TactNet-II as published\n  \
+    tactnet train --model minirocket                     a baseline on the same fold\n  \
+    tactnet train --data sweeps.h5 --fold 3 --seed 7     the fourth of five folds\n  \
+    tactnet train --calibrate                            can say that it does not know a material\n  \
+    tactnet train --resume runs/thesis                   go on after Ctrl-C or a crash\n\n\
+    Without --fold the file's own `test_flag` decides what is tested, where it has one; else fold 0 of 5.")]
+pub struct TrainArgs {
+    /// A data set (.h5, .npz), or `twin` [default: twin]
+    #[arg(long, value_name = "FILE|twin")]
+    data: Option<String>,
+    /// What to train [default: tactnet2]
+    #[arg(long, value_enum)]
+    model: Option<ModelChoice>,
+    /// How to train it: a built-in recipe (fast, thesis) or a TOML file [default: fast, or the model's only one]
+    #[arg(long, value_name = "NAME|FILE")]
+    recipe: Option<String>,
+    /// Whether a taxel's mean over the sweep may be used [default: the recipe's]
+    #[arg(long, value_enum)]
+    levels: Option<LevelsChoice>,
+    /// Only the first N time steps of every sweep
+    #[arg(long, value_name = "N")]
+    steps: Option<usize>,
+    /// Deal the labels anew at random first: a sound experiment then scores chance
+    #[arg(long)]
+    permute_labels: bool,
+    /// How to split into training and test sweeps [default: the file's test flag, else k-fold]
+    #[arg(long, value_enum)]
+    split: Option<SplitChoice>,
+    /// Fold to test on, counted from 0 [default: 0]
+    #[arg(long, value_name = "K")]
+    fold: Option<usize>,
+    /// Repeat of the cross-validation, counted from 0; every repeat deals its folds anew
+    #[arg(long, alias = "run", value_name = "R", default_value_t = 0)]
+    repeat: usize,
+    /// Judge by part I of the fold's training sweeps instead of its test sweeps, and train on the other parts: for choosing settings
+    #[arg(long, value_name = "I")]
+    inner: Option<usize>,
+    /// Set a fifth of the training sweeps aside to calibrate: when to say "unknown", and how many materials to name to be sure
+    #[arg(long)]
+    calibrate: bool,
+    /// Share of sweeps of known materials that may be called unknown [default: 0.05]
+    #[arg(long, value_name = "SHARE", requires = "calibrate", value_parser = share)]
+    false_alarms: Option<f64>,
+    /// Share of sweeps whose material is to be in the prediction set [default: 0.9]
+    #[arg(long, value_name = "SHARE", requires = "calibrate", value_parser = share)]
+    coverage: Option<f64>,
+    /// Folder for the run [default: runs/DATA-RECIPE-FOLD-SEED, numbered on if taken]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Decides every random choice: folds, weights, order, dropout
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Train this many epochs instead of the recipe's
+    #[arg(long, value_name = "N")]
+    epochs: Option<usize>,
+    /// Where to compute
+    #[arg(long, value_enum, default_value_t)]
+    device: DeviceChoice,
+    /// Continue an interrupted run with its own settings; --data says where its data set is now, if it was moved
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["model", "recipe", "levels", "steps", "permute_labels", "inner", "calibrate", "split", "fold", "repeat", "out", "seed", "epochs", "device"])]
+    resume: Option<PathBuf>,
+    /// Print result.json instead of a table
+    #[arg(long)]
+    json: bool,
+}
+
+impl TrainArgs {
+    fn spec(&self) -> TrainSpec {
+        let usual = TrainSpec::default();
+        let target = CalibrationTarget::default();
+        let own = self.model.map(|model| model.recipe().to_string());
+        TrainSpec {
+            data: self.data.clone().unwrap_or(usual.data),
+            recipe: self.recipe.clone().or(own).unwrap_or(usual.recipe),
+            mean_removal: self.levels.map(Into::into),
+            steps: self.steps,
+            label_order: if self.permute_labels {
+                LabelOrder::Permuted
+            } else {
+                LabelOrder::True
+            },
+            split: self.split.map(Into::into),
+            fold: self.fold,
+            repeat: self.repeat,
+            inner: self.inner,
+            calibration: self.calibrate.then(|| CalibrationTarget {
+                false_alarms: self.false_alarms.unwrap_or(target.false_alarms),
+                coverage: self.coverage.unwrap_or(target.coverage),
+            }),
+            seed: Seed(self.seed),
+            epochs: self.epochs,
+            device: self.device.into(),
+        }
+    }
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "not a number".to_string())?;
+    if value > 0.0 && value < 1.0 {
+        Ok(value)
+    } else {
+        Err("expected a number between 0 and 1".into())
+    }
+}
+
+/// Runs the command.
+pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
+    let stop = Stop::listen()?;
+    let program = Provenance::of_this_process(env!("CARGO_PKG_VERSION"), GIT);
+    let session = match &arguments.resume {
+        Some(folder) => {
+            let data = arguments.data.as_deref();
+            let begun_with = RunDir::open(folder)?.config()?.data;
+            source::announce(data.unwrap_or(&begun_with));
+            Session::resume(folder, data, program)?
+        }
+        None => {
+            let job = TrainJob::try_from(arguments.spec())?;
+            if let Some(model) = arguments.model {
+                refuse_other_model(&job, model)?;
+            }
+            source::announce(&job.spec().data);
+            Session::begin(&job, arguments.out.as_deref(), program)?
+        }
+    };
+    train(&session, &stop, OutputFormat::from_flag(arguments.json))
+}
+
+/// Trains from where the run stands, and prints its result.
+pub fn train(session: &Session, stop: &Stop, format: OutputFormat) -> anyhow::Result<ExitCode> {
+    let mut progress = Progress::default();
+    let path = session.run().path().display();
+    match session.train(
+        |event| progress.show(&event, session.run().path()),
+        || stop.asked(),
+    )? {
+        TrainOutcome::Finished(result) => report::print_result(session.run(), &result, format),
+        TrainOutcome::Stopped => {
+            eprintln!("stopped; continue with `tactnet train --resume {path}`");
+            Ok(ExitCode::from(failure::INTERRUPTED))
+        }
+    }
+}
+
+fn refuse_other_model(job: &TrainJob, model: ModelChoice) -> anyhow::Result<()> {
+    let fits = match job.recipe() {
+        ModelRecipe::TactNet2(_) => model == ModelChoice::Tactnet2,
+        ModelRecipe::Baseline(recipe) => recipe.name == model.recipe(),
+    };
+    if !fits {
+        bail!(
+            "recipe `{}` does not train the model asked for; leave out --model or --recipe",
+            job.spec().recipe
+        );
+    }
+    Ok(())
+}

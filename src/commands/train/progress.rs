@@ -1,0 +1,93 @@
+//! How far a training is.
+
+use std::io::IsTerminal;
+use std::path::Path;
+use std::time::Instant;
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use tactnet_pipeline::{BatchReport, TrainEvent};
+
+/// A bar on a terminal, a line per epoch elsewhere.
+#[derive(Default)]
+pub struct Progress {
+    network: Option<NetworkProgress>,
+}
+
+struct NetworkProgress {
+    bar: Option<ProgressBar>,
+    begun: Instant,
+    batches_before: usize,
+}
+
+impl Progress {
+    /// Shows what a session does in the run directory `run`.
+    pub fn show(&mut self, event: &TrainEvent<'_>, run: &Path) {
+        match *event {
+            TrainEvent::AlreadyEnded => eprintln!("{}: this run has ended already", run.display()),
+            TrainEvent::OtherBuild => {
+                eprintln!("this run was begun by another build; its result will name both commits");
+            }
+            TrainEvent::Begun {
+                batches_before,
+                batches,
+                epochs,
+            } => self.network = Some(NetworkProgress::new(batches_before, epochs * batches)),
+            TrainEvent::Batch { batch, epochs } => {
+                if let Some(network) = &self.network {
+                    network.show(batch, epochs);
+                }
+            }
+            TrainEvent::Fitting { step, seconds } => eprintln!("{seconds:>4.0} s: {step}"),
+            TrainEvent::Predicting { sweeps } => {
+                if let Some(bar) = self.network.as_ref().and_then(|it| it.bar.as_ref()) {
+                    bar.finish();
+                }
+                eprintln!("predicting {sweeps} test sweeps …");
+            }
+        }
+    }
+}
+
+impl NetworkProgress {
+    fn new(batches_before: usize, batches: usize) -> Self {
+        let bar = std::io::stderr().is_terminal().then(|| {
+            let target = ProgressDrawTarget::stderr();
+            let bar = ProgressBar::with_draw_target(Some(batches as u64), target);
+            if let Ok(style) = ProgressStyle::with_template(
+                "{msg} [{bar:30}] {percent:>3} %, {elapsed} gone, {eta} to go",
+            ) {
+                bar.set_style(style.progress_chars("=> "));
+            }
+            bar.set_position(batches_before as u64);
+            bar.reset_eta();
+            bar
+        });
+        Self {
+            bar,
+            begun: Instant::now(),
+            batches_before,
+        }
+    }
+
+    fn show(&self, batch: &BatchReport, epochs: usize) {
+        let text = format!(
+            "epoch {}/{epochs}: loss {:.3}, accuracy {:.1} %",
+            batch.epoch + 1,
+            batch.mean_loss,
+            100.0 * batch.accuracy
+        );
+        match &self.bar {
+            Some(bar) => {
+                bar.set_message(text);
+                bar.inc(1);
+            }
+            None if batch.ends_epoch() => {
+                let done = (batch.epoch + 1) * batch.batches - self.batches_before;
+                let left = (epochs - batch.epoch - 1) * batch.batches;
+                let eta = self.begun.elapsed().mul_f64(left as f64 / done as f64);
+                eprintln!("{text}, {} to go", indicatif::HumanDuration(eta));
+            }
+            None => {}
+        }
+    }
+}
