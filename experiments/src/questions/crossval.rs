@@ -1,7 +1,10 @@
 //! How accurate are classifiers on sweeps that they were not trained on? A task is one training with its evaluation.
 
 mod audit;
+mod confidence;
 mod contenders;
+mod scored;
+mod training;
 
 use serde::{Deserialize, Serialize};
 use tactnet_pipeline::SplitKind;
@@ -16,8 +19,10 @@ use crate::tasks::ExperimentDir;
 use crate::{ExperimentError, Measure, Part, Summary, Task, grouping_of_counts};
 
 pub use audit::Audit;
-pub use contenders::{Contender, FoldRecord, PublishedContender, ReliabilityBin, RiskCoverage};
-pub(crate) use contenders::{Scored, read_training, scored};
+pub use confidence::{ReliabilityBin, RiskCoverage};
+pub use contenders::{Contender, FoldRecord, PublishedContender};
+pub(crate) use scored::{Scored, scored};
+pub(crate) use training::read_training;
 
 /// How accurate are classifiers on sweeps that they were not trained on?
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -153,7 +158,7 @@ impl Ask for Crossval {
                 _ => None,
             };
         }
-        let scored = contenders::scored(summary);
+        let scored = scored(summary);
         let audits = audit::audits(&scored);
         let mut groups = std::collections::BTreeMap::new();
         for contender in scored.iter().filter(|contender| {

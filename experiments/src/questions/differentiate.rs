@@ -2,14 +2,15 @@
 //! sections 4.4.3 and 4.4.4; Tulbure & Bäuml, Humanoids 2018).
 
 mod hard_pairs;
+mod pair_scorer;
 
 use std::collections::BTreeMap;
 
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 use tactnet_data::{Fold, Scheme};
-use tactnet_models::{DenseWeights, Features, LinearHead, Mlp, WeightPrior};
-use tactnet_pipeline::{Embedding, MlpTraining, SweepPair, fit_difference, predict_difference};
+use tactnet_models::{DenseWeights, Mlp};
+use tactnet_pipeline::{MlpTraining, SweepPair, fit_difference};
 
 use super::{
     Ask, Compared, Figure, Published, check_counts, check_folds, five, folds, given_or, one,
@@ -20,6 +21,7 @@ use crate::pairs::{draw, random_pairs, rows_of_label};
 use crate::result::Answer;
 use crate::{Measure, Measurement, Part, Row};
 use hard_pairs::hard_pairs;
+use pair_scorer::{Apart, PairScorer, scaled, threshold};
 
 /// As published.
 const TRAINING_PAIRS: usize = 36_000;
@@ -124,86 +126,6 @@ const TERMS: [(&str, &str); 3] = [
         "Seven pairs of TactMat's materials that humans were asked about (thesis, section 4.5.3); questions with the answer 'same' come from the same eleven materials.",
     ),
 ];
-
-/// What separates the sweeps of a pair.
-#[derive(Clone, Copy)]
-enum Apart {
-    /// Euclidean distance of the outputs, one number: the published network.
-    Outputs,
-    /// Difference of every output, `|a - b|`.
-    EveryOutput,
-    /// Euclidean distance of the embeddings.
-    Embedding,
-}
-
-impl Apart {
-    fn of(self, embedding: &Embedding, pairs: &[SweepPair]) -> Features {
-        let rows = match self {
-            Self::Outputs | Self::EveryOutput => &embedding.logits,
-            Self::Embedding => &embedding.hidden,
-        };
-        let differences = |pair: &SweepPair| -> Vec<f32> {
-            let (a, b) = (rows.row(pair.first), rows.row(pair.second));
-            a.iter().zip(b).map(|(a, b)| (a - b).abs()).collect()
-        };
-        match self {
-            Self::EveryOutput => {
-                Features::new(rows.width(), pairs.iter().flat_map(differences).collect())
-            }
-            Self::Outputs | Self::Embedding => {
-                let norm = |d: Vec<f32>| d.iter().map(|d| d * d).sum::<f32>().sqrt();
-                Features::new(
-                    1,
-                    pairs.iter().map(|pair| norm(differences(pair))).collect(),
-                )
-            }
-        }
-    }
-}
-
-/// Something that was fitted to training pairs and gives the probability that two sweeps differ.
-enum PairScorer {
-    /// The published network, or the same on all differences. Inputs are divided by `scale`.
-    Network {
-        apart: Apart,
-        mlp: Box<Mlp>,
-        scale: f32,
-    },
-    /// Logistic regression on one distance.
-    Threshold(LinearHead),
-    /// Chance that the two have different labels if each has its own posterior.
-    Posterior,
-}
-
-impl PairScorer {
-    fn probabilities(&self, embedding: &Embedding, pairs: &[SweepPair]) -> Vec<f64> {
-        match self {
-            Self::Network { apart, mlp, scale } => {
-                predict_difference(mlp, &scaled(apart.of(embedding, pairs), *scale))
-            }
-            Self::Threshold(head) => head
-                .log_probabilities(&Apart::Embedding.of(embedding, pairs))
-                .iter()
-                .map(|log_p| log_p[1].exp())
-                .collect(),
-            Self::Posterior => {
-                let log_p = embedding.log_probabilities();
-                pairs
-                    .iter()
-                    .map(|pair| {
-                        let both = log_p[pair.first].iter().zip(&log_p[pair.second]);
-                        1.0 - both.map(|(a, b)| (a + b).exp()).sum::<f64>()
-                    })
-                    .collect()
-            }
-        }
-    }
-}
-
-fn scaled(mut features: Features, scale: f32) -> Features {
-    features.values_mut().iter_mut().for_each(|v| *v /= scale);
-    features
-}
 
 fn differentiate(sweeps: &[usize], context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
     let (repeat, number) = context.part.repeat_and_fold();
@@ -341,17 +263,4 @@ fn trials(
                 .collect()
         })
         .collect()
-}
-
-/// Logistic regression of 'different' on the distance of embeddings.
-fn threshold(train: &Embedding, pairs: &[SweepPair]) -> Result<PairScorer, Cancelled> {
-    let distances = Apart::Embedding.of(train, pairs);
-    let different: Vec<usize> = pairs
-        .iter()
-        .map(|pair| usize::from(pair.different))
-        .collect();
-    let prior = WeightPrior::weight_decay(1, 1e-6, pairs.len());
-    Ok(PairScorer::Threshold(LinearHead::fit(
-        &distances, &different, 2, &prior,
-    )?))
 }

@@ -29,18 +29,18 @@ const UNTRIED: (f64, f64) = (0.1, 0.1);
 /// What was chosen, for each number of shots that could be tried.
 pub(super) struct Tuned {
     shrinkage: f64,
-    plain: BTreeMap<usize, f64>,
-    whitened: BTreeMap<usize, f64>,
+    plain: BTreeMap<usize, WeightPrior>,
+    whitened: BTreeMap<usize, WeightPrior>,
 }
 
 impl Tuned {
-    /// Strength on plain features, from the closest number of shots that was tried.
-    pub(super) fn plain(&self, shots: usize) -> f64 {
+    /// Prior on plain features, from the closest number of shots that was tried.
+    pub(super) fn plain(&self, shots: usize) -> &WeightPrior {
         closest(&self.plain, shots)
     }
 
-    /// Strength on whitened features.
-    pub(super) fn whitened(&self, shots: usize) -> f64 {
+    /// Prior on whitened features.
+    pub(super) fn whitened(&self, shots: usize) -> &WeightPrior {
         closest(&self.whitened, shots)
     }
 
@@ -49,27 +49,24 @@ impl Tuned {
         let mut chosen: BTreeMap<String, f64> =
             [("whitening.shrinkage".into(), self.shrinkage)].into();
         for (name, values) in [("tuned-ol", &self.plain), ("whitened-ol", &self.whitened)] {
-            for (shots, strength) in values {
-                chosen.insert(format!("{name}.strength, {shots} shots"), *strength);
+            for (shots, prior) in values {
+                chosen.insert(format!("{name}.strength, {shots} shots"), prior.strength);
             }
         }
         chosen
     }
 }
 
-/// A prior for every strength.
-type PriorOfStrength<'a> = &'a dyn Fn(f64) -> WeightPrior;
-
-/// The prior of an output layer on plain features, in tuning and in use: the known materials' mean and free biases.
-pub(super) fn plain_prior(knowledge: &WeightPrior, strength: f64) -> WeightPrior {
+/// An output layer's prior on plain features: the known materials' mean and free biases.
+fn plain_prior(knowledge: &WeightPrior, strength: f64) -> WeightPrior {
     WeightPrior {
         strength,
         ..knowledge.clone()
     }
 }
 
-/// The prior of an output layer on whitened features, in tuning and in use.
-pub(super) fn whitened_prior(width: usize, strength: f64) -> WeightPrior {
+/// An output layer's prior on whitened features.
+fn whitened_prior(width: usize, strength: f64) -> WeightPrior {
     WeightPrior {
         mean: vec![0.0; width + 1],
         strength,
@@ -86,12 +83,12 @@ fn middle_of_best(values: &[f64]) -> usize {
     best[best.len() / 2]
 }
 
-fn closest(values: &BTreeMap<usize, f64>, shots: usize) -> f64 {
+fn closest(values: &BTreeMap<usize, WeightPrior>, shots: usize) -> &WeightPrior {
     let found = values
         .range(..=shots)
         .next_back()
         .or_else(|| values.first_key_value());
-    *found
+    found
         .unwrap_or_else(|| panic!("at least one number of shots was tried"))
         .1
 }
@@ -176,8 +173,8 @@ pub(super) fn tune(
         let whitening = Whitening::fit(&seen.hidden, &seen.labels, known, UNTRIED.0)?;
         let tuned = Tuned {
             shrinkage: UNTRIED.0,
-            plain: [(1, UNTRIED.1)].into(),
-            whitened: [(1, UNTRIED.1)].into(),
+            plain: [(1, plain_prior(knowledge, UNTRIED.1))].into(),
+            whitened: [(1, whitened_prior(seen.hidden.width(), UNTRIED.1))].into(),
         };
         return Ok((whitening, tuned));
     }
@@ -215,56 +212,81 @@ pub(super) fn tune(
     };
     for &shots in &shots {
         let trials = trials(shots);
-        let heads: [(&Features, &[f64], PriorOfStrength<'_>, _); 2] = [
-            (
-                &unseen.hidden,
-                &STRENGTHS,
-                &|strength| plain_prior(knowledge, strength),
-                &mut tuned.plain,
-            ),
-            (
-                &features,
-                &WHITENED_STRENGTHS,
-                &|strength| whitened_prior(features.width(), strength),
-                &mut tuned.whitened,
-            ),
-        ];
-        for (features, strengths, prior, chosen) in heads {
-            let mut totals = Vec::new();
-            for &strength in strengths {
-                let prior = prior(strength);
-                let accuracies: Vec<f64> = trials
-                    .par_iter()
-                    .map(|trial| trial.linear(features, materials, &prior))
-                    .collect::<Result<_, _>>()?;
-                totals.push(accuracies.iter().sum());
-            }
-            chosen.insert(shots, strengths[middle_of_best(&totals)]);
-        }
+        let plain = STRENGTHS.map(|strength| plain_prior(knowledge, strength));
+        let prior = best_prior(&trials, &unseen.hidden, materials, &plain)?;
+        tuned.plain.insert(shots, prior);
+        let width = features.width();
+        let whitened = WHITENED_STRENGTHS.map(|strength| whitened_prior(width, strength));
+        let prior = best_prior(&trials, &features, materials, &whitened)?;
+        tuned.whitened.insert(shots, prior);
     }
     Ok((whitening, tuned))
+}
+
+/// Returns the prior with which most of the trials' queries are recognised: what is applied is what was tried.
+fn best_prior(
+    trials: &[Trial],
+    features: &Features,
+    materials: usize,
+    priors: &[WeightPrior],
+) -> Result<WeightPrior, ModelError> {
+    let mut totals = Vec::new();
+    for prior in priors {
+        let accuracies: Vec<f64> = trials
+            .par_iter()
+            .map(|trial| trial.linear(features, materials, prior))
+            .collect::<Result<_, _>>()?;
+        totals.push(accuracies.iter().sum());
+    }
+    Ok(priors[middle_of_best(&totals)].clone())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use tactnet_data::Seed;
 
     #[test]
-    fn strengths_are_chosen_with_the_prior_that_is_applied() {
+    fn the_prior_that_is_applied_is_one_that_was_tried() {
         let knowledge = WeightPrior {
             mean: vec![0.5, -0.5, 0.25],
             strength: 7.0,
             bias_scale: 30.0,
         };
-        let prior = plain_prior(&knowledge, 0.3);
-        assert_eq!((prior.strength, prior.bias_scale), (0.3, 30.0));
-        assert_eq!(prior.mean, knowledge.mean);
-        // Tuning and use both ask these two functions; no prior is made elsewhere.
-        let sources = [include_str!("tuning.rs"), include_str!("../nshot.rs")];
-        let made = |source: &str| {
-            let code = source.split("#[cfg(test)]").next().unwrap_or_default();
-            code.matches("WeightPrior {\n").count() - code.matches("-> WeightPrior {\n").count()
+        // Two materials around (1, 0) and (0, 1).
+        let rows: Vec<f32> = (0..40)
+            .flat_map(|i| {
+                let noise = 0.01 * i as f32;
+                if i % 2 == 0 {
+                    [1.0 - noise, noise]
+                } else {
+                    [noise, 1.0 - noise]
+                }
+            })
+            .collect();
+        let features = Features::new(2, rows);
+        let labels: Vec<usize> = (0..40).map(|i| i % 2).collect();
+        let trials: Vec<Trial> = (0..3)
+            .map(|draw| {
+                let mut rng = Seed(1).rng(("trial", draw));
+                Trial::draw(&rows_of_label(&labels), 2, 3, &mut rng)
+            })
+            .collect();
+        let tried = STRENGTHS.map(|strength| plain_prior(&knowledge, strength));
+        let best = best_prior(&trials, &features, 2, &tried).unwrap();
+        let tuned = Tuned {
+            shrinkage: 0.1,
+            plain: [(3, best)].into(),
+            whitened: [(3, whitened_prior(2, 1.0))].into(),
         };
-        assert_eq!(sources.map(made), [2, 0]);
+        for shots in [1, 3, 50] {
+            let applied = tuned.plain(shots);
+            assert!(tried.contains(applied), "{applied:?}");
+            assert_eq!((&applied.mean, applied.bias_scale), (&knowledge.mean, 30.0));
+        }
+        assert_eq!(
+            tuned.chosen()["tuned-ol.strength, 3 shots"],
+            tuned.plain(3).strength
+        );
     }
 }
