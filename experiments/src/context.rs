@@ -14,7 +14,7 @@ use crate::{ExperimentError, Part};
 /// Told what is being done, with every batch of a training; false stops.
 pub(crate) type GoOn<'a> = dyn Fn(&str, Option<&BatchReport>) -> bool + 'a;
 
-/// What a question needs besides its own fields.
+/// Data, recipe, device and seeds of one task.
 pub(crate) struct StudyContext<'a> {
     pub(crate) dataset: &'a Dataset,
     pub(crate) recipe: &'a Recipe,

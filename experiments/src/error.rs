@@ -15,9 +15,9 @@ pub enum ExperimentError {
     Io {
         /// The file in question.
         path: PathBuf,
-        /// What was attempted.
+        /// The attempt, as a verb phrase.
         action: &'static str,
-        /// What the system said.
+        /// The system's reason.
         source: std::io::Error,
     },
     /// Neither a built-in experiment nor a file.
@@ -25,9 +25,9 @@ pub enum ExperimentError {
         "experiment `{name}`: no such file and no such experiment; experiments that ship with tactnet: {known}"
     )]
     Unknown {
-        /// What was asked for.
+        /// The name that was asked for.
         name: String,
-        /// What there is.
+        /// Names that exist, separated by commas.
         known: String,
     },
     /// A recipe that cannot be used.
@@ -35,7 +35,7 @@ pub enum ExperimentError {
     Recipe {
         /// Its name or path.
         origin: String,
-        /// What is wrong with it.
+        /// The mistake.
         reason: String,
     },
     /// A folder that does not hold what is needed.
@@ -43,7 +43,7 @@ pub enum ExperimentError {
     Folder {
         /// The folder, or the file in it.
         path: PathBuf,
-        /// What is wrong, and what would be right.
+        /// The mistake, and what would be right.
         reason: String,
     },
     /// Slurm refused.
@@ -51,7 +51,7 @@ pub enum ExperimentError {
     Slurm {
         /// The program that was called.
         program: &'static str,
-        /// What it said.
+        /// Its message.
         reason: String,
     },
     /// Tasks that failed every time.

@@ -13,21 +13,21 @@ use toml::{Table, Value};
 use crate::{ExperimentError, ExperimentRecipe, Part, Probe, Question};
 pub(crate) use grid::Grid;
 
-/// What one process does.
+/// The work of one process.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Task {
     /// Name of its folder.
     pub id: String,
-    /// What its model is called in this experiment.
+    /// Name of its model in this experiment.
     pub model: String,
-    /// What is done; a recipe of the experiment's own is named relative to the experiment's folder.
+    /// Its work; a recipe of the experiment's own is named relative to the experiment's folder.
     pub job: Job,
-    /// What it is a probe for, if it is one.
+    /// The kind of probe, if it is one.
     pub probe: Option<Probe>,
 }
 
-/// What a task does.
+/// The work of a task.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Job {
@@ -59,7 +59,7 @@ pub struct QuestionTask {
     pub networks: TrainSpec,
 }
 
-/// What `experiment.json` holds.
+/// The content of `experiment.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Plan {
@@ -121,7 +121,7 @@ impl Plan {
         })
     }
 
-    /// What keeps `other` from going on with this plan, if anything does.
+    /// Returns the first difference that keeps `other` from going on with this plan.
     pub(crate) fn difference(&self, other: &Self) -> Option<String> {
         let [own, theirs] = [self, other].map(|plan| {
             let mut fields = Table::try_from(&plan.recipe).unwrap_or_default();

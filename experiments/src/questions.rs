@@ -1,6 +1,6 @@
 //! The questions that an experiment can ask, one file each: its fields in a recipe, its run, its published figures, its words.
 //!
-//! A new question is a file here with a type that implements [`Ask`], and a line in the registry below.
+//! A new question is a file here with a type that implements [`Ask`], and its line in the registry below (and `mod`).
 
 mod crossval;
 mod differentiate;
@@ -20,19 +20,17 @@ use crate::tasks::ExperimentDir;
 use crate::{ExperimentError, Measure, Part, Row, Summary, Task};
 
 pub use crossval::{
-    Audit, Contender, Crossval, FoldRecord, Probe, PublishedContender, ReliabilityBin, RiskCoverage,
+    Audit, Contender, FoldRecord, Probe, PublishedContender, ReliabilityBin, RiskCoverage,
 };
-pub use differentiate::Differentiate;
-pub use enrolment::Enrolment;
-pub use feature_maps::{FeatureMap, FeatureMaps};
-pub use nshot::{Nshot, SampleEfficiency, TransferMethod};
-pub use sequential::Sequential;
-pub use unknown::Unknown;
+pub use feature_maps::FeatureMap;
+pub use nshot::{SampleEfficiency, TransferMethod};
 
 pub(crate) use crossval::{Scored, read_training, scored};
 
 macro_rules! registry {
-    ($($(#[$doc:meta])* $question:ident),+ $(,)?) => {
+    ($($(#[$doc:meta])* $file:ident::$question:ident),+ $(,)?) => {
+        $(pub use $file::$question;)+
+
         /// A question with its fields.
         #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
         #[serde(tag = "kind", rename_all = "kebab-case")]
@@ -52,22 +50,22 @@ macro_rules! registry {
 
 registry! {
     /// How accurate are classifiers on sweeps that they were not trained on?
-    Crossval,
+    crossval::Crossval,
     /// How well does transfer learn new materials from few sweeps? (Thesis, section 4.6.)
-    Nshot,
+    nshot::Nshot,
     /// Are two sweeps of one material? (Thesis, sections 4.4.3 and 4.4.4.)
-    Differentiate,
+    differentiate::Differentiate,
     /// Is it a material that was never seen?
-    Unknown,
+    unknown::Unknown,
     /// How many sweeps until the decision is sure?
-    Sequential,
+    sequential::Sequential,
     /// What does a material more cost a trained classifier?
-    Enrolment,
+    enrolment::Enrolment,
     /// How far apart do easy and hard materials lie?
-    FeatureMaps,
+    feature_maps::FeatureMaps,
 }
 
-/// What every question has.
+/// The behaviour of a question.
 pub(crate) trait Ask {
     /// Returns its name in recipes, in names of tasks and on the command line.
     fn name(&self) -> &'static str;
@@ -141,7 +139,7 @@ pub(crate) enum Compared {
     },
 }
 
-/// What was published for TactMat beside a row.
+/// Numbers published for TactMat, in the unit of the row beside them.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Published {
     pub(crate) robot: Option<f64>,
@@ -162,7 +160,7 @@ impl Published {
 pub(crate) enum Figure {
     /// Accuracy against shots, a line for each of some methods.
     Shots {
-        /// What the methods have in common.
+        /// The methods' common name.
         title: &'static str,
         /// Names of the methods.
         methods: &'static [&'static str],

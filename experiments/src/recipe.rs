@@ -55,15 +55,15 @@ const BUILT_IN: [(&str, &str); 13] = [
     ("feature_maps", include_str!("../recipes/feature_maps.toml")),
 ];
 
-/// What is asked of which classifiers on which data, and what is expected to come out.
+/// A question to classifiers on data sets, with the expected answer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ExperimentRecipe {
-    /// What people call it.
+    /// Its name.
     pub name: String,
     /// One line for people.
     pub title: String,
-    /// What its author expects to see.
+    /// The result that its author expects.
     pub expects: String,
     /// How long it takes.
     pub takes: String,
@@ -73,7 +73,7 @@ pub struct ExperimentRecipe {
     /// Recipes of models: built-in names, files, or names of `variants`.
     #[serde(deserialize_with = "one_or_many")]
     pub models: Vec<String>,
-    /// Whether the mean of every taxel is kept, removed, or both one after the other.
+    /// Treatments of the mean of every taxel, one after the other.
     #[serde(default = "kept", deserialize_with = "one_or_many")]
     pub levels: Vec<MeanRemoval>,
     /// Time steps kept of every sweep, one experiment each; empty: all.
@@ -88,7 +88,7 @@ pub struct ExperimentRecipe {
     /// Where every task computes.
     #[serde(default)]
     pub device: Compute,
-    /// What is asked, with the fields of the question; absent: a cross-validation.
+    /// The question with its fields; absent: a cross-validation.
     #[serde(default = "crossval")]
     pub question: Question,
     /// Recipes made from others.
@@ -103,7 +103,7 @@ pub struct ExperimentRecipe {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Variant {
-    /// What people call it.
+    /// Its name.
     pub name: String,
     /// Built-in name or file of the recipe it is made from.
     pub base: String,

@@ -13,11 +13,11 @@ use crate::context::{Cancelled, GoOn, StudyContext};
 use crate::networks::FinishedNetworks;
 use crate::{ExperimentError, FeatureMap, Measurement, QuestionTask};
 
-/// What a question found, before it is put into a file.
+/// The answer to a question about one part of a data set.
 pub(crate) struct Answer {
     pub(crate) measurements: Vec<Measurement>,
     pub(crate) split: String,
-    /// What `split_sha256` is taken of.
+    /// The text whose hash is `split_sha256`.
     pub(crate) split_content: String,
     pub(crate) chosen: BTreeMap<String, f64>,
     pub(crate) maps: Vec<FeatureMap>,
@@ -29,7 +29,7 @@ pub(crate) struct Answer {
 pub struct QuestionResult {
     /// Version of this layout, [`QuestionResult::SCHEMA_VERSION`].
     pub schema_version: u32,
-    /// What was asked.
+    /// The question and the part of the data.
     pub task: QuestionTask,
     /// Name of the data set.
     pub data: String,
@@ -41,7 +41,7 @@ pub struct QuestionResult {
     pub materials: Vec<String>,
     /// Time steps of a sweep.
     pub steps: usize,
-    /// What happens to the mean of every taxel.
+    /// Treatment of the mean of every taxel.
     pub levels: MeanRemoval,
     /// Where tensors were.
     pub device: Compute,
@@ -53,9 +53,9 @@ pub struct QuestionResult {
     pub split: String,
     /// SHA-256 of the split.
     pub split_sha256: String,
-    /// What was chosen on the way, by name.
+    /// Settings that were chosen on the way, by name.
     pub chosen: BTreeMap<String, f64>,
-    /// What was measured.
+    /// The measurements.
     pub measurements: Vec<Measurement>,
     /// Sweeps in a plane, where the question draws them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]

@@ -13,10 +13,10 @@ use crate::{
     Task, TaskRecord,
 };
 
-/// What a task that has ended gives to the summary, whatever was asked.
+/// A task that has ended, with everything the summary takes from it, whatever the question.
 pub(crate) struct FinishedTask<'a> {
     pub(crate) task: &'a Task,
-    /// What its model calls itself.
+    /// Name that the model's recipe gives itself.
     pub(crate) model: String,
     /// Name of the data set with what was done to it.
     pub(crate) data: String,

@@ -21,11 +21,11 @@ pub struct Summary {
     pub name: String,
     /// One line for people.
     pub title: String,
-    /// What the recipe's author expects.
+    /// The result that the recipe's author expects.
     pub expects: String,
     /// The call that leads here.
     pub command: String,
-    /// What was asked.
+    /// The question with its fields.
     pub question: Question,
     /// Commits of the programs that ran the tasks.
     pub git: Vec<String>,
@@ -98,7 +98,7 @@ pub struct Row {
     pub origin: DataOrigin,
     /// Materials of the data set.
     pub materials: usize,
-    /// What happens to the mean of every taxel.
+    /// Treatment of the mean of every taxel.
     pub levels: MeanRemoval,
     /// Time steps of a sweep.
     pub steps: usize,
@@ -112,7 +112,7 @@ pub struct Row {
     pub shots: Option<usize>,
     /// Sweeps behind one decision.
     pub sweeps: Option<usize>,
-    /// What was measured.
+    /// The quantity.
     pub measure: Measure,
     /// Mean, deviation and interval, and one value for each task; in the measure's unit.
     #[serde(flatten)]
@@ -121,9 +121,9 @@ pub struct Row {
     pub n: usize,
     /// Decisions behind it, all tasks together.
     pub decisions: usize,
-    /// What was published for TactMat, in the same unit.
+    /// Published for TactMat, in the same unit.
     pub published: Option<f64>,
-    /// What humans reached on TactMat.
+    /// Reached by humans on TactMat, as published.
     pub humans: Option<f64>,
 }
 
@@ -154,7 +154,7 @@ pub struct TaskRecord {
     pub git: String,
     /// Time of the task, seconds.
     pub seconds: f64,
-    /// What was chosen on the way.
+    /// Settings that were chosen on the way, by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub chosen: BTreeMap<String, f64>,
 }

@@ -19,7 +19,7 @@ use crate::{ExperimentError, ExperimentRecipe, Job, QuestionResult};
 
 /// Held while the plan is written.
 const LOCK: &str = ".lock";
-/// What may lie in a folder whose plan has not been written yet.
+/// Files that may lie in a folder whose plan has not been written yet.
 const OWN: [&str; 4] = [LOCK, "recipes", "tasks", "experiment.json"];
 
 /// Where a task stands.
@@ -36,7 +36,7 @@ pub enum TaskState {
     Done,
 }
 
-/// What every version of a plan begins with.
+/// The beginning of every version of a plan.
 #[derive(Deserialize)]
 struct Version {
     schema_version: u32,
@@ -149,7 +149,7 @@ impl ExperimentDir {
         self.path.join("tasks").join(&task.id)
     }
 
-    /// What a task said.
+    /// Returns the file that a task's stderr goes to.
     pub fn log_file(&self, task: &Task) -> PathBuf {
         self.path.join("tasks").join(format!("{}.log", task.id))
     }

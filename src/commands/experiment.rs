@@ -21,7 +21,7 @@ use crate::{failure, output};
 use arguments::{DirArgs, Engine, ExportArgs, RunArgs, ShowArgs, TaskArgs};
 use progress::Progress;
 
-/// What can be done with experiments.
+/// Verbs of `tactnet experiment`.
 #[derive(Subcommand)]
 pub enum ExperimentCommand {
     /// Run an experiment, or go on with it; then report

@@ -61,7 +61,7 @@ fn k_fold() -> Vec<SplitKind> {
     vec![SplitKind::KFold]
 }
 
-/// What shows how much a data set gives away.
+/// A classifier that shows how much a data set gives away.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Probe {

@@ -14,7 +14,7 @@ pub struct Search {
     pub base: String,
     /// How many.
     pub trials: usize,
-    /// What is drawn, by its path.
+    /// Ranges of the settings that are drawn, by path.
     #[serde(default)]
     pub space: BTreeMap<String, Range>,
 }
@@ -40,7 +40,7 @@ impl Search {
     }
 }
 
-/// What one setting is drawn from.
+/// The range that one setting is drawn from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Range {

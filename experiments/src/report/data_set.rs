@@ -8,7 +8,7 @@ use crate::questions::Scored;
 pub(super) struct DataSet<'a> {
     /// Name of the data set.
     pub data: &'a str,
-    /// What happens to the mean of every taxel.
+    /// Treatment of the mean of every taxel.
     pub levels: MeanRemoval,
     /// In the order of the summary.
     pub rows: Vec<&'a Scored<'a>>,
@@ -33,7 +33,7 @@ impl<'a> DataSet<'a> {
         self.contenders().first().copied()
     }
 
-    /// What tells `row` from the others here; not yet escaped.
+    /// Returns a name that tells `row` from the others here; not yet escaped.
     pub fn name(&self, row: &Scored<'_>) -> String {
         let mut name = contender_name(row);
         if self.rows.iter().any(|other| other.split != row.split) {

@@ -8,7 +8,7 @@ use tactnet_experiments::{ExperimentDir, Task, TaskState};
 use super::arguments::DirArgs;
 use crate::output;
 
-/// What `status --json` prints.
+/// The document of `status --json`.
 #[derive(Serialize)]
 struct Status<'a> {
     schema_version: u32,

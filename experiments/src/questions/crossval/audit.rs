@@ -5,7 +5,7 @@ use tactnet_pipeline::{MeanRemoval, SplitKind};
 
 use super::Scored;
 
-/// What a data set gives away: the best model beside the probes.
+/// The best model of a data set beside the probes, which show how much the data give away.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Audit {
     /// Name of the data set, with what happens to levels.
@@ -94,7 +94,7 @@ fn audit(data: &str, levels: MeanRemoval, steps: usize, rows: &[&Scored<'_>]) ->
     Some(audit)
 }
 
-/// What predictions score that know nothing of their sweeps but predict each material as often as `row`'s do, and its standard
+/// Returns the accuracy of predictions that know nothing of their sweeps but predict each material as often as `row`'s do, and its standard
 /// deviation. Every sweep counts once, however many repeats tested it. Sweeps of one fold depend on each other through training
 /// (simulated with ridge and nearest neighbours: 1.1 to 1.2 times the binomial deviation), so it is made a fifth larger.
 fn guessing(row: &Scored<'_>) -> (f64, f64) {

@@ -26,7 +26,7 @@ pub struct Contender {
     pub origin: DataOrigin,
     /// Name of the model's recipe.
     pub model: String,
-    /// What happens to the mean of every taxel.
+    /// Treatment of the mean of every taxel.
     pub levels: MeanRemoval,
     /// How the data set was split, for people.
     pub split: String,
@@ -55,7 +55,7 @@ pub struct Contender {
     pub reliability: Vec<ReliabilityBin>,
     /// Error among the most confident share of the sweeps, all folds together.
     pub risk_coverage: Vec<RiskCoverage>,
-    /// What was published beside it, if anything was.
+    /// The published accuracy that it may be set beside.
     pub published: Option<PublishedContender>,
     /// Folds in the order of the rows' values.
     pub folds: Vec<FoldRecord>,
@@ -64,7 +64,7 @@ pub struct Contender {
 /// A published accuracy on TactMat, %.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PublishedContender {
-    /// What it was published for.
+    /// Name of the published classifier.
     pub classifier: String,
     /// One sweep.
     pub one_sweep: f64,
@@ -201,7 +201,7 @@ fn record(fold: &Fold<'_>) -> FoldRecord {
     }
 }
 
-/// What was published for this recipe, asked this way.
+/// Returns the accuracy that was published for this recipe and way of predicting.
 fn published(fold: &Fold<'_>, way: PredictionMethod) -> Option<PublishedContender> {
     let row = published_for(&fold.config, fold.result.origin, &fold.split, way)?;
     Some(PublishedContender {

@@ -62,7 +62,7 @@ pub(crate) fn read_training<'a>(
     })
 }
 
-/// What one way of predicting measured.
+/// Returns the measurements of one way of predicting.
 fn measured(
     way: &str,
     setting: &str,

@@ -5,7 +5,7 @@ use tactnet_pipeline::{Embedding, SweepPair, predict_difference};
 
 use crate::context::Cancelled;
 
-/// What separates the sweeps of a pair.
+/// The distance between the sweeps of a pair.
 #[derive(Clone, Copy)]
 pub(super) enum Apart {
     /// Euclidean distance of the outputs, one number: the published network.

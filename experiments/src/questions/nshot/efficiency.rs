@@ -19,7 +19,7 @@ pub struct SampleEfficiency {
     pub data: String,
     /// Name of the networks' recipe.
     pub model: String,
-    /// What happens to the mean of every taxel.
+    /// Treatment of the mean of every taxel.
     pub levels: MeanRemoval,
     /// Sweeps of every new material that transfer learns from.
     pub transfer_shots: usize,

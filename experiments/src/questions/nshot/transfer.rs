@@ -18,7 +18,7 @@ const SCRATCH_STEPS: usize = 300;
 /// Pairs that the Siamese embedding is trained on.
 const PAIRS: usize = 20_000;
 
-/// What the knowledge set gives to every method.
+/// The network of the known materials, and everything derived from it that methods use.
 pub(super) struct Knowledge {
     pub(super) classifier: Classifier,
     pub(super) prior: WeightPrior,

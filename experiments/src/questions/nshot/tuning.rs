@@ -26,7 +26,7 @@ const SHRINKAGES: [f64; 5] = [0.003, 0.01, 0.03, 0.1, 0.3];
 /// Shrinkage and strengths where there are too few sweeps to choose.
 const UNTRIED: (f64, f64) = (0.1, 0.1);
 
-/// What was chosen, for each number of shots that could be tried.
+/// The chosen shrinkage and, for each number of shots that could be tried, the chosen priors.
 pub(super) struct Tuned {
     shrinkage: f64,
     plain: BTreeMap<usize, WeightPrior>,
