@@ -123,7 +123,7 @@ pub fn answer_question(
         levels: recipe.input.levels,
         device: task.networks.device,
         recipe: recipe.name.clone(),
-        recipe_sha256: sha256_hex(&recipe.to_toml()),
+        recipe_sha256: sha256_hex(recipe.to_toml()),
         split: answer.split,
         split_sha256: sha256_hex(&answer.split_content),
         chosen: answer.chosen,

@@ -48,7 +48,7 @@ pub enum Start {
     /// Its training goes on from the checkpoint in the task's folder.
     Resume,
     /// Its job is begun, or begun again.
-    Begin(Job),
+    Begin(Box<Job>),
 }
 
 /// The folder of an experiment.
@@ -202,7 +202,7 @@ impl ExperimentDir {
         if let Some(file) = spec.recipe.strip_prefix(Plan::OWN_RECIPE) {
             spec.recipe = self.path.join("recipes").join(file).display().to_string();
         }
-        Ok(Start::Begin(job))
+        Ok(Start::Begin(Box::new(job)))
     }
 
     /// Time that a task that has ended spent in training, seconds.
@@ -360,7 +360,10 @@ mod tests {
         let task = &dir.plan.tasks[2];
         fs::create_dir(dir.task_dir(task)).unwrap();
         assert_eq!(dir.state(task), TaskState::Interrupted);
-        assert_eq!(dir.begin(task).unwrap(), Start::Begin(task.job.clone()));
+        assert_eq!(
+            dir.begin(task).unwrap(),
+            Start::Begin(Box::new(task.job.clone()))
+        );
         assert_eq!(dir.state(task), TaskState::Open, "the remains are gone");
         fs::create_dir(dir.task_dir(task)).unwrap();
         fs::write(dir.task_dir(task).join("config.json"), "{}").unwrap();
@@ -427,7 +430,10 @@ mod tests {
         let task = &dir.plan.tasks[0];
         let networks = dir.task_dir(task).join("networks");
         fs::create_dir_all(&networks).unwrap();
-        assert_eq!(dir.begin(task).unwrap(), Start::Begin(task.job.clone()));
+        assert_eq!(
+            dir.begin(task).unwrap(),
+            Start::Begin(Box::new(task.job.clone()))
+        );
         assert!(networks.exists());
     }
 

@@ -45,13 +45,15 @@ pub fn run(arguments: &TaskArgs) -> anyhow::Result<ExitCode> {
             let session = Session::resume(&folder, None, program)?;
             train(&session, &stop, OutputFormat::Table)
         }
-        Start::Begin(Job::Train(spec)) => {
-            let job = TrainJob::try_from(spec)?;
-            source::announce(&job.spec().data);
-            let session = Session::begin(&job, Some(&folder), program)?;
-            train(&session, &stop, OutputFormat::Table)
-        }
-        Start::Begin(Job::Question(task)) => answer(&task, &folder, program, &stop),
+        Start::Begin(job) => match *job {
+            Job::Train(spec) => {
+                let job = TrainJob::try_from(spec)?;
+                source::announce(&job.spec().data);
+                let session = Session::begin(&job, Some(&folder), program)?;
+                train(&session, &stop, OutputFormat::Table)
+            }
+            Job::Question(task) => answer(&task, &folder, program, &stop),
+        },
     }
 }
 

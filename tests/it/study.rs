@@ -70,10 +70,7 @@ fn n_shot_transfer_measures_every_method_the_same_way_however_many_threads() {
     let mut one = study(&lab, "nshot", &NSHOT, "one");
     one.args(["--jobs", "1"]);
     let one = summary(one);
-    assert_eq!(
-        one["rows"], two["rows"],
-        "threads change nothing"
-    );
+    assert_eq!(one["rows"], two["rows"], "threads change nothing");
     // Ten methods; no material has 40 training sweeps.
     assert_eq!(rows(&one).len(), 20);
     for row in rows(&one) {

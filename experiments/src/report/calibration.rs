@@ -36,7 +36,7 @@ pub(super) fn reliability(set: &DataSet) -> String {
             .collect();
         content.push_str(&axes.series(series, &points, 1));
     }
-    content.push_str(&counts(&best.reliability, &axes));
+    content.push_str(&counts(best.reliability, &axes));
     let name = set.name(best);
     let title = format!("Reliability of {name} on {}", set.heading());
     format!(
