@@ -110,22 +110,12 @@ fn is_usage(cause: &(dyn Error + 'static)) -> Option<bool> {
     None.or_else(|| cause.downcast_ref().map(DataError::is_usage))
         .or_else(|| cause.downcast_ref().map(FetchError::is_usage))
         .or_else(|| cause.downcast_ref().map(PipelineError::is_usage))
-        .or_else(|| cause.downcast_ref().map(experiment_is_usage))
+        .or_else(|| cause.downcast_ref().map(ExperimentError::is_usage))
         .or_else(|| cause.downcast_ref().map(ChannelError::is_usage))
         .or_else(|| cause.downcast_ref().map(SkinError::is_usage))
         .or_else(|| cause.downcast_ref().map(RecordingError::is_usage))
         .or_else(|| cause.downcast_ref().map(ServeError::is_usage))
         .or_else(|| cause.downcast_ref().map(RehearsalError::is_usage))
-}
-
-fn experiment_is_usage(error: &ExperimentError) -> bool {
-    match error {
-        ExperimentError::Pipeline(error) => error.is_usage(),
-        ExperimentError::Tasks { .. }
-        | ExperimentError::Io { .. }
-        | ExperimentError::Slurm { .. } => false,
-        _ => true,
-    }
 }
 
 /// Returns true for a disk that is full or cannot be written; other errors of the system, such as a file that is not there, may well be

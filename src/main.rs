@@ -2,20 +2,18 @@
 
 mod allocations;
 mod commands;
-mod experiment;
 mod failure;
 mod output;
 mod report;
 mod source;
 mod stop;
-mod study;
 
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use commands::{
-    channel, dashboard, data, demo, enroll, eval, export, record, replay, serve, simulate, train,
-    view,
+    channel, dashboard, data, demo, enroll, eval, experiment, export, record, replay, serve,
+    simulate, task, train, view,
 };
 
 #[global_allocator]
@@ -59,9 +57,9 @@ enum Command {
     /// Run cross-validations and their like, and report
     #[command(subcommand)]
     Experiment(experiment::ExperimentCommand),
-    /// Run one task of a study: what experiments call
+    /// Run one task of an experiment: what experiments call
     #[command(hide = true)]
-    Study(study::StudyArgs),
+    Task(task::TaskArgs),
     /// Look at, check, make, convert and fetch data sets
     #[command(subcommand)]
     Data(data::DataCommand),
@@ -100,7 +98,7 @@ fn main() -> ExitCode {
         Command::Enroll(arguments) => enroll::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Experiment(command) => experiment::run(command),
-        Command::Study(arguments) => study::run(&arguments),
+        Command::Task(arguments) => task::run(&arguments),
         Command::Data(command) => data::run(command),
         Command::Channel(command) => channel::run(command),
         Command::Serve(arguments) => serve::run(&arguments),

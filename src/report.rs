@@ -40,7 +40,12 @@ pub fn print_result(
     ))?;
     print_evaluations(&result.evaluations)?;
     let config = run.config()?;
-    if let Some(row) = published_for(&config, &run.split()?, config.recipe.method()) {
+    if let Some(row) = published_for(
+        &config,
+        result.origin,
+        &run.split()?,
+        config.recipe.method(),
+    ) {
         output::print(format_args!(
             "published for TactMat, {}: {:.1} % with 1 sweep, {:.1} % with 3 (thesis, table 4.2)",
             row.classifier, row.one_sweep.0, row.three_sweeps.0

@@ -1,39 +1,103 @@
-//! Two rows on the same folds, and what a data set gives away.
+//! Two contenders on the same tasks.
 
 use serde::{Deserialize, Serialize};
 
-/// Mean difference of two rows' single-sweep accuracy over the folds that both have.
+use crate::questions::Compared;
+use crate::{Part, Row, Statistic, resampled_t_test};
+
+/// Two rows on the tasks that both have: mean difference, with a corrected resampled t-test (Nadeau & Bengio, 2003).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
-    /// Key of the first row.
+    /// Key of one row.
     pub first: String,
-    /// Key of the second row.
+    /// Key of the row that it is compared with.
     pub second: String,
-    /// First minus second, 0 to 1.
+    /// Mean of first minus second, in the measure's unit.
     pub difference: f64,
-    /// Folds that both have.
-    pub folds: usize,
-    /// Corrected resampled t-test (Nadeau & Bengio, 2003); absent with one fold.
+    /// 95 % interval of the difference; absent with one task.
+    pub ci95: Option<[f64; 2]>,
+    /// Two-sided p-value that it is zero; absent with one task.
     pub p: Option<f64>,
+    /// Tasks that both have.
+    pub n: usize,
 }
 
-/// What a data set gives away: the best model beside the probes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Audit {
-    /// Name of the data set, with what happens to levels.
-    pub data: String,
-    /// Accuracy of guessing.
-    pub chance: f64,
-    /// Best contender on random folds, and its accuracy.
-    pub best: Option<(String, f64)>,
-    /// The same model with a recording block left out, where that was run.
-    pub block_out: Option<f64>,
-    /// Nearest neighbour on taxel means.
-    pub means: Option<f64>,
-    /// With permuted labels.
-    pub permuted: Option<f64>,
-    /// Standard deviation of guessing, given the number of test sweeps.
-    pub chance_sigma: f64,
-    /// Plain sentences on what the gaps mean.
-    pub verdict: String,
+/// A row with the tasks behind its values, in their order.
+pub(crate) struct RowOfTasks {
+    pub(crate) row: Row,
+    /// Part of the data and SHA-256 of the split.
+    pub(crate) tasks: Vec<(Part, String)>,
+    /// Test sweeps over training sweeps.
+    pub(crate) test_share: f64,
+    /// True for a probe, which is no contender.
+    pub(crate) probe: bool,
+}
+
+/// Compares the rows with those that `of` names for their measure.
+pub(crate) fn comparisons(
+    rows: &[RowOfTasks],
+    of: impl Fn(crate::Measure) -> Option<Compared>,
+) -> Vec<Comparison> {
+    let mut found = Vec::new();
+    for (position, first) in rows.iter().enumerate() {
+        match of(first.row.measure) {
+            None => {}
+            Some(Compared::With(reference)) => found.extend(
+                rows.iter()
+                    .filter(|second| {
+                        first.row.method != reference
+                            && second.row.method == reference
+                            && second.row.model == first.row.model
+                            && alike(&first.row, &second.row)
+                    })
+                    .filter_map(|second| compare(first, second)),
+            ),
+            Some(Compared::WithEachOther { sweeps }) => found.extend(
+                rows[position + 1..]
+                    .iter()
+                    .filter(|second| {
+                        first.row.sweeps == Some(sweeps)
+                            && !first.probe
+                            && !second.probe
+                            && alike(&first.row, &second.row)
+                    })
+                    .filter_map(|second| compare(first, second)),
+            ),
+        }
+    }
+    found
+}
+
+/// True if two rows differ in nothing but who was measured.
+fn alike(a: &Row, b: &Row) -> bool {
+    let place = |row: &Row| (row.measure, row.levels, row.steps, row.shots, row.sweeps);
+    place(a) == place(b) && (&a.data, &a.setting) == (&b.data, &b.setting)
+}
+
+fn compare(first: &RowOfTasks, second: &RowOfTasks) -> Option<Comparison> {
+    let values = |of: &RowOfTasks| of.row.statistic.values.clone();
+    let theirs = values(second);
+    let differences: Vec<f64> = first
+        .tasks
+        .iter()
+        .zip(values(first))
+        .filter_map(|(task, own)| {
+            let position = second.tasks.iter().position(|other| other == task)?;
+            Some(own - theirs[position])
+        })
+        .collect();
+    if differences.is_empty() {
+        return None;
+    }
+    let p = resampled_t_test(&differences, first.test_share);
+    let n = differences.len();
+    let statistic = Statistic::of(differences, first.test_share);
+    Some(Comparison {
+        first: first.row.key.clone(),
+        second: second.row.key.clone(),
+        difference: statistic.mean,
+        ci95: statistic.ci95,
+        p,
+        n,
+    })
 }

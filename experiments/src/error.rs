@@ -15,9 +15,9 @@ pub enum ExperimentError {
     Io {
         /// The file in question.
         path: PathBuf,
-        /// What was attempted.
+        /// The attempt, as a verb phrase.
         action: &'static str,
-        /// What the system said.
+        /// The system's reason.
         source: std::io::Error,
     },
     /// Neither a built-in experiment nor a file.
@@ -25,9 +25,9 @@ pub enum ExperimentError {
         "experiment `{name}`: no such file and no such experiment; experiments that ship with tactnet: {known}"
     )]
     Unknown {
-        /// What was asked for.
+        /// The name that was asked for.
         name: String,
-        /// What there is.
+        /// Names that exist, separated by commas.
         known: String,
     },
     /// A recipe that cannot be used.
@@ -35,7 +35,7 @@ pub enum ExperimentError {
     Recipe {
         /// Its name or path.
         origin: String,
-        /// What is wrong with it.
+        /// The mistake.
         reason: String,
     },
     /// A folder that does not hold what is needed.
@@ -43,7 +43,7 @@ pub enum ExperimentError {
     Folder {
         /// The folder, or the file in it.
         path: PathBuf,
-        /// What is wrong, and what would be right.
+        /// The mistake, and what would be right.
         reason: String,
     },
     /// Slurm refused.
@@ -51,7 +51,7 @@ pub enum ExperimentError {
     Slurm {
         /// The program that was called.
         program: &'static str,
-        /// What it said.
+        /// Its message.
         reason: String,
     },
     /// Tasks that failed every time.
@@ -69,11 +69,59 @@ pub enum ExperimentError {
 }
 
 impl ExperimentError {
+    /// Returns true if the call must be corrected; false if something failed that another call would not mend: disk, numbers, Slurm,
+    /// a task. An error that wraps another asks what it wraps.
+    pub fn is_usage(&self) -> bool {
+        match self {
+            Self::Pipeline(error) => error.is_usage(),
+            Self::Unknown { .. } | Self::Recipe { .. } | Self::Folder { .. } => true,
+            Self::Io { .. } | Self::Slurm { .. } | Self::Tasks { .. } => false,
+        }
+    }
+
     pub(crate) fn io(path: &Path, action: &'static str, source: std::io::Error) -> Self {
         Self::Io {
             path: path.to_path_buf(),
             action,
             source,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tactnet_data::DataError;
+
+    #[test]
+    fn what_the_system_refuses_is_no_mistake_of_the_call_however_it_is_wrapped() {
+        let full = || std::io::Error::from(std::io::ErrorKind::StorageFull);
+        let path = Path::new("report.html");
+        let own = ExperimentError::io(path, "write", full());
+        let data = PipelineError::Data(DataError::io(path, "read", full()));
+        let pipeline = PipelineError::Io {
+            path: path.into(),
+            action: "write",
+            source: full(),
+        };
+        for error in [own, data.into(), pipeline.into()] {
+            assert!(!error.is_usage(), "{error}");
+        }
+        let number = PipelineError::NotFinite {
+            what: "loss".into(),
+            epoch: 1,
+            batch: 1,
+        };
+        assert!(!ExperimentError::from(number).is_usage());
+        let recipe = PipelineError::Recipe {
+            origin: "a.toml".into(),
+            reason: "no".into(),
+        };
+        assert!(ExperimentError::from(recipe).is_usage());
+        let folder = ExperimentError::Folder {
+            path: path.into(),
+            reason: "full".into(),
+        };
+        assert!(folder.is_usage());
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::Task;
 
-/// What a runner tells.
+/// An event that a runner reports.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Event<'a> {
     /// The runner has begun.

@@ -30,7 +30,7 @@ pub struct Grouping {
     /// Mean adjusted Rand index between this grouping and those of resampled confusion matrices, -1 to 1; absent where the matrix
     /// holds no counts.
     pub stability: Option<f64>,
-    /// Whether every group is consecutive in label order.
+    /// True if every group is consecutive in label order.
     pub consecutive: bool,
 }
 

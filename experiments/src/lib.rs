@@ -4,28 +4,35 @@
 //! ExperimentRecipe ─> Plan (tasks) ─> run_locally | run_on_slurm ─> run directories ─> Summary ─> HTML page
 //! ```
 
-mod audit;
 mod comparison;
+mod context;
 mod error;
 mod event;
 mod groups;
 mod local;
+mod measure;
 mod mlflow;
+mod networks;
+mod one_or_many;
+mod pairs;
+mod part;
 mod plan;
 mod published;
 mod published_confusion;
+mod questions;
 mod recipe;
 mod report;
+mod result;
+mod settings;
 mod slurm;
 mod statistic;
-mod study;
-mod study_summary;
 mod summarise;
 mod summary;
+mod table;
+mod task_process;
 mod tasks;
 
-pub(crate) use audit::audits;
-pub use comparison::{Audit, Comparison};
+pub use comparison::Comparison;
 pub use error::ExperimentError;
 pub use event::Event;
 pub use groups::{
@@ -33,17 +40,22 @@ pub use groups::{
     grouping_of_counts, spectral_groups,
 };
 pub use local::{LocalPool, run_locally, run_task};
+pub use measure::{Measure, Measurement, Unit};
 pub use mlflow::export_mlflow;
-pub use plan::{Plan, Task};
+pub use part::Part;
+pub use plan::{Job, Plan, QuestionTask, Task};
 pub use published::{PUBLISHED, PublishedAccuracy, published_for};
-pub use recipe::{ExperimentRecipe, Probe, Range, Search, Split, StudySettings, Variant};
+pub use questions::{
+    Audit, Contender, Crossval, Differentiate, Enrolment, FeatureMap, FeatureMaps, FoldRecord,
+    Nshot, Probe, PublishedContender, Question, ReliabilityBin, RiskCoverage, SampleEfficiency,
+    Sequential, TransferMethod, Unknown,
+};
+pub use recipe::{ExperimentRecipe, Range, Search, Variant};
 pub use report::to_html;
+pub use result::{QuestionResult, answer_question};
 pub use slurm::{SlurmArray, run_on_slurm};
 pub use statistic::{Statistic, resampled_t_test};
-pub use study::{
-    FeatureMap, Measurement, Study, StudyResult, StudyTask, TransferMethod, run_study,
-};
-pub use study_summary::{SampleEfficiency, StudyComparison, StudyRecord, StudyRow, StudySummary};
 pub use summarise::summarise;
-pub use summary::{FoldRecord, Published, ReliabilityBin, RiskCoverage, Row, Summary};
-pub use tasks::{ExperimentDir, TaskState};
+pub use summary::{DataRecord, Row, Summary, TaskRecord};
+pub use table::to_table;
+pub use tasks::{ExperimentDir, Start, TaskState};

@@ -1,13 +1,10 @@
 //! Runs tasks on this machine: a bounded pool of processes that share its cores.
 
-use std::fs::File;
-#[cfg(unix)]
-use std::os::unix::process::CommandExt;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
+use crate::task_process::TaskProcess;
 use crate::tasks::{ExperimentDir, TaskState};
 use crate::{Event, ExperimentError, Task};
 
@@ -48,10 +45,7 @@ impl LocalPool {
 struct Running<'a> {
     task: &'a Task,
     index: usize,
-    child: Child,
-    begun: Instant,
-    /// Held while this runner works on the task, so that two runners on one folder share the work.
-    _claim: File,
+    process: TaskProcess,
 }
 
 /// Runs every task that has not ended; tasks on which another process works are waited for.
@@ -76,36 +70,31 @@ pub fn run_locally(
         .map(|t| dir.state(t) == TaskState::Done)
         .collect();
     let mut running: Vec<Running<'_>> = Vec::new();
-    let mut told_to_stop = false;
     tell(Event::Begun {
         done: ended.iter().filter(|ended| **ended).count(),
         all: tasks.len(),
     });
     loop {
         let stopping = stop();
-        if stopping && !told_to_stop {
-            // Once: a second signal would end a task at once, without a checkpoint.
-            running.iter().for_each(|r| interrupt(&r.child));
-            told_to_stop = true;
+        if stopping {
+            running.iter_mut().for_each(|r| r.process.interrupt());
         }
         let mut position = 0;
         while position < running.len() {
-            let status = running[position]
-                .child
-                .try_wait()
-                .map_err(|error| ExperimentError::io(program, "wait for", error))?;
-            let Some(status) = status else {
+            let Some(status) = running[position].process.status()? else {
                 position += 1;
                 continue;
             };
             let Running {
-                task, index, begun, ..
+                task,
+                index,
+                process,
             } = running.swap_remove(position);
             if dir.state(task) == TaskState::Done {
                 ended[index] = true;
                 tell(Event::Done {
                     task,
-                    seconds: begun.elapsed().as_secs_f64(),
+                    seconds: process.seconds(),
                 });
             } else if !stopping {
                 attempts[index] += 1;
@@ -137,15 +126,12 @@ pub fn run_locally(
                 }
                 TaskState::Running => {}
                 TaskState::Open | TaskState::Interrupted => {
-                    if let Some(claim) = claim(dir, task)? {
-                        let child = start(dir, program, task, pool.threads)?;
+                    if let Some(process) = TaskProcess::start(dir, program, task, pool.threads)? {
                         tell(Event::Started { task });
                         running.push(Running {
                             task,
                             index,
-                            child,
-                            begun: Instant::now(),
-                            _claim: claim,
+                            process,
                         });
                     }
                 }
@@ -208,21 +194,12 @@ pub fn run_task(
         first: task.id.clone(),
         reason,
     };
-    let Some(_claim) = claim(dir, task)? else {
+    let Some(mut process) = TaskProcess::start(dir, program, task, threads)? else {
         return Err(failed("another process works on it".into()));
     };
-    let mut child = start(dir, program, task, threads)?;
-    let mut told_to_stop = false;
-    loop {
-        let ended = child
-            .try_wait()
-            .map_err(|error| ExperimentError::io(program, "wait for", error))?;
-        if ended.is_some() {
-            break;
-        }
-        if stop() && !told_to_stop {
-            interrupt(&child);
-            told_to_stop = true;
+    while process.status()?.is_none() {
+        if stop() {
+            process.interrupt();
         }
         thread::sleep(POLL);
     }
@@ -231,53 +208,3 @@ pub fn run_task(
         _ => Err(failed(dir.last_words(task))),
     }
 }
-
-/// The right to run a task, or `None` while another runner has it.
-fn claim(dir: &ExperimentDir, task: &Task) -> Result<Option<File>, ExperimentError> {
-    let path = dir.path().join("tasks").join(format!("{}.claim", task.id));
-    let failed = |error| ExperimentError::io(&path, "claim", error);
-    let file = File::create(&path).map_err(failed)?;
-    match file.try_lock() {
-        Ok(()) => Ok(Some(file)),
-        Err(std::fs::TryLockError::WouldBlock) => Ok(None),
-        Err(std::fs::TryLockError::Error(error)) => Err(failed(error)),
-    }
-}
-
-fn start(
-    dir: &ExperimentDir,
-    program: &Path,
-    task: &Task,
-    threads: usize,
-) -> Result<Child, ExperimentError> {
-    let arguments = dir.arguments(task)?;
-    let path = dir.log_file(task);
-    let log = File::options()
-        .create(true)
-        .append(true)
-        .open(&path)
-        .map_err(|error| ExperimentError::io(&path, "write", error))?;
-    let mut command = Command::new(program);
-    command
-        .args(arguments)
-        .env("RAYON_NUM_THREADS", threads.to_string())
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(log);
-    // Ctrl-C on a terminal reaches the runner alone, which passes it on once.
-    #[cfg(unix)]
-    command.process_group(0);
-    command
-        .spawn()
-        .map_err(|error| ExperimentError::io(program, "start", error))
-}
-
-/// Asks a process to stop where it can be resumed.
-#[cfg(unix)]
-fn interrupt(child: &Child) {
-    let pid = child.id().to_string();
-    let _ = Command::new("kill").args(["-TERM", &pid]).status();
-}
-
-#[cfg(not(unix))]
-fn interrupt(_: &Child) {}

@@ -1,18 +1,19 @@
 //! Export to the folder layout that MLflow's tracking UI opens (`mlflow ui --backend-store-uri DIR`).
 //!
-//! One MLflow experiment; one run a task, with parameters, final metrics, the course of training, and the run directory's files as
-//! artefacts. Layout: `mlflow.store.tracking.file_store` of MLflow 3.
+//! One MLflow experiment; one run a task. A training has parameters, final metrics, the course of training, and the run directory's
+//! files as artefacts; a question has its fields as parameters and its measurements as metrics. Layout: `mlflow.store.tracking.file_store` of MLflow 3.
+
+mod run;
 
 use std::fs;
 use std::path::Path;
 use std::time::UNIX_EPOCH;
 
-use sha2::{Digest, Sha256};
-use tactnet_pipeline::{Evaluation, RunDir};
-use toml::Value;
+use tactnet_data::sha256_hex;
 
 use crate::tasks::{ExperimentDir, TaskState};
-use crate::{ExperimentError, Probe, Task};
+use crate::{ExperimentError, Job, Probe, Task};
+use run::{question, training};
 
 /// Files that become artefacts.
 const ARTEFACTS: [&str; 5] = [
@@ -28,12 +29,6 @@ const ARTEFACTS: [&str; 5] = [
 /// # Errors
 /// A folder that is not empty or cannot be written; a damaged run directory.
 pub fn export_mlflow(dir: &ExperimentDir, out: &Path) -> Result<usize, ExperimentError> {
-    if dir.plan.recipe.study.is_some() {
-        return Err(ExperimentError::Folder {
-            path: dir.path().into(),
-            reason: "a study's tasks are no training runs, which is what MLflow shows; its numbers are in summary.json".into(),
-        });
-    }
     let failed = |error| ExperimentError::io(out, "make the folder", error);
     if out.exists() && fs::read_dir(out).map_err(failed)?.next().is_some() {
         return Err(ExperimentError::Folder {
@@ -87,14 +82,17 @@ fn export_task(
     id: &str,
 ) -> Result<(), ExperimentError> {
     let folder = dir.task_dir(task);
-    let run = RunDir::open(&folder)?;
-    let (Some(result), config) = (run.result()?, run.config()?) else {
-        return Ok(());
+    let run = match &task.job {
+        Job::Train(_) => match training(&folder)? {
+            Some(run) => run,
+            None => return Ok(()),
+        },
+        Job::Question(asked) => question(dir, task, asked)?,
     };
-    let uuid: String = hex(&task.id).chars().take(32).collect();
+    let uuid: String = sha256_hex(&task.id).chars().take(32).collect();
     let target = experiment.join(&uuid);
     let end = millis(&folder.join("result.json"));
-    let start = end.saturating_sub((result.train_seconds * 1e3) as u128);
+    let start = end.saturating_sub((run.seconds * 1e3) as u128);
     write(
         &target.join("meta.yaml"),
         &format!(
@@ -103,74 +101,26 @@ fn export_task(
              tags: []\nuser_id: tactnet\n",
             uri(&target.join("artifacts")),
             yaml(&task.id),
-            yaml(&result.git)
+            yaml(&run.git)
         ),
     )?;
     for folder in ["metrics", "params", "tags", "artifacts"] {
         let path = target.join(folder);
         fs::create_dir_all(&path).map_err(|error| ExperimentError::io(&path, "make", error))?;
     }
-    let mut parameters = vec![
-        ("data".to_string(), result.data.clone()),
-        ("data_sha256".into(), result.data_sha256.clone()),
-        ("model".into(), result.recipe.clone()),
-        ("levels".into(), config.recipe.levels().name().into()),
-        ("split".into(), result.split.clone()),
-        ("split_sha256".into(), result.split_sha256.clone()),
-        ("repeat".into(), result.repeat.to_string()),
-        ("fold".into(), result.fold.to_string()),
-        ("seed".into(), result.seed.0.to_string()),
-        ("command".into(), result.command.clone()),
-    ];
-    if let Ok(table) = config.recipe.to_toml().parse::<toml::Table>() {
-        flatten("recipe", &Value::Table(table), &mut parameters);
-    }
-    for (name, value) in &parameters {
+    for (name, value) in &run.parameters {
         write(&target.join("params").join(name), value)?;
     }
-    let metric = |name: &str, value: f64| {
-        write(
-            &target.join("metrics").join(name),
-            &format!("{end} {value} 0\n"),
-        )
-    };
-    for (way, evaluation) in &result.evaluations {
-        let Evaluation {
-            one_sweep,
-            fused,
-            negative_log_likelihood,
-            expected_calibration_error,
-            brier,
-            ..
-        } = evaluation;
-        metric(&format!("{way}.accuracy"), one_sweep.mean)?;
-        if let Some(fused) = fused {
-            metric(
-                &format!("{way}.accuracy_{}_sweeps", fused.sweeps),
-                fused.bayes.mean,
-            )?;
-        }
-        metric(
-            &format!("{way}.negative_log_likelihood"),
-            *negative_log_likelihood,
-        )?;
-        metric(
-            &format!("{way}.expected_calibration_error"),
-            *expected_calibration_error,
-        )?;
-        metric(&format!("{way}.brier"), *brier)?;
+    for (name, value) in &run.metrics {
+        let path = target.join("metrics").join(name);
+        write(&path, &format!("{end} {value} 0\n"))?;
     }
-    metric("train_seconds", result.train_seconds)?;
-    let course = run.metrics_before(usize::MAX)?;
-    let line = |value: f64, epoch: usize| format!("{end} {value} {epoch}\n");
-    if !course.is_empty() {
-        let losses: String = course.iter().map(|e| line(e.train_loss, e.epoch)).collect();
-        write(&target.join("metrics/train_loss"), &losses)?;
-        let accuracies: String = course
+    for (name, course) in run.courses.iter().filter(|(_, course)| !course.is_empty()) {
+        let lines: String = course
             .iter()
-            .map(|e| line(e.train_accuracy, e.epoch))
+            .map(|(epoch, value)| format!("{end} {value} {epoch}\n"))
             .collect();
-        write(&target.join("metrics/train_accuracy"), &accuracies)?;
+        write(&target.join("metrics").join(name), &lines)?;
     }
     let probe = match task.probe {
         None => "no",
@@ -179,7 +129,7 @@ fn export_task(
     };
     for (tag, value) in [
         ("mlflow.runName", task.id.as_str()),
-        ("mlflow.source.git.commit", &result.git),
+        ("mlflow.source.git.commit", &run.git),
         ("probe", probe),
     ] {
         write(&target.join("tags").join(tag), value)?;
@@ -191,19 +141,6 @@ fn export_task(
         }
     }
     Ok(())
-}
-
-/// `recipe.training.epochs` and its like.
-fn flatten(path: &str, value: &Value, into: &mut Vec<(String, String)>) {
-    match value {
-        Value::Table(table) => {
-            for (name, value) in table {
-                flatten(&format!("{path}.{name}"), value, into);
-            }
-        }
-        Value::String(text) => into.push((path.into(), text.clone())),
-        other => into.push((path.into(), other.to_string())),
-    }
 }
 
 fn write(path: &Path, text: &str) -> Result<(), ExperimentError> {
@@ -222,19 +159,12 @@ fn millis(path: &Path) -> u128 {
         .map_or(0, |time| time.as_millis())
 }
 
-fn hex(text: &str) -> String {
-    Sha256::digest(text)
-        .iter()
-        .map(|byte| format!("{byte:02x}"))
-        .collect()
-}
-
-/// A number that stands for a name: MLflow's experiments are numbered.
+/// Returns the number that stands for a name, as MLflow's experiments are numbered: its hash, at most 18 digits.
 fn number(name: &str) -> String {
-    let digest = Sha256::digest(name);
-    let mut bytes = [0; 8];
-    bytes.copy_from_slice(&digest[..8]);
-    (u64::from_be_bytes(bytes) % 1_000_000_000_000_000_000).to_string()
+    // Sixteen hexadecimal digits are 64 bits.
+    let hash = u64::from_str_radix(&sha256_hex(name)[..16], 16)
+        .unwrap_or_else(|error| panic!("a hash is hexadecimal: {error}"));
+    (hash % 1_000_000_000_000_000_000).to_string()
 }
 
 /// A YAML string in single quotes.

@@ -1,11 +1,11 @@
 //! Accuracies published for TactMat, as data.
 
-use std::path::Path;
-
-use tactnet_data::{Scheme, SplitManifest};
+use tactnet_data::{DataOrigin, Scheme, SplitManifest};
 use tactnet_pipeline::{
     LabelOrder, ModelRecipe, PredictionMethod, Recipe, RunConfig, TrainingMethod,
 };
+
+use crate::published_confusion::TACTMAT_MATERIALS;
 
 /// One row: accuracy in percent, mean and standard deviation over 2 x 5 folds.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,19 +47,20 @@ pub const PUBLISHED: [PublishedAccuracy; 4] = [
 /// published network trained at least as long as the recipe `fast` does. A base network predicted with MC dropout was not
 /// published.
 ///
+/// - `origin`: of the run's data set
 /// - `way`: how the network was asked
 pub fn published_for(
     config: &RunConfig,
+    origin: DataOrigin,
     split: &SplitManifest,
     way: PredictionMethod,
 ) -> Option<&'static PublishedAccuracy> {
     let ModelRecipe::TactNet2(recipe) = &config.recipe else {
         return None;
     };
-    let data = Path::new(&config.data).file_stem()?.to_str()?;
     let shortest = Recipe::load("fast").ok()?.training.epochs;
-    let comparable = ["twin", "tactmat"].contains(&data)
-        && config.classifier.labels.len() == 36
+    let comparable = origin.is_comparable_to_published()
+        && config.classifier.labels.len() == TACTMAT_MATERIALS.len()
         && config.steps.is_none()
         && config.inner.is_none()
         && config.label_order == LabelOrder::True

@@ -9,7 +9,6 @@ mod contender;
 mod data_set;
 #[cfg(test)]
 mod fake;
-mod glossary;
 mod header;
 mod intervals;
 mod material_groups;
@@ -18,9 +17,11 @@ mod ranks;
 mod results;
 mod study;
 mod svg;
+mod terms;
 mod text;
 
-use crate::Summary;
+use crate::questions::scored;
+use crate::{Question, Summary};
 use data_set::data_sets;
 use text::escape;
 
@@ -42,20 +43,21 @@ const SECTIONS: [(&str, &str); 9] = [
 
 /// One HTML page with everything that `summary` holds; it loads nothing and works, as plain tables, without JavaScript.
 pub fn to_html(summary: &Summary) -> String {
-    if let Some(study) = &summary.study {
-        return page(summary, &study::sections(study));
+    if !matches!(summary.question, Question::Crossval(_)) {
+        return page(summary, &study::sections(summary));
     }
-    let sets = data_sets(summary);
+    let contenders = scored(summary);
+    let sets = data_sets(&contenders);
     let bodies = [
-        results::section(summary, &sets),
+        results::section(summary, &contenders, &sets),
         intervals::section(&sets),
         paired::section(summary, &sets),
         audit::section(summary),
         contender::section(summary, &sets),
         beside_published::section(&sets),
         material_groups::section(summary, &sets),
-        ranks::section(summary),
-        glossary::section(),
+        ranks::section(&contenders),
+        terms::terms(summary.question.ask().terms()),
     ];
     let sections: Vec<(&str, &str, String)> = SECTIONS
         .into_iter()
@@ -234,7 +236,16 @@ mod tests {
     fn numbers_on_the_twin_are_marked() {
         let mut summary = fake::summary();
         assert!(!to_html(&summary).contains("synthetic"));
-        summary.data_sha256.insert("twin".into(), "00".into());
+        let record = |origin| crate::DataRecord {
+            sha256: "00".into(),
+            origin,
+        };
+        // A name alone says nothing.
+        let recorded = record(tactnet_data::DataOrigin::Recorded);
+        summary.data.insert("twin".into(), recorded);
+        assert!(!to_html(&summary).contains("are synthetic"));
+        let twin = record(tactnet_data::DataOrigin::Twin);
+        summary.data.insert("my-copy".into(), twin);
         assert!(to_html(&summary).contains("are synthetic"));
     }
 

@@ -179,7 +179,7 @@ fn submit(
     Ok(id)
 }
 
-/// Whether any task of the job waits or runs.
+/// Returns true while any task of the job waits or runs.
 fn in_queue(job: &str) -> Result<bool, ExperimentError> {
     match call("squeue", &["--noheader", "--jobs", job, "--format=%i"]) {
         Ok(answer) => Ok(!answer.trim().is_empty()),

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-/// A quantity measured once per fold.
+/// A quantity measured once per task or fold.
 ///
 /// The interval and every test use the corrected resampled variance of Nadeau & Bengio (2003): `sd^2 (1/J + n_test/n_train)`,
 /// since training sets of different folds overlap.
@@ -15,8 +15,8 @@ pub struct Statistic {
     pub sd: Option<f64>,
     /// 95 % interval of the mean; absent with one fold.
     pub ci95: Option<[f64; 2]>,
-    /// One value per fold, in the order of the folds.
-    pub folds: Vec<f64>,
+    /// One value per task, in the order of the tasks.
+    pub values: Vec<f64>,
 }
 
 impl Statistic {
@@ -26,32 +26,32 @@ impl Statistic {
     ///
     /// # Panics
     /// If there is no fold.
-    pub fn of(folds: Vec<f64>, test_share: f64) -> Self {
-        assert!(!folds.is_empty(), "a mean needs at least one fold");
-        let count = folds.len() as f64;
-        let mean = folds.iter().sum::<f64>() / count;
-        if folds.len() < 2 {
+    pub fn of(values: Vec<f64>, test_share: f64) -> Self {
+        assert!(!values.is_empty(), "a mean needs at least one fold");
+        let count = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / count;
+        if values.len() < 2 {
             return Self {
                 mean,
                 sd: None,
                 ci95: None,
-                folds,
+                values,
             };
         }
-        let variance = folds.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (count - 1.0);
+        let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (count - 1.0);
         let error = (variance * (1.0 / count + test_share)).sqrt();
         let reach = error * student(count - 1.0).inverse_cdf(0.975);
         Self {
             mean,
             sd: Some(variance.sqrt()),
             ci95: Some([mean - reach, mean + reach]),
-            folds,
+            values,
         }
     }
 
     /// The same for shares, whose interval ends at 0 and 1.
-    pub fn of_shares(folds: Vec<f64>, test_share: f64) -> Self {
-        let mut statistic = Self::of(folds, test_share);
+    pub fn of_shares(values: Vec<f64>, test_share: f64) -> Self {
+        let mut statistic = Self::of(values, test_share);
         if let Some(ends) = &mut statistic.ci95 {
             ends.iter_mut().for_each(|end| *end = end.clamp(0.0, 1.0));
         }

@@ -3,8 +3,14 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
+use tactnet_data::DataOrigin;
+use tactnet_pipeline::MeanRemoval;
 
-use crate::{Audit, Comparison, Grouping, Statistic, StudySummary};
+use crate::published_confusion::TACTMAT_MATERIALS;
+use crate::{
+    Audit, Comparison, Contender, FeatureMap, Grouping, Measure, Part, Question, SampleEfficiency,
+    Statistic,
+};
 
 /// Everything an experiment found.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -15,10 +21,12 @@ pub struct Summary {
     pub name: String,
     /// One line for people.
     pub title: String,
-    /// What the recipe's author expects.
+    /// The result that the recipe's author expects.
     pub expects: String,
     /// The call that leads here.
     pub command: String,
+    /// The question with its fields.
+    pub question: Question,
     /// Commits of the programs that ran the tasks.
     pub git: Vec<String>,
     /// Names every random choice.
@@ -27,139 +35,126 @@ pub struct Summary {
     pub tasks_done: usize,
     /// Tasks there are.
     pub tasks: usize,
-    /// Training time of all tasks together, seconds.
+    /// Time of all tasks together, of trainings alone where a task is one training, seconds.
     pub train_seconds: f64,
     /// Processor models that were used.
     pub processors: Vec<String>,
-    /// Data sets: name to SHA-256 of the content.
-    pub data_sha256: BTreeMap<String, String>,
-    /// One entry for each data set, model and way of predicting.
+    /// Data sets by name, with what was done to them.
+    pub data: BTreeMap<String, DataRecord>,
+    /// One entry for each data set, contender, circumstance and measure.
     pub rows: Vec<Row>,
-    /// Pairs of rows on the same folds.
+    /// Pairs of rows on the same tasks.
     pub comparisons: Vec<Comparison>,
-    /// What each data set gives away.
+    /// The tasks behind the numbers.
+    pub records: Vec<TaskRecord>,
+    /// Of a cross-validation: what is known of every contender besides its rows.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub contenders: Vec<Contender>,
+    /// Of a cross-validation: what each data set gives away.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub audits: Vec<Audit>,
-    /// Materials in groups, by row (see [`Row::key`]).
+    /// Of a cross-validation: materials in groups, by contender (see [`Contender::key`]).
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub groups: BTreeMap<String, Grouping>,
-    /// What a study found; `rows` and what is made of them are then empty.
+    /// Of `nshot`: how many more sweeps a network without pre-knowledge needs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub study: Option<StudySummary>,
+    pub sample_efficiency: Option<Vec<SampleEfficiency>>,
+    /// Of `feature-maps`: sweeps in a plane.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub maps: Vec<FeatureMap>,
 }
 
 impl Summary {
     /// Version written by this program.
-    pub const SCHEMA_VERSION: u32 = 1;
+    pub const SCHEMA_VERSION: u32 = 2;
+
+    /// Returns the row of a key.
+    pub fn row(&self, key: &str) -> Option<&Row> {
+        self.rows.iter().find(|row| row.key == key)
+    }
 }
 
-/// One line of the table: one model on one data set, asked one way.
+/// A data set of an experiment.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct DataRecord {
+    /// SHA-256 of its content.
+    pub sha256: String,
+    /// Where its sweeps come from.
+    pub origin: DataOrigin,
+}
+
+/// One quantity: a measure of one contender on one data set, mean over tasks.
+///
+/// Draws of new materials come from one and the same data set, so an interval over draws says nothing about other data sets.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// Unique within the summary.
     pub key: String,
-    /// Name of the data set; "twin" is synthetic.
+    /// Key of the contender, which its rows of other measures and circumstances share.
+    pub contender: String,
+    /// Name of the data set.
     pub data: String,
-    /// Name of the model's recipe.
-    pub model: String,
-    /// `kept` or `removed`.
-    pub levels: String,
-    /// How the data set was split.
-    pub split: String,
-    /// `plain` or `mc_dropout`.
-    pub prediction: String,
+    /// Where its sweeps come from.
+    pub origin: DataOrigin,
+    /// Materials of the data set.
+    pub materials: usize,
+    /// Treatment of the mean of every taxel.
+    pub levels: MeanRemoval,
     /// Time steps of a sweep.
     pub steps: usize,
-    /// Whether this is a probe (means, permuted labels) rather than a contender.
-    pub probe: bool,
-    /// Materials in label order.
-    pub materials: Vec<String>,
-    /// Accuracy of single sweeps, 0 to 1.
-    pub one_sweep: Statistic,
-    /// Accuracy of three sweeps fused (Bayes).
-    pub three_sweeps: Option<Statistic>,
-    /// Standard deviation of one fold's accuracy that its finite number of test sweeps alone explains: `sqrt(a (1 - a) / n)`.
-    pub sigma_test: f64,
-    /// Mean negative log-likelihood, nats.
-    pub negative_log_likelihood: Statistic,
-    /// Expected calibration error, 15 bins, 0 to 1.
-    pub expected_calibration_error: Statistic,
-    /// Brier score, 0 to 2.
-    pub brier: Statistic,
-    /// Training time of one fold, seconds.
-    pub train_seconds: Statistic,
-    /// Training sweeps of a fold.
-    pub n_train: usize,
-    /// Test sweeps of a fold.
-    pub n_test: usize,
-    /// Counts `[true][predicted]`, all folds together.
-    pub confusion: Vec<Vec<usize>>,
-    /// Fifteen equally wide bins of confidence.
-    pub reliability: Vec<ReliabilityBin>,
-    /// Error among the most confident share of the sweeps, all folds together.
-    pub risk_coverage: Vec<RiskCoverage>,
-    /// What was published for this row, if anything was.
-    pub published: Option<Published>,
-    /// Folds in the order of the statistics.
-    pub folds: Vec<FoldRecord>,
+    /// Name of the model's recipe.
+    pub model: String,
+    /// By which method, or how a classifier was asked: `plain`, `mc_dropout`.
+    pub method: String,
+    /// Under which circumstances; empty where there is only one.
+    pub setting: String,
+    /// Sweeps of every new material that were learnt from.
+    pub shots: Option<usize>,
+    /// Sweeps behind one decision.
+    pub sweeps: Option<usize>,
+    /// The quantity.
+    pub measure: Measure,
+    /// Mean, deviation and interval, and one value for each task; in the measure's unit.
+    #[serde(flatten)]
+    pub statistic: Statistic,
+    /// Tasks.
+    pub n: usize,
+    /// Decisions behind it, all tasks together.
+    pub decisions: usize,
+    /// Published for TactMat, in the same unit.
+    pub published: Option<f64>,
+    /// Reached by humans on TactMat, as published.
+    pub humans: Option<f64>,
 }
 
 impl Row {
-    /// Runs of the cross-validation: how often every sweep was tested.
-    pub(crate) fn repeats(&self) -> usize {
-        let repeats: std::collections::BTreeSet<usize> =
-            self.folds.iter().map(|fold| fold.repeat).collect();
-        repeats.len().max(1)
+    /// True if numbers that were published for TactMat may stand beside it: it has all of TactMat's materials, or the twin's.
+    pub fn is_beside_published(&self) -> bool {
+        self.origin.is_comparable_to_published() && self.materials == TACTMAT_MATERIALS.len()
     }
 }
 
-/// One bin of a reliability diagram.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct ReliabilityBin {
-    /// Mean confidence, 0 to 1.
-    pub confidence: f64,
-    /// Share that was right, 0 to 1.
-    pub accuracy: f64,
-    /// Sweeps in the bin; bins without any are left out.
-    pub count: usize,
-}
-
-/// One point of a risk-coverage curve.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct RiskCoverage {
-    /// Share of the sweeps that are answered, most confident first.
-    pub coverage: f64,
-    /// Share of the answers that are wrong.
-    pub risk: f64,
-}
-
-/// A published accuracy on TactMat, %.
+/// Where the numbers of one task come from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Published {
-    /// What it was published for.
-    pub classifier: String,
-    /// One sweep.
-    pub one_sweep: f64,
-    /// Three sweeps.
-    pub three_sweeps: f64,
-}
-
-/// Where the numbers of one fold come from.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct FoldRecord {
-    /// Run of the cross-validation.
-    #[serde(alias = "run")]
-    pub repeat: usize,
-    /// Fold of the repeat.
-    pub fold: usize,
-    /// The call that repeats this fold.
+pub struct TaskRecord {
+    /// Name of its folder.
+    pub id: String,
+    /// The part of the data set that it asks about.
+    pub part: Part,
+    /// The call that repeats it, where it is a single training.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
     pub command: String,
-    /// Commit of the program.
-    pub git: String,
+    /// The split, for people.
+    pub split: String,
     /// SHA-256 of the split.
     pub split_sha256: String,
     /// SHA-256 of the recipe.
     pub recipe_sha256: String,
-    /// Predictions file, relative to the experiment's folder.
-    pub predictions: String,
-    /// Accuracy of single sweeps.
-    pub one_sweep: f64,
+    /// Commit of the program.
+    pub git: String,
+    /// Time of the task, seconds.
+    pub seconds: f64,
+    /// Settings that were chosen on the way, by name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub chosen: BTreeMap<String, f64>,
 }

@@ -11,15 +11,15 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use tactnet_pipeline::RunDir;
 
 use crate::plan::{Plan, Task};
-use crate::{ExperimentError, ExperimentRecipe, StudyResult};
+use crate::{ExperimentError, ExperimentRecipe, Job, QuestionResult};
 
 /// Held while the plan is written.
 const LOCK: &str = ".lock";
-/// What may lie in a folder whose plan has not been written yet.
+/// Files that may lie in a folder whose plan has not been written yet.
 const OWN: [&str; 4] = [LOCK, "recipes", "tasks", "experiment.json"];
 
 /// Where a task stands.
@@ -34,6 +34,21 @@ pub enum TaskState {
     Interrupted,
     /// It has ended.
     Done,
+}
+
+/// The beginning of every version of a plan.
+#[derive(Deserialize)]
+struct Version {
+    schema_version: u32,
+}
+
+/// How a task begins.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Start {
+    /// Its training goes on from the checkpoint in the task's folder.
+    Resume,
+    /// Its job is begun, or begun again.
+    Begin(Box<Job>),
 }
 
 /// The folder of an experiment.
@@ -104,20 +119,20 @@ impl ExperimentDir {
         }
         let text =
             fs::read_to_string(&file).map_err(|error| ExperimentError::io(&file, "read", error))?;
-        let plan: Plan = serde_json::from_str(&text).map_err(|error| ExperimentError::Folder {
+        let refused = |reason: String| ExperimentError::Folder {
             path: file.clone(),
-            reason: error.to_string(),
-        })?;
-        if plan.schema_version != Plan::SCHEMA_VERSION {
-            return Err(ExperimentError::Folder {
-                path: file,
-                reason: format!(
-                    "expected schema version {}, found {}",
-                    Plan::SCHEMA_VERSION,
-                    plan.schema_version
-                ),
-            });
+            reason,
+        };
+        let version: Version =
+            serde_json::from_str(&text).map_err(|error| refused(error.to_string()))?;
+        if version.schema_version != Plan::SCHEMA_VERSION {
+            return Err(refused(format!(
+                "planned by another version of tactnet (schema version {}, this one has {}); run the experiment in a new folder with `--out`",
+                version.schema_version,
+                Plan::SCHEMA_VERSION
+            )));
         }
+        let plan: Plan = serde_json::from_str(&text).map_err(|error| refused(error.to_string()))?;
         let path = path
             .canonicalize()
             .map_err(|error| ExperimentError::io(path, "find", error))?;
@@ -134,7 +149,7 @@ impl ExperimentDir {
         self.path.join("tasks").join(&task.id)
     }
 
-    /// What a task said.
+    /// Returns the file that a task's stderr goes to.
     pub fn log_file(&self, task: &Task) -> PathBuf {
         self.path.join("tasks").join(format!("{}.log", task.id))
     }
@@ -153,37 +168,49 @@ impl ExperimentDir {
         }
     }
 
-    /// Arguments of `tactnet` that run the task from where it stands. What an interrupted task left before its configuration
-    /// was written is removed.
+    /// Returns the task of a name.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn task(&self, id: &str) -> Result<&Task, ExperimentError> {
+        let found = self.plan.tasks.iter().find(|task| task.id == id);
+        found.ok_or_else(|| ExperimentError::Folder {
+            path: self.path.clone(),
+            reason: format!(
+                "none of its {} tasks is called `{id}`",
+                self.plan.tasks.len()
+            ),
+        })
+    }
+
+    /// Returns how the task begins from where it stands. What a training left that was interrupted before its configuration was
+    /// written is removed; the finished networks of a question stay.
     ///
     /// # Errors
     /// Remains that cannot be removed.
-    pub fn arguments(&self, task: &Task) -> Result<Vec<String>, ExperimentError> {
+    pub fn begin(&self, task: &Task) -> Result<Start, ExperimentError> {
         let folder = self.task_dir(task);
-        let shown = folder.display().to_string();
         if folder.join("config.json").exists() {
-            return Ok(["train", "--resume", &shown].map(String::from).to_vec());
+            return Ok(Start::Resume);
         }
-        if folder.exists() {
+        let mut job = task.job.clone();
+        if matches!(job, Job::Train(_)) && folder.exists() {
             fs::remove_dir_all(&folder)
                 .map_err(|error| ExperimentError::io(&folder, "remove the remains of", error))?;
         }
-        let mut arguments: Vec<String> = task
-            .arguments
-            .iter()
-            .map(|argument| match argument.strip_prefix(Plan::OWN_RECIPE) {
-                Some(file) => self.path.join("recipes").join(file).display().to_string(),
-                None => argument.clone(),
-            })
-            .collect();
-        arguments.extend(["--out".into(), shown]);
-        Ok(arguments)
+        let spec = job.spec_mut();
+        if let Some(file) = spec.recipe.strip_prefix(Plan::OWN_RECIPE) {
+            spec.recipe = self.path.join("recipes").join(file).display().to_string();
+        }
+        Ok(Start::Begin(Box::new(job)))
     }
 
     /// Time that a task that has ended spent in training, seconds.
     pub(crate) fn train_seconds(&self, task: &Task) -> f64 {
-        if self.plan.recipe.study.is_some() {
-            return self.study_result(task).map_or(0.0, |result| result.seconds);
+        if let Job::Question(_) = task.job {
+            return self
+                .question_result(task)
+                .map_or(0.0, |result| result.seconds);
         }
         let result = RunDir::open(&self.task_dir(task)).and_then(|run| run.result());
         result
@@ -192,11 +219,11 @@ impl ExperimentDir {
             .map_or(0.0, |result| result.train_seconds)
     }
 
-    /// What a study's task that has ended found.
+    /// Reads what the task of a question that has ended found.
     ///
     /// # Errors
     /// No result there, a damaged one, or one of another version.
-    pub(crate) fn study_result(&self, task: &Task) -> Result<StudyResult, ExperimentError> {
+    pub(crate) fn question_result(&self, task: &Task) -> Result<QuestionResult, ExperimentError> {
         let path = self.task_dir(task).join("result.json");
         let text =
             fs::read_to_string(&path).map_err(|error| ExperimentError::io(&path, "read", error))?;
@@ -204,12 +231,12 @@ impl ExperimentDir {
             path: path.clone(),
             reason,
         };
-        let result: StudyResult =
+        let result: QuestionResult =
             serde_json::from_str(&text).map_err(|error| damaged(error.to_string()))?;
-        if result.schema_version != StudyResult::SCHEMA_VERSION {
+        if result.schema_version != QuestionResult::SCHEMA_VERSION {
             return Err(damaged(format!(
                 "expected schema version {}, found {}",
-                StudyResult::SCHEMA_VERSION,
+                QuestionResult::SCHEMA_VERSION,
                 result.schema_version
             )));
         }
@@ -320,11 +347,10 @@ mod tests {
         assert_eq!(text(&first, 2), text(&second, 2));
         assert_ne!(text(&first, 1), text(&first, 2));
         for task in &first.plan.tasks {
-            assert!(
-                task.arguments.join(" ").ends_with("--inner 0"),
-                "{:?}",
-                task.arguments
-            );
+            let Job::Train(spec) = &task.job else {
+                panic!("a training");
+            };
+            assert_eq!(spec.inner, Some(0), "{spec}");
         }
     }
 
@@ -334,11 +360,14 @@ mod tests {
         let task = &dir.plan.tasks[2];
         fs::create_dir(dir.task_dir(task)).unwrap();
         assert_eq!(dir.state(task), TaskState::Interrupted);
-        assert_eq!(dir.arguments(task).unwrap()[0..2], ["train", "--data"]);
+        assert_eq!(
+            dir.begin(task).unwrap(),
+            Start::Begin(Box::new(task.job.clone()))
+        );
         assert_eq!(dir.state(task), TaskState::Open, "the remains are gone");
         fs::create_dir(dir.task_dir(task)).unwrap();
         fs::write(dir.task_dir(task).join("config.json"), "{}").unwrap();
-        assert_eq!(dir.arguments(task).unwrap()[0..2], ["train", "--resume"]);
+        assert_eq!(dir.begin(task).unwrap(), Start::Resume);
     }
 
     #[test]
@@ -365,6 +394,47 @@ mod tests {
         fs::write(folder.path().join("thesis.tex"), "").unwrap();
         assert!(plan(folder.path()).is_err());
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "untouched");
+    }
+
+    #[test]
+    fn every_task_computes_on_the_device_of_the_recipe() {
+        for name in ["crossval_baselines", "nshot"] {
+            let (_folder, mut dir) = planned(name, &["device=vulkan"]);
+            for task in &mut dir.plan.tasks {
+                assert_eq!(
+                    task.job.spec_mut().device,
+                    tactnet_models::Compute::Vulkan,
+                    "{}",
+                    task.id
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_plan_of_another_version_is_refused_in_one_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let plan = r#"{"schema_version": 3, "recipe": {"study": null}, "tasks": []}"#;
+        fs::write(folder.path().join("experiment.json"), plan).unwrap();
+        let refused = ExperimentDir::open(folder.path()).unwrap_err().to_string();
+        assert!(
+            refused.contains("schema version 3, this one has 4"),
+            "{refused}"
+        );
+        assert!(!refused.contains('\n'), "{refused}");
+    }
+
+    #[test]
+    fn finished_networks_of_an_interrupted_question_stay() {
+        let (_folder, dir) = planned("unknown", &["splits=1"]);
+        let task = &dir.plan.tasks[0];
+        let networks = dir.task_dir(task).join("networks");
+        fs::create_dir_all(&networks).unwrap();
+        assert_eq!(
+            dir.begin(task).unwrap(),
+            Start::Begin(Box::new(task.job.clone()))
+        );
+        assert!(networks.exists());
     }
 
     #[test]

@@ -147,16 +147,18 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
             Session::begin(&job, arguments.out.as_deref(), program)?
         }
     };
+    train(&session, &stop, OutputFormat::from_flag(arguments.json))
+}
+
+/// Trains from where the run stands, and prints its result.
+pub fn train(session: &Session, stop: &Stop, format: OutputFormat) -> anyhow::Result<ExitCode> {
     let mut progress = Progress::default();
     let path = session.run().path().display();
     match session.train(
         |event| progress.show(&event, session.run().path()),
         || stop.asked(),
     )? {
-        TrainOutcome::Finished(result) => {
-            let format = OutputFormat::from_flag(arguments.json);
-            report::print_result(session.run(), &result, format)
-        }
+        TrainOutcome::Finished(result) => report::print_result(session.run(), &result, format),
         TrainOutcome::Stopped => {
             eprintln!("stopped; continue with `tactnet train --resume {path}`");
             Ok(ExitCode::from(failure::INTERRUPTED))

@@ -63,9 +63,9 @@ fn an_experiment_reports_every_task_and_runs_none_twice() {
         (&8.into(), &8.into())
     );
     // Two probes, the network asked two ways, one baseline.
-    let rows = summary["rows"].as_array().unwrap();
-    assert_eq!(rows.len(), 5);
-    for row in rows {
+    let contenders = summary["contenders"].as_array().unwrap();
+    assert_eq!(contenders.len(), 5);
+    for row in contenders {
         assert_eq!(row["folds"].as_array().unwrap().len(), 2);
         for fold in row["folds"].as_array().unwrap() {
             let file = fold["predictions"].as_str().unwrap();
@@ -81,9 +81,13 @@ fn an_experiment_reports_every_task_and_runs_none_twice() {
         assert_eq!(tested, 16);
     }
     let result = lab.json("out/tasks/twin-knn-l-run0-fold1/result.json");
-    let row = rows.iter().find(|row| row["model"] == "knn-l").unwrap();
+    let rows = summary["rows"].as_array().unwrap();
+    let row = rows.iter().find(|row| {
+        (&row["model"], &row["measure"], &row["sweeps"])
+            == (&"knn-l".into(), &"accuracy".into(), &1.into())
+    });
     assert_eq!(
-        row["one_sweep"]["folds"][1],
+        row.unwrap()["values"][1],
         result["accuracy_one_sweep"]["mean"]
     );
     let page = String::from_utf8(lab.read("out/report.html")).unwrap();

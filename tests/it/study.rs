@@ -1,7 +1,10 @@
-//! Studies with the real binary on a small twin: transfer, differentiation, unknown materials, sequential sweeping.
+//! Questions other than cross-validation, with the real binary on a small twin: transfer, differentiation, unknown materials, sequential sweeping.
 
 use std::collections::BTreeSet;
-use std::process::Command;
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant, SystemTime};
 
 use serde_json::Value;
 
@@ -49,7 +52,7 @@ fn summary(command: Command) -> Value {
 }
 
 fn rows(summary: &Value) -> &Vec<Value> {
-    summary["study"]["rows"].as_array().unwrap()
+    summary["rows"].as_array().unwrap()
 }
 
 const NSHOT: [&str; 3] = [
@@ -67,10 +70,7 @@ fn n_shot_transfer_measures_every_method_the_same_way_however_many_threads() {
     let mut one = study(&lab, "nshot", &NSHOT, "one");
     one.args(["--jobs", "1"]);
     let one = summary(one);
-    assert_eq!(
-        one["study"]["rows"], two["study"]["rows"],
-        "threads change nothing"
-    );
+    assert_eq!(one["rows"], two["rows"], "threads change nothing");
     // Ten methods; no material has 40 training sweeps.
     assert_eq!(rows(&one).len(), 20);
     for row in rows(&one) {
@@ -78,7 +78,8 @@ fn n_shot_transfer_measures_every_method_the_same_way_however_many_threads() {
         assert_eq!(row["n"], 2, "two draws of the materials");
         assert!((0.0..=1.0).contains(&at("mean")), "{row}");
         assert!(
-            at("ci95_low") <= at("mean") && at("mean") <= at("ci95_high"),
+            row["ci95"][0].as_f64() <= Some(at("mean"))
+                && Some(at("mean")) <= row["ci95"][1].as_f64(),
             "{row}"
         );
         // Three materials with thirty sweeps each are tested once; from scratch, two of five folds.
@@ -96,7 +97,7 @@ fn n_shot_transfer_measures_every_method_the_same_way_however_many_threads() {
             .count()
     };
     assert_eq!((methods(1), methods(3)), (10, 10));
-    assert_eq!(one["study"]["comparisons"].as_array().unwrap().len(), 18);
+    assert_eq!(one["comparisons"].as_array().unwrap().len(), 18);
     let page = String::from_utf8(lab.read("one/report.html")).unwrap();
     assert!(page.contains("Methods of the thesis: accuracy against shots"));
     let again = expect(0, study(&lab, "nshot", &NSHOT, "one"));
@@ -250,7 +251,7 @@ fn feature_maps_put_every_test_sweep_in_the_plane_and_into_the_report() {
     let lab = lab();
     let settings = ["splits=1", "study={kind=\"feature-maps\", new_materials=3}"];
     let found = summary(study(&lab, "feature_maps", &settings, "maps"));
-    let maps = found["study"]["maps"].as_array().unwrap();
+    let maps = found["maps"].as_array().unwrap();
     assert_eq!(maps.len(), 2, "input and embedding");
     for map in maps {
         let points = map["points"].as_array().unwrap();
@@ -275,15 +276,15 @@ fn feature_maps_put_every_test_sweep_in_the_plane_and_into_the_report() {
 }
 
 #[test]
-fn studies_refuse_what_they_cannot_use_in_one_line() {
+fn questions_refuse_what_they_cannot_use_in_one_line() {
     let lab = lab();
     for (code, settings, named) in [
         (
             2,
             &["models=[\"minirocket\"]"][..],
-            "a study needs networks",
+            "the question `nshot` needs networks",
         ),
-        (2, &["groups=3"][..], "`groups`: a study has none"),
+        (2, &["groups=3"][..], "unknown field `groups`"),
         (2, &["shots=[]"][..], "`shots`"),
         // Seen when the data are read: by the task.
         (
@@ -303,4 +304,80 @@ fn studies_refuse_what_they_cannot_use_in_one_line() {
         ));
         assert!(refused.contains(named), "{settings:?}: {refused}");
     }
+}
+
+#[test]
+fn a_stopped_question_keeps_its_finished_networks_and_finds_the_same() {
+    let lab = lab();
+    let settings = [
+        "splits=1",
+        "shots=[1, 3]",
+        "methods=[\"nk\", \"ol-mean\"]",
+        "study={kind=\"nshot\", new_materials=3, scratch_folds=5}",
+    ];
+    let undisturbed = summary(study(&lab, "nshot", &settings, "undisturbed"));
+    let mut runner = study(&lab, "nshot", &settings, "stopped")
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let networks = lab.path("stopped/tasks/eight-small-nshot-000/networks");
+    let finished = || -> Vec<(PathBuf, SystemTime)> {
+        let files = std::fs::read_dir(&networks).into_iter().flatten();
+        files
+            .map(|file| file.unwrap().path())
+            .filter(|path| path.extension().is_some_and(|end| end == "safetensors"))
+            .map(|path| {
+                let written = path.metadata().unwrap().modified().unwrap();
+                (path, written)
+            })
+            .collect()
+    };
+    let begun = Instant::now();
+    while finished().is_empty() && begun.elapsed() < Duration::from_secs(120) {
+        sleep(Duration::from_millis(5));
+    }
+    Command::new("kill")
+        .args(["-INT", &runner.id().to_string()])
+        .status()
+        .unwrap();
+    assert_eq!(runner.wait().unwrap().code(), Some(130));
+    assert!(!finished().is_empty(), "finished networks stay");
+    let again = summary(study(&lab, "nshot", &settings, "stopped"));
+    assert_eq!(again["rows"], undisturbed["rows"]);
+    assert!(!networks.exists(), "the task has its result");
+    let log = String::from_utf8(lab.read("stopped/tasks/eight-small-nshot-000.log")).unwrap();
+    assert!(
+        log.contains("stopped; the task goes on with its next network"),
+        "{log}"
+    );
+}
+
+#[test]
+fn the_measurements_of_a_question_are_metrics_for_mlflow() {
+    let lab = lab();
+    let settings = ["splits=1", "study={kind=\"unknown\", new_materials=3}"];
+    let found = summary(study(&lab, "unknown", &settings, "unknown"));
+    let mut export = tactnet(["experiment", "export"]);
+    export
+        .arg(lab.path("unknown"))
+        .arg("--mlflow")
+        .arg(lab.path("mlruns"));
+    expect(0, export);
+    let experiments = std::fs::read_dir(lab.path("mlruns")).unwrap();
+    let run = experiments
+        .map(|folder| folder.unwrap().path())
+        .filter(|folder| folder.join("tags").exists())
+        .flat_map(|folder| std::fs::read_dir(folder).unwrap())
+        .map(|folder| folder.unwrap().path())
+        .find(|folder| folder.join("metrics").exists())
+        .unwrap();
+    let metric = std::fs::read_to_string(run.join("metrics/energy.auroc.1_sweeps")).unwrap();
+    let value: f64 = metric.split(' ').nth(1).unwrap().parse().unwrap();
+    let wanted = [("measure", "auroc"), ("method", "energy"), ("sweeps", "1")];
+    assert_eq!(value, mean(&found, &wanted));
+    assert_eq!(
+        std::fs::read_to_string(run.join("params/question.new_materials")).unwrap(),
+        "3"
+    );
 }

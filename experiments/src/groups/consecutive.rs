@@ -2,7 +2,7 @@
 
 use super::affinity;
 
-/// Whether every group is consecutive in label order.
+/// Returns true if every group is consecutive in label order.
 ///
 /// - `group_of`: `[materials]`, number of the group
 pub fn consecutive(group_of: &[usize]) -> bool {

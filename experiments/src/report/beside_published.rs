@@ -3,10 +3,9 @@
 use super::class_bars;
 use super::confusion::{Cells, Confusion, reordered, shades};
 use super::data_set::DataSet;
-use super::header::is_twin;
 use super::text::{decimal, escape, percent};
-use crate::Row;
 use crate::published_confusion::{self, TACTMAT_MATERIALS, off_diagonal_correlation};
+use crate::questions::Scored;
 
 const SOURCE: &str = "Tulbure and B\u{e4}uml, Humanoids 2018; B\u{e4}uml's thesis, chapter 4; read off the figures' pixels, \
                       \u{b1}0.004";
@@ -16,7 +15,10 @@ pub(super) fn section(sets: &[DataSet]) -> String {
         .iter()
         .filter_map(|set| {
             let best = set.best()?;
-            let order = tactmat_order(&best.materials)?;
+            if !best.origin.is_comparable_to_published() {
+                return None;
+            }
+            let order = tactmat_order(best.materials)?;
             (best.confusion.len() == order.len()).then(|| beside(set, best, &order))
         })
         .collect();
@@ -39,9 +41,9 @@ fn tactmat_order(materials: &[String]) -> Option<Vec<usize>> {
         .collect()
 }
 
-fn beside(set: &DataSet, best: &Row, order: &[usize]) -> String {
+fn beside(set: &DataSet, best: &Scored<'_>, order: &[usize]) -> String {
     let name = format!("{}: {}", set.heading(), set.name(best));
-    let counts = reordered(&best.confusion, order);
+    let counts = reordered(best.confusion, order);
     let (robot, human) = (published_confusion::robot(), published_confusion::human());
     let correlation = |published: &[Vec<f64>]| {
         off_diagonal_correlation(&counts, published)
@@ -54,7 +56,7 @@ fn beside(set: &DataSet, best: &Row, order: &[usize]) -> String {
          touch. Ours with one sweep: {}\u{a0}%.</p>\n",
         correlation(&robot),
         correlation(&human),
-        if is_twin(&best.data) {
+        if best.origin.is_synthetic() {
             " The generator of these synthetic sweeps was itself built from the published matrix: here r shows only how much of \
              it survives."
         } else {

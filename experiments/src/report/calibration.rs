@@ -3,7 +3,8 @@
 use super::data_set::DataSet;
 use super::svg::{Axes, SERIES, figure, legend};
 use super::text::{escape, percent};
-use crate::{ReliabilityBin, Row};
+use crate::ReliabilityBin;
+use crate::questions::Scored;
 
 /// Bins of confidence in a summary.
 const BINS: usize = 15;
@@ -35,7 +36,7 @@ pub(super) fn reliability(set: &DataSet) -> String {
             .collect();
         content.push_str(&axes.series(series, &points, 1));
     }
-    content.push_str(&counts(&best.reliability, &axes));
+    content.push_str(&counts(best.reliability, &axes));
     let name = set.name(best);
     let title = format!("Reliability of {name} on {}", set.heading());
     format!(
@@ -106,7 +107,7 @@ fn square(y_max: f64) -> Axes {
 }
 
 /// The best contenders that have what is to be drawn.
-fn shown<'a>(set: &DataSet<'a>, drawable: impl Fn(&Row) -> bool) -> Vec<&'a Row> {
+fn shown<'a>(set: &DataSet<'a>, drawable: impl Fn(&Scored<'_>) -> bool) -> Vec<&'a Scored<'a>> {
     set.contenders()
         .into_iter()
         .filter(|row| drawable(row))
@@ -114,7 +115,7 @@ fn shown<'a>(set: &DataSet<'a>, drawable: impl Fn(&Row) -> bool) -> Vec<&'a Row>
         .collect()
 }
 
-fn names(set: &DataSet, rows: &[&Row]) -> String {
+fn names(set: &DataSet, rows: &[&Scored<'_>]) -> String {
     let names: Vec<String> = rows.iter().map(|row| set.name(row)).collect();
     legend(&names)
 }

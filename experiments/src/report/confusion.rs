@@ -11,7 +11,7 @@ pub(super) const LETTER: f64 = 6.1;
 /// Longest material name that is written out in a figure.
 pub(super) const NAME_LIMIT: usize = 34;
 
-/// What the cells of a matrix hold, `[true][predicted]`.
+/// The cells of a matrix, `[true][predicted]`.
 pub(super) enum Cells {
     /// Sweeps.
     Counts(Vec<Vec<usize>>),
@@ -218,7 +218,7 @@ impl<'a> Confusion<'a> {
         svg
     }
 
-    /// What a cell says when it is pointed at; `report.js` says the same.
+    /// Returns the text of a cell that is pointed at; `report.js` says the same.
     fn describe(&self, truth: usize, predicted: usize) -> String {
         let (a, b) = (self.names[truth], self.names[predicted]);
         let share = percent(self.share(truth, predicted));

@@ -4,7 +4,8 @@ use super::calibration::{reliability, risk_coverage};
 use super::confusion::{Cells, Confusion, shades};
 use super::data_set::{DataSet, split_name};
 use super::text::{escape, percent, percent_and_sd, scroll};
-use crate::{Row, Summary};
+use crate::Summary;
+use crate::questions::Scored;
 
 pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> String {
     let parts: String = sets
@@ -20,19 +21,18 @@ pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> String {
     )
 }
 
-fn contender(summary: &Summary, set: &DataSet, best: &Row) -> String {
+fn contender(summary: &Summary, set: &DataSet, best: &Scored<'_>) -> String {
     let name = set.name(best);
     let three = best
         .three_sweeps
-        .as_ref()
         .map(|three| format!(", three fused: {}\u{a0}%", percent(three.mean)))
         .unwrap_or_default();
     let mut html = format!(
         "<h3>{}: {}</h3>\n<p>One sweep: {}\u{a0}%{three}. Split {}, {} folds together.</p>\n",
         escape(&set.heading()),
         escape(&name),
-        percent_and_sd(&best.one_sweep),
-        escape(&split_name(&best.split)),
+        percent_and_sd(best.one_sweep),
+        escape(&split_name(best.split)),
         best.folds.len()
     );
     let size = best.materials.len();
@@ -50,16 +50,17 @@ fn contender(summary: &Summary, set: &DataSet, best: &Row) -> String {
     html
 }
 
-fn matrix(summary: &Summary, set: &DataSet, best: &Row) -> String {
+fn matrix(summary: &Summary, set: &DataSet, best: &Scored<'_>) -> String {
     let title = format!(
         "Confusion matrix of {} on {}",
         set.name(best),
         set.heading()
     );
     let names = best.materials.iter().map(String::as_str).collect();
-    let mut confusion = Confusion::new(title.clone(), names, Cells::Counts(best.confusion.clone()));
+    let mut confusion =
+        Confusion::new(title.clone(), names, Cells::Counts(best.confusion.to_vec()));
     let mut order = "Materials in label order.";
-    if let Some(grouping) = summary.groups.get(&best.key) {
+    if let Some(grouping) = summary.groups.get(best.key) {
         confusion = confusion.grouped(grouping);
         order = "Materials ordered by group; frames mark the groups.";
     }

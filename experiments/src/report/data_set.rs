@@ -1,41 +1,44 @@
 //! The rows of a summary by data set: what may be compared with what.
 
-use crate::{Row, Summary};
+use tactnet_pipeline::MeanRemoval;
+
+use crate::questions::Scored;
 
 /// The rows on one data set with the same treatment of levels.
 pub(super) struct DataSet<'a> {
     /// Name of the data set.
     pub data: &'a str,
-    /// `kept` or `removed`.
-    pub levels: &'a str,
+    /// Treatment of the mean of every taxel.
+    pub levels: MeanRemoval,
     /// In the order of the summary.
-    pub rows: Vec<&'a Row>,
+    pub rows: Vec<&'a Scored<'a>>,
 }
 
 impl<'a> DataSet<'a> {
     /// Name with what happens to levels; not yet escaped.
     pub fn heading(&self) -> String {
-        format!("{}, levels {}", self.data, self.levels)
+        format!("{}, levels {}", self.data, self.levels.name())
     }
 
     /// Rows that are not probes, most accurate first.
-    pub fn contenders(&self) -> Vec<&'a Row> {
-        let mut rows: Vec<&Row> = self.rows.iter().copied().filter(|row| !row.probe).collect();
+    pub fn contenders(&self) -> Vec<&'a Scored<'a>> {
+        let mut rows: Vec<&'a Scored<'a>> =
+            self.rows.iter().copied().filter(|row| !row.probe).collect();
         rows.sort_by(|a, b| b.one_sweep.mean.total_cmp(&a.one_sweep.mean));
         rows
     }
 
     /// The most accurate contender.
-    pub fn best(&self) -> Option<&'a Row> {
+    pub fn best(&self) -> Option<&'a Scored<'a>> {
         self.contenders().first().copied()
     }
 
-    /// What tells `row` from the others here; not yet escaped.
-    pub fn name(&self, row: &Row) -> String {
+    /// Returns a name that tells `row` from the others here; not yet escaped.
+    pub fn name(&self, row: &Scored<'_>) -> String {
         let mut name = contender_name(row);
         if self.rows.iter().any(|other| other.split != row.split) {
             name.push_str(", ");
-            name.push_str(&split_name(&row.split));
+            name.push_str(&split_name(row.split));
         }
         if self.rows.iter().any(|other| other.steps != row.steps) {
             name.push_str(&format!(", {} steps", row.steps));
@@ -45,9 +48,9 @@ impl<'a> DataSet<'a> {
 }
 
 /// Model and way of predicting; not yet escaped.
-pub(super) fn contender_name(row: &Row) -> String {
-    match row.prediction.as_str() {
-        "plain" => row.model.clone(),
+pub(super) fn contender_name(row: &Scored<'_>) -> String {
+    match row.prediction {
+        "plain" => row.model.to_string(),
         other => format!("{}, {}", row.model, prediction_name(other)),
     }
 }
@@ -66,17 +69,17 @@ pub(super) fn split_name(split: &str) -> String {
 }
 
 /// The data sets in the order of their first row.
-pub(super) fn data_sets(summary: &Summary) -> Vec<DataSet<'_>> {
+pub(super) fn data_sets<'a>(contenders: &'a [Scored<'a>]) -> Vec<DataSet<'a>> {
     let mut sets: Vec<DataSet> = Vec::new();
-    for row in &summary.rows {
+    for row in contenders {
         let known = sets
             .iter_mut()
             .find(|set| set.data == row.data && set.levels == row.levels);
         match known {
             Some(set) => set.rows.push(row),
             None => sets.push(DataSet {
-                data: &row.data,
-                levels: &row.levels,
+                data: row.data,
+                levels: row.levels,
                 rows: vec![row],
             }),
         }
@@ -88,23 +91,23 @@ pub(super) fn data_sets(summary: &Summary) -> Vec<DataSet<'_>> {
 mod tests {
     use super::super::fake;
     use super::*;
+    use crate::questions::scored;
 
     #[test]
     fn a_name_says_what_tells_rows_apart_and_no_more() {
         let mut summary = fake::tactmat();
+        let rows = scored(&summary);
+        assert_eq!(data_sets(&rows)[0].name(&rows[0]), "net, MC dropout");
+        summary.contenders[1].steps = 100;
+        summary.contenders[1].split = "leave_one_block_out".into();
+        let rows = scored(&summary);
+        let sets = data_sets(&rows);
         assert_eq!(
-            data_sets(&summary)[0].name(&summary.rows[0]),
-            "net, MC dropout"
-        );
-        summary.rows[1].steps = 100;
-        summary.rows[1].split = "leave_one_block_out".into();
-        let sets = data_sets(&summary);
-        assert_eq!(
-            sets[0].name(&summary.rows[0]),
+            sets[0].name(&rows[0]),
             "net, MC dropout, k-fold, 1000 steps"
         );
         assert_eq!(
-            sets[0].name(&summary.rows[1]),
+            sets[0].name(&rows[1]),
             "knn, MC dropout, leave-one-block-out, 100 steps"
         );
     }
@@ -112,7 +115,8 @@ mod tests {
     #[test]
     fn the_best_contender_is_no_probe() {
         let mut summary = fake::tactmat();
-        summary.rows[0].probe = true;
-        assert_eq!(data_sets(&summary)[0].best().unwrap().model, "knn");
+        summary.contenders[0].probe = true;
+        let rows = scored(&summary);
+        assert_eq!(data_sets(&rows)[0].best().unwrap().model, "knn");
     }
 }

@@ -3,10 +3,13 @@
 use std::collections::BTreeMap;
 
 use crate::published_confusion::TACTMAT_MATERIALS;
+use tactnet_data::DataOrigin;
+use tactnet_pipeline::{MeanRemoval, SplitKind};
+
 use crate::{
-    Audit, Comparison, FeatureMap, FoldRecord, Grouping, Published, ReliabilityBin, RiskCoverage,
-    Row, SampleEfficiency, Statistic, Study, StudyComparison, StudyRecord, StudyRow, StudySummary,
-    Summary,
+    Audit, Comparison, Contender, Crossval, DataRecord, FeatureMap, FoldRecord, Grouping, Measure,
+    Nshot, Part, PublishedContender, Question, ReliabilityBin, RiskCoverage, Row, SampleEfficiency,
+    Statistic, Summary, TaskRecord,
 };
 
 /// Must never reach the page as it is.
@@ -20,32 +23,36 @@ pub(super) fn empty() -> Summary {
         title: "Nothing yet".into(),
         expects: String::new(),
         command: "tactnet experiment".into(),
+        question: Question::Crossval(Crossval::default()),
         git: vec![],
         seed: 1,
         tasks_done: 0,
         tasks: 4,
         train_seconds: 0.0,
         processors: vec![],
-        data_sha256: BTreeMap::new(),
+        data: BTreeMap::new(),
         rows: vec![],
         comparisons: vec![],
         audits: vec![],
         groups: BTreeMap::new(),
-        study: None,
+        records: vec![],
+        contenders: vec![],
+        sample_efficiency: None,
+        maps: vec![],
     }
 }
 
 /// Three models on three data sets, a probe, and text that wants to be markup everywhere.
 pub(super) fn summary() -> Summary {
     let materials: Vec<String> = [HOSTILE, "cork", "wood"].map(String::from).to_vec();
-    let mut rows = Vec::new();
+    let mut all = empty();
     for data in ["biotac", HOSTILE, "third"] {
         for (model, accuracy) in [("net", 0.9), ("knn", 0.7), (HOSTILE, 0.8)] {
-            rows.push(row(data, model, accuracy, &materials));
+            add(&mut all, data, model, accuracy, &materials);
         }
     }
-    rows[1].probe = true;
-    let first = rows[0].key.clone();
+    all.contenders[1].probe = true;
+    let first = all.contenders[0].key.clone();
     let grouping = Grouping {
         group_of: vec![0, 1, 0],
         accuracy: 0.95,
@@ -58,12 +65,19 @@ pub(super) fn summary() -> Summary {
         git: vec![HOSTILE.into()],
         tasks_done: 4,
         processors: vec![HOSTILE.into()],
-        data_sha256: BTreeMap::from([(HOSTILE.into(), HOSTILE.into())]),
+        data: BTreeMap::from([(
+            HOSTILE.into(),
+            DataRecord {
+                sha256: HOSTILE.into(),
+                origin: DataOrigin::Recorded,
+            },
+        )]),
         comparisons: vec![Comparison {
-            first: first.clone(),
+            first: all.rows[0].key.clone(),
             second: HOSTILE.into(),
             difference: -0.02,
-            folds: 2,
+            ci95: None,
+            n: 2,
             p: Some(0.0004),
         }],
         audits: vec![Audit {
@@ -77,9 +91,7 @@ pub(super) fn summary() -> Summary {
             verdict: HOSTILE.into(),
         }],
         groups: BTreeMap::from([(first, grouping)]),
-        study: None,
-        rows,
-        ..empty()
+        ..all
     }
 }
 
@@ -89,14 +101,16 @@ pub(super) fn tactmat() -> Summary {
         .iter()
         .map(|name| name.to_string())
         .collect();
-    Summary {
+    let mut all = Summary {
         tasks_done: 4,
-        rows: vec![
-            row("twin", "net", 0.8, &materials),
-            row("twin", "knn", 0.6, &materials),
-        ],
         ..empty()
+    };
+    add(&mut all, "sweeps", "net", 0.8, &materials);
+    add(&mut all, "sweeps", "knn", 0.6, &materials);
+    for contender in &mut all.contenders {
+        contender.origin = DataOrigin::Tactmat;
     }
+    all
 }
 
 /// An n-shot study with text that wants to be markup everywhere.
@@ -104,57 +118,42 @@ pub(super) fn study() -> Summary {
     let mut rows = Vec::new();
     for method in ["nk", "ol-mean", HOSTILE] {
         for shots in [1, 10, 80] {
-            rows.push(StudyRow {
-                data: HOSTILE.into(),
-                levels: "kept".into(),
-                model: HOSTILE.into(),
-                measure: "accuracy".into(),
-                method: method.into(),
-                setting: HOSTILE.into(),
-                shots: Some(shots),
-                sweeps: None,
-                mean: 0.5 + 0.005 * shots as f64,
-                sd: Some(0.1),
-                ci95_low: Some(0.4),
-                ci95_high: Some(0.9),
-                n: 2,
-                decisions: 600,
-                values: vec![0.4, 0.6],
-                tactmat: true,
-                published: Some(0.755),
-                humans: None,
-            });
+            let mut row = row(HOSTILE, HOSTILE, method, Measure::Accuracy);
+            row.key = format!("{method} {shots}");
+            row.setting = HOSTILE.into();
+            row.shots = Some(shots);
+            row.statistic = Statistic::of(vec![0.4, 0.6 + 0.001 * shots as f64], 0.0);
+            row.published = Some(0.755);
+            rows.push(row);
         }
     }
-    let study = StudySummary {
-        kind: Study::Nshot,
-        rows,
-        comparisons: vec![StudyComparison {
-            data: HOSTILE.into(),
-            model: HOSTILE.into(),
-            levels: "kept".into(),
-            measure: "accuracy".into(),
-            setting: String::new(),
-            shots: Some(1),
-            sweeps: None,
-            first: HOSTILE.into(),
-            second: "ol-mean".into(),
+    Summary {
+        tasks_done: 4,
+        question: Question::Nshot(Nshot {
+            splits: 2,
+            shots: vec![1, 10, 80],
+            methods: vec![],
+            new_materials: 6,
+            scratch_folds: 1,
+        }),
+        comparisons: vec![Comparison {
+            first: rows[6].key.clone(),
+            second: rows[3].key.clone(),
             difference: -0.1,
-            ci95_low: Some(-0.2),
-            ci95_high: Some(0.0),
+            ci95: Some([-0.2, 0.0]),
             p: Some(0.01),
             n: 2,
         }],
-        sample_efficiency: vec![SampleEfficiency {
+        sample_efficiency: Some(vec![SampleEfficiency {
             data: HOSTILE.into(),
             model: HOSTILE.into(),
-            levels: "kept".into(),
+            levels: MeanRemoval::None,
             transfer_shots: 1,
             accuracy: 0.7,
             shots: Some(12.5),
             ci95: Some([Some(9.0), None]),
             published_ratio: Some(15.0),
-        }],
+        }]),
         maps: vec![FeatureMap {
             choice: HOSTILE.into(),
             space: "input".into(),
@@ -162,24 +161,51 @@ pub(super) fn study() -> Summary {
             labels: vec![0, 1, 1],
             points: vec![[0.0, 1.0], [-3.0, 2.0], [5.0, -7.0]],
         }],
-        tasks: vec![StudyRecord {
-            id: HOSTILE.into(),
-            split: HOSTILE.into(),
-            split_sha256: "ab".repeat(32),
-            recipe_sha256: "cd".repeat(32),
-            git: "0123456789abcdef".into(),
-            seconds: 12.0,
-            chosen: BTreeMap::from([(HOSTILE.into(), 0.1)]),
-        }],
-    };
-    Summary {
-        tasks_done: 4,
-        study: Some(study),
+        records: vec![record(HOSTILE)],
+        rows,
         ..empty()
     }
 }
 
-fn row(data: &str, model: &str, accuracy: f64, materials: &[String]) -> Row {
+fn record(id: &str) -> TaskRecord {
+    TaskRecord {
+        id: id.into(),
+        part: Part::Draw(0),
+        command: HOSTILE.into(),
+        split: HOSTILE.into(),
+        split_sha256: "ab".repeat(32),
+        recipe_sha256: "cd".repeat(32),
+        git: "0123456789abcdef".into(),
+        seconds: 12.0,
+        chosen: BTreeMap::from([(HOSTILE.into(), 0.1)]),
+    }
+}
+
+fn row(data: &str, model: &str, method: &str, measure: Measure) -> Row {
+    Row {
+        key: format!("{data}/{model}, {measure}"),
+        contender: format!("{data}/{model}"),
+        data: data.into(),
+        origin: DataOrigin::Recorded,
+        materials: 3,
+        levels: MeanRemoval::None,
+        steps: 1000,
+        model: model.into(),
+        method: method.into(),
+        setting: String::new(),
+        shots: None,
+        sweeps: None,
+        measure,
+        statistic: Statistic::of(vec![0.4, 0.6], 0.25),
+        n: 2,
+        decisions: 600,
+        published: None,
+        humans: None,
+    }
+}
+
+/// Adds a contender with its rows and tasks.
+fn add(summary: &mut Summary, data: &str, model: &str, accuracy: f64, materials: &[String]) {
     let size = materials.len();
     let right = (10.0 * accuracy) as usize;
     let confusion = (0..size)
@@ -192,25 +218,39 @@ fn row(data: &str, model: &str, accuracy: f64, materials: &[String]) -> Row {
         .collect();
     let folds = vec![accuracy - 0.01, accuracy + 0.01];
     let statistic = |mean: f64| Statistic::of(vec![mean, 1.1 * mean], 0.25);
-    Row {
+    for (measure, sweeps, statistic) in [
+        (Measure::Accuracy, 1, Statistic::of(folds.clone(), 0.25)),
+        (Measure::Accuracy, 3, statistic(0.85)),
+        (Measure::NegativeLogLikelihood, 1, statistic(0.4)),
+        (Measure::ExpectedCalibrationError, 1, statistic(0.03)),
+        (Measure::Brier, 1, statistic(0.2)),
+        (Measure::TrainSeconds, 1, statistic(200.0)),
+    ] {
+        summary.rows.push(Row {
+            key: format!("{data}/{model}, {measure}, {sweeps}"),
+            sweeps: Some(sweeps),
+            statistic,
+            ..row(data, model, "mc_dropout", measure)
+        });
+    }
+    let task = format!("{HOSTILE}{}", summary.contenders.len());
+    summary.records.push(record(&task));
+    summary.contenders.push(Contender {
         key: format!("{data}/{model}"),
         data: data.into(),
+        origin: DataOrigin::Recorded,
         model: model.into(),
-        levels: "kept".into(),
+        levels: MeanRemoval::None,
         split: "k_fold".into(),
+        split_kind: SplitKind::KFold,
+        inner: None,
         prediction: "mc_dropout".into(),
         steps: 1000,
         probe: false,
         materials: materials.to_vec(),
-        one_sweep: Statistic::of(folds.clone(), 0.25),
-        three_sweeps: Some(statistic(0.85)),
-        sigma_test: 0.01,
-        negative_log_likelihood: statistic(0.4),
-        expected_calibration_error: statistic(0.03),
-        brier: statistic(0.2),
-        train_seconds: statistic(200.0),
         n_train: 80,
         n_test: 20,
+        sigma_test: 0.01,
         confusion,
         reliability: vec![
             ReliabilityBin {
@@ -233,7 +273,7 @@ fn row(data: &str, model: &str, accuracy: f64, materials: &[String]) -> Row {
                 }
             })
             .collect(),
-        published: Some(Published {
+        published: Some(PublishedContender {
             classifier: HOSTILE.into(),
             one_sweep: 86.3,
             three_sweeps: 95.0,
@@ -242,15 +282,12 @@ fn row(data: &str, model: &str, accuracy: f64, materials: &[String]) -> Row {
             .iter()
             .enumerate()
             .map(|(fold, &one_sweep)| FoldRecord {
+                task: task.clone(),
                 repeat: 0,
                 fold,
-                command: HOSTILE.into(),
-                git: "0123456789abcdef".into(),
-                split_sha256: "ab".repeat(32),
-                recipe_sha256: "cd".repeat(32),
                 predictions: format!("tasks/{HOSTILE}/predictions.csv"),
                 one_sweep,
             })
             .collect(),
-    }
+    });
 }

@@ -1,5 +1,7 @@
 //! What was run, where and from which data.
 
+use std::collections::BTreeSet;
+
 use super::text::{duration, escape, hash};
 use crate::Summary;
 
@@ -25,9 +27,9 @@ pub(super) fn header(summary: &Summary) -> String {
     }
     let commits: Vec<String> = summary.git.iter().map(|commit| hash(commit)).collect();
     let data: String = summary
-        .data_sha256
+        .data
         .iter()
-        .map(|(name, sha)| format!("<li>{} {}</li>", escape(name), hash(sha)))
+        .map(|(name, data)| format!("<li>{} {}</li>", escape(name), hash(&data.sha256)))
         .collect();
     let facts = [
         ("Expected", escape(&summary.expects)),
@@ -64,14 +66,14 @@ pub(super) fn header(summary: &Summary) -> String {
 }
 
 /// Names of the synthetic data sets.
-fn twins(summary: &Summary) -> std::collections::BTreeSet<&str> {
-    let rows = summary.rows.iter().map(|row| row.data.as_str());
-    let data = summary.data_sha256.keys().map(String::as_str);
-    rows.chain(data).filter(|name| is_twin(name)).collect()
-}
-
-/// Whether a data set is the generator's.
-pub(super) fn is_twin(data: &str) -> bool {
-    data.split(|c: char| !c.is_alphanumeric())
-        .any(|word| word == "twin")
+fn twins(summary: &Summary) -> BTreeSet<&str> {
+    let rows = summary.rows.iter();
+    let of_rows = rows.map(|row| (row.data.as_str(), row.origin));
+    let data = summary.data.iter();
+    let of_data = data.map(|(name, data)| (name.as_str(), data.origin));
+    of_rows
+        .chain(of_data)
+        .filter(|(_, origin)| origin.is_synthetic())
+        .map(|(name, _)| name)
+        .collect()
 }

@@ -4,7 +4,7 @@
 
 use super::data_set::DataSet;
 use super::text::{escape, percent, shortened};
-use crate::Row;
+use crate::questions::Scored;
 
 const HEADING: f64 = 42.0;
 const LINE: f64 = 40.0;
@@ -43,21 +43,19 @@ pub(super) fn section(sets: &[DataSet]) -> String {
 }
 
 /// Everything of a row that has to fit into the figure.
-fn values(row: &Row) -> Vec<f64> {
-    let mut values = row.one_sweep.folds.clone();
+fn values(row: &Scored<'_>) -> Vec<f64> {
+    let mut values = row.one_sweep.values.clone();
     values.push(row.one_sweep.mean);
     values.extend(row.one_sweep.ci95.into_iter().flatten());
     values.extend(published(row));
     values
 }
 
-fn published(row: &Row) -> Option<f64> {
-    row.published
-        .as_ref()
-        .map(|published| published.one_sweep / 100.0)
+fn published(row: &Scored<'_>) -> Option<f64> {
+    row.published.map(|published| published.one_sweep / 100.0)
 }
 
-fn line(name: &str, row: &Row, y: f64, scale: &Scale) -> String {
+fn line(name: &str, row: &Scored<'_>, y: f64, scale: &Scale) -> String {
     let class = if row.probe { "row probe" } else { "row" };
     let name = if row.probe && !name.contains("probe") {
         format!("{name} (probe)")
@@ -70,7 +68,7 @@ fn line(name: &str, row: &Row, y: f64, scale: &Scale) -> String {
         escape(&shortened(&name, 44)),
         percent(row.one_sweep.mean)
     );
-    for &fold in &row.one_sweep.folds {
+    for &fold in &row.one_sweep.values {
         svg.push_str(&format!(
             "<circle class=\"fold\" cx=\"{}\" cy=\"{middle:.0}\" r=\"3\"/>",
             scale.place(fold)

@@ -2,7 +2,8 @@
 
 use super::data_set::DataSet;
 use super::text::{decimal, escape, percent, scroll};
-use crate::{Grouping, Row, Summary};
+use crate::questions::Scored;
+use crate::{Grouping, Summary};
 
 pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> String {
     let mut html = "<p>Spectral clustering of the confusion matrix: materials in one group are confused with each other more than \
@@ -12,10 +13,10 @@ pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> String {
         .to_string();
     let before = html.len();
     for set in sets {
-        let best = set.best().map(|row| row.key.as_str());
+        let best = set.best().map(|row| row.key);
         for row in &set.rows {
-            if let Some(grouping) = summary.groups.get(&row.key) {
-                html.push_str(&groups(set, row, grouping, best == Some(row.key.as_str())));
+            if let Some(grouping) = summary.groups.get(row.key) {
+                html.push_str(&groups(set, row, grouping, best == Some(row.key)));
             }
         }
     }
@@ -25,7 +26,7 @@ pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> String {
     html
 }
 
-fn groups(set: &DataSet, row: &Row, grouping: &Grouping, open: bool) -> String {
+fn groups(set: &DataSet, row: &Scored<'_>, grouping: &Grouping, open: bool) -> String {
     let name = format!("{}: {}", set.heading(), set.name(row));
     let count = grouping.group_of.iter().max().map_or(0, |last| last + 1);
     let lines: String = (0..count)

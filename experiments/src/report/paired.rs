@@ -13,7 +13,8 @@ pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> String {
     let name = |key: &str| -> String {
         sets.iter()
             .find_map(|set| {
-                let row = set.rows.iter().find(|row| row.key == key)?;
+                let contender = &summary.row(key)?.contender;
+                let row = set.rows.iter().find(|row| row.key == contender)?;
                 Some(format!("{}: {}", set.heading(), set.name(row)))
             })
             .unwrap_or_else(|| key.to_string())
@@ -29,7 +30,7 @@ pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> String {
                 escape(&name(&comparison.second)),
                 number(Some(points), &decimal(points, 1)),
                 number(comparison.p, &comparison.p.map(p_value).unwrap_or_default()),
-                number(Some(comparison.folds as f64), &comparison.folds.to_string())
+                number(Some(comparison.n as f64), &comparison.n.to_string())
             )
         })
         .collect();

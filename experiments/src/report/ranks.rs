@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::data_set::{contender_name, split_name};
 use super::svg::figure;
 use super::text::{decimal, escape, shortened};
-use crate::{Row, Summary};
+use crate::questions::Scored;
 
 /// Critical values of the studentised range over sqrt 2 at alpha 0.05 for 2 to 10 models (Demsar, 2006, table 5).
 const Q: [f64; 9] = [
@@ -15,9 +15,9 @@ const Q: [f64; 9] = [
 /// Fewest models and fewest data sets for which ranks say anything.
 const FEWEST: usize = 3;
 
-pub(super) fn section(summary: &Summary) -> String {
+pub(super) fn section(contenders: &[Scored<'_>]) -> String {
     let mut found = String::new();
-    for (variant, accuracies) in variants(summary) {
+    for (variant, accuracies) in variants(contenders) {
         if let Some(ranking) = Ranking::of(&accuracies) {
             found.push_str(&ranking.drawn(&format!(
                 "levels {}, split {}",
@@ -39,23 +39,22 @@ type Accuracies<'a> = BTreeMap<&'a str, BTreeMap<String, f64>>;
 
 /// Contenders that were asked alike, by levels and split: data sets that share sweeps are not independent blocks. Of sweeps
 /// that were also cut short, only the longest count.
-fn variants(summary: &Summary) -> BTreeMap<(&str, &str), Accuracies<'_>> {
+fn variants<'a>(contenders: &'a [Scored<'a>]) -> BTreeMap<(&'a str, &'a str), Accuracies<'a>> {
     let mut variants: BTreeMap<(&str, &str), Accuracies> = BTreeMap::new();
-    let cut_short = |row: &Row| {
-        summary.rows.iter().any(|other| {
-            (&other.data, &other.levels, &other.split) == (&row.data, &row.levels, &row.split)
+    let cut_short = |row: &Scored<'_>| {
+        contenders.iter().any(|other| {
+            (other.data, other.levels, other.split) == (row.data, row.levels, row.split)
                 && other.steps > row.steps
         })
     };
-    for row in summary
-        .rows
+    for row in contenders
         .iter()
         .filter(|row| !row.probe && !cut_short(row))
     {
         variants
-            .entry((&row.levels, &row.split))
+            .entry((row.levels.name(), row.split))
             .or_default()
-            .entry(&row.data)
+            .entry(row.data)
             .or_default()
             .insert(contender_name(row), row.one_sweep.mean);
     }

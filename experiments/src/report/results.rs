@@ -4,15 +4,16 @@ use super::data_set::{DataSet, prediction_name, split_name};
 use super::text::{
     ABSENT, decimal, escape, file_link, hash, percent, percent_and_sd, percent_interval, scroll,
 };
-use crate::{Row, Statistic, Summary};
+use crate::questions::Scored;
+use crate::{Statistic, Summary};
 
 use Heading::{Number, Text};
 
-pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> String {
-    if summary.rows.is_empty() {
+pub(super) fn section(summary: &Summary, contenders: &[Scored<'_>], sets: &[DataSet]) -> String {
+    if contenders.is_empty() {
         return "<p>No task has ended yet.</p>\n".to_string();
     }
-    let published = summary.rows.iter().any(|row| row.published.is_some());
+    let published = contenders.iter().any(|row| row.published.is_some());
     let mut headings = vec![
         Text("Data"),
         Text("Model"),
@@ -35,8 +36,7 @@ pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> String {
         headings.push(Number("3 sweeps, %<br><small>published, TactMat</small>"));
     }
     let body = |probe: bool| -> String {
-        summary
-            .rows
+        contenders
             .iter()
             .enumerate()
             .filter(|(_, row)| row.probe == probe)
@@ -65,8 +65,8 @@ pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> String {
          <details><summary>Folds of all {} rows: commit, split, recipe, command, predictions</summary>\n\
          <div class=\"inset\">\n{}</div>\n</details>\n",
         scroll("Results table", &table),
-        summary.rows.len(),
-        provenance(summary, sets)
+        contenders.len(),
+        provenance(summary, contenders, sets)
     )
 }
 
@@ -98,7 +98,7 @@ pub(super) fn number(value: Option<f64>, shown: &str) -> String {
     }
 }
 
-fn line(index: usize, row: &Row, published: bool) -> String {
+fn line(index: usize, row: &Scored<'_>, published: bool) -> String {
     let plain = |statistic: &Statistic, scale: f64, decimals: usize| {
         let mean = scale * statistic.mean;
         number(Some(mean), &decimal(mean, decimals))
@@ -111,26 +111,26 @@ fn line(index: usize, row: &Row, published: bool) -> String {
     };
     let mut cells = format!(
         "<td>{}</td><th scope=\"row\"><a href=\"#row-{index}\">{}</a></th><td>{}</td><td>{}</td><td>{}</td>",
-        escape(&row.data),
-        escape(&row.model),
-        escape(&row.levels),
-        escape(&split_name(&row.split)),
-        escape(&prediction_name(&row.prediction)),
+        escape(row.data),
+        escape(row.model),
+        escape(row.levels.name()),
+        escape(&split_name(row.split)),
+        escape(&prediction_name(row.prediction)),
     );
     let seconds = row.train_seconds.mean;
     cells.push_str(&number(Some(row.steps as f64), &row.steps.to_string()));
-    cells.push_str(&accuracy(Some(&row.one_sweep)));
+    cells.push_str(&accuracy(Some(row.one_sweep)));
     cells.push_str(&number(
         row.one_sweep.ci95.map(|ci| ci[0]),
-        &percent_interval(&row.one_sweep),
+        &percent_interval(row.one_sweep),
     ));
     cells.push_str(&number(Some(row.sigma_test), &percent(row.sigma_test)));
-    cells.push_str(&accuracy(row.three_sweeps.as_ref()));
-    cells.push_str(&plain(&row.negative_log_likelihood, 1.0, 3));
-    cells.push_str(&plain(&row.expected_calibration_error, 100.0, 1));
-    cells.push_str(&plain(&row.brier, 1.0, 3));
+    cells.push_str(&accuracy(row.three_sweeps));
+    cells.push_str(&plain(row.negative_log_likelihood, 1.0, 3));
+    cells.push_str(&plain(row.expected_calibration_error, 100.0, 1));
+    cells.push_str(&plain(row.brier, 1.0, 3));
     cells.push_str(&plain(
-        &row.train_seconds,
+        row.train_seconds,
         1.0,
         if seconds < 100.0 { 1 } else { 0 },
     ));
@@ -140,8 +140,8 @@ fn line(index: usize, row: &Row, published: bool) -> String {
     ));
     if published {
         for value in [
-            row.published.as_ref().map(|p| p.one_sweep),
-            row.published.as_ref().map(|p| p.three_sweeps),
+            row.published.map(|p| p.one_sweep),
+            row.published.map(|p| p.three_sweeps),
         ] {
             cells.push_str(&number(
                 value,
@@ -152,9 +152,9 @@ fn line(index: usize, row: &Row, published: bool) -> String {
     format!("<tr>{cells}</tr>\n")
 }
 
-fn provenance(summary: &Summary, sets: &[DataSet]) -> String {
+fn provenance(summary: &Summary, contenders: &[Scored<'_>], sets: &[DataSet]) -> String {
     let mut html = String::new();
-    for (index, row) in summary.rows.iter().enumerate() {
+    for (index, row) in contenders.iter().enumerate() {
         let Some(set) = sets
             .iter()
             .find(|set| set.data == row.data && set.levels == row.levels)
@@ -164,19 +164,20 @@ fn provenance(summary: &Summary, sets: &[DataSet]) -> String {
         let folds: String = row
             .folds
             .iter()
-            .map(|fold| {
-                format!(
+            .filter_map(|fold| {
+                let task = summary.records.iter().find(|task| task.id == fold.task)?;
+                Some(format!(
                     "<tr><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td>{}</td>\
                      <td>{}</td><td>{}</td><td><code>{}</code></td><td>{}</td></tr>\n",
                     fold.repeat,
                     fold.fold,
                     percent(fold.one_sweep),
-                    hash(&fold.git),
-                    hash(&fold.split_sha256),
-                    hash(&fold.recipe_sha256),
-                    escape(&fold.command),
+                    hash(&task.git),
+                    hash(&task.split_sha256),
+                    hash(&task.recipe_sha256),
+                    escape(&task.command),
                     file_link(&fold.predictions)
-                )
+                ))
             })
             .collect();
         let table = format!(
@@ -186,7 +187,6 @@ fn provenance(summary: &Summary, sets: &[DataSet]) -> String {
         );
         let published = row
             .published
-            .as_ref()
             .map(|published| {
                 format!(
                     " Published beside it: {}, on TactMat.",
@@ -202,7 +202,7 @@ fn provenance(summary: &Summary, sets: &[DataSet]) -> String {
             row.n_train,
             row.n_test,
             row.steps,
-            escape(&split_name(&row.split)),
+            escape(&split_name(row.split)),
             scroll(&format!("Folds of {name}"), &table)
         ));
     }

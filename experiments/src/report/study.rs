@@ -4,47 +4,63 @@ mod comparisons;
 mod curves;
 mod maps;
 mod tasks;
-mod terms;
 
 use super::results::Heading::{Number, Text};
 use super::results::{number, sortable};
+use super::terms::terms;
 use super::text::{ABSENT, decimal, escape, percent, scroll};
-use crate::{Study, StudySummary};
+use crate::{Measure, Summary};
+
+/// Words of every page.
+const TERMS: [(&str, &str); 2] = [
+    (
+        "95 % interval",
+        "Of the mean over tasks. Where tasks share training sweeps it is widened for that (Nadeau and Bengio, 2003). Draws of new materials all come from one data set: their interval says nothing about other data sets.",
+    ),
+    (
+        "Shots",
+        "Sweeps of every new material that are learnt from.",
+    ),
+];
 
 /// Sections of the page: identifier, heading, content.
-pub(super) fn sections(study: &StudySummary) -> Vec<(&'static str, &'static str, String)> {
-    let mut sections = vec![("results", "Results", results(study))];
-    sections.push(("curves", "At a glance", curves::curves(study)));
-    if !study.maps.is_empty() {
-        let maps: String = study.maps.iter().map(maps::map).collect();
+pub(super) fn sections(summary: &Summary) -> Vec<(&'static str, &'static str, String)> {
+    let mut sections = vec![("results", "Results", results(summary))];
+    sections.push(("curves", "At a glance", curves::curves(summary)));
+    if !summary.maps.is_empty() {
+        let maps: String = summary.maps.iter().map(maps::map).collect();
         sections.push((
             "maps",
             "Feature maps",
             format!("<div class=\"panels\">\n{maps}</div>\n"),
         ));
     }
-    if !study.comparisons.is_empty() {
+    if !summary.comparisons.is_empty() {
         sections.push((
             "comparisons",
             "Paired comparisons",
-            comparisons::comparisons(study),
+            comparisons::comparisons(summary),
         ));
     }
-    if study.kind == Study::Nshot {
-        sections.push(("efficiency", "Sweeps saved", comparisons::efficiency(study)));
+    if let Some(efficiency) = &summary.sample_efficiency {
+        sections.push((
+            "efficiency",
+            "Sweeps saved",
+            comparisons::efficiency(efficiency),
+        ));
     }
-    sections.push(("tasks", "Where the numbers come from", tasks::tasks(study)));
-    sections.push(("glossary", "How to read this", terms::terms(study.kind)));
+    sections.push((
+        "tasks",
+        "Where the numbers come from",
+        tasks::tasks(&summary.records),
+    ));
+    let words = [&TERMS, summary.question.ask().terms()].concat();
+    sections.push(("glossary", "How to read this", terms(&words)));
     sections
 }
 
-/// Whether a measure is a share, which is shown in percent.
-fn is_share(measure: &str) -> bool {
-    !matches!(measure, "set size" | "mean sweeps")
-}
-
-fn shown(measure: &str, value: f64) -> String {
-    if is_share(measure) {
+fn shown(measure: Measure, value: f64) -> String {
+    if measure.unit().in_percent() {
         percent(value)
     } else {
         decimal(value, 2)
@@ -58,14 +74,14 @@ fn count(value: Option<usize>) -> String {
     )
 }
 
-fn interval(measure: &str, low: Option<f64>, high: Option<f64>) -> String {
-    match (low, high) {
-        (Some(low), Some(high)) => format!("[{}, {}]", shown(measure, low), shown(measure, high)),
+fn interval(measure: Measure, ci95: Option<[f64; 2]>) -> String {
+    match ci95 {
+        Some([low, high]) => format!("[{}, {}]", shown(measure, low), shown(measure, high)),
         _ => ABSENT.to_string(),
     }
 }
 
-fn results(study: &StudySummary) -> String {
+fn results(study: &Summary) -> String {
     if study.rows.is_empty() {
         return "<p>No task has ended yet.</p>\n".to_string();
     }
@@ -74,20 +90,20 @@ fn results(study: &StudySummary) -> String {
         .iter()
         .map(|row| {
             let published = |value: Option<f64>| {
-                number(value, &value.map(|value| shown(&row.measure, value)).unwrap_or_default())
+                number(value, &value.map(|value| shown(row.measure, value)).unwrap_or_default())
             };
             format!(
                 "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><th scope=\"row\">{}</th><td>{}</td>{}{}{}{}{}{}{}</tr>\n",
                 escape(&row.data),
-                escape(&row.levels),
+                escape(row.levels.name()),
                 escape(&row.model),
-                escape(&row.measure),
+                escape(row.measure.name()),
                 escape(&row.method),
                 escape(&row.setting),
                 count(row.shots),
                 count(row.sweeps),
-                number(Some(row.mean), &shown(&row.measure, row.mean)),
-                number(row.ci95_low, &interval(&row.measure, row.ci95_low, row.ci95_high)),
+                number(Some(row.statistic.mean), &shown(row.measure, row.statistic.mean)),
+                number(row.statistic.ci95.map(|ends| ends[0]), &interval(row.measure, row.statistic.ci95)),
                 number(Some(row.n as f64), &row.n.to_string()),
                 published(row.published),
                 published(row.humans),

@@ -2,7 +2,7 @@
 
 use crate::Statistic;
 
-/// What stands where there is no number.
+/// Stands where there is no number.
 pub(super) const ABSENT: &str = "\u{2013}";
 
 /// `text` with everything that means something in HTML replaced, fit for content and for quoted attributes.

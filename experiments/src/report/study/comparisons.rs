@@ -4,33 +4,35 @@ use super::super::results::Heading::{Number, Text};
 use super::super::results::{number, sortable};
 use super::super::text::{ABSENT, decimal, escape, p_value, percent, scroll};
 use super::count;
-use crate::StudySummary;
+use crate::{SampleEfficiency, Summary};
 
-pub(super) fn comparisons(study: &StudySummary) -> String {
+pub(super) fn comparisons(study: &Summary) -> String {
     let lines: String = study
         .comparisons
         .iter()
-        .map(|comparison| {
+        .filter_map(|comparison| {
+            let first = study.row(&comparison.first)?;
+            let second = study.row(&comparison.second)?;
             let points = 100.0 * comparison.difference;
-            let ends = match (comparison.ci95_low, comparison.ci95_high) {
-                (Some(low), Some(high)) => format!("[{}, {}]", decimal(100.0 * low, 1), decimal(100.0 * high, 1)),
+            let ends = match comparison.ci95 {
+                Some([low, high]) => format!("[{}, {}]", decimal(100.0 * low, 1), decimal(100.0 * high, 1)),
                 _ => ABSENT.to_string(),
             };
-            format!(
+            Some(format!(
                 "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td>{}{}<td>{}</td><td>{}</td>{}{}{}{}</tr>\n",
-                escape(&format!("{}, networks by {}", comparison.data, comparison.model)),
-                escape(&comparison.levels),
-                escape(&comparison.measure),
-                escape(&comparison.setting),
-                count(comparison.shots),
-                count(comparison.sweeps),
-                escape(&comparison.first),
-                escape(&comparison.second),
+                escape(&format!("{}, networks by {}", first.data, first.model)),
+                escape(first.levels.name()),
+                escape(first.measure.name()),
+                escape(&first.setting),
+                count(first.shots),
+                count(first.sweeps),
+                escape(&first.method),
+                escape(&second.method),
                 number(Some(points), &decimal(points, 1)),
-                number(comparison.ci95_low, &ends),
+                number(comparison.ci95.map(|ends| ends[0]), &ends),
                 number(comparison.p, &comparison.p.map(p_value).unwrap_or_default()),
                 number(Some(comparison.n as f64), &comparison.n.to_string())
-            )
+            ))
         })
         .collect();
     let table = format!(
@@ -57,12 +59,11 @@ pub(super) fn comparisons(study: &StudySummary) -> String {
     )
 }
 
-pub(super) fn efficiency(study: &StudySummary) -> String {
-    if study.sample_efficiency.is_empty() {
+pub(super) fn efficiency(efficiency: &[SampleEfficiency]) -> String {
+    if efficiency.is_empty() {
         return "<p>Needs the methods <code>nk</code> and <code>ol-mean</code> with one or ten shots among several.</p>\n".to_string();
     }
-    let lines: String = study
-        .sample_efficiency
+    let lines: String = efficiency
         .iter()
         .map(|found| {
             let shots = |value: Option<f64>| value.map_or("more than tried".to_string(), |value| decimal(value, 1));
@@ -70,7 +71,7 @@ pub(super) fn efficiency(study: &StudySummary) -> String {
                 "<tr><td>{}</td><td>{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td>\
                  <td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td></tr>\n",
                 escape(&format!("{}, networks by {}", found.data, found.model)),
-                escape(&found.levels),
+                escape(found.levels.name()),
                 found.transfer_shots,
                 percent(found.accuracy),
                 shots(found.shots),
@@ -87,7 +88,7 @@ pub(super) fn efficiency(study: &StudySummary) -> String {
         })
         .collect();
     let table = format!(
-        "<table>\n<caption class=\"hidden\">Sweeps saved by transfer</caption>\n<thead><tr><th scope=\"col\">Data</th><th scope=\"col\">MeanRemoval</th>\
+        "<table>\n<caption class=\"hidden\">Sweeps saved by transfer</caption>\n<thead><tr><th scope=\"col\">Data</th><th scope=\"col\">Levels</th>\
          <th scope=\"col\" class=\"number\">Shots of transfer</th><th scope=\"col\" class=\"number\">Its accuracy, %</th>\
          <th scope=\"col\" class=\"number\">Shots without pre-knowledge</th><th scope=\"col\" class=\"number\">95 % interval</th>\
          <th scope=\"col\" class=\"number\">Ratio</th><th scope=\"col\" class=\"number\">Published ratio</th></tr></thead>\n<tbody>\n{lines}</tbody>\n</table>\n"

@@ -1,14 +1,17 @@
 //! What a study found, as lines and bars.
 
+use tactnet_pipeline::MeanRemoval;
+
 use super::super::svg::{Axes, SERIES, figure, legend, marker};
 use super::super::text::{escape, percent};
-use crate::{Study, StudyRow, StudySummary};
+use crate::questions::Figure;
+use crate::{Measure, Row, Summary};
 
 /// A figure for every data set.
-pub(super) fn curves(study: &StudySummary) -> String {
-    let mut sets: Vec<(&str, &str, &str)> = Vec::new();
+pub(super) fn curves(study: &Summary) -> String {
+    let mut sets: Vec<(&str, MeanRemoval, usize, &str)> = Vec::new();
     for row in &study.rows {
-        let set = (row.data.as_str(), row.levels.as_str(), row.model.as_str());
+        let set = set_of(row);
         if !sets.contains(&set) {
             sets.push(set);
         }
@@ -16,36 +19,14 @@ pub(super) fn curves(study: &StudySummary) -> String {
     let html: String = sets
         .into_iter()
         .flat_map(|set| {
-            let rows: Vec<&StudyRow> = study
-                .rows
-                .iter()
-                .filter(|row| (row.data.as_str(), row.levels.as_str(), row.model.as_str()) == set)
-                .collect();
-            let name = format!("{}, levels {}", set.0, set.1);
-            match study.kind {
-                Study::Nshot => vec![
-                    accuracy_by_shots(
-                        &name,
-                        "Methods of the thesis",
-                        &rows,
-                        &["nk", "ol", "ol-fcl", "ol-mean", "nn", "siamese"],
-                    ),
-                    accuracy_by_shots(
-                        &name,
-                        "Beyond the thesis",
-                        &rows,
-                        &["ol-mean", "simpleshot", "lda", "tuned-ol", "whitened-ol"],
-                    ),
-                ],
-                Study::Sequential => vec![accuracy_by_sweeps(&name, &rows)],
-                Study::Differentiate => vec![bars(&name, &rows, "accuracy")],
-                Study::Unknown => vec![bars(&name, &rows, "auroc")],
-                Study::FeatureMaps => vec![bars(&name, &rows, "purity")],
-                Study::Enrolment => vec![
-                    bars(&name, &rows, "new material"),
-                    bars(&name, &rows, "known, after"),
-                ],
-            }
+            let rows: Vec<&Row> = study.rows.iter().filter(|row| set_of(row) == set).collect();
+            let name = format!("{}, levels {}", set.0, set.1.name());
+            let figures = study.question.ask().figures();
+            figures.into_iter().map(move |figure| match figure {
+                Figure::Shots { title, methods } => accuracy_by_shots(&name, title, &rows, methods),
+                Figure::Sweeps => accuracy_by_sweeps(&name, &rows),
+                Figure::Bars(measure) => bars(&name, &rows, measure),
+            })
         })
         .collect();
     if html.is_empty() {
@@ -53,6 +34,11 @@ pub(super) fn curves(study: &StudySummary) -> String {
     } else {
         html
     }
+}
+
+/// Data set, levels, steps and networks.
+fn set_of(row: &Row) -> (&str, MeanRemoval, usize, &str) {
+    (&row.data, row.levels, row.steps, &row.model)
 }
 
 fn axes(x_max: f64, y_max: f64) -> Axes {
@@ -66,7 +52,7 @@ fn axes(x_max: f64, y_max: f64) -> Axes {
     }
 }
 
-fn accuracy_by_shots(name: &str, what: &str, rows: &[&StudyRow], methods: &[&str]) -> String {
+fn accuracy_by_shots(name: &str, what: &str, rows: &[&Row], methods: &[&str]) -> String {
     let mut shots: Vec<usize> = rows.iter().filter_map(|row| row.shots).collect();
     shots.sort_unstable();
     shots.dedup();
@@ -85,7 +71,7 @@ fn accuracy_by_shots(name: &str, what: &str, rows: &[&StudyRow], methods: &[&str
         let mut points: Vec<(f64, f64)> = rows
             .iter()
             .filter(|row| row.method == *method)
-            .filter_map(|row| Some(((row.shots? as f64).ln(), row.mean)))
+            .filter_map(|row| Some(((row.shots? as f64).ln(), row.statistic.mean)))
             .collect();
         if points.is_empty() {
             continue;
@@ -107,11 +93,11 @@ fn accuracy_by_shots(name: &str, what: &str, rows: &[&StudyRow], methods: &[&str
 }
 
 /// Accuracy against mean number of sweeps: stopping when sure beside fixed numbers.
-fn accuracy_by_sweeps(name: &str, rows: &[&StudyRow]) -> String {
+fn accuracy_by_sweeps(name: &str, rows: &[&Row]) -> String {
     let mut series: Vec<(String, Vec<(f64, f64)>)> = Vec::new();
-    for accuracy in rows.iter().filter(|row| row.measure == "accuracy") {
+    for accuracy in rows.iter().filter(|row| row.measure == Measure::Accuracy) {
         let Some(sweeps) = rows.iter().find(|row| {
-            row.measure == "mean sweeps"
+            row.measure == Measure::MeanSweeps
                 && row.method == accuracy.method
                 && row.setting == accuracy.setting
         }) else {
@@ -119,7 +105,7 @@ fn accuracy_by_sweeps(name: &str, rows: &[&StudyRow]) -> String {
         };
         let rule = accuracy.setting.split(' ').next().unwrap_or_default();
         let label = format!("{}, {rule}", accuracy.method);
-        let point = (sweeps.mean, accuracy.mean);
+        let point = (sweeps.statistic.mean, accuracy.statistic.mean);
         match series.iter_mut().find(|(known, _)| *known == label) {
             Some((_, points)) => points.push(point),
             None => series.push((label, vec![point])),
@@ -150,9 +136,9 @@ fn accuracy_by_sweeps(name: &str, rows: &[&StudyRow]) -> String {
 }
 
 /// A bar for every method and circumstance.
-fn bars(name: &str, rows: &[&StudyRow], measure: &str) -> String {
+fn bars(name: &str, rows: &[&Row], measure: Measure) -> String {
     const STEP: f64 = 22.0;
-    let rows: Vec<&&StudyRow> = rows.iter().filter(|row| row.measure == measure).collect();
+    let rows: Vec<&&Row> = rows.iter().filter(|row| row.measure == measure).collect();
     let (left, width) = (250.0, 240.0);
     let mut content = String::new();
     for (index, row) in rows.iter().enumerate() {
@@ -175,7 +161,7 @@ fn bars(name: &str, rows: &[&StudyRow], measure: &str) -> String {
             y,
             y
         ));
-        if let (Some(low), Some(high)) = (row.ci95_low, row.ci95_high) {
+        if let Some([low, high]) = row.statistic.ci95 {
             content.push_str(&format!(
                 "<g class=\"series s0\"><polyline points=\"{:.1},{y:.1} {:.1},{y:.1}\"/></g>\n",
                 at(low),
@@ -184,10 +170,10 @@ fn bars(name: &str, rows: &[&StudyRow], measure: &str) -> String {
         }
         content.push_str(&format!(
             "<g class=\"series s0\">{}</g><text x=\"{:.1}\" y=\"{:.1}\">{}</text>\n",
-            marker(0, at(row.mean), y),
+            marker(0, at(row.statistic.mean), y),
             left + width + 8.0,
             y + 4.0,
-            percent(row.mean)
+            percent(row.statistic.mean)
         ));
         if let Some(published) = row.published {
             content.push_str(&format!(

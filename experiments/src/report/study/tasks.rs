@@ -1,11 +1,10 @@
 //! Where a study's numbers come from.
 
 use super::super::text::{duration, escape, hash, scroll};
-use crate::StudySummary;
+use crate::TaskRecord;
 
-pub(super) fn tasks(study: &StudySummary) -> String {
-    let lines: String = study
-        .tasks
+pub(super) fn tasks(records: &[TaskRecord]) -> String {
+    let lines: String = records
         .iter()
         .map(|task| {
             let chosen: Vec<String> = task.chosen.iter().map(|(name, value)| format!("{name} = {value}")).collect();
@@ -27,7 +26,7 @@ pub(super) fn tasks(study: &StudySummary) -> String {
     );
     format!(
         "<details><summary>All {} tasks that have ended</summary>\n<div class=\"inset\">\n{}</div>\n</details>\n",
-        study.tasks.len(),
+        records.len(),
         scroll("Tasks", &table)
     )
 }

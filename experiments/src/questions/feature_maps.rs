@@ -11,9 +11,13 @@ use serde::{Deserialize, Serialize};
 use tactnet_data::{Fold, MaterialSplit, Scheme, SweepView};
 use tactnet_models::Features;
 
-use super::knowledge::{embedded, trained};
-use super::{Answer, Cancelled, Measurement, StudyContext, StudyTask};
+use super::{Ask, Compared, Figure, draws, one, six, within};
+use crate::context::{Cancelled, StudyContext, embedded};
 use crate::published_confusion::{TACTMAT_MATERIALS, robot};
+use crate::result::Answer;
+use crate::summarise::FinishedTask;
+use crate::tasks::ExperimentDir;
+use crate::{ExperimentError, Measure, Measurement, Part, Summary};
 
 /// Neighbours that should be of the same material.
 const NEIGHBOURS: usize = 5;
@@ -38,18 +42,108 @@ pub struct FeatureMap {
     pub points: Vec<[f32; 2]>,
 }
 
-/// Task 0 shows an easy choice of materials, task 1 a hard one.
-pub(super) fn feature_maps(
-    task: &StudyTask,
-    context: &StudyContext<'_>,
-) -> Result<(Answer, Vec<FeatureMap>), Cancelled> {
-    let choice = if task.number == 0 { "easy" } else { "hard" };
+/// How far apart do easy and hard materials lie?
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FeatureMaps {
+    /// 1: an easy choice of new materials; 2: a hard one, too.
+    #[serde(default = "one")]
+    pub splits: usize,
+    /// Materials that are new.
+    #[serde(default = "six")]
+    pub new_materials: usize,
+}
+
+/// Which materials are new.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Choice {
+    /// Those that are least alike.
+    Easy,
+    /// Those that are most alike.
+    Hard,
+}
+
+impl Choice {
+    fn of(part: Part) -> Self {
+        match part.stream() {
+            0 => Self::Easy,
+            _ => Self::Hard,
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Easy => "easy",
+            Self::Hard => "hard",
+        }
+    }
+}
+
+impl Ask for FeatureMaps {
+    fn name(&self) -> &'static str {
+        "feature-maps"
+    }
+
+    fn validate(&self) -> Result<(), String> {
+        if !(1..=2).contains(&self.splits) {
+            return Err(format!(
+                "`splits`: expected 1 (the easy choice of materials) or 2 (also the hard one), found {}",
+                self.splits
+            ));
+        }
+        within("new_materials", self.new_materials, 2, usize::MAX)
+    }
+
+    fn parts(&self) -> Vec<Part> {
+        draws(self.splits)
+    }
+
+    fn answer(&self, context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
+        feature_maps(self, context)
+    }
+
+    fn test_share(&self) -> f64 {
+        0.0
+    }
+
+    fn compared(&self, _measure: Measure) -> Option<Compared> {
+        None
+    }
+
+    fn complete(
+        &self,
+        _dir: &ExperimentDir,
+        summary: &mut Summary,
+        finished: &[FinishedTask<'_>],
+    ) -> Result<(), ExperimentError> {
+        summary.maps = finished.iter().flat_map(|task| task.maps.clone()).collect();
+        Ok(())
+    }
+
+    fn figures(&self) -> Vec<Figure> {
+        vec![Figure::Bars(Measure::Purity)]
+    }
+
+    fn terms(&self) -> &'static [(&'static str, &'static str)] {
+        &TERMS
+    }
+}
+
+/// Words of the report.
+const TERMS: [(&str, &str); 1] = [(
+    "Purity",
+    "Share of the five nearest sweeps that are of the same material, in the whole space or in the plane that t-SNE makes of it.",
+)];
+
+fn feature_maps(task: &FeatureMaps, context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
+    let choice = Choice::of(context.part);
     let alike = likeness(context)?;
-    let new = choose(&alike, task.new_materials, task.number != 0);
+    let new = choose(&alike, task.new_materials, choice);
+    let choice = choice.name();
     let split = MaterialSplit::of(context.dataset, &new)?;
     let fold = Fold::new(&split.known, Scheme::default(), context.seed, 0, 0)?;
-    let seed = context.seed_for("feature maps", task.number);
-    let classifier = trained(context, "network of the known materials", &fold.train, seed)?;
+    let seed = context.seed_for("feature maps", context.part.stream());
+    let classifier = context.trained("network of the known materials", &fold.train, seed)?;
     let everything = SweepView::all(&split.new);
     let embedding = embedded(&classifier, &everything)?;
     let mut digits = vec![0.0; everything.len() * everything.shape().values()];
@@ -70,7 +164,7 @@ pub(super) fn feature_maps(
         for (what, features) in [("whole space", features), ("plane", &flat)] {
             let purity = purity(features, &embedding.labels);
             measurements.push(
-                Measurement::new("purity", space, purity, embedding.len())
+                Measurement::new(Measure::Purity, space, purity, embedding.len())
                     .setting(format!("{choice} materials, {what}")),
             );
         }
@@ -82,13 +176,13 @@ pub(super) fn feature_maps(
             points: plane,
         });
     }
-    let answer = Answer {
+    Ok(Answer {
         measurements,
         split: format!("{choice} materials: {}", materials.join(", ")),
         split_content: format!("{:?} {}", split.new_labels, fold.manifest().sha256),
         chosen: BTreeMap::new(),
-    };
-    Ok((answer, maps))
+        maps,
+    })
 }
 
 /// How often materials are taken for each other, `[material][material]`: as published where the materials are TactMat's, else by a
@@ -109,8 +203,7 @@ fn likeness(context: &StudyContext<'_>) -> Result<Vec<Vec<f64>>, Cancelled> {
         _ => {
             let fold = Fold::new(context.dataset, Scheme::default(), context.seed, 0, 0)?;
             let seed = context.seed_for("likeness", 0);
-            let classifier = trained(
-                context,
+            let classifier = context.trained(
                 "network that says which materials are alike",
                 &fold.train,
                 seed,
@@ -136,9 +229,12 @@ fn likeness(context: &StudyContext<'_>) -> Result<Vec<Vec<f64>>, Cancelled> {
         .collect())
 }
 
-/// `count` materials that are most (`hard`) or least alike: the extreme pair, and then whatever is most or least like those chosen.
-fn choose(alike: &[Vec<f64>], count: usize, hard: bool) -> Vec<usize> {
-    let sign = if hard { 1.0 } else { -1.0 };
+/// `count` materials that are most or least alike: the extreme pair, and then whatever is most or least like those chosen.
+fn choose(alike: &[Vec<f64>], count: usize, choice: Choice) -> Vec<usize> {
+    let sign = match choice {
+        Choice::Easy => -1.0,
+        Choice::Hard => 1.0,
+    };
     let size = alike.len();
     let mut chosen: Vec<usize> = Vec::new();
     while chosen.len() < count.min(size) {
@@ -262,10 +358,10 @@ mod tests {
             alike[a][b] = 0.9;
             alike[b][a] = 0.9;
         }
-        let mut hard = choose(&alike, 3, true);
+        let mut hard = choose(&alike, 3, Choice::Hard);
         hard.sort_unstable();
         assert_eq!(hard, [1, 4, 5]);
-        let easy = choose(&alike, 3, false);
+        let easy = choose(&alike, 3, Choice::Easy);
         assert_eq!(
             easy.iter().filter(|m| [1, 4, 5].contains(m)).count(),
             1,

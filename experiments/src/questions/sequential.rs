@@ -2,24 +2,103 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
 use tactnet_data::{Fold, Scheme, shuffle};
 use tactnet_models::Belief;
 use tactnet_pipeline::PredictionMethod;
 
-use super::knowledge::trained;
-use super::pairs::rows_of_label;
-use super::{Answer, Cancelled, Measurement, StudyContext, StudyTask};
+use super::{
+    Ask, Compared, Figure, Published, check_counts, check_folds, five, folds, given_or, one,
+};
+use crate::context::{Cancelled, StudyContext};
+use crate::one_or_many::one_or_many;
+use crate::pairs::rows_of_label;
+use crate::result::Answer;
+use crate::{Measure, Measurement, Part, Row};
 
 /// Probabilities at which it stops.
 const THRESHOLDS: [f64; 6] = [0.8, 0.9, 0.95, 0.99, 0.999, 0.9999];
 /// Fixed numbers of sweeps.
 const FIXED: [usize; 5] = [1, 2, 3, 5, 10];
 /// Most sweeps for one decision.
-const MOST: usize = 10;
+const MAX_SWEEPS: usize = 10;
 /// Orders in which the sweeps of a material are taken.
 const ORDERS: usize = 20;
 /// Passes of Monte Carlo dropout.
 const MC_SAMPLES: usize = 100;
+
+/// How many sweeps until the decision is sure?
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sequential {
+    /// Folds of each repeat that are asked about.
+    #[serde(default = "five")]
+    pub folds: usize,
+    /// Repeats of the cross-validation.
+    #[serde(default = "one", alias = "runs")]
+    pub repeats: usize,
+    /// The first so many of the two times five folds, instead of `folds` and `repeats`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub splits: Option<usize>,
+    /// Fixed numbers of sweeps behind a decision; none named: 1, 2, 3, 5 and 10.
+    #[serde(
+        default,
+        alias = "shots",
+        skip_serializing_if = "Vec::is_empty",
+        deserialize_with = "one_or_many"
+    )]
+    pub sweeps: Vec<usize>,
+}
+
+impl Ask for Sequential {
+    fn name(&self) -> &'static str {
+        "sequential"
+    }
+
+    fn validate(&self) -> Result<(), String> {
+        check_folds(self.folds, self.repeats, self.splits)?;
+        check_counts("sweeps", &self.sweeps)
+    }
+
+    fn parts(&self) -> Vec<Part> {
+        folds(self.folds, self.repeats, self.splits)
+    }
+
+    fn answer(&self, context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
+        sequential(given_or(&self.sweeps, &FIXED), context)
+    }
+
+    fn test_share(&self) -> f64 {
+        0.25
+    }
+
+    fn compared(&self, _measure: Measure) -> Option<Compared> {
+        None
+    }
+
+    /// The base network of table 4.2 of the thesis.
+    fn published(&self, row: &Row) -> Published {
+        match (row.measure, row.method.as_str(), row.setting.as_str()) {
+            (Measure::Accuracy, "plain", "fixed 1") => Published::robot(0.855),
+            (Measure::Accuracy, "plain", "fixed 3") => Published::robot(0.943),
+            _ => Published::default(),
+        }
+    }
+
+    fn figures(&self) -> Vec<Figure> {
+        vec![Figure::Sweeps]
+    }
+
+    fn terms(&self) -> &'static [(&'static str, &'static str)] {
+        &TERMS
+    }
+}
+
+/// Words of the report.
+const TERMS: [(&str, &str); 1] = [(
+    "Until 0.99, fixed 3",
+    "Sweeps are fused until the most probable material has this probability, at most ten. Fixed 3: three sweeps in any case.",
+)];
 
 /// When it stops.
 #[derive(Clone, Copy)]
@@ -28,11 +107,8 @@ enum Rule {
     Fixed(usize),
 }
 
-pub(super) fn sequential(
-    task: &StudyTask,
-    context: &StudyContext<'_>,
-) -> Result<Answer, Cancelled> {
-    let (repeat, number) = (task.number / 5, task.number % 5);
+fn sequential(fixed: &[usize], context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
+    let (repeat, number) = context.part.repeat_and_fold();
     let fold = Fold::new(
         context.dataset,
         Scheme::default(),
@@ -40,8 +116,8 @@ pub(super) fn sequential(
         repeat,
         number,
     )?;
-    let seed = context.seed_for("sequential", task.number);
-    let classifier = trained(context, "classifier", &fold.train, seed)?;
+    let seed = context.seed_for("sequential", context.part.stream());
+    let classifier = context.trained("classifier", &fold.train, seed)?;
     context.say("beliefs")?;
     let mut measurements = Vec::new();
     for (method, way) in [
@@ -58,7 +134,7 @@ pub(super) fn sequential(
         let of_label = rows_of_label(&labels);
         let fewest = of_label.iter().map(Vec::len).min().unwrap_or(0);
         let rules = THRESHOLDS.map(Rule::Until).into_iter().chain(
-            task.sweeps_or(&FIXED)
+            fixed
                 .iter()
                 .copied()
                 .filter(|sweeps| *sweeps <= fewest)
@@ -71,7 +147,7 @@ pub(super) fn sequential(
                     let mut rows = rows.clone();
                     shuffle(&mut rows, &mut seed.rng(("order of sweeps", label, order)));
                     let most = match rule {
-                        Rule::Until(_) => MOST,
+                        Rule::Until(_) => MAX_SWEEPS,
                         Rule::Fixed(sweeps) => sweeps,
                     };
                     let mut belief = Belief::flat(predictions.labels.len());
@@ -94,7 +170,7 @@ pub(super) fn sequential(
                 Rule::Until(sure) => format!("until {sure}"),
                 Rule::Fixed(sweeps) => format!("fixed {sweeps}"),
             };
-            for (measure, sum) in [("accuracy", right), ("mean sweeps", taken)] {
+            for (measure, sum) in [(Measure::Accuracy, right), (Measure::MeanSweeps, taken)] {
                 let value = sum as f64 / decisions as f64;
                 measurements.push(
                     Measurement::new(measure, method, value, decisions).setting(setting.as_str()),
@@ -107,5 +183,6 @@ pub(super) fn sequential(
         split: format!("repeat {repeat}, fold {number}"),
         split_content: fold.manifest().sha256,
         chosen: BTreeMap::new(),
+        maps: Vec::new(),
     })
 }

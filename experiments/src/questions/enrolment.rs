@@ -2,28 +2,101 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
 use tactnet_data::{Fold, MaterialSplit, Scheme, SweepView};
 use tactnet_models::{Features, LinearHead, WeightPrior, argmax, fit_new_class};
 
-use super::knowledge::{embedded, trained};
-use super::{Answer, Cancelled, Measurement, StudyContext, StudyTask};
+use super::{Ask, Compared, Figure, check_counts, draws, one, six, within};
+use crate::context::{Cancelled, StudyContext, embedded};
+use crate::one_or_many::one_or_many;
+use crate::result::Answer;
+use crate::{Measure, Measurement, Part};
 
-pub(super) fn enrolment(task: &StudyTask, context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
+/// What does a material more cost a trained classifier?
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Enrolment {
+    /// Draws of the new materials.
+    #[serde(default = "one")]
+    pub splits: usize,
+    /// Sweeps of the new material that are learnt from.
+    #[serde(deserialize_with = "one_or_many")]
+    pub shots: Vec<usize>,
+    /// Materials that are new, enrolled one at a time.
+    #[serde(default = "six")]
+    pub new_materials: usize,
+}
+
+impl Ask for Enrolment {
+    fn name(&self) -> &'static str {
+        "enrolment"
+    }
+
+    fn validate(&self) -> Result<(), String> {
+        within("splits", self.splits, 1, usize::MAX)?;
+        within("new_materials", self.new_materials, 2, usize::MAX)?;
+        if self.shots.is_empty() {
+            return Err("`shots`: expected one or more numbers above 0, found none".into());
+        }
+        check_counts("shots", &self.shots)
+    }
+
+    fn parts(&self) -> Vec<Part> {
+        draws(self.splits)
+    }
+
+    fn answer(&self, context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
+        enrolment(self, context)
+    }
+
+    fn test_share(&self) -> f64 {
+        0.0
+    }
+
+    fn compared(&self, _measure: Measure) -> Option<Compared> {
+        None
+    }
+
+    fn figures(&self) -> Vec<Figure> {
+        vec![
+            Figure::Bars(Measure::NewMaterial),
+            Figure::Bars(Measure::KnownAfter),
+        ]
+    }
+
+    fn terms(&self) -> &'static [(&'static str, &'static str)] {
+        &TERMS
+    }
+}
+
+/// Words of the report.
+const TERMS: [(&str, &str); 2] = [
+    (
+        "Known, before, after, lost",
+        "Accuracy on test sweeps of the known materials before and after one more was added, and the difference.",
+    ),
+    (
+        "Knowledge prior; a tenth of it; knowledge mean, weak",
+        "The new row is drawn towards the mean of the known rows, with the precision of their spread; with a tenth of that precision; with the strength of the network's own L2.",
+    ),
+];
+
+fn enrolment(task: &Enrolment, context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
     let split = MaterialSplit::draw(
         context.dataset,
         task.new_materials,
         context.seed,
-        task.number,
+        context.part.stream(),
     )?;
     let fold = Fold::new(&split.known, Scheme::default(), context.seed, 0, 0)?;
-    let seed = context.seed_for("network of the known materials", task.number);
-    let classifier = trained(context, "network of the known materials", &fold.train, seed)?;
+    let seed = context.seed_for("network of the known materials", context.part.stream());
+    let classifier = context.trained("network of the known materials", &fold.train, seed)?;
     context.say("embedding")?;
     let seen = embedded(&classifier, &fold.train)?;
     let test = embedded(&classifier, &fold.test)?;
     let everything = SweepView::all(&split.new);
     let whole = embedded(&classifier, &everything)?;
-    let own = context.seed_for("folds of new materials", task.number);
+    let own = context.seed_for("folds of new materials", context.part.stream());
     let new = Fold::new(&split.new, Scheme::default(), own, 0, 0)?;
     let head = classifier.network()?.output_layer();
     let right = |head: &LinearHead, features: &Features, labels: &[usize]| {
@@ -78,15 +151,15 @@ pub(super) fn enrolment(task: &StudyTask, context: &StudyContext<'_>) -> Result<
             let materials = split.new.labels().len();
             let tested = materials * test.len();
             for (measure, value, decisions) in [
-                ("new material", found as f64 / asked as f64, asked),
+                (Measure::NewMaterial, found as f64 / asked as f64, asked),
                 (
-                    "known, before",
+                    Measure::KnownBefore,
                     before as f64 / test.len() as f64,
                     test.len(),
                 ),
-                ("known, after", kept as f64 / tested as f64, tested),
+                (Measure::KnownAfter, kept as f64 / tested as f64, tested),
                 (
-                    "known, lost",
+                    Measure::KnownLost,
                     (materials * before) as f64 / tested as f64 - kept as f64 / tested as f64,
                     tested,
                 ),
@@ -101,5 +174,6 @@ pub(super) fn enrolment(task: &StudyTask, context: &StudyContext<'_>) -> Result<
         split: format!("new materials, one at a time: {}", names.join(", ")),
         split_content: format!("{:?} {}", split.new_labels, new.manifest().sha256),
         chosen: BTreeMap::new(),
+        maps: Vec::new(),
     })
 }

@@ -10,8 +10,9 @@ use tactnet_models::{
 };
 use tactnet_pipeline::Embedding;
 
-use super::pairs::rows_of_label;
-use super::{Cancelled, StudyContext, StudyTask};
+use super::Nshot;
+use crate::context::{Cancelled, StudyContext};
+use crate::pairs::rows_of_label;
 
 /// Tasks that every setting is tried on.
 const TASKS: usize = 12;
@@ -25,21 +26,21 @@ const SHRINKAGES: [f64; 5] = [0.003, 0.01, 0.03, 0.1, 0.3];
 /// Shrinkage and strengths where there are too few sweeps to choose.
 const UNTRIED: (f64, f64) = (0.1, 0.1);
 
-/// What was chosen, for each number of shots that could be tried.
+/// The chosen shrinkage and, for each number of shots that could be tried, the chosen priors.
 pub(super) struct Tuned {
     shrinkage: f64,
-    plain: BTreeMap<usize, f64>,
-    whitened: BTreeMap<usize, f64>,
+    plain: BTreeMap<usize, WeightPrior>,
+    whitened: BTreeMap<usize, WeightPrior>,
 }
 
 impl Tuned {
-    /// Strength on plain features, from the closest number of shots that was tried.
-    pub(super) fn plain(&self, shots: usize) -> f64 {
+    /// Prior on plain features, from the closest number of shots that was tried.
+    pub(super) fn plain(&self, shots: usize) -> &WeightPrior {
         closest(&self.plain, shots)
     }
 
-    /// Strength on whitened features.
-    pub(super) fn whitened(&self, shots: usize) -> f64 {
+    /// Prior on whitened features.
+    pub(super) fn whitened(&self, shots: usize) -> &WeightPrior {
         closest(&self.whitened, shots)
     }
 
@@ -48,11 +49,28 @@ impl Tuned {
         let mut chosen: BTreeMap<String, f64> =
             [("whitening.shrinkage".into(), self.shrinkage)].into();
         for (name, values) in [("tuned-ol", &self.plain), ("whitened-ol", &self.whitened)] {
-            for (shots, strength) in values {
-                chosen.insert(format!("{name}.strength, {shots} shots"), *strength);
+            for (shots, prior) in values {
+                chosen.insert(format!("{name}.strength, {shots} shots"), prior.strength);
             }
         }
         chosen
+    }
+}
+
+/// An output layer's prior on plain features: the known materials' mean and free biases.
+fn plain_prior(knowledge: &WeightPrior, strength: f64) -> WeightPrior {
+    WeightPrior {
+        strength,
+        ..knowledge.clone()
+    }
+}
+
+/// An output layer's prior on whitened features.
+fn whitened_prior(width: usize, strength: f64) -> WeightPrior {
+    WeightPrior {
+        mean: vec![0.0; width + 1],
+        strength,
+        bias_scale: 1.0,
     }
 }
 
@@ -65,12 +83,12 @@ fn middle_of_best(values: &[f64]) -> usize {
     best[best.len() / 2]
 }
 
-fn closest(values: &BTreeMap<usize, f64>, shots: usize) -> f64 {
+fn closest(values: &BTreeMap<usize, WeightPrior>, shots: usize) -> &WeightPrior {
     let found = values
         .range(..=shots)
         .next_back()
         .or_else(|| values.first_key_value());
-    *found
+    found
         .unwrap_or_else(|| panic!("at least one number of shots was tried"))
         .1
 }
@@ -130,13 +148,16 @@ impl Trial {
 }
 
 /// Fits the whitening to the sweeps that the network was trained on, and chooses on known materials' other sweeps.
+///
+/// - `knowledge`: the prior that the known materials give, of which only the strength is chosen
 pub(super) fn tune(
-    task: &StudyTask,
+    task: &Nshot,
     context: &StudyContext<'_>,
     seen: &Embedding,
     unseen: &Embedding,
-    known: usize,
+    knowledge: &WeightPrior,
 ) -> Result<(Whitening, Tuned), Cancelled> {
+    let known = seen.labels.iter().max().map_or(0, |label| label + 1);
     let of_label = rows_of_label(&unseen.labels);
     let fewest = of_label.iter().map(Vec::len).min().unwrap_or(0);
     let materials = task.new_materials.min(known);
@@ -152,13 +173,13 @@ pub(super) fn tune(
         let whitening = Whitening::fit(&seen.hidden, &seen.labels, known, UNTRIED.0)?;
         let tuned = Tuned {
             shrinkage: UNTRIED.0,
-            plain: [(1, UNTRIED.1)].into(),
-            whitened: [(1, UNTRIED.1)].into(),
+            plain: [(1, plain_prior(knowledge, UNTRIED.1))].into(),
+            whitened: [(1, whitened_prior(seen.hidden.width(), UNTRIED.1))].into(),
         };
         return Ok((whitening, tuned));
     }
     let trials = |shots: usize| -> Vec<Trial> {
-        let mut rng = context.seed.rng(("tuning", task.number, shots));
+        let mut rng = context.seed.rng(("tuning", context.part.stream(), shots));
         (0..TASKS)
             .map(|_| Trial::draw(&of_label, materials, shots, &mut rng))
             .collect()
@@ -191,25 +212,81 @@ pub(super) fn tune(
     };
     for &shots in &shots {
         let trials = trials(shots);
-        for (features, strengths, chosen) in [
-            (&unseen.hidden, &STRENGTHS[..], &mut tuned.plain),
-            (&features, &WHITENED_STRENGTHS[..], &mut tuned.whitened),
-        ] {
-            let mut totals = Vec::new();
-            for &strength in strengths {
-                let prior = WeightPrior {
-                    mean: vec![0.0; features.width() + 1],
-                    strength,
-                    bias_scale: 1.0,
-                };
-                let accuracies: Vec<f64> = trials
-                    .par_iter()
-                    .map(|trial| trial.linear(features, materials, &prior))
-                    .collect::<Result<_, _>>()?;
-                totals.push(accuracies.iter().sum());
-            }
-            chosen.insert(shots, strengths[middle_of_best(&totals)]);
-        }
+        let plain = STRENGTHS.map(|strength| plain_prior(knowledge, strength));
+        let prior = best_prior(&trials, &unseen.hidden, materials, &plain)?;
+        tuned.plain.insert(shots, prior);
+        let width = features.width();
+        let whitened = WHITENED_STRENGTHS.map(|strength| whitened_prior(width, strength));
+        let prior = best_prior(&trials, &features, materials, &whitened)?;
+        tuned.whitened.insert(shots, prior);
     }
     Ok((whitening, tuned))
+}
+
+/// Returns the prior with which most of the trials' queries are recognised: what is applied is what was tried.
+fn best_prior(
+    trials: &[Trial],
+    features: &Features,
+    materials: usize,
+    priors: &[WeightPrior],
+) -> Result<WeightPrior, ModelError> {
+    let mut totals = Vec::new();
+    for prior in priors {
+        let accuracies: Vec<f64> = trials
+            .par_iter()
+            .map(|trial| trial.linear(features, materials, prior))
+            .collect::<Result<_, _>>()?;
+        totals.push(accuracies.iter().sum());
+    }
+    Ok(priors[middle_of_best(&totals)].clone())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tactnet_data::Seed;
+
+    #[test]
+    fn the_prior_that_is_applied_is_one_that_was_tried() {
+        let knowledge = WeightPrior {
+            mean: vec![0.5, -0.5, 0.25],
+            strength: 7.0,
+            bias_scale: 30.0,
+        };
+        // Two materials around (1, 0) and (0, 1).
+        let rows: Vec<f32> = (0..40)
+            .flat_map(|i| {
+                let noise = 0.01 * i as f32;
+                if i % 2 == 0 {
+                    [1.0 - noise, noise]
+                } else {
+                    [noise, 1.0 - noise]
+                }
+            })
+            .collect();
+        let features = Features::new(2, rows);
+        let labels: Vec<usize> = (0..40).map(|i| i % 2).collect();
+        let trials: Vec<Trial> = (0..3)
+            .map(|draw| {
+                let mut rng = Seed(1).rng(("trial", draw));
+                Trial::draw(&rows_of_label(&labels), 2, 3, &mut rng)
+            })
+            .collect();
+        let tried = STRENGTHS.map(|strength| plain_prior(&knowledge, strength));
+        let best = best_prior(&trials, &features, 2, &tried).unwrap();
+        let tuned = Tuned {
+            shrinkage: 0.1,
+            plain: [(3, best)].into(),
+            whitened: [(3, whitened_prior(2, 1.0))].into(),
+        };
+        for shots in [1, 3, 50] {
+            let applied = tuned.plain(shots);
+            assert!(tried.contains(applied), "{applied:?}");
+            assert_eq!((&applied.mean, applied.bias_scale), (&knowledge.mean, 30.0));
+        }
+        assert_eq!(
+            tuned.chosen()["tuned-ol.strength, 3 shots"],
+            tuned.plain(3).strength
+        );
+    }
 }

@@ -1,17 +1,27 @@
 //! Same or different? A network that classifies, frozen, and what is learnt about the distance between its outputs (thesis,
 //! sections 4.4.3 and 4.4.4; Tulbure & Bäuml, Humanoids 2018).
 
+mod hard_pairs;
+mod pair_scorer;
+
 use std::collections::BTreeMap;
 
 use rand::{Rng, RngExt};
+use serde::{Deserialize, Serialize};
 use tactnet_data::{Fold, Scheme};
-use tactnet_models::{DenseWeights, Features, LinearHead, Mlp, WeightPrior};
-use tactnet_pipeline::{Embedding, MlpTraining, SweepPair, fit_difference, predict_difference};
+use tactnet_models::{DenseWeights, Mlp};
+use tactnet_pipeline::{MlpTraining, SweepPair, fit_difference};
 
-use super::hard_pairs::hard_pairs;
-use super::knowledge::{embedded, trained};
-use super::pairs::{draw, random_pairs, rows_of_label};
-use super::{Answer, Cancelled, Measurement, StudyContext, StudyTask};
+use super::{
+    Ask, Compared, Figure, Published, check_counts, check_folds, five, folds, given_or, one,
+};
+use crate::context::{Cancelled, StudyContext, embedded};
+use crate::one_or_many::one_or_many;
+use crate::pairs::{draw, random_pairs, rows_of_label};
+use crate::result::Answer;
+use crate::{Measure, Measurement, Part, Row};
+use hard_pairs::hard_pairs;
+use pair_scorer::{Apart, PairScorer, scaled, threshold};
 
 /// As published.
 const TRAINING_PAIRS: usize = 36_000;
@@ -28,91 +38,97 @@ const TRAINING: MlpTraining = MlpTraining {
 /// Sweeps of each side, the decision being the majority's.
 const SWEEPS: [usize; 2] = [1, 3];
 
-/// What separates the sweeps of a pair.
-#[derive(Clone, Copy)]
-enum Apart {
-    /// Euclidean distance of the outputs, one number: the published network.
-    Outputs,
-    /// Difference of every output, `|a - b|`.
-    EveryOutput,
-    /// Euclidean distance of the embeddings.
-    Embedding,
+/// Are two sweeps of one material?
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Differentiate {
+    /// Folds of each repeat that are asked about.
+    #[serde(default = "five")]
+    pub folds: usize,
+    /// Repeats of the cross-validation.
+    #[serde(default = "one", alias = "runs")]
+    pub repeats: usize,
+    /// The first so many of the two times five folds, instead of `folds` and `repeats`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub splits: Option<usize>,
+    /// Sweeps of each side of one decision; none named: 1 and 3.
+    #[serde(
+        default,
+        alias = "shots",
+        skip_serializing_if = "Vec::is_empty",
+        deserialize_with = "one_or_many"
+    )]
+    pub sweeps: Vec<usize>,
 }
 
-impl Apart {
-    fn of(self, embedding: &Embedding, pairs: &[SweepPair]) -> Features {
-        let rows = match self {
-            Self::Outputs | Self::EveryOutput => &embedding.logits,
-            Self::Embedding => &embedding.hidden,
+impl Ask for Differentiate {
+    fn name(&self) -> &'static str {
+        "differentiate"
+    }
+
+    fn validate(&self) -> Result<(), String> {
+        check_folds(self.folds, self.repeats, self.splits)?;
+        check_counts("sweeps", &self.sweeps)
+    }
+
+    fn parts(&self) -> Vec<Part> {
+        folds(self.folds, self.repeats, self.splits)
+    }
+
+    fn answer(&self, context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
+        differentiate(given_or(&self.sweeps, &SWEEPS), context)
+    }
+
+    fn test_share(&self) -> f64 {
+        0.25
+    }
+
+    fn compared(&self, measure: Measure) -> Option<Compared> {
+        (measure == Measure::Accuracy).then_some(Compared::With("siamese"))
+    }
+
+    /// Table 4.3 and figure 4.10 of the thesis.
+    fn published(&self, row: &Row) -> Published {
+        let both = |robot, humans| Published {
+            robot: Some(robot),
+            humans: Some(humans),
         };
-        let differences = |pair: &SweepPair| -> Vec<f32> {
-            let (a, b) = (rows.row(pair.first), rows.row(pair.second));
-            a.iter().zip(b).map(|(a, b)| (a - b).abs()).collect()
-        };
-        match self {
-            Self::EveryOutput => {
-                Features::new(rows.width(), pairs.iter().flat_map(differences).collect())
-            }
-            Self::Outputs | Self::Embedding => {
-                let norm = |d: Vec<f32>| d.iter().map(|d| d * d).sum::<f32>().sqrt();
-                Features::new(
-                    1,
-                    pairs.iter().map(|pair| norm(differences(pair))).collect(),
-                )
-            }
+        match (row.method.as_str(), row.setting.as_str(), row.sweeps) {
+            ("siamese", "all pairs", Some(1)) => Published::robot(0.918),
+            ("siamese", "all pairs", Some(3)) => Published::robot(0.954),
+            ("siamese", "hard pairs", Some(1)) => both(0.769, 0.697),
+            ("siamese", "hard pairs", Some(3)) => both(0.828, 0.785),
+            _ => Published::default(),
         }
+    }
+
+    fn figures(&self) -> Vec<Figure> {
+        vec![Figure::Bars(Measure::Accuracy)]
+    }
+
+    fn terms(&self) -> &'static [(&'static str, &'static str)] {
+        &TERMS
     }
 }
 
-/// Something that was fitted to training pairs and gives the probability that two sweeps differ.
-enum PairScorer {
-    /// The published network, or the same on all differences. Inputs are divided by `scale`.
-    Network {
-        apart: Apart,
-        mlp: Box<Mlp>,
-        scale: f32,
-    },
-    /// Logistic regression on one distance.
-    Threshold(LinearHead),
-    /// Chance that the two have different labels if each has its own posterior.
-    Posterior,
-}
+/// Words of the report.
+const TERMS: [(&str, &str); 3] = [
+    (
+        "Siamese",
+        "Two frozen networks, the Euclidean distance between their outputs, and a small network from it to the answer: as published. Every output: the small network sees the difference of every output instead.",
+    ),
+    (
+        "Posterior, threshold",
+        "Chance that two labels drawn from both sweeps' probabilities differ; logistic regression on the distance of embeddings.",
+    ),
+    (
+        "Hard pairs",
+        "Seven pairs of TactMat's materials that humans were asked about (thesis, section 4.5.3); questions with the answer 'same' come from the same eleven materials.",
+    ),
+];
 
-impl PairScorer {
-    fn probabilities(&self, embedding: &Embedding, pairs: &[SweepPair]) -> Vec<f64> {
-        match self {
-            Self::Network { apart, mlp, scale } => {
-                predict_difference(mlp, &scaled(apart.of(embedding, pairs), *scale))
-            }
-            Self::Threshold(head) => head
-                .log_probabilities(&Apart::Embedding.of(embedding, pairs))
-                .iter()
-                .map(|log_p| log_p[1].exp())
-                .collect(),
-            Self::Posterior => {
-                let log_p = embedding.log_probabilities();
-                pairs
-                    .iter()
-                    .map(|pair| {
-                        let both = log_p[pair.first].iter().zip(&log_p[pair.second]);
-                        1.0 - both.map(|(a, b)| (a + b).exp()).sum::<f64>()
-                    })
-                    .collect()
-            }
-        }
-    }
-}
-
-fn scaled(mut features: Features, scale: f32) -> Features {
-    features.values_mut().iter_mut().for_each(|v| *v /= scale);
-    features
-}
-
-pub(super) fn differentiate(
-    task: &StudyTask,
-    context: &StudyContext<'_>,
-) -> Result<Answer, Cancelled> {
-    let (repeat, number) = (task.number / 5, task.number % 5);
+fn differentiate(sweeps: &[usize], context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
+    let (repeat, number) = context.part.repeat_and_fold();
     let fold = Fold::new(
         context.dataset,
         Scheme::default(),
@@ -120,8 +136,8 @@ pub(super) fn differentiate(
         repeat,
         number,
     )?;
-    let seed = context.seed_for("differentiation", task.number);
-    let classifier = trained(context, "classifier", &fold.train, seed)?;
+    let seed = context.seed_for("differentiation", context.part.stream());
+    let classifier = context.trained("classifier", &fold.train, seed)?;
     context.say("embedding")?;
     let train = embedded(&classifier, &fold.train)?;
     let test = embedded(&classifier, &fold.test)?;
@@ -142,7 +158,7 @@ pub(super) fn differentiate(
         let scale = distances.values().iter().sum::<f32>() / distances.values().len() as f32;
         let layers: Vec<DenseWeights> = Mlp::init(
             &[distances.width(), HIDDEN, HIDDEN, 2],
-            &burn::tensor::Device::flex(),
+            context.device,
             &mut seed.rng(("pair network", distances.width())),
         )
         .layers();
@@ -169,8 +185,7 @@ pub(super) fn differentiate(
     let mut measurements = Vec::new();
     let fewest = rows_of_label(&test.labels).iter().map(Vec::len).min();
     // A pair of one material takes twice as many of its sweeps.
-    for sweeps in task
-        .sweeps_or(&SWEEPS)
+    for sweeps in sweeps
         .iter()
         .copied()
         .filter(|sweeps| Some(2 * sweeps) <= fewest)
@@ -193,7 +208,7 @@ pub(super) fn differentiate(
                 });
                 let accuracy = right.count() as f64 / trials.len() as f64;
                 measurements.push(
-                    Measurement::new("accuracy", name, accuracy, trials.len())
+                    Measurement::new(Measure::Accuracy, name, accuracy, trials.len())
                         .setting(setting)
                         .sweeps(sweeps),
                 );
@@ -205,6 +220,7 @@ pub(super) fn differentiate(
         split: format!("repeat {repeat}, fold {number}"),
         split_content: fold.manifest().sha256,
         chosen: BTreeMap::new(),
+        maps: Vec::new(),
     })
 }
 
@@ -247,17 +263,4 @@ fn trials(
                 .collect()
         })
         .collect()
-}
-
-/// Logistic regression of 'different' on the distance of embeddings.
-fn threshold(train: &Embedding, pairs: &[SweepPair]) -> Result<PairScorer, Cancelled> {
-    let distances = Apart::Embedding.of(train, pairs);
-    let different: Vec<usize> = pairs
-        .iter()
-        .map(|pair| usize::from(pair.different))
-        .collect();
-    let prior = WeightPrior::weight_decay(1, 1e-6, pairs.len());
-    Ok(PairScorer::Threshold(LinearHead::fit(
-        &distances, &different, 2, &prior,
-    )?))
 }

@@ -1,18 +1,42 @@
 //! What a data set gives away: random folds beside a block left out beside the probes.
 
-use std::collections::BTreeSet;
+use serde::{Deserialize, Serialize};
+use tactnet_pipeline::{MeanRemoval, SplitKind};
 
-use crate::{Audit, Row};
+use super::Scored;
+
+/// The best model of a data set beside the probes, which show how much the data give away.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Audit {
+    /// Name of the data set, with what happens to levels.
+    pub data: String,
+    /// Accuracy of guessing.
+    pub chance: f64,
+    /// Best contender on random folds, and its accuracy.
+    pub best: Option<(String, f64)>,
+    /// The same model with a recording block left out, where that was run.
+    pub block_out: Option<f64>,
+    /// Nearest neighbour on taxel means.
+    pub means: Option<f64>,
+    /// With permuted labels.
+    pub permuted: Option<f64>,
+    /// Standard deviation of guessing, given the number of test sweeps.
+    pub chance_sigma: f64,
+    /// Plain sentences on what the gaps mean.
+    pub verdict: String,
+}
 
 /// One audit for each data set and treatment of levels.
-pub(crate) fn audits(rows: &[Row]) -> Vec<Audit> {
-    let keys: BTreeSet<(&str, &str, usize)> = rows
+pub(crate) fn audits(rows: &[Scored<'_>]) -> Vec<Audit> {
+    let mut keys: Vec<(&str, MeanRemoval, usize)> = rows
         .iter()
-        .map(|row| (row.data.as_str(), row.levels.as_str(), row.steps))
+        .map(|row| (row.data, row.levels, row.steps))
         .collect();
+    keys.sort_by_key(|(data, levels, steps)| (*data, levels.name(), *steps));
+    keys.dedup();
     keys.into_iter()
         .filter_map(|(data, levels, steps)| {
-            let own: Vec<&Row> = rows
+            let own: Vec<&Scored<'_>> = rows
                 .iter()
                 .filter(|row| row.data == data && row.levels == levels && row.steps == steps)
                 .collect();
@@ -21,15 +45,15 @@ pub(crate) fn audits(rows: &[Row]) -> Vec<Audit> {
         .collect()
 }
 
-fn audit(data: &str, levels: &str, steps: usize, rows: &[&Row]) -> Option<Audit> {
-    let by_block = |row: &&&Row| row.split.contains("block");
+fn audit(data: &str, levels: MeanRemoval, steps: usize, rows: &[&Scored<'_>]) -> Option<Audit> {
+    let by_block = |row: &&&Scored<'_>| row.split_kind == SplitKind::LeaveBlockOut;
     // Random folds or the author's split, judged by test sweeps.
-    let usual = |row: &&&Row| !by_block(row) && !row.split.contains("inner");
+    let usual = |row: &&&Scored<'_>| !by_block(row) && row.inner.is_none();
     let contenders = || rows.iter().filter(|row| !row.probe);
     let best = contenders()
         .filter(usual)
         .max_by(|a, b| a.one_sweep.mean.total_cmp(&b.one_sweep.mean));
-    let split = best.map_or(rows[0].split.as_str(), |best| best.split.as_str());
+    let split = best.map_or(rows[0].split, |best| best.split);
     let probe = |name: &str| {
         rows.iter()
             .find(|row| row.probe && row.split == split && row.model.contains(name))
@@ -55,12 +79,12 @@ fn audit(data: &str, levels: &str, steps: usize, rows: &[&Row]) -> Option<Audit>
         |row| guessing(row),
     );
     let mut audit = Audit {
-        data: format!("{data}, levels {levels}, {steps} steps"),
+        data: format!("{data}, levels {}, {steps} steps", levels.name()),
         chance,
-        best: best.map(|row| (row.model.clone(), row.one_sweep.mean)),
+        best: best.map(|row| (row.model.to_string(), row.one_sweep.mean)),
         block_out,
         means: means
-            .filter(|_| levels == "kept")
+            .filter(|_| levels.is_none())
             .map(|row| row.one_sweep.mean),
         permuted: permuted.map(|row| row.one_sweep.mean),
         chance_sigma,
@@ -70,10 +94,10 @@ fn audit(data: &str, levels: &str, steps: usize, rows: &[&Row]) -> Option<Audit>
     Some(audit)
 }
 
-/// What predictions score that know nothing of their sweeps but predict each material as often as `row`'s do, and its standard
+/// Returns the accuracy of predictions that know nothing of their sweeps but predict each material as often as `row`'s do, and its standard
 /// deviation. Every sweep counts once, however many repeats tested it. Sweeps of one fold depend on each other through training
 /// (simulated with ridge and nearest neighbours: 1.1 to 1.2 times the binomial deviation), so it is made a fifth larger.
-fn guessing(row: &Row) -> (f64, f64) {
+fn guessing(row: &Scored<'_>) -> (f64, f64) {
     let all: usize = row.confusion.iter().flatten().sum();
     let chance: f64 = (0..row.confusion.len())
         .map(|label| {

@@ -7,17 +7,23 @@
 //!            └─ new ──── all sweeps: detected or not
 //! ```
 
+mod roc;
+
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
 use tactnet_data::{Fold, MaterialSplit, Scheme, Seed, SweepView, shuffle};
 use tactnet_pipeline::{
     NoveltyScorer, TrainEmbeddings, least_probability, prediction_set, upper_quantile,
 };
 
-use super::knowledge::{embedded, trained};
-use super::pairs::rows_of_label;
-use super::roc::auroc;
-use super::{Answer, Cancelled, Measurement, StudyContext, StudyTask};
+use super::{Ask, Compared, Figure, check_counts, draws, given_or, one, six, within};
+use crate::context::{Cancelled, StudyContext, embedded};
+use crate::one_or_many::one_or_many;
+use crate::pairs::rows_of_label;
+use crate::result::Answer;
+use crate::{Measure, Measurement, Part};
+use roc::auroc;
 
 /// Sweeps whose scores are averaged.
 const SWEEPS: [usize; 2] = [1, 3];
@@ -26,23 +32,99 @@ const FALSE_ALARMS: f64 = 0.05;
 /// Shares of sweeps whose label the prediction set should hold.
 const COVERAGES: [f64; 2] = [0.9, 0.95];
 
-pub(super) fn unknown(task: &StudyTask, context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
+/// Is it a material that was never seen?
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Unknown {
+    /// Draws of the new materials.
+    #[serde(default = "one")]
+    pub splits: usize,
+    /// Sweeps behind one decision; none named: 1 and 3.
+    #[serde(
+        default,
+        alias = "shots",
+        skip_serializing_if = "Vec::is_empty",
+        deserialize_with = "one_or_many"
+    )]
+    pub sweeps: Vec<usize>,
+    /// Materials that are new.
+    #[serde(default = "six")]
+    pub new_materials: usize,
+}
+
+impl Ask for Unknown {
+    fn name(&self) -> &'static str {
+        "unknown"
+    }
+
+    fn validate(&self) -> Result<(), String> {
+        within("splits", self.splits, 1, usize::MAX)?;
+        within("new_materials", self.new_materials, 2, usize::MAX)?;
+        check_counts("sweeps", &self.sweeps)
+    }
+
+    fn parts(&self) -> Vec<Part> {
+        draws(self.splits)
+    }
+
+    fn answer(&self, context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
+        unknown(self, context)
+    }
+
+    fn test_share(&self) -> f64 {
+        0.0
+    }
+
+    fn compared(&self, measure: Measure) -> Option<Compared> {
+        (measure == Measure::Auroc).then_some(Compared::With("largest probability"))
+    }
+
+    fn figures(&self) -> Vec<Figure> {
+        vec![Figure::Bars(Measure::Auroc)]
+    }
+
+    fn terms(&self) -> &'static [(&'static str, &'static str)] {
+        &TERMS
+    }
+}
+
+/// Words of the report.
+const TERMS: [(&str, &str); 4] = [
+    (
+        "AUROC",
+        "Chance that a sweep of an unknown material looks stranger than one of a known material.",
+    ),
+    (
+        "False alarms, detected",
+        "Share of known and of unknown sweeps above a threshold that sweeps of known materials, which nothing was trained on, set for 5 % false alarms.",
+    ),
+    (
+        "Conformal set",
+        "All labels whose probability is above a calibrated bound; it holds the true one as often as its target says.",
+    ),
+    (
+        "Energy, largest probability, mutual information, whitened distance",
+        "Four scores that grow with strangeness: minus the log of the summed exponentials of the outputs; minus the log of the largest probability; how much dropout masks disagree; distance to the nearest class mean, whitened with the known sweeps' covariance.",
+    ),
+];
+
+fn unknown(task: &Unknown, context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
     let split = MaterialSplit::draw(
         context.dataset,
         task.new_materials,
         context.seed,
-        task.number,
+        context.part.stream(),
     )?;
     let fold = Fold::new(
         &split.known,
         Scheme::default(),
         context.seed,
         0,
-        task.number % 5,
+        context.part.stream() % 5,
     )?;
     let (train, calibration) = fold.inner(0)?;
-    let seed = context.seed_for("network of the known materials", task.number);
-    let classifier = trained(context, "network of the known materials", &train, seed)?;
+    let seed = context.seed_for("network of the known materials", context.part.stream());
+    let classifier = context.trained("network of the known materials", &train, seed)?;
     context.say("scores")?;
     let seen = embedded(&classifier, &train)?;
     let strangeness = NoveltyScorer::fit(&classifier, &TrainEmbeddings::of(&seen))?;
@@ -59,7 +141,7 @@ pub(super) fn unknown(task: &StudyTask, context: &StudyContext<'_>) -> Result<An
     let new = scored(&SweepView::all(&split.new))?;
     let mut measurements = Vec::new();
     for (name, calibration_scores) in &calibration.scores {
-        for &sweeps in task.sweeps_or(&SWEEPS) {
+        for &sweeps in given_or(&task.sweeps, &SWEEPS) {
             let of = |scored: &Scored, scores: &[f64]| averages(scored, scores, sweeps, seed);
             let (inside, outside) = (of(&test, &test.scores[name]), of(&new, &new.scores[name]));
             if inside.is_empty() || outside.is_empty() {
@@ -72,11 +154,15 @@ pub(super) fn unknown(task: &StudyTask, context: &StudyContext<'_>) -> Result<An
             };
             let both = inside.len() + outside.len();
             measurements.push(
-                Measurement::new("auroc", name, auroc(&inside, &outside), both).sweeps(sweeps),
+                Measurement::new(Measure::Auroc, name, auroc(&inside, &outside), both)
+                    .sweeps(sweeps),
             );
             // With too few sweeps no threshold keeps the promise.
             if threshold.is_finite() {
-                for (measure, scores) in [("false alarms", &inside), ("detected", &outside)] {
+                for (measure, scores) in [
+                    (Measure::FalseAlarms, &inside),
+                    (Measure::Detected, &outside),
+                ] {
                     measurements.push(
                         Measurement::new(measure, name, above(scores), scores.len()).sweeps(sweeps),
                     );
@@ -91,6 +177,7 @@ pub(super) fn unknown(task: &StudyTask, context: &StudyContext<'_>) -> Result<An
         split: format!("new materials: {}", names.join(", ")),
         split_content: format!("{:?} {}", split.new_labels, fold.manifest().sha256),
         chosen: BTreeMap::new(),
+        maps: Vec::new(),
     })
 }
 
@@ -135,7 +222,7 @@ fn prediction_sets(calibration: &Scored, test: &Scored) -> Vec<Measurement> {
         }
         let n = test.labels.len();
         let setting = format!("target {:.0} %", 100.0 * coverage);
-        for (measure, sum) in [("coverage", covered), ("set size", labels)] {
+        for (measure, sum) in [(Measure::Coverage, covered), (Measure::SetSize, labels)] {
             measurements.push(
                 Measurement::new(measure, "conformal set", sum as f64 / n as f64, n)
                     .setting(setting.as_str()),

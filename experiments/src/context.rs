@@ -1,0 +1,94 @@
+//! What the task of a question works with: data, recipe, device, seeds, and networks that outlive an interruption.
+
+use burn::tensor::Device;
+use rand::Rng;
+use tactnet_data::{Dataset, Seed, SweepView, TrainSplit};
+use tactnet_pipeline::{
+    BatchReport, Classifier, ClassifierConfig, Embedding, ModelConfig, PipelineError, Recipe,
+    TactNetSetup, train_network,
+};
+
+use crate::networks::FinishedNetworks;
+use crate::{ExperimentError, Part};
+
+/// Told what is being done, with every batch of a training; false stops.
+pub(crate) type GoOn<'a> = dyn Fn(&str, Option<&BatchReport>) -> bool + 'a;
+
+/// Data, recipe, device and seeds of one task.
+pub(crate) struct StudyContext<'a> {
+    pub(crate) dataset: &'a Dataset,
+    pub(crate) recipe: &'a Recipe,
+    pub(crate) device: &'a Device,
+    pub(crate) seed: Seed,
+    pub(crate) part: Part,
+    pub(crate) networks: &'a FinishedNetworks,
+    pub(crate) go_on: &'a GoOn<'a>,
+}
+
+/// Why a task ended without an answer.
+pub(crate) enum Cancelled {
+    /// Somebody asked to stop.
+    Stopped,
+    /// It cannot be done.
+    Failed(ExperimentError),
+}
+
+impl<E: Into<PipelineError>> From<E> for Cancelled {
+    fn from(error: E) -> Self {
+        Self::Failed(ExperimentError::Pipeline(error.into()))
+    }
+}
+
+impl StudyContext<'_> {
+    /// Says what comes next.
+    ///
+    /// # Errors
+    /// Somebody asked to stop.
+    pub(crate) fn say(&self, what: &str) -> Result<(), Cancelled> {
+        if (self.go_on)(what, None) {
+            Ok(())
+        } else {
+            Err(Cancelled::Stopped)
+        }
+    }
+
+    /// A seed of its own for everything named `name`.
+    pub(crate) fn seed_for(&self, name: &str, number: usize) -> Seed {
+        Seed(self.seed.rng((name, number)).next_u64())
+    }
+
+    /// Trains a network on `train`, or reads it where an interrupted session of the task has finished it.
+    pub(crate) fn trained(
+        &self,
+        what: &str,
+        train: &TrainSplit<'_>,
+        seed: Seed,
+    ) -> Result<Classifier, Cancelled> {
+        self.say(what)?;
+        let network = self.networks.next(&format!(
+            "{what}, seed {}, data {}, sweeps {:?}\n{}",
+            seed.0,
+            self.dataset.sha256(),
+            train.indices(),
+            self.recipe.to_toml()
+        ));
+        if let Some(weights) = network.read().map_err(Cancelled::Failed)? {
+            let setup = TactNetSetup::fit(self.recipe, train);
+            let config = ClassifierConfig::new(ModelConfig::TactNet2(setup), train, seed);
+            return Ok(Classifier::new(config, &weights, self.device)?);
+        }
+        let go_on = |batch: &BatchReport| (self.go_on)(what, Some(batch));
+        let classifier = train_network(self.recipe, train, seed, self.device, go_on)?
+            .ok_or(Cancelled::Stopped)?;
+        network.write(&classifier).map_err(Cancelled::Failed)?;
+        Ok(classifier)
+    }
+}
+
+/// Every sweep of `view` as the network sees it.
+pub(crate) fn embedded(
+    classifier: &Classifier,
+    view: &SweepView<'_>,
+) -> Result<Embedding, Cancelled> {
+    Ok(classifier.embed(view)?)
+}

@@ -1,0 +1,191 @@
+//! What a task has to say in MLflow's words.
+
+use std::path::Path;
+
+use tactnet_pipeline::{EpochMetrics, Evaluation, RunDir};
+use toml::Value;
+
+use crate::tasks::ExperimentDir;
+use crate::{ExperimentError, Measurement, QuestionTask, Task};
+
+/// One run in MLflow's words: names and values.
+pub(super) struct Run {
+    /// Commit of the program.
+    pub(super) git: String,
+    /// Time of the task, seconds.
+    pub(super) seconds: f64,
+    pub(super) parameters: Vec<(String, String)>,
+    pub(super) metrics: Vec<(String, f64)>,
+    /// Value of every epoch, by name.
+    pub(super) courses: Vec<(&'static str, Vec<(usize, f64)>)>,
+}
+
+/// A training, from its run directory; `None` where it has no result.
+pub(super) fn training(folder: &Path) -> Result<Option<Run>, ExperimentError> {
+    let run = RunDir::open(folder)?;
+    let (Some(result), config) = (run.result()?, run.config()?) else {
+        return Ok(None);
+    };
+    let mut parameters = vec![
+        ("data".to_string(), result.data.clone()),
+        ("data_sha256".into(), result.data_sha256.clone()),
+        ("model".into(), result.recipe.clone()),
+        ("levels".into(), config.recipe.levels().name().into()),
+        ("split".into(), result.split.clone()),
+        ("split_sha256".into(), result.split_sha256.clone()),
+        ("repeat".into(), result.repeat.to_string()),
+        ("fold".into(), result.fold.to_string()),
+        ("seed".into(), result.seed.0.to_string()),
+        ("command".into(), result.command.clone()),
+    ];
+    if let Ok(table) = config.recipe.to_toml().parse::<toml::Table>() {
+        flatten("recipe", &Value::Table(table), &mut parameters);
+    }
+    let mut metrics = Vec::new();
+    for (way, evaluation) in &result.evaluations {
+        let Evaluation {
+            one_sweep,
+            fused,
+            negative_log_likelihood,
+            expected_calibration_error,
+            brier,
+            ..
+        } = evaluation;
+        metrics.push((format!("{way}.accuracy"), one_sweep.mean));
+        if let Some(fused) = fused {
+            let name = format!("{way}.accuracy_{}_sweeps", fused.sweeps);
+            metrics.push((name, fused.bayes.mean));
+        }
+        metrics.extend([
+            (
+                format!("{way}.negative_log_likelihood"),
+                *negative_log_likelihood,
+            ),
+            (
+                format!("{way}.expected_calibration_error"),
+                *expected_calibration_error,
+            ),
+            (format!("{way}.brier"), *brier),
+        ]);
+    }
+    metrics.push(("train_seconds".into(), result.train_seconds));
+    let epochs = run.metrics_before(usize::MAX)?;
+    let course = |of: fn(&EpochMetrics) -> f64| -> Vec<(usize, f64)> {
+        epochs
+            .iter()
+            .map(|epoch| (epoch.epoch, of(epoch)))
+            .collect()
+    };
+    Ok(Some(Run {
+        seconds: result.train_seconds,
+        parameters,
+        metrics,
+        courses: vec![
+            ("train_loss", course(|epoch| epoch.train_loss)),
+            ("train_accuracy", course(|epoch| epoch.train_accuracy)),
+        ],
+        git: result.git,
+    }))
+}
+
+/// The task of a question, from its result.
+pub(super) fn question(
+    dir: &ExperimentDir,
+    task: &Task,
+    asked: &QuestionTask,
+) -> Result<Run, ExperimentError> {
+    let result = dir.question_result(task)?;
+    let (repeat, fold) = asked.part.repeat_and_fold();
+    let mut parameters = vec![
+        ("data".to_string(), result.data),
+        ("data_sha256".into(), result.data_sha256),
+        ("model".into(), result.recipe),
+        ("recipe_sha256".into(), result.recipe_sha256),
+        ("levels".into(), result.levels.name().into()),
+        ("split".into(), result.split),
+        ("split_sha256".into(), result.split_sha256),
+        ("repeat".into(), repeat.to_string()),
+        ("fold".into(), fold.to_string()),
+        ("seed".into(), asked.networks.seed.0.to_string()),
+    ];
+    if let Ok(fields) = Value::try_from(&asked.question) {
+        flatten("question", &fields, &mut parameters);
+    }
+    for (name, value) in &result.chosen {
+        parameters.push((allowed(&format!("chosen.{name}")), value.to_string()));
+    }
+    let mut metrics: Vec<(String, f64)> = result
+        .measurements
+        .iter()
+        .map(|measurement| (metric_name(measurement), measurement.value))
+        .collect();
+    metrics.push(("train_seconds".into(), result.seconds));
+    Ok(Run {
+        git: result.provenance.git,
+        seconds: result.seconds,
+        parameters,
+        metrics,
+        courses: Vec::new(),
+    })
+}
+
+/// `ol-mean.accuracy.3_shots` and its like.
+fn metric_name(measurement: &Measurement) -> String {
+    let mut name = format!("{}.{}", measurement.method, measurement.measure);
+    if !measurement.setting.is_empty() {
+        name.push('.');
+        name.push_str(&measurement.setting);
+    }
+    for (count, what) in [(measurement.shots, "shots"), (measurement.sweeps, "sweeps")] {
+        if let Some(count) = count {
+            name.push_str(&format!(".{count}_{what}"));
+        }
+    }
+    allowed(&name)
+}
+
+/// A name with nothing that MLflow forbids in one.
+fn allowed(name: &str) -> String {
+    let kept = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+    let replaced = name.replace(", ", "_").replace(' ', "_");
+    replaced
+        .chars()
+        .map(|c| if kept(c) { c } else { '_' })
+        .collect()
+}
+
+/// `recipe.training.epochs` and its like.
+fn flatten(path: &str, value: &Value, into: &mut Vec<(String, String)>) {
+    match value {
+        Value::Table(table) => {
+            for (name, value) in table {
+                flatten(&format!("{path}.{name}"), value, into);
+            }
+        }
+        Value::String(text) => into.push((path.into(), text.clone())),
+        other => into.push((path.into(), other.to_string())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Measure;
+
+    #[test]
+    fn measurements_are_metrics_with_names_that_mlflow_allows() {
+        let lost =
+            Measurement::new(Measure::KnownLost, "knowledge prior, a tenth", 0.1, 9).shots(5);
+        assert_eq!(
+            metric_name(&lost),
+            "knowledge_prior_a_tenth.known_lost.5_shots"
+        );
+        let pairs = Measurement::new(Measure::Accuracy, "siamese", 0.1, 9)
+            .setting("all pairs")
+            .sweeps(3);
+        assert_eq!(metric_name(&pairs), "siamese.accuracy.all_pairs.3_sweeps");
+        let target =
+            Measurement::new(Measure::Coverage, "conformal set", 0.9, 9).setting("target 90 %");
+        assert_eq!(metric_name(&target), "conformal_set.coverage.target_90__");
+    }
+}

@@ -1,0 +1,21 @@
+//! Fields of a recipe that hold one value or a list.
+
+use serde::{Deserialize, Deserializer};
+use toml::Value;
+
+/// Reads a list, or a single value that stands for a list of one.
+pub(crate) fn one_or_many<'de, D, T>(deserializer: D) -> Result<Vec<T>, D::Error>
+where
+    D: Deserializer<'de>,
+    T: Deserialize<'de>,
+{
+    let value = Value::deserialize(deserializer)?;
+    let values = match value {
+        Value::Array(values) => values,
+        single => vec![single],
+    };
+    values
+        .into_iter()
+        .map(|value| value.try_into().map_err(serde::de::Error::custom))
+        .collect()
+}

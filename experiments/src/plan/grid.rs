@@ -1,0 +1,192 @@
+//! Where a question is asked: every data set, with every treatment of levels and length of sweeps.
+
+use std::path::Path;
+
+use tactnet_data::Seed;
+use tactnet_pipeline::{LabelOrder, MeanRemoval, SplitKind, TrainSpec};
+
+use super::models::Model;
+use super::stem;
+use crate::{ExperimentRecipe, Job, Part, Probe, QuestionTask, Task};
+
+/// The recipe with its models.
+pub(crate) struct Grid<'a> {
+    pub(super) recipe: &'a ExperimentRecipe,
+    pub(super) models: &'a [Model],
+}
+
+/// A data set, with a treatment of levels and a length of sweeps.
+pub(crate) struct GridPoint<'a> {
+    recipe: &'a ExperimentRecipe,
+    data: &'a str,
+    levels: MeanRemoval,
+    steps: Option<usize>,
+}
+
+impl<'a> Grid<'a> {
+    /// Returns the models, in the order of the recipe.
+    pub(crate) fn models(&self) -> &'a [Model] {
+        self.models
+    }
+
+    /// Returns every data set with every treatment of levels and every length.
+    pub(crate) fn points(&self) -> Vec<GridPoint<'a>> {
+        let recipe = self.recipe;
+        let lengths: Vec<Option<usize>> = if recipe.steps.is_empty() {
+            vec![None]
+        } else {
+            recipe.steps.iter().copied().map(Some).collect()
+        };
+        let mut points = Vec::new();
+        for data in &recipe.data {
+            for &levels in &recipe.levels {
+                points.extend(lengths.iter().map(|&steps| GridPoint {
+                    recipe,
+                    data,
+                    levels,
+                    steps,
+                }));
+            }
+        }
+        points
+    }
+
+    /// Plans a task for every part of the data, point and network.
+    ///
+    /// # Errors
+    /// A model that is no network.
+    pub(crate) fn question_tasks(&self, name: &str, parts: &[Part]) -> Result<Vec<Task>, String> {
+        if let Some(model) = self.models.iter().find(|model| !model.is_network) {
+            return Err(format!(
+                "model `{}`: the question `{name}` needs networks",
+                model.name
+            ));
+        }
+        let mut tasks = Vec::new();
+        for &part in parts {
+            for point in self.points() {
+                tasks.extend(
+                    self.models
+                        .iter()
+                        .map(|model| point.question(name, model, part)),
+                );
+            }
+        }
+        Ok(tasks)
+    }
+}
+
+impl GridPoint<'_> {
+    /// One training and its evaluation.
+    ///
+    /// - `place`: split, repeat and fold
+    pub(crate) fn training(&self, model: &Model, place: (SplitKind, usize, usize)) -> Task {
+        let mut spec = self.spec(&model.recipe, place);
+        spec.inner = model.inner;
+        spec.epochs = self.recipe.epochs.filter(|_| model.is_network);
+        Task {
+            id: self.id(&model.name, place),
+            model: model.name.clone(),
+            job: Job::Train(spec),
+            probe: None,
+        }
+    }
+
+    /// A training that shows what a data set gives away.
+    pub(crate) fn probe(&self, probe: Probe, place: (SplitKind, usize, usize)) -> Task {
+        let (name, model, recipe, label_order) = match probe {
+            Probe::Means => (
+                "probe_means",
+                "probe: nearest taxel means",
+                "means",
+                LabelOrder::True,
+            ),
+            Probe::Permuted => (
+                "probe_permuted",
+                "probe: permuted labels (minirocket)",
+                "minirocket",
+                LabelOrder::Permuted,
+            ),
+        };
+        Task {
+            id: self.id(name, place),
+            model: model.into(),
+            job: Job::Train(TrainSpec {
+                label_order,
+                ..self.spec(recipe, place)
+            }),
+            probe: Some(probe),
+        }
+    }
+
+    /// The recipe's question about one part of the data.
+    fn question(&self, name: &str, model: &Model, part: Part) -> Task {
+        let [data, rest] = self.parts();
+        let networks = TrainSpec {
+            epochs: self.recipe.epochs,
+            ..self.of_recipe(&model.recipe)
+        };
+        Task {
+            id: format!("{data}-{}{rest}-{name}-{}", model.name, part.id()),
+            model: model.name.clone(),
+            job: Job::Question(QuestionTask {
+                question: self.recipe.question.clone(),
+                part,
+                networks,
+            }),
+            probe: None,
+        }
+    }
+
+    fn of_recipe(&self, recipe: &str) -> TrainSpec {
+        TrainSpec {
+            data: absolute(self.data),
+            recipe: recipe.into(),
+            mean_removal: Some(self.levels),
+            steps: self.steps,
+            seed: Seed(self.recipe.seed),
+            device: self.recipe.device,
+            ..TrainSpec::default()
+        }
+    }
+
+    fn spec(&self, recipe: &str, (split, repeat, fold): (SplitKind, usize, usize)) -> TrainSpec {
+        TrainSpec {
+            split: Some(split),
+            repeat,
+            fold: Some(fold),
+            ..self.of_recipe(recipe)
+        }
+    }
+
+    /// Data set, model, levels and steps, as they stand in a name: before and behind the model.
+    fn parts(&self) -> [String; 2] {
+        let levels = if self.levels.is_none() {
+            ""
+        } else {
+            "-no_levels"
+        };
+        let steps = self
+            .steps
+            .map_or(String::new(), |steps| format!("-{steps}_steps"));
+        [stem(self.data), format!("{levels}{steps}")]
+    }
+
+    fn id(&self, model: &str, (split, repeat, fold): (SplitKind, usize, usize)) -> String {
+        let [data, rest] = self.parts();
+        match split {
+            SplitKind::KFold => format!("{data}-{model}{rest}-run{repeat}-fold{fold}"),
+            SplitKind::TestFlag => format!("{data}-{model}{rest}-test_flag"),
+            SplitKind::LeaveBlockOut => format!("{data}-{model}{rest}-block{fold}"),
+        }
+    }
+}
+
+/// A file by its whole path, since tasks may run elsewhere; a name stays.
+fn absolute(name: &str) -> String {
+    let path = Path::new(name);
+    path.canonicalize()
+        .ok()
+        .filter(|_| name != "twin" && path.is_file())
+        .map_or_else(|| name.to_string(), |path| path.display().to_string())
+}

@@ -1,0 +1,139 @@
+//! The models of an experiment: built-in recipes, files, variants, and recipes drawn at random.
+
+use std::collections::BTreeMap;
+
+use rand::RngExt;
+use tactnet_data::Seed;
+use tactnet_pipeline::ModelRecipe;
+use toml::{Table, Value};
+
+use super::{Plan, stem};
+use crate::recipe::Range;
+use crate::settings::set;
+use crate::{ExperimentError, ExperimentRecipe};
+
+/// A model of the experiment.
+pub(crate) struct Model {
+    pub(super) name: String,
+    /// Built-in name of the recipe, or its file among those of the experiment.
+    pub(super) recipe: String,
+    pub(super) is_network: bool,
+    /// Part of the training sweeps that it is tested on.
+    pub(super) inner: Option<usize>,
+}
+
+/// Loads the models of a recipe; those that do not ship with the binary go into `recipes`, as TOML by name.
+///
+/// # Errors
+/// A recipe that is not there or cannot be used.
+pub(super) fn models(
+    recipe: &ExperimentRecipe,
+    recipes: &mut BTreeMap<String, String>,
+) -> Result<Vec<Model>, ExperimentError> {
+    // Where settings are searched for, everything is judged inside the training sweeps.
+    let inner = recipe.search.as_ref().map(|_| 0);
+    let mut models = Vec::new();
+    let mut own = |name: String, text: String, is_network: bool| {
+        let recipe = format!("{}{name}.toml", Plan::OWN_RECIPE);
+        recipes.insert(name.clone(), text);
+        Model {
+            name,
+            recipe,
+            is_network,
+            inner,
+        }
+    };
+    for name in &recipe.models {
+        let variant = recipe.variants.iter().find(|variant| variant.name == *name);
+        let is_network = |recipe: &ModelRecipe| matches!(recipe, ModelRecipe::TactNet2(_));
+        models.push(match variant {
+            Some(variant) => {
+                let settings = variant
+                    .set
+                    .iter()
+                    .map(|(path, value)| (path.as_str(), value.clone()));
+                let (text, made) = made_from(name, name, &variant.base, settings)?;
+                own(name.clone(), text, is_network(&made))
+            }
+            None => {
+                let loaded = ModelRecipe::load(name)?;
+                if ModelRecipe::built_in_names().any(|known| known == name) {
+                    Model {
+                        name: name.clone(),
+                        recipe: name.clone(),
+                        is_network: is_network(&loaded),
+                        inner,
+                    }
+                } else {
+                    own(stem(name), loaded.to_toml(), is_network(&loaded))
+                }
+            }
+        });
+    }
+    if let Some(search) = &recipe.search {
+        for trial in 0..search.trials {
+            let mut rng = Seed(recipe.seed).rng(("hyperparameters", trial));
+            let drawn: Vec<(&str, Value)> = search
+                .space
+                .iter()
+                .map(|(path, range)| (path.as_str(), draw(range, rng.random())))
+                .collect();
+            let name = format!("trial{trial:02}");
+            let title = drawn.iter().fold(name.clone(), |title, (path, value)| {
+                let setting = path.rsplit('.').next().unwrap_or(path);
+                format!("{title}, {setting} {}", short(value))
+            });
+            let (text, made) = made_from(&name, &title, &search.base, drawn.into_iter())?;
+            let is_network = matches!(made, ModelRecipe::TactNet2(_));
+            let model = own(name, text, is_network);
+            models.push(model);
+        }
+    }
+    Ok(models)
+}
+
+/// A recipe made from `base`: as TOML, and parsed.
+///
+/// - `title`: what the recipe calls itself
+fn made_from<'a>(
+    name: &str,
+    title: &str,
+    base: &str,
+    settings: impl Iterator<Item = (&'a str, Value)>,
+) -> Result<(String, ModelRecipe), ExperimentError> {
+    let refused = |reason: String| ExperimentError::Recipe {
+        origin: format!("variant `{name}`"),
+        reason,
+    };
+    let text = ModelRecipe::load(base)?.to_toml();
+    let mut table: Table = text
+        .parse()
+        .map_err(|e: toml::de::Error| refused(e.message().into()))?;
+    set(&mut table, "name", Value::String(title.into())).map_err(refused)?;
+    for (path, value) in settings {
+        set(&mut table, path, value).map_err(refused)?;
+    }
+    let text = toml::to_string(&table).map_err(|error| refused(error.to_string()))?;
+    let recipe = ModelRecipe::parse(name, &text)?;
+    Ok((text, recipe))
+}
+
+/// A draw from a range; `share` is uniform in `[0, 1)`.
+fn draw(range: &Range, share: f64) -> Value {
+    match range {
+        Range::Uniform { low, high } => Value::Float(low + (high - low) * share),
+        Range::Logarithmic { low, high } => {
+            Value::Float((low.ln() + (high.ln() - low.ln()) * share).exp())
+        }
+        Range::Choice { values } => values[(share * values.len() as f64) as usize].clone(),
+    }
+}
+
+/// A value as people read it.
+fn short(value: &Value) -> String {
+    match value {
+        Value::Float(number) if number.abs() < 0.01 => format!("{number:.1e}"),
+        Value::Float(number) => format!("{number:.2}"),
+        other => other.to_string(),
+    }
+}

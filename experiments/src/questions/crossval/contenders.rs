@@ -1,0 +1,212 @@
+//! The contenders of a cross-validation: what their run directories hold besides the rows of the summary.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use tactnet_data::{DataOrigin, SplitManifest};
+use tactnet_pipeline::{
+    Evaluation, MeanRemoval, PredictionMethod, Predictions, RunConfig, RunDir, RunResult,
+    SplitKind, SweepScore,
+};
+
+use super::confidence::{ReliabilityBin, RiskCoverage, reliability, risk_coverage};
+use super::training::split_name;
+use crate::summarise::{FinishedTask, is_one_sweep_accuracy};
+use crate::tasks::ExperimentDir;
+use crate::{ExperimentError, Summary, published_for};
+
+/// One classifier on one data set, asked one way: everything but its rows.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Contender {
+    /// The `contender` of its rows.
+    pub key: String,
+    /// Name of the data set.
+    pub data: String,
+    /// Where its sweeps come from.
+    pub origin: DataOrigin,
+    /// Name of the model's recipe.
+    pub model: String,
+    /// Treatment of the mean of every taxel.
+    pub levels: MeanRemoval,
+    /// How the data set was split, for people.
+    pub split: String,
+    /// How the data set was split.
+    pub split_kind: SplitKind,
+    /// Part of the training sweeps that was tested on instead of the test sweeps.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inner: Option<usize>,
+    /// `plain` or `mc_dropout`.
+    pub prediction: String,
+    /// Time steps of a sweep.
+    pub steps: usize,
+    /// True for a probe (means, permuted labels).
+    pub probe: bool,
+    /// Materials in label order.
+    pub materials: Vec<String>,
+    /// Training sweeps of a fold.
+    pub n_train: usize,
+    /// Test sweeps of a fold.
+    pub n_test: usize,
+    /// Standard deviation of one fold's accuracy that its finite number of test sweeps alone explains: `sqrt(a (1 - a) / n)`.
+    pub sigma_test: f64,
+    /// Counts `[true][predicted]`, all folds together.
+    pub confusion: Vec<Vec<usize>>,
+    /// Fifteen equally wide bins of confidence.
+    pub reliability: Vec<ReliabilityBin>,
+    /// Error among the most confident share of the sweeps, all folds together.
+    pub risk_coverage: Vec<RiskCoverage>,
+    /// The published accuracy that it may be set beside.
+    pub published: Option<PublishedContender>,
+    /// Folds in the order of the rows' values.
+    pub folds: Vec<FoldRecord>,
+}
+
+/// A published accuracy on TactMat, %.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PublishedContender {
+    /// Name of the published classifier.
+    pub classifier: String,
+    /// One sweep.
+    pub one_sweep: f64,
+    /// Three sweeps.
+    pub three_sweeps: f64,
+}
+
+/// One fold of a contender; its task is among the summary's records.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FoldRecord {
+    /// Name of the task.
+    pub task: String,
+    /// Repeat of the cross-validation.
+    pub repeat: usize,
+    /// Fold of the repeat.
+    pub fold: usize,
+    /// Predictions file, relative to the experiment's folder.
+    pub predictions: String,
+    /// Accuracy of single sweeps.
+    pub one_sweep: f64,
+}
+
+/// One way of predicting of one finished task.
+struct Fold<'a> {
+    finished: &'a FinishedTask<'a>,
+    way: String,
+    config: RunConfig,
+    split: SplitManifest,
+    result: RunResult,
+    predictions: Predictions,
+    file: String,
+}
+
+impl Fold<'_> {
+    fn evaluation(&self) -> &Evaluation {
+        &self.result.evaluations[&self.way]
+    }
+}
+
+/// Reads the predictions of every task, contender by contender, in the order of the summary's rows.
+///
+/// # Errors
+/// A run directory that is damaged.
+pub(crate) fn contenders(
+    dir: &ExperimentDir,
+    summary: &Summary,
+    finished: &[FinishedTask<'_>],
+) -> Result<Vec<Contender>, ExperimentError> {
+    let mut of: BTreeMap<String, Vec<Fold<'_>>> = BTreeMap::new();
+    for finished in finished {
+        let run = RunDir::open(&dir.task_dir(finished.task))?;
+        let Some(result) = run.result()? else {
+            continue;
+        };
+        let (config, split) = (run.config()?, run.split()?);
+        let setting = split_name(&split, &config);
+        for way in result.evaluations.keys() {
+            let (file, predictions) = run.predictions(way)?;
+            let fold = Fold {
+                finished,
+                way: way.clone(),
+                config: config.clone(),
+                split: split.clone(),
+                result: result.clone(),
+                predictions,
+                file,
+            };
+            of.entry(finished.contender(way, &setting))
+                .or_default()
+                .push(fold);
+        }
+    }
+    let rows = summary.rows.iter().filter(|row| is_one_sweep_accuracy(row));
+    Ok(rows
+        .filter_map(|row| {
+            let mut folds = of.remove(&row.contender)?;
+            folds.sort_by_key(|fold| fold.finished.record.part);
+            Some(contender(row.contender.clone(), row.statistic.mean, &folds))
+        })
+        .collect())
+}
+
+fn contender(key: String, accuracy: f64, folds: &[Fold<'_>]) -> Contender {
+    let first = &folds[0];
+    let materials: Vec<String> = first
+        .config
+        .classifier
+        .labels
+        .names()
+        .map(String::from)
+        .collect();
+    let mut confusion = vec![vec![0; materials.len()]; materials.len()];
+    for fold in folds {
+        for (sum, counts) in confusion.iter_mut().zip(fold.predictions.confusion()) {
+            sum.iter_mut()
+                .zip(counts)
+                .for_each(|(sum, count)| *sum += count);
+        }
+    }
+    let sweeps: Vec<&SweepScore> = folds.iter().flat_map(|f| &f.predictions.sweeps).collect();
+    let n_test = first.result.n_test;
+    Contender {
+        key,
+        data: first.finished.data_name().into(),
+        origin: first.finished.origin,
+        model: first.finished.model.clone(),
+        levels: first.finished.levels,
+        split: split_name(&first.split, &first.config),
+        split_kind: SplitKind::of(first.split.scheme),
+        inner: first.config.inner,
+        prediction: first.way.clone(),
+        steps: first.finished.steps.0,
+        probe: first.finished.task.probe.is_some(),
+        sigma_test: (accuracy * (1.0 - accuracy) / n_test as f64).sqrt(),
+        n_train: first.result.n_train,
+        n_test,
+        confusion,
+        reliability: reliability(&sweeps),
+        risk_coverage: risk_coverage(&sweeps),
+        published: published(first, first.evaluation().method),
+        folds: folds.iter().map(record).collect(),
+        materials,
+    }
+}
+
+fn record(fold: &Fold<'_>) -> FoldRecord {
+    let id = &fold.finished.task.id;
+    FoldRecord {
+        task: id.clone(),
+        repeat: fold.result.repeat,
+        fold: fold.result.fold,
+        predictions: format!("tasks/{id}/{}", fold.file),
+        one_sweep: fold.evaluation().one_sweep.mean,
+    }
+}
+
+/// Returns the accuracy that was published for this recipe and way of predicting.
+fn published(fold: &Fold<'_>, way: PredictionMethod) -> Option<PublishedContender> {
+    let row = published_for(&fold.config, fold.result.origin, &fold.split, way)?;
+    Some(PublishedContender {
+        classifier: row.classifier.into(),
+        one_sweep: row.one_sweep.0,
+        three_sweeps: row.three_sweeps.0,
+    })
+}

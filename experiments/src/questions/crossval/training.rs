@@ -1,0 +1,119 @@
+//! What the run directory of a training gives to the summary.
+
+use tactnet_data::{Scheme, SplitManifest};
+use tactnet_pipeline::{Evaluation, RunConfig, RunDir, RunResult};
+
+use crate::summarise::FinishedTask;
+use crate::tasks::ExperimentDir;
+use crate::{ExperimentError, Measure, Measurement, Part, Task, TaskRecord};
+
+/// Reads the run directory of a training that has ended.
+///
+/// # Errors
+/// A run directory that is damaged.
+pub(crate) fn read_training<'a>(
+    dir: &'a ExperimentDir,
+    task: &'a Task,
+) -> Result<FinishedTask<'a>, ExperimentError> {
+    let path = dir.task_dir(task);
+    let run = RunDir::open(&path)?;
+    let result = run.result()?.ok_or_else(|| ExperimentError::Folder {
+        path: path.clone(),
+        reason: "expected a result.json, found none".into(),
+    })?;
+    let (config, split) = (run.config()?, run.split()?);
+    let setting = split_name(&split, &config);
+    let mut measurements = Vec::new();
+    for (way, evaluation) in &result.evaluations {
+        measurements.extend(measured(way, &setting, evaluation, &result));
+    }
+    Ok(FinishedTask {
+        task,
+        model: shown_model(&task.model, &result.recipe),
+        data: result.data,
+        label_order: config.label_order,
+        origin: result.origin,
+        data_sha256: result.data_sha256,
+        materials: config.classifier.labels.len(),
+        levels: config.recipe.levels(),
+        steps: (config.classifier.shape.steps, config.steps),
+        processors: result
+            .provenance
+            .iter()
+            .map(|session| session.processor.clone())
+            .collect(),
+        test_share: result.n_test as f64 / result.n_train as f64,
+        measurements,
+        maps: Vec::new(),
+        record: TaskRecord {
+            id: task.id.clone(),
+            part: Part::Fold {
+                repeat: result.repeat,
+                fold: result.fold,
+            },
+            command: result.command,
+            split: result.split,
+            split_sha256: result.split_sha256,
+            recipe_sha256: result.recipe_sha256,
+            git: result.git,
+            seconds: result.train_seconds,
+            chosen: result.chosen,
+        },
+    })
+}
+
+/// Returns the measurements of one way of predicting.
+fn measured(
+    way: &str,
+    setting: &str,
+    evaluation: &Evaluation,
+    result: &RunResult,
+) -> Vec<Measurement> {
+    let mut values = vec![(Measure::Accuracy, 1, evaluation.one_sweep.mean)];
+    if let Some(fused) = &evaluation.fused {
+        values.push((Measure::Accuracy, fused.sweeps, fused.bayes.mean));
+    }
+    values.extend([
+        (
+            Measure::NegativeLogLikelihood,
+            1,
+            evaluation.negative_log_likelihood,
+        ),
+        (
+            Measure::ExpectedCalibrationError,
+            1,
+            evaluation.expected_calibration_error,
+        ),
+        (Measure::Brier, 1, evaluation.brier),
+        (Measure::TrainSeconds, 1, result.train_seconds),
+    ]);
+    values
+        .into_iter()
+        .map(|(measure, sweeps, value)| {
+            Measurement::new(measure, way, value, result.n_test)
+                .setting(setting)
+                .sweeps(sweeps)
+        })
+        .collect()
+}
+
+/// The model's name; a recipe that says more about itself (drawn settings) says it here.
+fn shown_model(name: &str, title: &str) -> String {
+    if title.starts_with(name) {
+        title.into()
+    } else {
+        name.into()
+    }
+}
+
+pub(super) fn split_name(split: &SplitManifest, config: &RunConfig) -> String {
+    let scheme = match split.scheme {
+        Scheme::StratifiedKFold { folds, .. } => format!("{folds} random folds"),
+        Scheme::TestFlag => "author's test sweeps".into(),
+        Scheme::LeaveBlockOut => "block left out".into(),
+    };
+    match config.inner {
+        None => scheme,
+        Some(part) => format!("{scheme}, judged by inner part {part}"),
+    }
+}

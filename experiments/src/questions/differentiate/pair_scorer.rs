@@ -1,0 +1,99 @@
+//! The ways to tell whether two sweeps differ.
+
+use tactnet_models::{Features, LinearHead, Mlp, WeightPrior};
+use tactnet_pipeline::{Embedding, SweepPair, predict_difference};
+
+use crate::context::Cancelled;
+
+/// The distance between the sweeps of a pair.
+#[derive(Clone, Copy)]
+pub(super) enum Apart {
+    /// Euclidean distance of the outputs, one number: the published network.
+    Outputs,
+    /// Difference of every output, `|a - b|`.
+    EveryOutput,
+    /// Euclidean distance of the embeddings.
+    Embedding,
+}
+
+impl Apart {
+    pub(super) fn of(self, embedding: &Embedding, pairs: &[SweepPair]) -> Features {
+        let rows = match self {
+            Self::Outputs | Self::EveryOutput => &embedding.logits,
+            Self::Embedding => &embedding.hidden,
+        };
+        let differences = |pair: &SweepPair| -> Vec<f32> {
+            let (a, b) = (rows.row(pair.first), rows.row(pair.second));
+            a.iter().zip(b).map(|(a, b)| (a - b).abs()).collect()
+        };
+        match self {
+            Self::EveryOutput => {
+                Features::new(rows.width(), pairs.iter().flat_map(differences).collect())
+            }
+            Self::Outputs | Self::Embedding => {
+                let norm = |d: Vec<f32>| d.iter().map(|d| d * d).sum::<f32>().sqrt();
+                Features::new(
+                    1,
+                    pairs.iter().map(|pair| norm(differences(pair))).collect(),
+                )
+            }
+        }
+    }
+}
+
+/// Something that was fitted to training pairs and gives the probability that two sweeps differ.
+pub(super) enum PairScorer {
+    /// The published network, or the same on all differences. Inputs are divided by `scale`.
+    Network {
+        apart: Apart,
+        mlp: Box<Mlp>,
+        scale: f32,
+    },
+    /// Logistic regression on one distance.
+    Threshold(LinearHead),
+    /// Chance that the two have different labels if each has its own posterior.
+    Posterior,
+}
+
+impl PairScorer {
+    pub(super) fn probabilities(&self, embedding: &Embedding, pairs: &[SweepPair]) -> Vec<f64> {
+        match self {
+            Self::Network { apart, mlp, scale } => {
+                predict_difference(mlp, &scaled(apart.of(embedding, pairs), *scale))
+            }
+            Self::Threshold(head) => head
+                .log_probabilities(&Apart::Embedding.of(embedding, pairs))
+                .iter()
+                .map(|log_p| log_p[1].exp())
+                .collect(),
+            Self::Posterior => {
+                let log_p = embedding.log_probabilities();
+                pairs
+                    .iter()
+                    .map(|pair| {
+                        let both = log_p[pair.first].iter().zip(&log_p[pair.second]);
+                        1.0 - both.map(|(a, b)| (a + b).exp()).sum::<f64>()
+                    })
+                    .collect()
+            }
+        }
+    }
+}
+
+pub(super) fn scaled(mut features: Features, scale: f32) -> Features {
+    features.values_mut().iter_mut().for_each(|v| *v /= scale);
+    features
+}
+
+/// Logistic regression of 'different' on the distance of embeddings.
+pub(super) fn threshold(train: &Embedding, pairs: &[SweepPair]) -> Result<PairScorer, Cancelled> {
+    let distances = Apart::Embedding.of(train, pairs);
+    let different: Vec<usize> = pairs
+        .iter()
+        .map(|pair| usize::from(pair.different))
+        .collect();
+    let prior = WeightPrior::weight_decay(1, 1e-6, pairs.len());
+    Ok(PairScorer::Threshold(LinearHead::fit(
+        &distances, &different, 2, &prior,
+    )?))
+}

@@ -1,0 +1,158 @@
+//! n-shot transfer: a network learns 30 materials well and six new ones from a few sweeps each (thesis, section 4.6.4).
+//!
+//! ```text
+//! materials ─┬─ 30 known ─┬─ 80 % of their sweeps: train the network, covariance, prior
+//!            │            └─ 20 %: choose what has to be chosen
+//!            └─ 6 new ──── five folds: n sweeps of each material of 80 %, judged on 20 %
+//! ```
+
+mod efficiency;
+mod few_shots;
+mod method;
+mod transfer;
+mod tuning;
+
+use serde::{Deserialize, Serialize};
+use tactnet_data::Seed;
+
+use super::{Ask, Compared, Figure, Published, check_counts, draws, one, six, within};
+use crate::context::{Cancelled, StudyContext};
+use crate::one_or_many::one_or_many;
+use crate::result::Answer;
+use crate::summarise::FinishedTask;
+use crate::tasks::ExperimentDir;
+use crate::{ExperimentError, Measure, Part, Row, Summary};
+pub use efficiency::SampleEfficiency;
+use efficiency::sample_efficiency;
+pub use method::TransferMethod;
+use transfer::transfer;
+
+/// Folds of the new materials' sweeps.
+const FOLDS: usize = 5;
+
+/// How well does transfer learn new materials from few sweeps?
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Nshot {
+    /// Draws of the new materials.
+    #[serde(default = "one")]
+    pub splits: usize,
+    /// Sweeps of every new material that are learnt from.
+    #[serde(deserialize_with = "one_or_many")]
+    pub shots: Vec<usize>,
+    /// Methods of transfer; none named: all of them.
+    #[serde(
+        default,
+        skip_serializing_if = "Vec::is_empty",
+        deserialize_with = "one_or_many"
+    )]
+    pub methods: Vec<TransferMethod>,
+    /// Materials that are new.
+    #[serde(default = "six")]
+    pub new_materials: usize,
+    /// Of the five folds of the new materials' sweeps, in how many a whole network is trained from scratch.
+    #[serde(default = "one")]
+    pub scratch_folds: usize,
+}
+
+impl Nshot {
+    fn methods(&self) -> &[TransferMethod] {
+        if self.methods.is_empty() {
+            &TransferMethod::ALL
+        } else {
+            &self.methods
+        }
+    }
+}
+
+impl Ask for Nshot {
+    fn name(&self) -> &'static str {
+        "nshot"
+    }
+
+    fn validate(&self) -> Result<(), String> {
+        within("splits", self.splits, 1, usize::MAX)?;
+        within("new_materials", self.new_materials, 2, usize::MAX)?;
+        within("scratch_folds", self.scratch_folds, 1, FOLDS)?;
+        if self.shots.is_empty() {
+            return Err("`shots`: expected one or more numbers above 0, found none".into());
+        }
+        check_counts("shots", &self.shots)
+    }
+
+    fn parts(&self) -> Vec<Part> {
+        draws(self.splits)
+    }
+
+    fn answer(&self, context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
+        transfer(self, context)
+    }
+
+    fn test_share(&self) -> f64 {
+        0.0
+    }
+
+    fn compared(&self, measure: Measure) -> Option<Compared> {
+        (measure == Measure::Accuracy).then_some(Compared::With("ol-mean"))
+    }
+
+    /// Figure 4.12 and section 4.6.4 of the thesis.
+    fn published(&self, row: &Row) -> Published {
+        match (row.method.as_str(), row.shots) {
+            ("ol-mean", Some(1)) => Published::robot(0.755),
+            ("ol", Some(1)) => Published::robot(0.750),
+            _ => Published::default(),
+        }
+    }
+
+    fn complete(
+        &self,
+        _dir: &ExperimentDir,
+        summary: &mut Summary,
+        _finished: &[FinishedTask<'_>],
+    ) -> Result<(), ExperimentError> {
+        summary.sample_efficiency = Some(sample_efficiency(&summary.rows, Seed(summary.seed)));
+        Ok(())
+    }
+
+    fn figures(&self) -> Vec<Figure> {
+        vec![
+            Figure::Shots {
+                title: "Methods of the thesis",
+                methods: &["nk", "ol", "ol-fcl", "ol-mean", "nn", "siamese"],
+            },
+            Figure::Shots {
+                title: "Beyond the thesis",
+                methods: &["ol-mean", "simpleshot", "lda", "tuned-ol", "whitened-ol"],
+            },
+        ]
+    }
+
+    fn terms(&self) -> &'static [(&'static str, &'static str)] {
+        &TERMS
+    }
+}
+
+/// Words of the report.
+const TERMS: [(&str, &str); 5] = [
+    (
+        "OL, OL-FCL, OL-mean",
+        "The network learnt on the known materials stays as it is but for its output layer; or its last two layers; or the output layer is drawn towards the known materials' weights (thesis, section 4.6). As a prior mean that all classes share changes no softmax, OL-mean differs from OL by the strength of the prior alone.",
+    ),
+    (
+        "NK",
+        "No pre-knowledge: a whole network learns the new materials alone. It is trained in one fold of every draw (or in as many as the recipe says), the other methods in all five.",
+    ),
+    (
+        "SimpleShot, LDA, whitened OL, tuned OL",
+        "Nearest class mean of centred, normalised features (Wang et al., 2019); nearest class mean, and an output layer, on features whitened with the known materials' covariance; an output layer on plain features. Strengths are chosen on known materials.",
+    ),
+    (
+        "NN, Siamese",
+        "Nearest neighbour in the embedding; the same after the dense layer (not, as in the thesis, the whole network) was trained on pairs of known sweeps, so that sweeps of one material come close (contrastive loss).",
+    ),
+    (
+        "OL-FCL",
+        "150 steps of Adam from the network's own dense layer; unlike the output layers alone, this has no end at which a gradient vanishes.",
+    ),
+];

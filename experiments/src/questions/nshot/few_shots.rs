@@ -1,0 +1,145 @@
+//! The methods of transfer on few embedded sweeps.
+
+use tactnet_data::Seed;
+use tactnet_models::{
+    DenseWeights, Features, LinearHead, NearestMean, SimpleShot, WeightPrior, argmax,
+};
+use tactnet_pipeline::{Device, Embedding, MlpTraining, Recipe, fit_labels};
+
+use super::TransferMethod;
+use super::transfer::Knowledge;
+use crate::context::Cancelled;
+
+/// Steps of the optimiser, about, when the dense layer is tuned to few sweeps.
+const FINE_TUNING_STEPS: usize = 150;
+
+/// Few sweeps of new materials, embedded.
+pub(super) struct FewShots<'a> {
+    pub(super) knowledge: &'a Knowledge,
+    pub(super) recipe: &'a Recipe,
+    pub(super) device: &'a Device,
+    pub(super) support: &'a Embedding,
+    pub(super) materials: usize,
+    pub(super) shots: usize,
+}
+
+impl FewShots<'_> {
+    /// The label that `method` gives to every query.
+    pub(super) fn answers(
+        &self,
+        method: TransferMethod,
+        queries: &Embedding,
+        seed: Seed,
+    ) -> Result<Vec<usize>, Cancelled> {
+        let Knowledge {
+            prior,
+            whitening,
+            tuned,
+            ..
+        } = self.knowledge;
+        let (support, labels) = (&self.support.hidden, &self.support.labels);
+        let largest = |rows: Vec<Vec<f64>>| rows.iter().map(|row| argmax(row)).collect();
+        let linear = |support: &Features,
+                      queries: &Features,
+                      prior: &WeightPrior|
+         -> Result<Vec<usize>, Cancelled> {
+            let head = LinearHead::fit(support, labels, self.materials, prior)?;
+            Ok(largest(head.log_probabilities(queries)))
+        };
+        let width = support.width();
+        Ok(match method {
+            TransferMethod::Nk => unreachable!("is trained on sweeps, not on embeddings"),
+            TransferMethod::Ol => {
+                let prior = WeightPrior::weight_decay(width, self.recipe.training.l2, labels.len());
+                linear(support, &queries.hidden, &prior)?
+            }
+            TransferMethod::OlMean => linear(support, &queries.hidden, prior)?,
+            TransferMethod::TunedOl => linear(support, &queries.hidden, tuned.plain(self.shots))?,
+            TransferMethod::WhitenedOl => {
+                let prior = tuned.whitened(self.shots);
+                linear(
+                    &whitening.apply(support),
+                    &whitening.apply(&queries.hidden),
+                    prior,
+                )?
+            }
+            TransferMethod::Lda => {
+                let head = NearestMean::fit(&whitening.apply(support), labels, self.materials);
+                largest(head.scores(&whitening.apply(&queries.hidden)))
+            }
+            TransferMethod::Simpleshot => {
+                let head = SimpleShot::fit(
+                    support,
+                    labels,
+                    self.materials,
+                    self.knowledge.centre.clone(),
+                );
+                largest(head.scores(&queries.hidden))
+            }
+            TransferMethod::Nn => nearest(support, labels, &queries.hidden),
+            TransferMethod::Siamese => {
+                let layers = self
+                    .knowledge
+                    .siamese
+                    .as_ref()
+                    .unwrap_or_else(|| panic!("was trained before"));
+                let mlp = tactnet_models::Mlp::from_layers(layers, self.device);
+                let embed = |embedding: &Embedding| {
+                    let mut out = mlp.apply(&embedding.convolution);
+                    out.values_mut().iter_mut().for_each(|v| *v = v.max(0.0));
+                    out
+                };
+                nearest(&embed(self.support), labels, &embed(queries))
+            }
+            TransferMethod::OlFcl => {
+                let batch = self.recipe.training.batch;
+                let training = MlpTraining {
+                    epochs: FINE_TUNING_STEPS.div_ceil(labels.len().div_ceil(batch)),
+                    batch,
+                    learning_rate: 3e-4,
+                    l2: self.recipe.training.l2,
+                    keep: Some((0, self.recipe.network.keep_probability)),
+                };
+                let output = DenseWeights {
+                    weight: vec![0.0; self.materials * width],
+                    bias: vec![0.0; self.materials],
+                };
+                let layers = [self.knowledge.classifier.network()?.folded_hidden(), output];
+                let mlp = fit_labels(
+                    &layers,
+                    &self.support.convolution,
+                    labels,
+                    training,
+                    seed,
+                    self.device,
+                )?;
+                let scores = mlp.apply(&queries.convolution);
+                scores
+                    .rows()
+                    .map(|row| argmax(&row.iter().map(|v| f64::from(*v)).collect::<Vec<_>>()))
+                    .collect()
+            }
+        })
+    }
+}
+
+/// Label of the nearest support sweep, Euclidean; the first among equals.
+fn nearest(support: &Features, labels: &[usize], queries: &Features) -> Vec<usize> {
+    queries
+        .rows()
+        .map(|query| {
+            let distances: Vec<f64> = support
+                .rows()
+                .map(|row| -squared_distance(row, query))
+                .collect();
+            labels[argmax(&distances)]
+        })
+        .collect()
+}
+
+pub(super) fn squared_distance(a: &[f32], b: &[f32]) -> f64 {
+    a.iter()
+        .zip(b)
+        .map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2))
+        .sum()
+}

@@ -1,0 +1,230 @@
+//! The run of `nshot`: a network of the known materials, and every method on every fold of the new ones.
+
+use rayon::prelude::*;
+use tactnet_data::{Fold, MaterialSplit, Scheme, Seed, SweepView};
+use tactnet_models::{DenseWeights, WeightPrior, Whitening, argmax};
+use tactnet_pipeline::{Classifier, Embedding, MlpTraining, Recipe, fit_embedding};
+
+use super::few_shots::{FewShots, squared_distance};
+use super::tuning::{Tuned, tune};
+use super::{FOLDS, Nshot, TransferMethod};
+use crate::context::{Cancelled, StudyContext, embedded};
+use crate::pairs::random_pairs;
+use crate::result::Answer;
+use crate::{Measure, Measurement};
+
+/// Steps of the optimiser, about, when a whole network learns few sweeps; one epoch of a single batch is one step.
+const SCRATCH_STEPS: usize = 300;
+/// Pairs that the Siamese embedding is trained on.
+const PAIRS: usize = 20_000;
+
+/// The network of the known materials, and everything derived from it that methods use.
+pub(super) struct Knowledge {
+    pub(super) classifier: Classifier,
+    pub(super) prior: WeightPrior,
+    pub(super) centre: Vec<f64>,
+    pub(super) whitening: Whitening,
+    pub(super) tuned: Tuned,
+    pub(super) siamese: Option<Vec<DenseWeights>>,
+}
+
+pub(super) fn transfer(task: &Nshot, context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
+    let split = MaterialSplit::draw(
+        context.dataset,
+        task.new_materials,
+        context.seed,
+        context.part.stream(),
+    )?;
+    let knowledge = learn(task, context, &split)?;
+    let everything = SweepView::all(&split.new);
+    let whole = embedded(&knowledge.classifier, &everything)?;
+    // Draws deal folds and shots of their own, which all methods share.
+    let own = context.seed_for("folds of new materials", context.part.stream());
+    let folds: Vec<Fold<'_>> = (0..FOLDS)
+        .map(|fold| Fold::new(&split.new, Scheme::default(), own, 0, fold))
+        .collect::<Result<_, _>>()?;
+    let mut measurements = Vec::new();
+    let materials = split.new.labels().len();
+    for &shots in &task.shots {
+        // A data set with fewer sweeps has fewer points on its curve.
+        let Ok(few) = folds
+            .iter()
+            .map(|fold| fold.shots(shots))
+            .collect::<Result<Vec<_>, _>>()
+        else {
+            continue;
+        };
+        for &method in task.methods() {
+            context.say(&format!("{} with {shots} shots", method.name()))?;
+            let own: &[Fold<'_>] = match method {
+                // Another fold in every draw.
+                TransferMethod::Nk => {
+                    &rotated(&few, context.part.stream())[..task.scratch_folds.clamp(1, FOLDS)]
+                }
+                _ => &few,
+            };
+            let mut right = 0;
+            let mut decisions = 0;
+            let answers: Vec<Result<Vec<usize>, Cancelled>> = if method == TransferMethod::Nk {
+                own.iter().map(|fold| from_scratch(context, fold)).collect()
+            } else {
+                let (recipe, device) = (context.recipe, context.device);
+                let seeds: Vec<Seed> = (0..FOLDS)
+                    .map(|fold| {
+                        context.seed_for("fine-tuning", context.part.stream() * FOLDS + fold)
+                    })
+                    .collect();
+                own.par_iter()
+                    .map(|fold| {
+                        let support = whole.part(&everything, &fold.train);
+                        let queries = whole.part(&everything, &fold.test);
+                        let few = FewShots {
+                            knowledge: &knowledge,
+                            recipe,
+                            device,
+                            support: &support,
+                            materials,
+                            shots,
+                        };
+                        few.answers(method, &queries, seeds[fold.fold()])
+                    })
+                    .collect()
+            };
+            for (fold, answers) in own.iter().zip(answers) {
+                let answers = answers?;
+                right += fold
+                    .test
+                    .labels()
+                    .zip(&answers)
+                    .filter(|(label, answer)| label == *answer)
+                    .count();
+                decisions += answers.len();
+            }
+            let value = right as f64 / decisions as f64;
+            measurements.push(
+                Measurement::new(Measure::Accuracy, method.name(), value, decisions).shots(shots),
+            );
+        }
+    }
+    let names: Vec<&str> = split.new.labels().names().collect();
+    Ok(Answer {
+        measurements,
+        split: format!("new materials: {}", names.join(", ")),
+        split_content: format!("{:?} {}", split.new_labels, folds[0].manifest().sha256),
+        chosen: knowledge.tuned.chosen(),
+        maps: Vec::new(),
+    })
+}
+
+/// The folds from another one on.
+fn rotated<'a>(folds: &[Fold<'a>], by: usize) -> Vec<Fold<'a>> {
+    let mut folds = folds.to_vec();
+    let by = by % folds.len();
+    folds.rotate_left(by);
+    folds
+}
+
+/// Trains the network on the known materials and derives what the methods need.
+fn learn(
+    task: &Nshot,
+    context: &StudyContext<'_>,
+    split: &MaterialSplit,
+) -> Result<Knowledge, Cancelled> {
+    let fold = Fold::new(&split.known, Scheme::default(), context.seed, 0, 0)?;
+    let seed = context.seed_for("knowledge network", context.part.stream());
+    let classifier = context.trained("network of the known materials", &fold.train, seed)?;
+    context.say("embedding")?;
+    let seen = embedded(&classifier, &fold.train)?;
+    let unseen = embedded(&classifier, &fold.test)?;
+    let width = seen.hidden.width();
+    let mut centre = vec![0.0; width];
+    for row in seen.hidden.rows() {
+        centre
+            .iter_mut()
+            .zip(row)
+            .for_each(|(sum, v)| *sum += f64::from(*v) / seen.len() as f64);
+    }
+    context.say("whitening, prior strengths")?;
+    let prior = WeightPrior::of_knowledge(&classifier.network()?.output_layer());
+    let (whitening, tuned) = tune(task, context, &seen, &unseen, &prior)?;
+    let siamese = if task.methods().contains(&TransferMethod::Siamese) {
+        context.say("Siamese embedding")?;
+        Some(siamese_layers(
+            context,
+            &classifier,
+            &seen,
+            context.part.stream(),
+        )?)
+    } else {
+        None
+    };
+    Ok(Knowledge {
+        prior,
+        centre,
+        whitening,
+        tuned,
+        siamese,
+        classifier,
+    })
+}
+
+/// The dense layer, trained further so that sweeps of one known material come close and others keep away. The margin is the mean
+/// distance between materials before.
+fn siamese_layers(
+    context: &StudyContext<'_>,
+    classifier: &Classifier,
+    seen: &Embedding,
+    number: usize,
+) -> Result<Vec<DenseWeights>, Cancelled> {
+    let seed = context.seed_for("siamese", number);
+    let pairs = random_pairs(&seen.labels, PAIRS, &mut seed.rng("pairs"));
+    let apart: Vec<f64> = pairs
+        .iter()
+        .filter(|pair| pair.different)
+        .take(2000)
+        .map(|pair| {
+            squared_distance(seen.hidden.row(pair.first), seen.hidden.row(pair.second)).sqrt()
+        })
+        .collect();
+    let margin = apart.iter().sum::<f64>() / apart.len() as f64;
+    let training = MlpTraining {
+        epochs: 1,
+        batch: 64,
+        learning_rate: 1e-4,
+        l2: 0.0,
+        keep: None,
+    };
+    let layers = [classifier.network()?.folded_hidden()];
+    let mlp = fit_embedding(
+        &layers,
+        &seen.convolution,
+        &pairs,
+        margin,
+        training,
+        seed,
+        context.device,
+    )?;
+    Ok(mlp.layers())
+}
+
+/// A network trained on the few sweeps alone: its answers to the test sweeps.
+fn from_scratch(context: &StudyContext<'_>, fold: &Fold<'_>) -> Result<Vec<usize>, Cancelled> {
+    let batches = fold.train.len().div_ceil(context.recipe.training.batch);
+    let mut recipe: Recipe = context.recipe.clone();
+    recipe.training.epochs = (SCRATCH_STEPS / batches).max(recipe.training.epochs);
+    let scratch = StudyContext {
+        recipe: &recipe,
+        ..*context
+    };
+    let seed = context.seed_for(
+        "network from scratch",
+        context.part.stream() * FOLDS + fold.fold(),
+    );
+    let classifier = scratch.trained("network from scratch", &fold.train, seed)?;
+    let embedding = embedded(&classifier, &fold.test)?;
+    Ok(embedding
+        .log_probabilities()
+        .iter()
+        .map(|row| argmax(row))
+        .collect())
+}

@@ -1,0 +1,142 @@
+//! What the task of a question finds, and its file.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+use tactnet_data::{DataOrigin, Dataset, sha256_hex};
+use tactnet_models::Compute;
+use tactnet_pipeline::{MeanRemoval, Provenance, Recipe, write_whole};
+
+use crate::context::{Cancelled, GoOn, StudyContext};
+use crate::networks::FinishedNetworks;
+use crate::{ExperimentError, FeatureMap, Measurement, QuestionTask};
+
+/// The answer to a question about one part of a data set.
+pub(crate) struct Answer {
+    pub(crate) measurements: Vec<Measurement>,
+    pub(crate) split: String,
+    /// The text whose hash is `split_sha256`.
+    pub(crate) split_content: String,
+    pub(crate) chosen: BTreeMap<String, f64>,
+    pub(crate) maps: Vec<FeatureMap>,
+}
+
+/// `result.json` of a question's task.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct QuestionResult {
+    /// Version of this layout, [`QuestionResult::SCHEMA_VERSION`].
+    pub schema_version: u32,
+    /// The question and the part of the data.
+    pub task: QuestionTask,
+    /// Name of the data set.
+    pub data: String,
+    /// Where its sweeps come from.
+    pub origin: DataOrigin,
+    /// SHA-256 of its content.
+    pub data_sha256: String,
+    /// Its materials in label order.
+    pub materials: Vec<String>,
+    /// Time steps of a sweep.
+    pub steps: usize,
+    /// Treatment of the mean of every taxel.
+    pub levels: MeanRemoval,
+    /// Where tensors were.
+    pub device: Compute,
+    /// Name of the networks' recipe.
+    pub recipe: String,
+    /// SHA-256 of the recipe as TOML.
+    pub recipe_sha256: String,
+    /// The split, for people.
+    pub split: String,
+    /// SHA-256 of the split.
+    pub split_sha256: String,
+    /// Settings that were chosen on the way, by name.
+    pub chosen: BTreeMap<String, f64>,
+    /// The measurements.
+    pub measurements: Vec<Measurement>,
+    /// Sweeps in a plane, where the question draws them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub maps: Vec<FeatureMap>,
+    /// Time of the session that ended the task, seconds.
+    pub seconds: f64,
+    /// Largest resident memory of the process, MiB.
+    pub peak_rss_mib: Option<f64>,
+    /// Program and machine.
+    pub provenance: Provenance,
+}
+
+impl QuestionResult {
+    /// Version written by this program.
+    pub const SCHEMA_VERSION: u32 = 2;
+}
+
+/// Answers a question for one part of a data set and writes `result.json`. `None` when `go_on` said no; networks that are finished
+/// are then kept for the next call.
+///
+/// - `dataset`: with the steps that the task asks for
+/// - `recipe`: of the networks, with the task's levels and epochs
+/// - `folder`: of the task
+/// - `go_on`: told what is being done, with every batch of a training; false stops
+///
+/// # Errors
+/// A device that this program was built without; a data set that is too small for the question; a file that cannot be written.
+pub fn answer_question(
+    task: &QuestionTask,
+    dataset: &Dataset,
+    recipe: &Recipe,
+    folder: &Path,
+    provenance: Provenance,
+    go_on: &GoOn<'_>,
+) -> Result<Option<QuestionResult>, ExperimentError> {
+    let begun = Instant::now();
+    let device = task
+        .networks
+        .device
+        .open()
+        .map_err(tactnet_pipeline::PipelineError::from)?;
+    let networks = FinishedNetworks::of_task(folder);
+    let context = StudyContext {
+        dataset,
+        recipe,
+        device: &device,
+        seed: task.networks.seed,
+        part: task.part,
+        networks: &networks,
+        go_on,
+    };
+    let answer = match task.question.ask().answer(&context) {
+        Ok(answer) => answer,
+        Err(Cancelled::Stopped) => return Ok(None),
+        Err(Cancelled::Failed(error)) => return Err(error),
+    };
+    let result = QuestionResult {
+        schema_version: QuestionResult::SCHEMA_VERSION,
+        task: task.clone(),
+        data: dataset.name().into(),
+        origin: dataset.origin(),
+        data_sha256: dataset.sha256().into(),
+        materials: dataset.labels().names().map(String::from).collect(),
+        steps: dataset.shape().steps,
+        levels: recipe.input.levels,
+        device: task.networks.device,
+        recipe: recipe.name.clone(),
+        recipe_sha256: sha256_hex(recipe.to_toml()),
+        split: answer.split,
+        split_sha256: sha256_hex(&answer.split_content),
+        chosen: answer.chosen,
+        measurements: answer.measurements,
+        maps: answer.maps,
+        seconds: begun.elapsed().as_secs_f64(),
+        peak_rss_mib: tactnet_pipeline::peak_rss_mib(),
+        provenance,
+    };
+    let mut text = serde_json::to_string_pretty(&result)
+        .unwrap_or_else(|error| panic!("a result is always valid JSON: {error}"));
+    text.push('\n');
+    write_whole(&folder.join("result.json"), text.as_bytes())?;
+    networks.remove()?;
+    Ok(Some(result))
+}

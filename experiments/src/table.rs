@@ -1,0 +1,209 @@
+//! A summary as a table of text.
+
+use std::fmt::{self, Write};
+
+use crate::questions::{Scored, scored};
+use crate::{Comparison, Measure, Question, Row, SampleEfficiency, Statistic, Summary};
+
+/// Returns a summary as lines of text: title, command, tables, comparisons.
+pub fn to_table(summary: &Summary) -> String {
+    let mut text = String::new();
+    // Writing into a string cannot fail.
+    let _ = write_all(&mut text, summary);
+    text
+}
+
+fn write_all(out: &mut String, summary: &Summary) -> fmt::Result {
+    writeln!(out, "{}\n{}", summary.title, summary.command)?;
+    if summary.tasks_done < summary.tasks {
+        writeln!(
+            out,
+            "only {} of {} tasks have ended",
+            summary.tasks_done, summary.tasks
+        )?;
+    }
+    if let Question::Crossval(_) = summary.question {
+        contenders(out, summary)
+    } else {
+        measures(out, summary)
+    }
+}
+
+fn contenders(out: &mut String, summary: &Summary) -> fmt::Result {
+    let contenders = scored(summary);
+    let mut setting = None;
+    for probe in [false, true] {
+        for row in contenders.iter().filter(|row| row.probe == probe) {
+            let own = (row.data, row.levels, row.split, row.steps);
+            if setting != Some(own) {
+                setting = Some(own);
+                writeln!(
+                    out,
+                    "\n{}, {}, levels {}, {} steps, chance {:.1} %\n{:<44} {:>5} {:>24} {:>16} {:>6} {:>6} {:>9} {:>11}",
+                    row.data,
+                    row.split,
+                    row.levels.name(),
+                    row.steps,
+                    100.0 / row.materials.len() as f64,
+                    "model",
+                    "folds",
+                    "1 sweep [%], sd, 95 %",
+                    "3 sweeps [%], sd",
+                    "NLL",
+                    "ECE",
+                    "train [s]",
+                    "published"
+                )?;
+            }
+            writeln!(out, "{}", contender(row))?;
+        }
+    }
+    for audit in &summary.audits {
+        writeln!(out, "\n{}: {}", audit.data, audit.verdict)?;
+    }
+    Ok(())
+}
+
+fn contender(row: &Scored<'_>) -> String {
+    let percent = |statistic: &Statistic| {
+        let sd = statistic
+            .sd
+            .map_or(String::new(), |sd| format!(" ({:.1})", 100.0 * sd));
+        format!("{:.1}{sd}", 100.0 * statistic.mean)
+    };
+    let interval = row.one_sweep.ci95.map_or(String::new(), |[low, high]| {
+        format!(" {:.1} to {:.1}", 100.0 * low, 100.0 * high)
+    });
+    let way = if row.prediction == "plain" {
+        ""
+    } else {
+        ", MC dropout"
+    };
+    format!(
+        "{:<44} {:>5} {:>24} {:>16} {:>6.3} {:>6.3} {:>9.1} {:>11}",
+        format!("{}{way}", row.model),
+        row.folds.len(),
+        format!("{}{interval}", percent(row.one_sweep)),
+        row.three_sweeps.map_or("-".into(), percent),
+        row.negative_log_likelihood.mean,
+        row.expected_calibration_error.mean,
+        row.train_seconds.mean,
+        row.published.map_or(String::new(), |p| format!(
+            "{:.1} / {:.1}",
+            p.one_sweep, p.three_sweeps
+        )),
+    )
+}
+
+fn measures(out: &mut String, summary: &Summary) -> fmt::Result {
+    let mut block = None;
+    for row in &summary.rows {
+        let own = (&row.data, row.levels, row.steps, &row.model, row.measure);
+        if block != Some(own) {
+            block = Some(own);
+            writeln!(
+                out,
+                "\n{}, levels {}, networks by {}: {}\n{:<22} {:<14} {:>5} {:>6} {:>8} {:>18} {:>4} {:>10}",
+                row.data,
+                row.levels.name(),
+                row.model,
+                row.measure,
+                "method",
+                "",
+                "shots",
+                "sweeps",
+                "mean",
+                "95 %",
+                "n",
+                "published"
+            )?;
+        }
+        writeln!(out, "{}", measure(row))?;
+    }
+    for comparison in &summary.comparisons {
+        if let Some(line) = compared(summary, comparison) {
+            writeln!(out, "{line}")?;
+        }
+    }
+    for found in summary.sample_efficiency.iter().flatten() {
+        writeln!(out, "{}", saved(found))?;
+    }
+    Ok(())
+}
+
+fn measure(row: &Row) -> String {
+    let number = |value: f64| shown(row.measure, value);
+    let interval = row.statistic.ci95.map_or("-".into(), |[low, high]| {
+        format!("{} to {}", number(low), number(high))
+    });
+    let count = |value: Option<usize>| value.map_or("-".into(), |value| value.to_string());
+    format!(
+        "{:<22} {:<14} {:>5} {:>6} {:>8} {:>18} {:>4} {:>10}",
+        row.method,
+        row.setting,
+        count(row.shots),
+        count(row.sweeps),
+        number(row.statistic.mean),
+        interval,
+        row.n,
+        row.published.map_or(String::new(), number)
+    )
+}
+
+fn shown(measure: Measure, value: f64) -> String {
+    if measure.unit().in_percent() {
+        format!("{:.1}", 100.0 * value)
+    } else {
+        format!("{value:.2}")
+    }
+}
+
+fn compared(summary: &Summary, comparison: &Comparison) -> Option<String> {
+    let (first, second) = (
+        summary.row(&comparison.first)?,
+        summary.row(&comparison.second)?,
+    );
+    let interval = comparison.ci95.map_or(String::new(), |[low, high]| {
+        format!(" [{:+.1}, {:+.1}]", 100.0 * low, 100.0 * high)
+    });
+    let place: Vec<String> = [
+        (!first.setting.is_empty()).then(|| first.setting.clone()),
+        first.shots.map(|shots| format!("{shots} shots")),
+        first.sweeps.map(|sweeps| format!("{sweeps} sweeps")),
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
+    Some(format!(
+        "{}, levels {}, {}, {}: {} - {} = {:+.1} points{interval}{}",
+        first.data,
+        first.levels.name(),
+        first.measure,
+        place.join(", "),
+        first.method,
+        second.method,
+        100.0 * comparison.difference,
+        comparison
+            .p
+            .map_or(String::new(), |p| format!(", p {p:.3}")),
+    ))
+}
+
+fn saved(found: &SampleEfficiency) -> String {
+    let shown =
+        |value: Option<f64>| value.map_or("more than tried".into(), |value| format!("{value:.1}"));
+    let interval = found.ci95.map_or(String::new(), |ends| {
+        format!(" [{}, {}]", shown(ends[0]), shown(ends[1]))
+    });
+    format!(
+        "{}, levels {}: without pre-knowledge {} sweeps{interval} for the {:.1} % of transfer with {}{}",
+        found.data,
+        found.levels.name(),
+        shown(found.shots),
+        100.0 * found.accuracy,
+        found.transfer_shots,
+        found
+            .published_ratio
+            .map_or(String::new(), |ratio| format!("; published ratio {ratio}"))
+    )
+}

@@ -1,0 +1,161 @@
+//! `tactnet experiment`: cross-validations and their like, as tasks that run anywhere, and a page made from what they left.
+
+mod arguments;
+mod progress;
+mod status;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Duration;
+
+use anyhow::Context;
+use clap::Subcommand;
+use tactnet_experiments::{
+    Event, ExperimentDir, ExperimentRecipe, LocalPool, SlurmArray, export_mlflow, run_locally,
+    run_on_slurm, run_task, summarise, to_html, to_table,
+};
+
+use crate::report::OutputFormat;
+use crate::stop::Stop;
+use crate::{failure, output};
+use arguments::{DirArgs, Engine, ExportArgs, RunArgs, ShowArgs, TaskArgs};
+use progress::Progress;
+
+/// Verbs of `tactnet experiment`.
+#[derive(Subcommand)]
+pub enum ExperimentCommand {
+    /// Run an experiment, or go on with it; then report
+    Run(RunArgs),
+    /// Where the tasks of an experiment stand
+    #[command(
+        after_help = "Example:\n  tactnet experiment status experiments-out/crossval_baselines"
+    )]
+    Status(DirArgs),
+    /// Make table, summary.json and report.html from what has ended
+    #[command(after_help = "Example:\n  \
+        tactnet experiment report experiments-out/crossval_baselines     then open report.html in that folder")]
+    Report(DirArgs),
+    /// Write what has ended for other tools
+    Export(ExportArgs),
+    /// Experiments that ship with tactnet
+    #[command(after_help = "Example:\n  tactnet experiment list")]
+    List,
+    /// Print an experiment's recipe, to start one's own from
+    Show(ShowArgs),
+    /// Run one task: what a Slurm job calls
+    #[command(hide = true)]
+    Task(TaskArgs),
+}
+
+/// Runs the command.
+pub fn run(command: ExperimentCommand) -> anyhow::Result<ExitCode> {
+    match command {
+        ExperimentCommand::Run(arguments) => run_experiment(&arguments),
+        ExperimentCommand::Status(arguments) => status::status(&arguments),
+        ExperimentCommand::Report(arguments) => {
+            let dir = ExperimentDir::open(&arguments.dir)?;
+            report(&dir, OutputFormat::from_flag(arguments.json))?;
+            Ok(ExitCode::SUCCESS)
+        }
+        ExperimentCommand::Export(arguments) => {
+            let dir = ExperimentDir::open(&arguments.dir)?;
+            let runs = export_mlflow(&dir, &arguments.mlflow)?;
+            output::print(format_args!(
+                "{runs} runs in {0}; look at them with `mlflow ui --backend-store-uri {0}`",
+                arguments.mlflow.display()
+            ))?;
+            Ok(ExitCode::SUCCESS)
+        }
+        ExperimentCommand::List => list(),
+        ExperimentCommand::Show(arguments) => {
+            output::print(ExperimentRecipe::built_in_text(&arguments.name)?.trim_end())?;
+            Ok(ExitCode::SUCCESS)
+        }
+        ExperimentCommand::Task(arguments) => {
+            let dir = ExperimentDir::open(&arguments.dir)?;
+            let stop = Stop::listen()?;
+            let stopped = || stop.asked();
+            run_task(
+                &dir,
+                &this_program()?,
+                arguments.index,
+                arguments.threads,
+                stopped,
+            )?;
+            Ok(ExitCode::SUCCESS)
+        }
+    }
+}
+
+fn this_program() -> anyhow::Result<PathBuf> {
+    std::env::current_exe().context("cannot find this program's own file")
+}
+
+fn run_experiment(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
+    let stop = Stop::listen()?;
+    let recipe = ExperimentRecipe::load(&arguments.recipe, &arguments.settings())?;
+    let out = match &arguments.out {
+        Some(out) => out.clone(),
+        None => Path::new("experiments-out").join(&recipe.name),
+    };
+    let dir = ExperimentDir::create(&out, &recipe, &arguments.command_line())?;
+    let program = this_program()?;
+    let mut progress = Progress::new();
+    let tell = |event: Event<'_>| progress.show(&event);
+    let outcome = match arguments.engine {
+        Engine::Local => {
+            let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+            let pool = match arguments.jobs {
+                None => LocalPool::for_cores(cores, dir.plan.tasks.len()),
+                Some(jobs) => LocalPool::with_jobs(jobs as usize, cores),
+            };
+            run_locally(&dir, &program, pool, || stop.asked(), tell)
+        }
+        Engine::Slurm => {
+            let array = SlurmArray {
+                cores: arguments.cores as usize,
+                jobs: arguments.jobs.unwrap_or(100) as usize,
+                arguments: arguments.sbatch.clone(),
+                poll: Duration::from_secs(1),
+            };
+            run_on_slurm(&dir, &program, &array, || stop.asked(), tell)
+        }
+    };
+    progress.end();
+    if stop.asked() {
+        eprintln!(
+            "stopped; the same call goes on with {}",
+            dir.path().display()
+        );
+        return Ok(ExitCode::from(failure::INTERRUPTED));
+    }
+    // Tasks that failed are reported after what the others found.
+    report(&dir, OutputFormat::from_flag(arguments.json))?;
+    outcome?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn list() -> anyhow::Result<ExitCode> {
+    for recipe in ExperimentRecipe::built_in() {
+        output::print(format_args!(
+            "{}\n    {}\n    takes {}",
+            recipe.name, recipe.title, recipe.takes
+        ))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Writes `summary.json` and `report.html` and prints what was found.
+fn report(dir: &ExperimentDir, format: OutputFormat) -> anyhow::Result<()> {
+    let summary = summarise(dir)?;
+    dir.write_json("summary.json", &summary)?;
+    dir.write("report.html", to_html(&summary).as_bytes())?;
+    if let OutputFormat::Json = format {
+        return output::print_json(&summary);
+    }
+    output::print(to_table(&summary).trim_end())?;
+    output::print(format_args!(
+        "report: {}",
+        dir.path().join("report.html").display()
+    ))
+}

@@ -1,0 +1,142 @@
+//! Arguments of `tactnet experiment`.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+
+use crate::commands::choices::DeviceChoice;
+
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    tactnet experiment run crossval_baselines                           on the twin\n  \
+    tactnet experiment run crossval_tactnet2 --set data=sweeps.h5       on recorded sweeps\n  \
+    tactnet experiment run crossval_baselines --set folds=2 --set 'models=[\"minirocket\"]'\n  \
+    tactnet experiment run nshot --set splits=3 --set 'shots=[1,10]'    n-shot transfer\n  \
+    tactnet experiment run my.toml --engine slurm --out /shared/my      on a cluster\n\n\
+    The same call goes on where it was stopped; tasks that have ended are not run again.\n\n\
+    Fields for --set: data, models, levels, steps (a value or a list), seed, epochs, device, search.trials, and those of the question. Of a \
+    cross-validation: split, probes (a value or a list), folds (how many of the five random folds are trained), runs (1 or 2), groups. Of the others: \
+    splits (draws of new materials, or of the 2 x 5 folds), shots (sweeps that nshot and enrolment learn from, or behind a decision of the \
+    others), new_materials, methods (nshot: nk, ol, ol-fcl, ol-mean, nn, siamese, simpleshot, lda, tuned-ol, whitened-ol). `tactnet experiment show \
+    NAME` prints a whole recipe.\n\n\
+    With --engine slurm, folder and program must lie under the same path on every node.")]
+pub struct RunArgs {
+    /// A built-in experiment (see `tactnet experiment list`) or a TOML file
+    #[arg(value_name = "NAME|FILE")]
+    pub recipe: String,
+    /// Folder for tasks and report [default: experiments-out/NAME]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Set a field of the recipe anew; may be repeated
+    #[arg(long = "set", value_name = "FIELD=VALUE")]
+    pub settings: Vec<String>,
+    /// Where every task computes [default: the recipe's]
+    #[arg(long, value_enum)]
+    pub device: Option<DeviceChoice>,
+    /// Where tasks run
+    #[arg(long, value_enum, default_value_t)]
+    pub engine: Engine,
+    /// Tasks at once [default: one for every core; with Slurm: 100]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub jobs: Option<u32>,
+    /// With Slurm: cores of each task
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    pub cores: u32,
+    /// With Slurm: a further argument of sbatch, such as --partition=gpu; may be repeated
+    #[arg(long = "sbatch", value_name = "ARG", allow_hyphen_values = true)]
+    pub sbatch: Vec<String>,
+    /// Print summary.json instead of a table
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args)]
+pub struct DirArgs {
+    /// Folder of an experiment
+    #[arg(value_name = "DIR")]
+    pub dir: PathBuf,
+    /// Print one JSON document instead of a table
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args)]
+#[command(after_help = "Example:\n  tactnet experiment show crossval_baselines > my.toml")]
+pub struct ShowArgs {
+    /// A built-in experiment
+    #[arg(value_name = "NAME")]
+    pub name: String,
+}
+
+#[derive(Args)]
+#[command(after_help = "Example:\n  \
+    tactnet experiment export experiments-out/crossval_baselines --mlflow mlruns\n  \
+    mlflow ui --backend-store-uri mlruns")]
+pub struct ExportArgs {
+    /// Folder of an experiment
+    #[arg(value_name = "DIR")]
+    pub dir: PathBuf,
+    /// New folder in the layout of MLflow's tracking store
+    #[arg(long, value_name = "DIR")]
+    pub mlflow: PathBuf,
+}
+
+#[derive(Args)]
+pub struct TaskArgs {
+    pub dir: PathBuf,
+    pub index: usize,
+    #[arg(long, default_value_t = 1)]
+    pub threads: usize,
+}
+
+/// Where tasks run.
+#[derive(Clone, Copy, Default, ValueEnum)]
+pub enum Engine {
+    /// Processes on this machine
+    #[default]
+    Local,
+    /// A Slurm array job
+    Slurm,
+}
+
+impl RunArgs {
+    /// Returns the settings of the recipe, with that of `--device`.
+    pub fn settings(&self) -> Vec<String> {
+        let device = self
+            .device
+            .and_then(|device| device.to_possible_value())
+            .map(|device| format!("device={}", device.get_name()));
+        self.settings.iter().cloned().chain(device).collect()
+    }
+
+    /// Returns the call, with file names only.
+    pub fn command_line(&self) -> String {
+        let name = |path: &str| {
+            Path::new(path).file_name().map_or_else(
+                || path.to_string(),
+                |name| name.to_string_lossy().into_owned(),
+            )
+        };
+        let mut line = format!("tactnet experiment run {}", name(&self.recipe));
+        for setting in &self.settings() {
+            let shown = match setting.split_once('=') {
+                Some(("data", value)) if !value.starts_with(['[', '"']) => {
+                    format!("data={}", name(value))
+                }
+                _ => setting
+                    .split('"')
+                    .map(|part| {
+                        if part.contains('/') {
+                            name(part)
+                        } else {
+                            part.to_string()
+                        }
+                    })
+                    .collect::<Vec<_>>()
+                    .join("\""),
+            };
+            line.push_str(&format!(" --set '{shown}'"));
+        }
+        line
+    }
+}
