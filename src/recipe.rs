@@ -93,26 +93,3 @@ impl Recipe {
         Classifier::fit(&TrainJob::try_from(self.spec.clone())?, train, go_on)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_are_those_of_the_library_and_files_are_read() {
-        assert!(Recipe::named("minirocket").is_ok());
-        let refused = Recipe::named("fats").unwrap_err();
-        assert!(refused.is_usage() && refused.to_string().contains("thesis"));
-        assert!(
-            Recipe::named("Cargo.toml")
-                .unwrap_err()
-                .to_string()
-                .contains("fast")
-        );
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("own.toml");
-        let fast = ModelRecipe::load("fast").unwrap().to_toml();
-        std::fs::write(&path, fast).unwrap();
-        assert!(Recipe::read(&path).is_ok());
-    }
-}

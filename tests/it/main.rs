@@ -13,6 +13,7 @@ mod channel_hosts;
 mod command;
 mod data_command;
 mod enroll;
+mod facade;
 mod experiment;
 mod golden;
 mod recording;
