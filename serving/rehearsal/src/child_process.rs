@@ -142,8 +142,10 @@ mod tests {
     use super::*;
 
     fn printing(text: &str) -> ChildProcess {
-        let script =
-            format!("trap 'exit 0' TERM; echo ready; echo '{text}'; while :; do sleep 0.01; done");
+        // As the service does: the report comes at the end, when asked to end.
+        let script = format!(
+            "report() {{ echo '{text}'; exit 0; }}; trap report TERM; echo ready; while :; do sleep 0.01; done"
+        );
         let arguments = ["-c", script.as_str()];
         ChildProcess::start(
             Path::new("/bin/sh"),
