@@ -25,6 +25,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         );
     }
     let accuracy = 100.0 * predictions.accuracy();
-    println!("accuracy {accuracy:.1} % on all {} sweeps", dataset.len());
+    println!(
+        "accuracy {accuracy:.1} % on all {} sweeps, those that it was trained on included",
+        dataset.len()
+    );
     Ok(())
 }

@@ -80,7 +80,7 @@ impl Classifier {
     /// No classifier there, or a damaged one; a training that has not come to its end.
     pub fn load(folder: impl AsRef<Path>) -> Result<Self, Error> {
         let run = RunDir::open(folder.as_ref())?;
-        let (config, weights) = (run.config()?, run.weights()?);
+        let (config, weights) = (run.config()?, run.final_weights()?);
         let device = config
             .compute
             .open()

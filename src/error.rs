@@ -13,18 +13,6 @@ pub enum Error {
     /// A recipe, a fit, a prediction or a saved classifier.
     #[error(transparent)]
     Pipeline(#[from] PipelineError),
-    /// Too few sweeps to split.
-    #[error(
-        "data set `{dataset}`, material `{material}`: expected at least 2 sweeps, one to learn from and one to test on, found {found}"
-    )]
-    TooFewSweeps {
-        /// Name of the data set.
-        dataset: String,
-        /// Its material with the fewest sweeps.
-        material: String,
-        /// How many that has.
-        found: usize,
-    },
 }
 
 impl Error {
@@ -33,7 +21,6 @@ impl Error {
         match self {
             Self::Data(error) => error.is_usage(),
             Self::Pipeline(error) => error.is_usage(),
-            Self::TooFewSweeps { .. } => true,
         }
     }
 }

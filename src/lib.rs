@@ -23,16 +23,16 @@
 //! The crates behind it have the parts: `tactnet_data`, `tactnet_models`, `tactnet_pipeline`.
 
 mod classifier;
-mod dataset;
 mod error;
 mod recipe;
 
 pub use classifier::Classifier;
-pub use dataset::{Dataset, Folds};
 pub use error::Error;
 pub use recipe::Recipe;
 pub use tactnet_data::twin::TwinConfig;
-pub use tactnet_data::{Fold, Seed, SweepView, TestSplit, TrainSplit};
+pub use tactnet_data::{
+    CheckedDataset as Dataset, Fold, Folds, Seed, SweepView, TestSplit, TrainSplit,
+};
 pub use tactnet_models::{Belief, Compute};
 pub use tactnet_pipeline::{
     BatchReport, MeanRemoval, OnlineClassifier, PredictionMethod, Predictions, SweepBelief,

@@ -1,10 +1,8 @@
 //! The `tactnet` command line: one verb a subcommand, results on stdout, everything else on stderr.
 
-mod allocations;
 mod commands;
 mod failure;
 mod output;
-mod report;
 mod source;
 mod stop;
 
@@ -17,7 +15,7 @@ use commands::{
 };
 
 #[global_allocator]
-static ALLOCATOR: allocations::Counting = allocations::Counting;
+static ALLOCATOR: tactnet_serving::CountingAllocator = tactnet_serving::CountingAllocator;
 
 /// The commit this binary was built from.
 const GIT: &str = env!("TACTNET_GIT");

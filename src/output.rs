@@ -14,3 +14,19 @@ pub fn print(text: impl std::fmt::Display) -> anyhow::Result<()> {
 pub fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
     print(serde_json::to_string_pretty(value)?)
 }
+
+/// How a result is shown.
+#[derive(Clone, Copy)]
+pub enum OutputFormat {
+    /// For people.
+    Table,
+    /// For programs.
+    Json,
+}
+
+impl OutputFormat {
+    /// Returns `Json` where `--json` was given.
+    pub fn from_flag(json: bool) -> Self {
+        if json { Self::Json } else { Self::Table }
+    }
+}

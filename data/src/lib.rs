@@ -9,6 +9,7 @@
 //! them to `f32` one sweep at a time.
 
 mod check;
+mod checked_dataset;
 mod data_origin;
 mod data_source;
 mod dataset;
@@ -29,6 +30,7 @@ pub mod twin;
 mod write_whole;
 
 pub use check::{check, refuse_errors};
+pub use checked_dataset::{CheckedDataset, Folds};
 pub use data_origin::DataOrigin;
 pub use data_source::DataSource;
 pub use dataset::{Dataset, SweepRecord, SweepShape};

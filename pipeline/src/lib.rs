@@ -56,6 +56,7 @@ pub use predict::calibration::{
 pub use predict::classifier::{Classifier, ClassifierConfig, ModelConfig, TactNetSetup};
 pub use predict::enroll::{Enrolled, EnrolledMaterial, enroll, weights_sha256};
 pub use predict::evaluation::{Evaluation, evaluate_all_ways};
+pub use predict::evaluation_table::EvaluationTable;
 pub use predict::metrics::{Estimate, FusedAccuracy};
 pub use predict::online::{OnlineClassifier, SweepBelief};
 pub use predict::overlap::without_sweeps_of;

@@ -3,6 +3,7 @@
 //! [`Service`] is the classifier between its channels, [`ModelSource`] the run directories that it serves, [`Measures`] its counters for
 //! Prometheus. [`web`] answers browsers, [`systemd`] the service manager.
 
+mod allocations;
 mod measures;
 mod model;
 mod model_worker;
@@ -14,6 +15,7 @@ mod status_line;
 pub mod systemd;
 pub mod web;
 
+pub use allocations::{CountingAllocator, allocations_of_this_thread};
 pub use measures::Measures;
 pub use model::{ModelSource, ServedModel};
 pub use realtime::Realtime;

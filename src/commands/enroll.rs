@@ -62,14 +62,8 @@ struct EnrollResult<'a> {
 pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
     let run = RunDir::open(&arguments.run)?;
     let config = run.config()?;
-    if !run.has_final_weights() {
-        bail!(
-            "{}: the run has not ended; continue it with `tactnet train --resume`",
-            arguments.run.display()
-        );
-    }
+    let weights = run.final_weights()?;
     let known = run.train_embeddings()?;
-    let weights = run.weights()?;
     let device = Compute::from(arguments.device).open()?;
     let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
     let dataset = source::load_part(&arguments.data, config.steps, LabelOrder::True, config.seed)?;

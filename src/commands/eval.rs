@@ -10,12 +10,12 @@ use tactnet_channel::percentile;
 use tactnet_data::Seed;
 use tactnet_models::Compute;
 use tactnet_pipeline::{
-    Classifier, Evaluation, RunDir, RuntimeComparison, RuntimeKind, TestSweeps, Verdicts,
-    compare_runtime, evaluate_all_ways,
+    Classifier, Evaluation, EvaluationTable, RunDir, RuntimeComparison, RuntimeKind, TestSweeps,
+    Verdicts, compare_runtime, evaluate_all_ways,
 };
 
 use super::choices::{DeviceChoice, RuntimeChoice};
-use crate::{GIT, output, report, source};
+use crate::{GIT, output, source};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
@@ -179,12 +179,12 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
         "{}: {} ({} sweeps)",
         result.data, result.tested, result.n_test
     ))?;
-    report::print_evaluations(&result.evaluations)?;
+    output::print(EvaluationTable(&result.evaluations))?;
     for (way, compared) in &result.runtimes {
         output::print(format_args!("{way}: {compared}"))?;
     }
     if let Some(verdicts) = &result.verdicts {
-        report::print_verdicts(verdicts)?;
+        output::print(verdicts)?;
     }
     Ok(ExitCode::SUCCESS)
 }

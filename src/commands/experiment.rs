@@ -2,7 +2,6 @@
 
 mod arguments;
 mod progress;
-mod status;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -11,11 +10,11 @@ use std::time::Duration;
 use anyhow::Context;
 use clap::Subcommand;
 use tactnet_experiments::{
-    Event, ExperimentDir, ExperimentRecipe, LocalPool, SlurmArray, export_mlflow, run_locally,
-    run_on_slurm, run_task, summarise, to_html, to_table,
+    Event, ExperimentDir, ExperimentRecipe, LocalPool, SlurmArray, Status, export_mlflow,
+    run_locally, run_on_slurm, run_task, summarise, to_html, to_table,
 };
 
-use crate::report::OutputFormat;
+use crate::output::OutputFormat;
 use crate::stop::Stop;
 use crate::{failure, output};
 use arguments::{DirArgs, Engine, ExportArgs, RunArgs, ShowArgs, TaskArgs};
@@ -51,7 +50,14 @@ pub enum ExperimentCommand {
 pub fn run(command: ExperimentCommand) -> anyhow::Result<ExitCode> {
     match command {
         ExperimentCommand::Run(arguments) => run_experiment(&arguments),
-        ExperimentCommand::Status(arguments) => status::status(&arguments),
+        ExperimentCommand::Status(arguments) => {
+            let status = Status::of(&ExperimentDir::open(&arguments.dir)?);
+            match OutputFormat::from_flag(arguments.json) {
+                OutputFormat::Json => output::print_json(&status)?,
+                OutputFormat::Table => output::print(status)?,
+            }
+            Ok(ExitCode::SUCCESS)
+        }
         ExperimentCommand::Report(arguments) => {
             let dir = ExperimentDir::open(&arguments.dir)?;
             report(&dir, OutputFormat::from_flag(arguments.json))?;

@@ -59,11 +59,8 @@ pub fn run(arguments: &ExportArgs) -> anyhow::Result<ExitCode> {
         );
     }
     let run = RunDir::open(&arguments.run)?;
-    if !run.has_final_weights() {
-        bail!("{}: its training has not ended", arguments.run.display());
-    }
     let config = run.config()?;
-    let weights = run.weights()?;
+    let weights = run.final_weights()?;
     let about = BTreeMap::from([
         ("format".to_owned(), "tactnet 1".to_owned()),
         ("version".into(), env!("CARGO_PKG_VERSION").into()),

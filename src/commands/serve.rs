@@ -9,10 +9,11 @@ use anyhow::Context;
 use clap::Args;
 use tactnet_channel::{Bus, Domain, Table};
 use tactnet_serving::systemd::ServiceManager;
-use tactnet_serving::{ModelSource, Realtime, ServeReport, Service, web};
+use tactnet_serving::{
+    ModelSource, Realtime, ServeReport, Service, allocations_of_this_thread, web,
+};
 use tactnet_skin::ServeConfig;
 
-use crate::allocations::allocations_of_this_thread;
 use crate::stop::Stop;
 use crate::{GIT, output};
 

@@ -15,7 +15,7 @@ use tactnet_pipeline::{
 };
 
 use super::train::train;
-use crate::report::OutputFormat;
+use crate::output::OutputFormat;
 use crate::stop::Stop;
 use crate::{GIT, failure, output, source};
 

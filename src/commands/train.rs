@@ -8,15 +8,16 @@ use std::process::ExitCode;
 use anyhow::bail;
 use clap::Args;
 use tactnet_data::Seed;
+use tactnet_experiments::run_text;
 use tactnet_pipeline::{
     CalibrationTarget, LabelOrder, ModelRecipe, Provenance, RunDir, Session, TrainJob,
     TrainOutcome, TrainSpec,
 };
 
 use super::choices::{DeviceChoice, LevelsChoice, ModelChoice, SplitChoice};
-use crate::report::OutputFormat;
+use crate::output::{self, OutputFormat};
 use crate::stop::Stop;
-use crate::{GIT, failure, report, source};
+use crate::{GIT, failure, source};
 use progress::Progress;
 
 #[derive(Args)]
@@ -158,7 +159,13 @@ pub fn train(session: &Session, stop: &Stop, format: OutputFormat) -> anyhow::Re
         |event| progress.show(&event, session.run().path()),
         || stop.asked(),
     )? {
-        TrainOutcome::Finished(result) => report::print_result(session.run(), &result, format),
+        TrainOutcome::Finished(result) => {
+            match format {
+                OutputFormat::Json => output::print_json(&result)?,
+                OutputFormat::Table => output::print(run_text(session.run(), &result)?)?,
+            }
+            Ok(ExitCode::SUCCESS)
+        }
         TrainOutcome::Stopped => {
             eprintln!("stopped; continue with `tactnet train --resume {path}`");
             Ok(ExitCode::from(failure::INTERRUPTED))

@@ -1,9 +1,10 @@
 //! The library as its users see it.
 
-use tactnet::{Classifier, Dataset, Error, Recipe, Seed, TwinConfig};
+use tactnet::{Classifier, Dataset, Recipe, Seed, TwinConfig};
+use tactnet_data::DataError;
 use tactnet_pipeline::ModelRecipe;
 
-fn twin(sweeps: usize) -> Result<Dataset, Error> {
+fn twin(sweeps: usize) -> Result<Dataset, DataError> {
     Dataset::twin(&TwinConfig {
         materials: 3,
         sweeps,

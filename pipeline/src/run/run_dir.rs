@@ -277,6 +277,17 @@ impl RunDir {
         self.file(WEIGHTS).exists()
     }
 
+    /// Returns the weights of a training that has come to its end.
+    ///
+    /// # Errors
+    /// It has not, or the weights are damaged.
+    pub fn final_weights(&self) -> Result<Weights, PipelineError> {
+        if self.has_final_weights() {
+            return self.weights();
+        }
+        Err(self.refused("the run has not ended; continue it with `tactnet train --resume`"))
+    }
+
     /// The last checkpoint with the training seconds spent until then, or `None` before the first.
     ///
     /// # Errors

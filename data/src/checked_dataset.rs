@@ -1,31 +1,30 @@
-//! A data set and the folds that it falls into.
+//! A data set that was checked, and the folds that it falls into.
 
 use std::ops::Deref;
 use std::path::Path;
 
-use tactnet_data::twin::{self, TwinConfig};
-use tactnet_data::{Fold, Scheme, Seed, format, refuse_errors};
-
-use crate::Error;
+use crate::format::Format;
+use crate::twin::{self, TwinConfig};
+use crate::{DataError, Dataset, Fold, Scheme, Seed, SweepView, format, refuse_errors};
 
 /// Folds that a data set is dealt into where its materials have enough sweeps.
 const FOLDS: usize = 5;
 
 /// Sweeps with their materials, checked and ready to be split.
 ///
-/// Dereferences to [`tactnet_data::Dataset`], which has names, shape, rate and values.
+/// Dereferences to [`Dataset`], which has names, shape, rate and values.
 #[derive(Debug, Clone)]
-pub struct Dataset {
-    sweeps: tactnet_data::Dataset,
+pub struct CheckedDataset {
+    sweeps: Dataset,
     scheme: Scheme,
 }
 
-impl Dataset {
+impl CheckedDataset {
     /// Reads a file: HDF5 in TactMat's layout, or npz.
     ///
     /// # Errors
     /// No such file, or one that is damaged; values that cannot be trained on; a material with fewer than two sweeps.
-    pub fn read(path: impl AsRef<Path>) -> Result<Self, Error> {
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, DataError> {
         format::read(path.as_ref())?.try_into()
     }
 
@@ -33,7 +32,7 @@ impl Dataset {
     ///
     /// # Errors
     /// A setting out of range; fewer than two sweeps of a material.
-    pub fn twin(config: &TwinConfig) -> Result<Self, Error> {
+    pub fn twin(config: &TwinConfig) -> Result<Self, DataError> {
         twin::generate(config)?.try_into()
     }
 
@@ -41,9 +40,9 @@ impl Dataset {
     ///
     /// # Errors
     /// Another extension; a file that cannot be written.
-    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), Error> {
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), DataError> {
         let path = path.as_ref();
-        Ok(format::Format::from_extension(path)?.write(path, &self.sweeps)?)
+        Format::from_extension(path)?.write(path, &self.sweeps)
     }
 
     /// Returns the ways to split the sweeps into training and test sweeps: the author's own split where the file has one, else five
@@ -58,10 +57,10 @@ impl Dataset {
     }
 }
 
-impl TryFrom<tactnet_data::Dataset> for Dataset {
-    type Error = Error;
+impl TryFrom<Dataset> for CheckedDataset {
+    type Error = DataError;
 
-    fn try_from(sweeps: tactnet_data::Dataset) -> Result<Self, Error> {
+    fn try_from(sweeps: Dataset) -> Result<Self, DataError> {
         refuse_errors(&sweeps, sweeps.name())?;
         let scheme = match Scheme::default_for(&sweeps) {
             Scheme::StratifiedKFold { repeats, .. } => Scheme::StratifiedKFold {
@@ -76,24 +75,28 @@ impl TryFrom<tactnet_data::Dataset> for Dataset {
     }
 }
 
-fn folds_of(sweeps: &tactnet_data::Dataset) -> Result<usize, Error> {
-    let counts = tactnet_data::SweepView::all(sweeps).sweeps_per_label();
+fn folds_of(sweeps: &Dataset) -> Result<usize, DataError> {
+    let counts = SweepView::all(sweeps).sweeps_per_label();
     let fewest = counts.iter().enumerate().min_by_key(|(_, count)| **count);
     match fewest {
-        Some((label, &found)) if found < 2 => Err(Error::TooFewSweeps {
-            dataset: sweeps.name().into(),
-            material: sweeps.labels().name(label).into(),
-            found,
-        }),
+        Some((label, &found)) if found < 2 => Err(DataError::inconsistent(
+            format!(
+                "data set `{}`, material `{}`",
+                sweeps.name(),
+                sweeps.labels().name(label)
+            ),
+            "at least 2 sweeps, one to learn from and one to test on",
+            found.to_string(),
+        )),
         Some((_, &found)) => Ok(found.min(FOLDS)),
         None => Ok(FOLDS),
     }
 }
 
-impl Deref for Dataset {
-    type Target = tactnet_data::Dataset;
+impl Deref for CheckedDataset {
+    type Target = Dataset;
 
-    fn deref(&self) -> &tactnet_data::Dataset {
+    fn deref(&self) -> &Dataset {
         &self.sweeps
     }
 }
@@ -101,7 +104,7 @@ impl Deref for Dataset {
 /// The folds of a data set.
 #[derive(Debug, Clone, Copy)]
 pub struct Folds<'a> {
-    dataset: &'a Dataset,
+    dataset: &'a CheckedDataset,
     seed: Seed,
 }
 
@@ -126,7 +129,7 @@ impl<'a> Folds<'a> {
     }
 
     fn fold(&self, number: usize) -> Fold<'a> {
-        let Dataset { sweeps, scheme } = self.dataset;
+        let CheckedDataset { sweeps, scheme } = self.dataset;
         Fold::new(sweeps, *scheme, self.seed, 0, number)
             .unwrap_or_else(|error| panic!("a data set that was split once can be split: {error}"))
     }

@@ -7,13 +7,13 @@ thread_local! {
     static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
 }
 
-/// Allocations of the calling thread since it began.
+/// Returns the allocations of the calling thread since it began; 0 unless [`CountingAllocator`] is the program's allocator.
 pub fn allocations_of_this_thread() -> u64 {
     ALLOCATIONS.with(Cell::get)
 }
 
 /// The system's allocator with a counter beside it.
-pub struct Counting;
+pub struct CountingAllocator;
 
 fn count() {
     // A thread that is ending has no counter any more.
@@ -21,7 +21,7 @@ fn count() {
 }
 
 // SAFETY: every call is handed on to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
+unsafe impl GlobalAlloc for CountingAllocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count();
         // SAFETY: as granted by the caller.

@@ -1,0 +1,78 @@
+//! Where the tasks of an experiment stand.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use crate::{ExperimentDir, TaskState};
+
+/// The tasks of an experiment with their states; the document of `tactnet experiment status --json`.
+#[derive(Debug, Clone, Serialize)]
+pub struct Status {
+    /// 1.
+    pub schema_version: u32,
+    /// Name of the experiment.
+    pub name: String,
+    /// In the order in which they are run.
+    pub tasks: Vec<TaskStatus>,
+}
+
+/// One task.
+#[derive(Debug, Clone, Serialize)]
+pub struct TaskStatus {
+    /// Name of its folder.
+    pub id: String,
+    /// Where it stands.
+    pub state: TaskState,
+    /// The last line that it printed, while it runs or where it was interrupted.
+    #[serde(skip)]
+    pub last_words: String,
+}
+
+impl Status {
+    /// Returns where the tasks of `dir` stand now.
+    pub fn of(dir: &ExperimentDir) -> Self {
+        let tasks = dir.plan.tasks.iter().map(|task| {
+            let state = dir.state(task);
+            let last_words = match state {
+                TaskState::Done | TaskState::Open => String::new(),
+                TaskState::Running | TaskState::Interrupted => dir.last_words(task),
+            };
+            TaskStatus {
+                id: task.id.clone(),
+                state,
+                last_words,
+            }
+        });
+        Self {
+            schema_version: 1,
+            name: dir.plan.recipe.name.clone(),
+            tasks: tasks.collect(),
+        }
+    }
+}
+
+impl fmt::Display for Status {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let count = |state| self.tasks.iter().filter(|task| task.state == state).count();
+        write!(
+            f,
+            "{}: {} tasks, {} done, {} running, {} interrupted, {} open",
+            self.name,
+            self.tasks.len(),
+            count(TaskState::Done),
+            count(TaskState::Running),
+            count(TaskState::Interrupted),
+            count(TaskState::Open)
+        )?;
+        for task in &self.tasks {
+            let state = match task.state {
+                TaskState::Done | TaskState::Open => continue,
+                TaskState::Running => "running",
+                TaskState::Interrupted => "interrupted",
+            };
+            write!(f, "\n  {}: {state}: {}", task.id, task.last_words)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,54 @@
+//! Evaluations as a table of text.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use crate::{Estimate, Evaluation, FusedAccuracy};
+
+/// Shows one row per way of predicting: accuracies in percent with their 95 % intervals, NLL in nats, ECE, Brier score.
+#[derive(Debug, Clone, Copy)]
+pub struct EvaluationTable<'a>(pub &'a BTreeMap<String, Evaluation>);
+
+impl fmt::Display for EvaluationTable<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{:<12} {:>22} {:>22} {:>22} {:>7} {:>7} {:>7}",
+            "prediction",
+            "1 sweep [%]",
+            "fused, Bayes [%]",
+            "fused, vote [%]",
+            "NLL",
+            "ECE",
+            "Brier"
+        )?;
+        for (name, evaluation) in self.0 {
+            let fused = |pick: fn(&FusedAccuracy) -> Estimate| {
+                evaluation.fused.as_ref().map_or_else(
+                    || "too few sweeps".into(),
+                    |fused| format!("{}x {}", fused.sweeps, percent(pick(fused))),
+                )
+            };
+            write!(
+                f,
+                "\n{name:<12} {:>22} {:>22} {:>22} {:>7.3} {:>7.3} {:>7.3}",
+                percent(evaluation.one_sweep),
+                fused(|f| f.bayes),
+                fused(|f| f.majority),
+                evaluation.negative_log_likelihood,
+                evaluation.expected_calibration_error,
+                evaluation.brier,
+            )?;
+        }
+        Ok(())
+    }
+}
+
+fn percent(estimate: Estimate) -> String {
+    format!(
+        "{:.1} ({:.1} to {:.1})",
+        100.0 * estimate.mean,
+        100.0 * estimate.ci95_low,
+        100.0 * estimate.ci95_high
+    )
+}
