@@ -22,7 +22,7 @@ use progress::Progress;
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
-    tactnet train                                        the twin, two minutes\n  \
+    tactnet train                                        the twin, about a minute and a half\n  \
     tactnet train --recipe thesis --out runs/thesis      TactNet-II as published\n  \
     tactnet train --model minirocket                     a baseline on the same fold\n  \
     tactnet train --data sweeps.h5 --fold 3 --seed 7     the fourth of five folds\n  \
