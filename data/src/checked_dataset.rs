@@ -64,7 +64,7 @@ impl TryFrom<Dataset> for CheckedDataset {
         refuse_errors(&sweeps, sweeps.name())?;
         let scheme = match Scheme::default_for(&sweeps) {
             Scheme::StratifiedKFold { repeats, .. } => Scheme::StratifiedKFold {
-                folds: folds_of(&sweeps)?,
+                folds: folds_of(&sweeps),
                 repeats,
             },
             scheme => scheme,
@@ -75,22 +75,12 @@ impl TryFrom<Dataset> for CheckedDataset {
     }
 }
 
-fn folds_of(sweeps: &Dataset) -> Result<usize, DataError> {
+/// As many folds as every material has sweeps for; the check has refused materials with fewer than two.
+fn folds_of(sweeps: &Dataset) -> usize {
     let counts = SweepView::all(sweeps).sweeps_per_label();
-    let fewest = counts.iter().enumerate().min_by_key(|(_, count)| **count);
-    match fewest {
-        Some((label, &found)) if found < 2 => Err(DataError::inconsistent(
-            format!(
-                "data set `{}`, material `{}`",
-                sweeps.name(),
-                sweeps.labels().name(label)
-            ),
-            "at least 2 sweeps, one to learn from and one to test on",
-            found.to_string(),
-        )),
-        Some((_, &found)) => Ok(found.min(FOLDS)),
-        None => Ok(FOLDS),
-    }
+    counts
+        .into_iter()
+        .fold(FOLDS, |folds, count| folds.min(count))
 }
 
 impl Deref for CheckedDataset {

@@ -34,7 +34,7 @@ fn a_single_sweep_of_a_material_cannot_be_split() {
     let refused = twin(1).unwrap_err();
     assert!(refused.is_usage());
     assert!(
-        refused.to_string().contains("at least 2 sweeps"),
+        refused.to_string().contains("found 1 of the 2 sweeps"),
         "{refused}"
     );
 }
