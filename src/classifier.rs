@@ -7,7 +7,7 @@ use tactnet_models::Weights;
 use tactnet_pipeline::{
     BatchReport, Calibration, ClassifierConfig, ModelConfig, ModelRecipe, OnlineClassifier,
     PredictionMethod, Predictions, Provenance, RunConfig, RunDir, TrainEmbeddings, TrainJob,
-    fit_baseline, train_network,
+    TrainSpec, fit_baseline, train_network,
 };
 
 use crate::Error;
@@ -52,15 +52,11 @@ impl Classifier {
         };
         let config = RunConfig {
             schema_version: RunConfig::SCHEMA_VERSION,
-            data: train.dataset().name().into(),
-            steps: None,
-            label_order: Default::default(),
-            inner: None,
-            calibration_target: None,
-            recipe_source: spec.recipe.clone(),
+            spec: TrainSpec {
+                data: train.dataset().name().into(),
+                ..spec.clone()
+            },
             data_sha256: train.dataset().sha256().into(),
-            seed: spec.seed,
-            compute: spec.device,
             recipe: job.recipe().clone(),
             classifier: fitted.config().clone(),
         };
@@ -82,7 +78,8 @@ impl Classifier {
         let run = RunDir::open(folder.as_ref())?;
         let (config, weights) = (run.config()?, run.final_weights()?);
         let device = config
-            .compute
+            .spec
+            .device
             .open()
             .map_err(tactnet_pipeline::PipelineError::from)?;
         let fitted =

@@ -61,9 +61,9 @@ pub fn published_for(
     let shortest = Recipe::load("fast").ok()?.training.epochs;
     let comparable = origin.is_comparable_to_published()
         && config.classifier.labels.len() == TACTMAT_MATERIALS.len()
-        && config.steps.is_none()
-        && config.inner.is_none()
-        && config.label_order == LabelOrder::True
+        && config.spec.steps.is_none()
+        && config.spec.inner.is_none()
+        && config.spec.label_order == LabelOrder::True
         && config.recipe.levels().is_none()
         && matches!(split.scheme, Scheme::StratifiedKFold { .. })
         && recipe.network == Recipe::load("thesis").ok()?.network

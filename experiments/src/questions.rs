@@ -11,6 +11,7 @@ mod sequential;
 mod unknown;
 
 use serde::{Deserialize, Serialize};
+use toml::{Table, Value};
 
 use crate::context::{Cancelled, StudyContext};
 use crate::plan::Grid;
@@ -28,14 +29,14 @@ pub use nshot::{SampleEfficiency, TransferMethod};
 pub(crate) use crossval::{Scored, read_training, scored};
 
 macro_rules! registry {
-    ($($(#[$doc:meta])* $file:ident::$question:ident),+ $(,)?) => {
+    ($($(#[$doc:meta])* $name:literal => $file:ident::$question:ident),+ $(,)?) => {
         $(pub use $file::$question;)+
 
         /// A question with its fields.
         #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-        #[serde(tag = "kind", rename_all = "kebab-case")]
+        #[serde(tag = "kind")]
         pub enum Question {
-            $($(#[$doc])* $question($question)),+
+            $($(#[$doc])* #[serde(rename = $name)] $question($question)),+
         }
 
         impl Question {
@@ -44,32 +45,53 @@ macro_rules! registry {
                     $(Self::$question(fields) => fields),+
                 }
             }
+
+            /// Checks the fields of a recipe's `question`. An enum with a tag forgets which field is at fault, the type itself knows.
+            ///
+            /// # Errors
+            /// A field that is unknown, is missing or has another type.
+            pub(crate) fn check_fields(question: &Table) -> Result<(), toml::de::Error> {
+                let mut fields = question.clone();
+                match fields.remove("kind").as_ref().and_then(Value::as_str) {
+                    $(Some($name) => fields.try_into::<$question>().map(drop),)+
+                    _ => Ok(()),
+                }
+            }
         }
+
+        $(impl Named for $question {
+            fn name(&self) -> &'static str {
+                $name
+            }
+        })+
     };
 }
 
 registry! {
     /// How accurate are classifiers on sweeps that they were not trained on?
-    crossval::Crossval,
+    "crossval" => crossval::Crossval,
     /// How well does transfer learn new materials from few sweeps? (Thesis, section 4.6.)
-    nshot::Nshot,
+    "nshot" => nshot::Nshot,
     /// Are two sweeps of one material? (Thesis, sections 4.4.3 and 4.4.4.)
-    differentiate::Differentiate,
+    "differentiate" => differentiate::Differentiate,
     /// Is it a material that was never seen?
-    unknown::Unknown,
+    "unknown" => unknown::Unknown,
     /// How many sweeps until the decision is sure?
-    sequential::Sequential,
+    "sequential" => sequential::Sequential,
     /// What does a material more cost a trained classifier?
-    enrolment::Enrolment,
+    "enrolment" => enrolment::Enrolment,
     /// How far apart do easy and hard materials lie?
-    feature_maps::FeatureMaps,
+    "feature-maps" => feature_maps::FeatureMaps,
+}
+
+/// The name of a question in recipes, in names of tasks and on the command line.
+pub(crate) trait Named {
+    /// Returns the name.
+    fn name(&self) -> &'static str;
 }
 
 /// The behaviour of a question.
-pub(crate) trait Ask {
-    /// Returns its name in recipes, in names of tasks and on the command line.
-    fn name(&self) -> &'static str;
-
+pub(crate) trait Ask: Named {
     /// Checks its fields.
     ///
     /// # Errors

@@ -181,6 +181,9 @@ impl ExperimentRecipe {
                 .map_err(|e| refused(format!("`--set {setting}`: {e}")))?;
             set_field(&mut table, path.trim(), value).map_err(refused)?;
         }
+        if let Some(Value::Table(question)) = table.get("question") {
+            Question::check_fields(question).map_err(|e| refused(e.to_string()))?;
+        }
         let recipe: Self = Value::Table(table)
             .try_into()
             .map_err(|e: toml::de::Error| refused(e.to_string()))?;

@@ -66,7 +66,8 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
     let known = run.train_embeddings()?;
     let device = Compute::from(arguments.device).open()?;
     let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
-    let dataset = source::load_part(&arguments.data, config.steps, LabelOrder::True, config.seed)?;
+    let spec = &config.spec;
+    let dataset = source::load_part(&arguments.data, spec.steps, LabelOrder::True, spec.seed)?;
     refuse_errors(&dataset, &arguments.data)?;
     let Some(label) = dataset
         .labels()

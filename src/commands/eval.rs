@@ -117,8 +117,9 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
         eprintln!("this run has not ended: judging the weights of its last checkpoint");
     }
     let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
-    let data = arguments.data.as_deref().unwrap_or(&config.data);
-    let dataset = source::load_part(data, config.steps, config.label_order, config.seed)?;
+    let spec = &config.spec;
+    let data = arguments.data.as_deref().unwrap_or(&spec.data);
+    let dataset = source::load_part(data, spec.steps, spec.label_order, spec.seed)?;
     let tested = TestSweeps::of_run(&run, &dataset)?;
     if !tested.training_sweeps_known {
         eprintln!("{}: {}", dataset.name(), tested.description);
@@ -146,11 +147,11 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
     };
     let (mut evaluations, mut runtimes) = (BTreeMap::new(), BTreeMap::new());
     if !view.is_empty() {
-        let ways = evaluate_all_ways(&classifier, view, mc_samples, fused, config.seed)?;
+        let ways = evaluate_all_ways(&classifier, view, mc_samples, fused, spec.seed)?;
         for (name, burn, mut evaluation) in ways {
             if let Some(kind) = arguments.runtime.map(RuntimeKind::from) {
                 let compared = compare_runtime(kind, &classifier, view, &burn)?;
-                evaluation = Evaluation::of(&compared.predictions, fused, config.seed);
+                evaluation = Evaluation::of(&compared.predictions, fused, spec.seed);
                 runtimes.insert(name.to_string(), RuntimeSummary::of(kind, &compared));
             }
             evaluations.insert(name.to_string(), evaluation);
@@ -160,7 +161,7 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
         schema_version: 1,
         run: arguments.run.display().to_string(),
         git: GIT,
-        seed: config.seed,
+        seed: spec.seed,
         split_sha256: run.split()?.sha256,
         finished,
         data: dataset.name().into(),

@@ -214,13 +214,17 @@ fn seeds_runs_and_folds_give_different_splits() {
         .map(|(s, r, f)| tested(s, r, f))
         .into();
     assert_eq!(different.len(), 4);
+    // The same training sweeps under other numbers are dealt anew.
     let validated = |repeat, fold| {
-        let fold = Fold::new(&dataset, Scheme::TestFlag, Seed(0), 0, 0).map(|f| Fold {
+        let sweeps: Vec<usize> = (0..dataset.len()).collect();
+        let dealt_by = DealtBy {
+            scheme: Scheme::default(),
+            seed: Seed(0),
             repeat,
             fold,
-            ..f
-        });
-        fold.unwrap().inner(0).unwrap().1.indices().to_vec()
+        };
+        let train = TrainSplit::new(&dataset, sweeps, dealt_by);
+        train.inner(0).unwrap().1.indices().to_vec()
     };
     let different: BTreeSet<_> = [validated(0, 0), validated(0, 1), validated(1, 0)].into();
     assert_eq!(different.len(), 3);

@@ -72,10 +72,6 @@ pub enum Probe {
 }
 
 impl Ask for Crossval {
-    fn name(&self) -> &'static str {
-        "crossval"
-    }
-
     fn validate(&self) -> Result<(), String> {
         if self.split.is_empty() {
             return Err("`split`: expected at least one, found none".into());

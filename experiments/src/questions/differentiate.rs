@@ -62,10 +62,6 @@ pub struct Differentiate {
 }
 
 impl Ask for Differentiate {
-    fn name(&self) -> &'static str {
-        "differentiate"
-    }
-
     fn validate(&self) -> Result<(), String> {
         check_folds(self.folds, self.repeats, self.splits)?;
         check_counts("sweeps", &self.sweeps)

@@ -28,10 +28,6 @@ pub struct Enrolment {
 }
 
 impl Ask for Enrolment {
-    fn name(&self) -> &'static str {
-        "enrolment"
-    }
-
     fn validate(&self) -> Result<(), String> {
         within("splits", self.splits, 1, usize::MAX)?;
         within("new_materials", self.new_materials, 2, usize::MAX)?;

@@ -80,10 +80,6 @@ impl Choice {
 }
 
 impl Ask for FeatureMaps {
-    fn name(&self) -> &'static str {
-        "feature-maps"
-    }
-
     fn validate(&self) -> Result<(), String> {
         if !(1..=2).contains(&self.splits) {
             return Err(format!(

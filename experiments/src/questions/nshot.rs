@@ -66,10 +66,6 @@ impl Nshot {
 }
 
 impl Ask for Nshot {
-    fn name(&self) -> &'static str {
-        "nshot"
-    }
-
     fn validate(&self) -> Result<(), String> {
         within("splits", self.splits, 1, usize::MAX)?;
         within("new_materials", self.new_materials, 2, usize::MAX)?;

@@ -51,10 +51,6 @@ pub struct Sequential {
 }
 
 impl Ask for Sequential {
-    fn name(&self) -> &'static str {
-        "sequential"
-    }
-
     fn validate(&self) -> Result<(), String> {
         check_folds(self.folds, self.repeats, self.splits)?;
         check_counts("sweeps", &self.sweeps)

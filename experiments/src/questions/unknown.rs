@@ -53,10 +53,6 @@ pub struct Unknown {
 }
 
 impl Ask for Unknown {
-    fn name(&self) -> &'static str {
-        "unknown"
-    }
-
     fn validate(&self) -> Result<(), String> {
         within("splits", self.splits, 1, usize::MAX)?;
         within("new_materials", self.new_materials, 2, usize::MAX)?;

@@ -47,7 +47,7 @@ pub fn evaluate_run(
     let (recipe, own) = (&config.recipe, config.recipe.method());
     let dataset = fold.test.dataset();
     let mc_samples = own.mc_samples_or(MC_SAMPLES);
-    let ways = evaluate_all_ways(classifier, &fold.test, mc_samples, FUSED, config.seed)?;
+    let ways = evaluate_all_ways(classifier, &fold.test, mc_samples, FUSED, config.spec.seed)?;
     let mut evaluations = BTreeMap::new();
     for (name, predictions, evaluation) in ways {
         let tsml = predictions.to_tsml(&PredictionSource {
@@ -84,11 +84,11 @@ pub fn evaluate_run(
         data_sha256: dataset.sha256().into(),
         git: commits.into_iter().collect::<Vec<_>>().join(" "),
         command,
-        seed: config.seed,
+        seed: config.spec.seed,
         recipe: recipe.name().into(),
         recipe_sha256: sha256_hex(recipe.to_toml()),
         split_sha256: manifest.sha256.clone(),
-        split: describe_split(&manifest, config.inner),
+        split: describe_split(&manifest, config.spec.inner),
         repeat: fold.repeat(),
         fold: fold.fold(),
         n_train: trained.sweeps,

@@ -18,7 +18,7 @@ pub(crate) fn free_folder(dataset: &str, config: &RunConfig, fold: &Fold<'_>) ->
         MeanRemoval::None => "",
         MeanRemoval::PerSweep => "-no_levels",
     };
-    let (recipe, seed) = (config.recipe.name(), config.seed.0);
+    let (recipe, seed) = (config.recipe.name(), config.spec.seed.0);
     let name: String = format!("{dataset}-{recipe}{levels}-{part}-{seed}")
         .chars()
         .map(|c| {

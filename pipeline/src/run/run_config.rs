@@ -12,33 +12,10 @@ use crate::{CalibrationTarget, ClassifierConfig, ModelRecipe, SplitKind, TrainSp
 pub struct RunConfig {
     /// Version of this layout.
     pub schema_version: u32,
-    /// `twin`, or the data set's file.
-    pub data: String,
-    /// Time steps kept of every sweep, from its beginning; absent: all.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub steps: Option<usize>,
-    /// Whose labels the sweeps have.
-    #[serde(default, skip_serializing_if = "LabelOrder::is_true")]
-    pub label_order: LabelOrder,
-    /// Part of the training sweeps that is tested on instead of the test sweeps; absent: the test sweeps are.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub inner: Option<usize>,
-    /// A fifth of the training sweeps is set aside to calibrate with; absent: all are trained on.
-    #[serde(
-        rename = "target",
-        alias = "promise",
-        default,
-        skip_serializing_if = "Option::is_none"
-    )]
-    pub calibration_target: Option<CalibrationTarget>,
-    /// Built-in name or file of the recipe, as it was asked for.
-    pub recipe_source: String,
+    /// What was asked for.
+    pub spec: TrainSpec,
     /// SHA-256 of the data set's content.
     pub data_sha256: String,
-    /// Names every random choice.
-    pub seed: Seed,
-    /// Where tensors live.
-    pub compute: Compute,
     /// How the classifier comes about.
     pub recipe: ModelRecipe,
     /// Everything about the classifier but its weights.
@@ -47,29 +24,90 @@ pub struct RunConfig {
 
 impl RunConfig {
     /// Version written by this program.
-    pub const SCHEMA_VERSION: u32 = 2;
+    pub const SCHEMA_VERSION: u32 = 3;
+
+    /// Reads a `config.json` of this version or the one before.
+    ///
+    /// # Errors
+    /// Another version; text that is no such file.
+    pub fn from_json(text: &str) -> Result<Self, String> {
+        #[derive(Deserialize)]
+        struct Versioned {
+            schema_version: u32,
+        }
+        let refused = |error: serde_json::Error| error.to_string();
+        let Versioned { schema_version } = serde_json::from_str(text).map_err(refused)?;
+        match schema_version {
+            Self::SCHEMA_VERSION => serde_json::from_str(text).map_err(refused),
+            2 => serde_json::from_str::<ConfigOfVersion2>(text)
+                .map(Self::from)
+                .map_err(refused),
+            other => Err(format!(
+                "expected schema version {} or 2, found {other}",
+                Self::SCHEMA_VERSION
+            )),
+        }
+    }
 
     /// The spec that leads to this run again, with everything named that it left to recipe and data set.
     ///
     /// - `fold`: what the run trains and tests on
-    pub fn spec(&self, fold: &Fold<'_>) -> TrainSpec {
+    pub fn named_spec(&self, fold: &Fold<'_>) -> TrainSpec {
         TrainSpec {
-            data: self.data.clone(),
-            recipe: self.recipe_source.clone(),
             mean_removal: Some(self.recipe.levels()),
-            steps: self.steps,
-            label_order: self.label_order,
             split: Some(SplitKind::of(fold.scheme())),
             fold: Some(fold.fold()),
             repeat: fold.repeat(),
-            inner: self.inner,
-            calibration: self.calibration_target,
-            seed: self.seed,
             epochs: match &self.recipe {
                 ModelRecipe::TactNet2(recipe) => Some(recipe.training.epochs),
                 ModelRecipe::Baseline(_) => None,
             },
-            device: self.compute,
+            ..self.spec.clone()
+        }
+    }
+}
+
+/// Version 2 had the settings beside each other; the split stood in `split.json` alone.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ConfigOfVersion2 {
+    #[serde(rename = "schema_version")]
+    _schema_version: u32,
+    data: String,
+    #[serde(default)]
+    steps: Option<usize>,
+    #[serde(default)]
+    label_order: LabelOrder,
+    #[serde(default)]
+    inner: Option<usize>,
+    #[serde(rename = "target", alias = "promise", default)]
+    calibration: Option<CalibrationTarget>,
+    recipe_source: String,
+    data_sha256: String,
+    seed: Seed,
+    compute: Compute,
+    recipe: ModelRecipe,
+    classifier: ClassifierConfig,
+}
+
+impl From<ConfigOfVersion2> for RunConfig {
+    fn from(old: ConfigOfVersion2) -> Self {
+        Self {
+            schema_version: Self::SCHEMA_VERSION,
+            spec: TrainSpec {
+                data: old.data,
+                recipe: old.recipe_source,
+                steps: old.steps,
+                label_order: old.label_order,
+                inner: old.inner,
+                calibration: old.calibration,
+                seed: old.seed,
+                device: old.compute,
+                ..TrainSpec::default()
+            },
+            data_sha256: old.data_sha256,
+            recipe: old.recipe,
+            classifier: old.classifier,
         }
     }
 }
@@ -83,12 +121,6 @@ pub enum LabelOrder {
     True,
     /// Dealt anew at random, to see that nothing can be learnt from them.
     Permuted,
-}
-
-impl LabelOrder {
-    fn is_true(&self) -> bool {
-        *self == Self::True
-    }
 }
 
 /// One line of `metrics.jsonl`.

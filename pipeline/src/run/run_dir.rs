@@ -164,19 +164,10 @@ impl RunDir {
     /// # Errors
     /// Missing, damaged, or of another version.
     pub fn config(&self) -> Result<RunConfig, PipelineError> {
-        let config: RunConfig = self.read_json("config.json")?;
-        if config.schema_version == RunConfig::SCHEMA_VERSION {
-            Ok(config)
-        } else {
-            Err(PipelineError::Run {
-                path: self.file("config.json"),
-                reason: format!(
-                    "expected schema version {}, found {}",
-                    RunConfig::SCHEMA_VERSION,
-                    config.schema_version
-                ),
-            })
-        }
+        let path = self.file("config.json");
+        let text =
+            fs::read_to_string(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
+        RunConfig::from_json(&text).map_err(|reason| PipelineError::Run { path, reason })
     }
 
     /// `split.json`.

@@ -113,15 +113,8 @@ impl Session {
         classifier.validate()?;
         let config = RunConfig {
             schema_version: RunConfig::SCHEMA_VERSION,
-            data: spec.data.clone(),
-            steps: spec.steps,
-            label_order: spec.label_order,
-            inner: spec.inner,
-            calibration_target: spec.calibration,
-            recipe_source: spec.recipe.clone(),
+            spec: spec.clone(),
             data_sha256: dataset.sha256().into(),
-            seed: spec.seed,
-            compute: spec.device,
             recipe: job.recipe().clone(),
             classifier,
         };
@@ -159,8 +152,9 @@ impl Session {
             return Err(refused(folder, reason.into()));
         }
         let config = run.config()?;
-        let data = data.unwrap_or(&config.data);
-        let dataset = read_sweeps(data, config.steps, config.label_order, config.seed)?;
+        let spec = &config.spec;
+        let data = data.unwrap_or(&spec.data);
+        let dataset = read_sweeps(data, spec.steps, spec.label_order, spec.seed)?;
         if dataset.sha256() != config.data_sha256 {
             let reason = format!(
                 "the data set has changed since the run began: expected SHA-256 {}, found {}; `--data FILE` names the right one",
@@ -200,7 +194,7 @@ impl Session {
         }
         let config = run.config()?;
         let fold = run.split()?.fold(&self.dataset)?;
-        let (fitted, aside) = set_aside(&fold, config.calibration_target)?;
+        let (fitted, aside) = set_aside(&fold, config.spec.calibration)?;
         let sessions = run.record_session(&self.program)?;
         if sessions
             .iter()
@@ -226,7 +220,7 @@ impl Session {
         let Some(trained) = trained else {
             return Ok(TrainOutcome::Stopped);
         };
-        let device = config.compute.open()?;
+        let device = config.spec.device.open()?;
         let classifier = Classifier::new(config.classifier.clone(), &run.weights()?, &device)?;
         if let ModelConfig::TactNet2(_) = config.classifier.model {
             let known = TrainEmbeddings::of(&classifier.embed(&fitted.train)?);
@@ -241,7 +235,7 @@ impl Session {
         on_event(TrainEvent::Predicting {
             sweeps: fold.test.len(),
         });
-        let command = config.spec(&fold).without_folders().to_string();
+        let command = config.named_spec(&fold).without_folders().to_string();
         let result = evaluate_run(run, &config, &classifier, &fold, sessions, trained, command)?;
         if stop() {
             return Ok(TrainOutcome::Stopped);
@@ -260,10 +254,17 @@ impl Session {
         on_event: &mut impl FnMut(TrainEvent<'_>),
         stop: &impl Fn() -> bool,
     ) -> Result<Option<TrainingSummary>, PipelineError> {
-        let device = config.compute.open()?;
+        let device = config.spec.device.open()?;
         let network = config.classifier.network_config(setup)?;
         let normalizer = &setup.normalizer;
-        let training = Training::start(recipe, train, normalizer, &network, config.seed, &device)?;
+        let training = Training::start(
+            recipe,
+            train,
+            normalizer,
+            &network,
+            config.spec.seed,
+            &device,
+        )?;
         let (mut record, mut training) = TrainingRecord::resume(&self.run, training)?;
         let (epochs, batches) = (recipe.training.epochs, training.batches());
         on_event(TrainEvent::Begun {
@@ -298,7 +299,7 @@ impl Session {
         stop: &impl Fn() -> bool,
     ) -> Result<Option<TrainingSummary>, PipelineError> {
         let begun = Instant::now();
-        let fitted = fit_baseline(recipe, train, config.seed, |step| {
+        let fitted = fit_baseline(recipe, train, config.spec.seed, |step| {
             on_event(TrainEvent::Fitting {
                 step: &step,
                 seconds: begun.elapsed().as_secs_f64(),
@@ -390,6 +391,7 @@ mod tests {
         let outcome = session.train(count, || false).unwrap();
         assert!(matches!(outcome, TrainOutcome::Finished(_)), "{outcome:?}");
         assert_eq!(batches, 9, "three epochs of three batches");
+        drop(session);
 
         drop(Session::begin(&job, Some(&parts), program()).unwrap());
         let mut sessions = 0;
@@ -417,6 +419,40 @@ mod tests {
     }
 
     #[test]
+    fn a_run_of_the_version_before_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let asked = TrainSpec {
+            steps: Some(40),
+            inner: Some(1),
+            ..spec(folder.path())
+        };
+        let job = TrainJob::try_from(asked.clone()).unwrap();
+        let run = folder.path().join("run");
+        let session = Session::begin(&job, Some(&run), program()).unwrap();
+        let config = session.run().config().unwrap();
+        assert_eq!(config.spec, asked);
+        let mut old = serde_json::to_value(&config).unwrap();
+        let fields = old.as_object_mut().unwrap();
+        fields.remove("spec");
+        fields["schema_version"] = 2.into();
+        for (field, value) in [
+            ("data", asked.data.clone().into()),
+            ("recipe_source", asked.recipe.clone().into()),
+            ("steps", 40.into()),
+            ("inner", 1.into()),
+            ("seed", asked.seed.0.into()),
+            ("compute", "cpu".into()),
+        ] {
+            fields.insert(field.into(), value);
+        }
+        let read = RunConfig::from_json(&old.to_string()).unwrap();
+        assert_eq!(read, config);
+        old["schema_version"] = 4.into();
+        let refused = RunConfig::from_json(&old.to_string()).unwrap_err();
+        assert_eq!(refused, "expected schema version 3 or 2, found 4");
+    }
+
+    #[test]
     fn a_run_names_the_spec_that_leads_to_it_again() {
         let folder = tempfile::tempdir().unwrap();
         let asked = TrainSpec {
@@ -429,7 +465,7 @@ mod tests {
         let config = session.run().config().unwrap();
         let manifest = session.run().split().unwrap();
         let fold = manifest.fold(&session.dataset).unwrap();
-        let named = config.spec(&fold);
+        let named = config.named_spec(&fold);
         assert_eq!(named.epochs, Some(3), "what the recipe says is named");
         let again = TrainSpec {
             mean_removal: None,

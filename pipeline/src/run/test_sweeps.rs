@@ -66,7 +66,8 @@ impl<'a> TestSweeps<'a> {
         manifest: &SplitManifest,
     ) -> Result<Self, PipelineError> {
         let all = SweepView::all(dataset);
-        let own = read_sweeps(&config.data, config.steps, config.label_order, config.seed)
+        let spec = &config.spec;
+        let own = read_sweeps(&spec.data, spec.steps, spec.label_order, spec.seed)
             .ok()
             .filter(|own| own.sha256() == config.data_sha256);
         let Some(own) = own else {

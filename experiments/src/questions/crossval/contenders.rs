@@ -174,7 +174,7 @@ fn contender(key: String, accuracy: f64, folds: &[Fold<'_>]) -> Contender {
         levels: first.finished.levels,
         split: split_name(&first.split, &first.config),
         split_kind: SplitKind::of(first.split.scheme),
-        inner: first.config.inner,
+        inner: first.config.spec.inner,
         prediction: first.way.clone(),
         steps: first.finished.steps.0,
         probe: first.finished.task.probe.is_some(),

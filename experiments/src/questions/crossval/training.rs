@@ -31,12 +31,12 @@ pub(crate) fn read_training<'a>(
         task,
         model: shown_model(&task.model, &result.recipe),
         data: result.data,
-        label_order: config.label_order,
+        label_order: config.spec.label_order,
         origin: result.origin,
         data_sha256: result.data_sha256,
         materials: config.classifier.labels.len(),
         levels: config.recipe.levels(),
-        steps: (config.classifier.shape.steps, config.steps),
+        steps: (config.classifier.shape.steps, config.spec.steps),
         processors: result
             .provenance
             .iter()
@@ -112,7 +112,7 @@ pub(super) fn split_name(split: &SplitManifest, config: &RunConfig) -> String {
         Scheme::TestFlag => "author's test sweeps".into(),
         Scheme::LeaveBlockOut => "block left out".into(),
     };
-    match config.inner {
+    match config.spec.inner {
         None => scheme,
         Some(part) => format!("{scheme}, judged by inner part {part}"),
     }

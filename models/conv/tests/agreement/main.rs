@@ -62,6 +62,15 @@ fn padded_route_agrees_with_f64() {
     holds(shape(2, 30, 4, [12, 24], [15, 5], 10), 3);
 }
 
+/// One tap and one input map: whatever the weight, normalisation gives the same output, so that its gradient is the rest of a sum that
+/// cancels.
+#[test]
+fn a_gradient_that_cancels_is_within_the_rounding_of_its_terms() {
+    for seed in [80, 81, 82] {
+        holds(shape(2, 94, 7, [1, 64], [1, 1], 30), seed);
+    }
+}
+
 /// Among many values some lie so near zero that single and double precision see them on different sides.
 #[test]
 fn values_within_rounding_of_zero_may_take_either_side() {

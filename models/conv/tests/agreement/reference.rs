@@ -19,6 +19,8 @@ pub(crate) struct Reference {
     pub(crate) mean: Vec<f64>,
     pub(crate) variance: Vec<f64>,
     pub(crate) d_weight: Vec<f64>,
+    /// Magnitudes of the terms that sum up to `d_weight`, of the weight with the largest sum.
+    pub(crate) weight_terms: f64,
     pub(crate) d_gamma: Vec<f64>,
     pub(crate) d_beta: Vec<f64>,
     pub(crate) d_input: Vec<f64>,
@@ -126,20 +128,24 @@ pub(crate) fn reference(
         d_beta[at % co] += dz[at];
         d_gamma[at % co] += dz[at] * (y[at] - mean[at % co]) * inverse[at % co];
     }
-    let dy: Vec<f64> = (0..n * co)
-        .map(|at| {
-            let o = at % co;
-            let hat = (y[at] - mean[o]) * inverse[o];
-            f64::from(gamma[o])
-                * inverse[o]
-                * (dz[at] - d_beta[o] / n as f64 - hat * d_gamma[o] / n as f64)
-        })
+    let parts = |at: usize| {
+        let o = at % co;
+        let hat = (y[at] - mean[o]) * inverse[o];
+        let scale = f64::from(gamma[o]) * inverse[o];
+        [dz[at], -d_beta[o] / n as f64, -hat * d_gamma[o] / n as f64].map(|part| scale * part)
+    };
+    let dy: Vec<f64> = (0..n * co).map(|at| parts(at).iter().sum()).collect();
+    let terms: Vec<f64> = (0..n * co)
+        .map(|at| parts(at).iter().map(|part| part.abs()).sum())
         .collect();
     let (mut dw, mut d_input) = (vec![0f64; weight.len()], vec![0f64; n * ci]);
+    let mut dw_terms = vec![0f64; weight.len()];
     taps(s, |tap, to, from| {
         for i in 0..ci {
             for o in 0..co {
-                dw[(tap * ci + i) * co + o] += dy[to * co + o] * x[from * ci + i];
+                let (at, x) = ((tap * ci + i) * co + o, x[from * ci + i]);
+                dw[at] += dy[to * co + o] * x;
+                dw_terms[at] += terms[to * co + o] * x.abs();
                 d_input[from * ci + i] += dy[to * co + o] * turned[(tap * ci + i) * co + o];
             }
         }
@@ -152,6 +158,7 @@ pub(crate) fn reference(
         mean,
         variance,
         d_weight,
+        weight_terms: dw_terms.iter().fold(0.0, |m, &v| m.max(v)),
         d_gamma,
         d_beta,
         d_input,
