@@ -66,7 +66,7 @@ pub struct Summary {
 
 impl Summary {
     /// Version written by this program.
-    pub const SCHEMA_VERSION: u32 = 2;
+    pub const SCHEMA_VERSION: u32 = 3;
 
     /// Returns the row of a key.
     pub fn row(&self, key: &str) -> Option<&Row> {
@@ -150,8 +150,8 @@ pub struct TaskRecord {
     pub split_sha256: String,
     /// SHA-256 of the recipe.
     pub recipe_sha256: String,
-    /// Commit of the program.
-    pub git: String,
+    /// Commits of the program; several where it was resumed by another build.
+    pub git: Vec<String>,
     /// Time of the task, seconds.
     pub seconds: f64,
     /// Settings that were chosen on the way, by name.

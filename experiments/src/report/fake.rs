@@ -175,7 +175,7 @@ fn record(id: &str) -> TaskRecord {
         split: HOSTILE.into(),
         split_sha256: "ab".repeat(32),
         recipe_sha256: "cd".repeat(32),
-        git: "0123456789abcdef".into(),
+        git: vec!["0123456789abcdef".into()],
         seconds: 12.0,
         chosen: BTreeMap::from([(HOSTILE.into(), 0.1)]),
     }

@@ -73,16 +73,13 @@ pub fn evaluate_run(
     }
     let chosen = &evaluations[own.name()];
     let manifest = fold.manifest();
-    let commits: BTreeSet<&str> = sessions
-        .iter()
-        .map(|session| session.git.as_str())
-        .collect();
+    let commits: BTreeSet<String> = sessions.iter().map(|session| session.git.clone()).collect();
     Ok(RunResult {
         schema_version: RunResult::SCHEMA_VERSION,
         data: dataset.name().into(),
         origin: dataset.origin(),
         data_sha256: dataset.sha256().into(),
-        git: commits.into_iter().collect::<Vec<_>>().join(" "),
+        git: commits.into_iter().collect(),
         command,
         seed: config.spec.seed,
         recipe: recipe.name().into(),

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 use tactnet_data::{DataOrigin, Seed, SplitManifest};
 
 use crate::{Estimate, Evaluation, Provenance};
@@ -19,8 +19,9 @@ pub struct RunResult {
     pub origin: DataOrigin,
     /// SHA-256 of its content.
     pub data_sha256: String,
-    /// Commit of the program; all commits where it was resumed by another build.
-    pub git: String,
+    /// Commits of the program, sorted; several where it was resumed by another build.
+    #[serde(deserialize_with = "read_commits")]
+    pub git: Vec<String>,
     /// Program and machine of every session.
     pub provenance: Vec<Provenance>,
     /// Command line that leads here, paths shortened to file names.
@@ -66,8 +67,22 @@ pub struct RunResult {
 }
 
 impl RunResult {
-    /// Version written by this program.
-    pub const SCHEMA_VERSION: u32 = 1;
+    /// Version written by this program; 1, which names several commits in one text, is read as well.
+    pub const SCHEMA_VERSION: u32 = 2;
+}
+
+/// Reads a list of commits, or what version 1 has instead: one text, with spaces between them.
+fn read_commits<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<String>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Commits {
+        List(Vec<String>),
+        Text(String),
+    }
+    Ok(match Commits::deserialize(deserializer)? {
+        Commits::List(commits) => commits,
+        Commits::Text(text) => text.split_whitespace().map(String::from).collect(),
+    })
 }
 
 /// How a split is named for people: scheme and part.
@@ -79,4 +94,25 @@ pub fn describe_split(manifest: &SplitManifest, inner: Option<usize>) -> String 
         "{}, repeat {}, fold {}{inner}",
         manifest.scheme, manifest.repeat, manifest.fold
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn commits_are_a_list_and_the_text_of_version_1_is_read() {
+        #[derive(Deserialize)]
+        struct Document {
+            #[serde(deserialize_with = "read_commits")]
+            git: Vec<String>,
+        }
+        for text in [
+            r#"{"git":"0a1b 2c3d-dirty"}"#,
+            r#"{"git":["0a1b","2c3d-dirty"]}"#,
+        ] {
+            let document: Document = serde_json::from_str(text).unwrap();
+            assert_eq!(document.git, ["0a1b", "2c3d-dirty"]);
+        }
+    }
 }
