@@ -13,7 +13,7 @@ use crate::{
 };
 
 /// Everything an experiment found.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
     /// Version of this layout, [`Summary::SCHEMA_VERSION`].
     pub schema_version: u32,
@@ -48,19 +48,19 @@ pub struct Summary {
     /// The tasks behind the numbers.
     pub records: Vec<TaskRecord>,
     /// Of a cross-validation: what is known of every contender besides its rows.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub contenders: Vec<Contender>,
     /// Of a cross-validation: what each data set gives away.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub audits: Vec<Audit>,
     /// Of a cross-validation: materials in groups, by contender (see [`Contender::key`]).
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub groups: BTreeMap<String, Grouping>,
     /// Of `nshot`: how many more sweeps a network without pre-knowledge needs.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub sample_efficiency: Option<Vec<SampleEfficiency>>,
     /// Of `feature-maps`: sweeps in a plane.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub maps: Vec<FeatureMap>,
 }
 

@@ -42,7 +42,8 @@ pub(super) fn training(folder: &Path) -> Result<Option<Run>, ExperimentError> {
         flatten("recipe", &Value::Table(table), &mut parameters);
     }
     let mut metrics = Vec::new();
-    for (way, evaluation) in &result.evaluations {
+    for (method, evaluation) in &result.evaluations {
+        let way = method.name();
         let Evaluation {
             one_sweep,
             fused,

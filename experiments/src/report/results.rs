@@ -116,7 +116,7 @@ fn line(index: usize, row: &Scored<'_>, published: bool) -> String {
         escape(row.model),
         escape(row.levels.name()),
         escape(&split_name(row.split)),
-        escape(&prediction_name(row.prediction)),
+        prediction_name(row.prediction),
     );
     let seconds = row.train_seconds.mean;
     cells.push_str(&number(Some(row.steps as f64), &row.steps.to_string()));

@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Deserializer, Serialize};
 use tactnet_data::{DataOrigin, Seed, SplitManifest};
 
-use crate::{Estimate, Evaluation, Provenance};
+use crate::predict::by_method::{deserialize_evaluations, serialize_by_method};
+use crate::{Estimate, Evaluation, PredictionMethod, Provenance};
 
 /// What a training run found, with everything needed to find it again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -55,8 +56,12 @@ pub struct RunResult {
     pub accuracy_one_sweep: Estimate,
     /// Three sweeps fused (Bayes), predicted the recipe's own way; absent with fewer than three test sweeps a material.
     pub accuracy_three_sweeps: Option<Estimate>,
-    /// All ways of predicting: `plain`, and `mc_dropout` where the model has dropout.
-    pub evaluations: BTreeMap<String, Evaluation>,
+    /// All ways of predicting: plainly, and by MC dropout where the model has dropout. In files by [`PredictionMethod::name`].
+    #[serde(
+        serialize_with = "serialize_by_method",
+        deserialize_with = "deserialize_evaluations"
+    )]
+    pub evaluations: BTreeMap<PredictionMethod, Evaluation>,
     /// Time spent in training steps or in fitting, seconds, interruptions left out.
     pub train_seconds: f64,
     /// The same per epoch.
