@@ -120,4 +120,25 @@ mod tests {
             assert_eq!(document.git, ["0a1b", "2c3d-dirty"]);
         }
     }
+
+    #[test]
+    fn a_result_of_version_1_is_read_and_its_evaluations_stay_what_they_are() {
+        let text = include_str!("../../../experiments/results/biotac_electrodes_fast.json");
+        let result: RunResult = serde_json::from_str(text).unwrap();
+        assert_eq!(result.git, ["43fb5bc3a600"]);
+        let dropout = PredictionMethod::McDropout { mc_samples: 100 };
+        assert_eq!(
+            result.evaluations[&dropout].one_sweep,
+            result.accuracy_one_sweep
+        );
+        let written: serde_json::Value = serde_json::to_value(&result).unwrap();
+        let mut before: serde_json::Value = serde_json::from_str(text).unwrap();
+        // Called `mc_samples` since.
+        let method = before["evaluations"]["mc_dropout"]["method"]
+            .as_object_mut()
+            .unwrap();
+        let passes = method.remove("runs").unwrap();
+        method.insert("mc_samples".into(), passes);
+        assert_eq!(written["evaluations"], before["evaluations"]);
+    }
 }
