@@ -23,7 +23,8 @@ pub fn run_to_end(command: &mut Command) -> Result<String, ProcessError> {
     Ok(String::from_utf8_lossy(&output.stdout).into_owned())
 }
 
-#[cfg(all(test, unix))]
+#[cfg(unix)]
+#[cfg(test)]
 mod tests {
     use super::*;
 
