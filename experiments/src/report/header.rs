@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::text::{duration, escape, hash};
+use super::text::{commits, duration, escape, hash};
 use crate::Summary;
 
 pub(super) fn header(summary: &Summary) -> String {
@@ -25,7 +25,6 @@ pub(super) fn header(summary: &Summary) -> String {
             escape(name)
         ));
     }
-    let commits: Vec<String> = summary.git.iter().map(|commit| hash(commit)).collect();
     let data: String = summary
         .data
         .iter()
@@ -37,7 +36,7 @@ pub(super) fn header(summary: &Summary) -> String {
             "Command",
             format!("<code>{}</code>", escape(&summary.command)),
         ),
-        ("Commit", commits.join(", ")),
+        ("Commit", commits(&summary.git)),
         ("Seed", summary.seed.to_string()),
         ("Processor", escape(&summary.processors.join("; "))),
         (

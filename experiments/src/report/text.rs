@@ -90,6 +90,12 @@ pub(super) fn hash(full: &str) -> String {
     format!("<code title=\"{}\">{}</code>", escape(full), escape(&short))
 }
 
+/// The hashes of commits, with commas between them.
+pub(super) fn commits(all: &[String]) -> String {
+    let shown: Vec<String> = all.iter().map(|commit| hash(commit)).collect();
+    shown.join(", ")
+}
+
 /// A link to a file beside the page. Whatever the path holds, it is a path: no scheme, no host.
 pub(super) fn file_link(path: &str) -> String {
     let encoded: String = path
