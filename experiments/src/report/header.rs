@@ -2,7 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use super::text::{commits, duration, escape, hash};
+use tactnet_plot::escape;
+
+use super::text::{commits, duration, hash};
 use crate::Summary;
 
 pub(super) fn header(summary: &Summary) -> String {

@@ -1,9 +1,10 @@
 //! The table of results, and behind every row the folds it was made from.
 
+use tactnet_plot::escape;
+
 use super::data_set::{DataSet, prediction_name, split_name};
 use super::text::{
-    ABSENT, commits, decimal, escape, file_link, hash, percent, percent_and_sd, percent_interval,
-    scroll,
+    ABSENT, commits, decimal, file_link, hash, percent, percent_and_sd, percent_interval, scroll,
 };
 use crate::questions::Scored;
 use crate::{Statistic, Summary};

@@ -1,6 +1,8 @@
 //! Where a study's numbers come from.
 
-use super::super::text::{commits, duration, escape, hash, scroll};
+use tactnet_plot::escape;
+
+use super::super::text::{commits, duration, hash, scroll};
 use crate::TaskRecord;
 
 pub(super) fn tasks(records: &[TaskRecord]) -> String {
