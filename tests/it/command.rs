@@ -69,7 +69,7 @@ impl Lab {
         let path = self.path("small.toml");
         let text = format!(
             "name = \"small\"\n\
-             [network]\nmaps = [4, 6]\nhidden = 16\nkeep_probability = 0.8\n\
+             [network]\nmaps = [8, 8]\nhidden = 16\nkeep_probability = 0.8\n\
              [input]\nscaling = \"per-taxel\"\n\
              [training]\nepochs = {}\nbatch = 8\nlearning_rate = 0.005\nl2 = 1e-4\n\
              method = {{ kind = \"adversarial\", alpha = 0.5, epsilon = 0.1 }}\n{}\n\
