@@ -41,13 +41,18 @@ fn pairs(count: usize) -> impl Iterator<Item = [usize; 2]> {
 }
 
 impl BatchOne {
-    /// Returns `None` unless the batch is one, [`Plan::new`] takes the shape, and there are two taxels and two kernel taxels to pair.
+    /// Returns `None` unless the batch is one, [`Plan::new`] takes the shape with all its steps at once, and there are two taxels and two
+    /// kernel taxels to pair.
     pub(super) fn new(shape: BlockShape, isa: Isa) -> Option<Self> {
         if shape.batch != 1 || shape.taxels < 2 || shape.kernel[1] < 2 {
             return None;
         }
+        let plan = Plan::new(shape, isa)?;
+        if plan.ranges.is_cut() {
+            return None;
+        }
         Some(Self {
-            plan: Plan::new(shape, isa)?,
+            plan,
             weights: Remembered::default(),
             buffers: Buffers::default(),
         })

@@ -1,11 +1,11 @@
 //! The kernels of the first layer's tiles.
 
 use super::first_layer::{FirstLayer, Tile};
-use super::pooling::{Goal, Window, pool_column};
+use super::pooling::{Goal, Window, WindowMaps, pool_column};
 use super::shape::BlockShape;
 use super::simd::{Kernel, Lanes, Octet};
 
-/// `[length, taxels]` to `[column, length, 2]`.
+/// `[length, width of a band]` to `[column, length, 2]`.
 pub(super) struct Analyze<'a> {
     pub(super) plan: &'a FirstLayer,
     pub(super) rows: &'a [Octet],
@@ -17,7 +17,7 @@ impl Kernel for Analyze<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self) {
         let length = self.plan.time.length();
-        for (step, row) in self.rows.chunks_exact(self.plan.shape.taxels).enumerate() {
+        for (step, row) in self.rows.chunks_exact(self.plan.bands.width).enumerate() {
             let out = &mut self.spectra[2 * step..];
             self.plan
                 .taxel
@@ -53,13 +53,14 @@ impl Kernel for Scale<'_> {
     }
 }
 
-/// A vector of maps of one tile, window by window, and their winners.
+/// A vector of maps of a band of one tile, window by window, and their winners.
 pub(super) struct Synthesize<'a, 'b> {
     pub(super) plan: &'a FirstLayer,
     pub(super) spectra: &'a [Octet],
     pub(super) maps: &'a mut [Octet],
     pub(super) goal: Goal<'a>,
     pub(super) tile: &'a mut Tile<'b>,
+    pub(super) band: usize,
     /// First octet of maps.
     pub(super) column: usize,
 }
@@ -76,33 +77,41 @@ impl Kernel for Synthesize<'_, '_> {
             ..
         } = plan.shape;
         let values = taxels * maps_out;
+        let outputs = plan.bands.outputs(self.band);
         let to = &mut self.tile.to;
+        let sums = to.sums.chunks_exact_mut(3 * outs);
+        let sums = sums.skip(self.band).step_by(plan.bands.count());
         let windows = to
             .winners
             .chunks_exact_mut(values)
             .zip(to.positions.chunks_exact_mut(values));
-        for (window, ((winners, positions), sums)) in
-            windows.zip(to.sums.chunks_exact_mut(3 * outs)).enumerate()
-        {
+        for (window, ((winners, positions), sums)) in windows.zip(sums).enumerate() {
             let steps = (self.tile.steps - window * pool).min(pool);
-            let row = taxels * L::OCTETS;
+            let row = outputs.len() * L::OCTETS;
             let maps = &mut self.maps[..steps * row];
             for (step, row) in maps.chunks_exact_mut(row).enumerate() {
                 let spectrum = &self.spectra[2 * (window * pool + step) * L::OCTETS..];
                 let stride = plan.tile * 2 * L::OCTETS;
                 plan.taxel
                     .inverse::<L>(spectrum, stride, L::OCTETS, 0, |taxel, y: L| {
-                        y.store(row, taxel * L::OCTETS);
+                        if let Some(taxel) = plan.bands.output(self.band, taxel) {
+                            y.store(row, (taxel - outputs.start) * L::OCTETS);
+                        }
                     });
             }
             let mut to = Window {
-                winners,
-                positions,
+                winners: &mut winners[outputs.start * maps_out..],
+                positions: &mut positions[outputs.start * maps_out..],
                 sums,
                 columns: outs,
             };
-            let tile = (&*maps, L::OCTETS, 0);
-            pool_column::<L>(tile, taxels, self.goal, &mut to, self.column);
+            let maps = WindowMaps {
+                values: maps,
+                row,
+                columns: L::OCTETS,
+                first: 0,
+            };
+            pool_column::<L>(maps, outputs.len(), self.goal, &mut to, self.column);
         }
     }
 }

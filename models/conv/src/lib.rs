@@ -43,6 +43,7 @@
 // Kernels walk several register arrays by one index.
 #![allow(clippy::needless_range_loop)]
 
+mod bands;
 mod batch_one;
 mod batch_one_stages;
 mod block;

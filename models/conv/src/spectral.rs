@@ -18,7 +18,7 @@ use super::product::{Left, Soon};
 use super::shape::BlockShape;
 use super::simd::{Isa, NOTHING, NOWHERE, Octet, Octets, Rows, WRITTEN, floats};
 use super::spectral_plan::{Plan, by_group, following, in_blocks};
-use super::spectral_stages::{Analyze, KernelRows, Maps, Synthesize};
+use super::spectral_stages::{Analyze, KernelRows, Synthesize};
 use super::weight::{Remembered, Weight};
 
 /// Plan and workspace.
@@ -32,7 +32,7 @@ pub(super) struct Spectral {
 /// State for the backward pass.
 #[derive(Debug)]
 pub(super) struct SavedSpectral {
-    /// `[column, time frequency, batch, 2, maps_in]`
+    /// `[column, time frequency, parts, 2, maps_in]`
     pub(super) input: Octets,
     /// `[column, block of maps_out, time frequency, maps_in, 2, block's octets]`
     pub(super) weight: Arc<Octets>,
@@ -59,12 +59,22 @@ impl Spectral {
     ) -> (Pooled, SavedSpectral) {
         let plan = &self.plan;
         let (shape, columns, length) = (plan.shape, plan.taxel.frequencies(), plan.time.length());
-        let mut rows = self
-            .buffers
-            .take(shape.batch * columns * shape.steps * 2 * plan.ins);
-        rows.par_chunks_exact_mut(columns * shape.steps * 2 * plan.ins)
-            .zip(input.par_chunks_exact(shape.input_len() / shape.batch))
-            .for_each(|(rows, input)| plan.isa.run(plan.ins, Analyze { plan, input, rows }));
+        let part = columns * plan.ranges.width * 2 * plan.ins;
+        let mut rows = self.buffers.take(plan.parts() * part);
+        rows.par_chunks_exact_mut(part)
+            .enumerate()
+            .for_each(|(part, rows)| {
+                let (sweep, band, range) = plan.place(part);
+                let sweep_len = shape.input_len() / shape.batch;
+                let stage = Analyze {
+                    plan,
+                    band,
+                    range,
+                    input: &input[sweep * sweep_len..][..sweep_len],
+                    rows,
+                };
+                plan.isa.run(plan.ins, stage)
+            });
         let weight = self.weights.get_or_make(weight, |before| {
             before.into_iter().for_each(|made| self.buffers.give(made));
             self.weight_spectra(weight.values)
@@ -72,11 +82,11 @@ impl Spectral {
         let mut input = self.buffers.take(columns * length * plan.input_stride());
         let mut products = self
             .buffers
-            .take(columns * shape.batch * shape.steps * 2 * plan.outs);
+            .take(columns * plan.parts() * plan.ranges.span * 2 * plan.outs);
         input
             .par_chunks_exact_mut(length * plan.input_stride())
             .zip(weight.par_chunks_exact(plan.weight_column()))
-            .zip(products.par_chunks_exact_mut(shape.batch * shape.steps * 2 * plan.outs))
+            .zip(products.par_chunks_exact_mut(plan.parts() * plan.ranges.span * 2 * plan.outs))
             .enumerate()
             .for_each(|(column, ((input, weight), out))| {
                 let mut spectrum = self.buffers.take(length * plan.output_stride());
@@ -141,30 +151,37 @@ impl Spectral {
     ) -> Pooled {
         let plan = &self.plan;
         let shape = &plan.shape;
-        let windows = shape.pooled_steps();
-        let sweep = windows * shape.taxels * shape.maps_out;
+        let (windows, bands) = (shape.pooled_steps(), plan.bands.count());
+        let row = shape.taxels * shape.maps_out;
         let (mut winners, mut positions) = to;
-        let mut sums = self.buffers.take(shape.batch * windows * 3 * plan.outs);
+        let mut sums = self
+            .buffers
+            .take(shape.batch * windows * bands * 3 * plan.outs);
         let kept: Vec<Option<&mut [Octet]>> = if maps.is_empty() {
-            (0..shape.batch).map(|_| None).collect()
+            (0..shape.batch * windows).map(|_| None).collect()
         } else {
             let sweeps = maps.chunks_exact_mut(shape.steps * shape.taxels * plan.outs);
-            sweeps.map(Some).collect()
+            sweeps
+                .flat_map(|maps| maps.chunks_mut(shape.pool * shape.taxels * plan.outs))
+                .map(Some)
+                .collect()
         };
         winners
-            .par_chunks_exact_mut(sweep)
-            .zip(positions.par_chunks_exact_mut(sweep))
-            .zip(sums.par_chunks_exact_mut(windows * 3 * plan.outs))
+            .par_chunks_exact_mut(row)
+            .zip(positions.par_chunks_exact_mut(row))
+            .zip(sums.par_chunks_exact_mut(bands * 3 * plan.outs))
             .zip(kept)
             .enumerate()
-            .for_each(|(sweep, (((winners, positions), sums), kept))| {
-                let mut tile = self.buffers.take(match kept {
+            .for_each(|(index, (((winners, positions), sums), kept))| {
+                let (sweep, window) = (index / windows, index % windows);
+                let steps = (shape.steps - window * shape.pool).min(shape.pool);
+                let mut passing = self.buffers.take(match kept {
                     Some(_) => 0,
                     None => shape.pool * shape.taxels * plan.outs,
                 });
                 let maps = match kept {
-                    Some(maps) => Maps::Kept(maps),
-                    None => Maps::Passing(&mut tile),
+                    Some(maps) => maps,
+                    None => &mut passing[..steps * shape.taxels * plan.outs],
                 };
                 let to = Window {
                     winners,
@@ -175,18 +192,20 @@ impl Spectral {
                 let stage = Synthesize {
                     plan,
                     sweep,
+                    window,
                     products,
                     maps,
                     goal,
                     to,
                 };
                 plan.isa.run(plan.outs, stage);
-                self.buffers.give(tile);
+                self.buffers.give(passing);
             });
         let moments = goal.is_winners().then(|| {
-            merge_sums(&sums, plan.outs, |window| {
-                let first = window % windows * shape.pool;
-                (shape.steps - first).min(shape.pool) * shape.taxels
+            merge_sums(&sums, plan.outs, |index| {
+                let (window, band) = (index / bands % windows, index % bands);
+                let steps = (shape.steps - window * shape.pool).min(shape.pool);
+                steps * plan.bands.outputs(band).len()
             })
         });
         self.buffers.give(sums);
@@ -210,7 +229,7 @@ impl Spectral {
 }
 
 /// One column: time spectra of the input, then, block by block of output maps, products and back to steps,
-/// `[block, batch, steps, 2, block's octets]`.
+/// `[block, parts, steps, 2, block's octets]`.
 struct Column<'a> {
     plan: &'a Plan,
     column: usize,
@@ -225,27 +244,22 @@ struct Column<'a> {
 impl Column<'_> {
     fn run(self) {
         let (plan, column) = (self.plan, self.column);
-        let BlockShape {
-            batch,
-            steps,
-            maps_in,
-            ..
-        } = plan.shape;
+        let (parts, maps_in) = (plan.parts(), plan.shape.maps_in);
+        let (seen, steps) = (plan.ranges.width, plan.ranges.span);
         let (ins, block) = (plan.ins, plan.in_block);
         let wanted = plan.wanted(column);
         let columns = plan.taxel.frequencies();
-        for sweep in 0..batch {
-            let source =
-                &self.rows[(sweep * columns + column) * steps * 2 * ins..][..steps * 2 * ins];
+        for part in 0..parts {
+            let source = &self.rows[(part * columns + column) * seen * 2 * ins..][..seen * 2 * ins];
             for v in (0..ins).step_by(plan.in_group) {
-                let first = in_blocks(v, block, steps * 2 * block);
+                let first = in_blocks(v, block, seen * 2 * block);
                 let from = Rows {
-                    table: &plan.steps,
+                    table: &plan.seen,
                     stride: 2 * block,
                     parts: [first, first + block],
-                    ahead: columns * steps * 2 * ins,
+                    ahead: columns * seen * 2 * ins,
                 };
-                let at = sweep * 2 * ins + v;
+                let at = part * 2 * ins + v;
                 let to = Rows {
                     table: wanted,
                     stride: plan.input_stride(),
@@ -261,7 +275,7 @@ impl Column<'_> {
         let weights = self
             .weight
             .chunks_exact(plan.time.length() * plan.weight_stride());
-        let outs = self.out.chunks_exact_mut(batch * steps * 2 * block);
+        let outs = self.out.chunks_exact_mut(parts * steps * 2 * block);
         for (weight, out) in weights.zip(outs) {
             let lefts = self.input.chunks_exact(plan.input_stride());
             let rights = weight.chunks_exact(plan.weight_stride());
@@ -283,7 +297,7 @@ impl Column<'_> {
                     left.times(
                         plan.isa,
                         &right[..maps_in * 2 * block],
-                        &mut out[..batch * 2 * block],
+                        &mut out[..parts * 2 * block],
                         block,
                     );
                 }
@@ -294,9 +308,9 @@ impl Column<'_> {
                 plan.output_stride(),
                 block,
             );
-            for (sweep, out) in out.chunks_exact_mut(steps * 2 * block).enumerate() {
+            for (part, out) in out.chunks_exact_mut(steps * 2 * block).enumerate() {
                 for v in (0..block).step_by(plan.out_group) {
-                    let at = sweep * 2 * block + v;
+                    let at = part * 2 * block + v;
                     let from = Rows {
                         table: &plan.all,
                         stride: plan.output_stride(),

@@ -2,10 +2,11 @@
 
 use rayon::prelude::*;
 
+use super::bands::Bands;
 use super::fft::TimePlan;
 use super::shape::BlockShape;
 use super::simd::{Isa, NOWHERE, Octet, Table};
-use super::taxel::{Mirror, TaxelPlan};
+use super::taxel::{MAX_TAXELS, Mirror, TaxelPlan};
 
 /// Sizes, transforms and tables of rows.
 #[derive(Debug)]
@@ -14,6 +15,9 @@ pub(super) struct Plan {
     pub(super) isa: Isa,
     pub(super) time: TimePlan,
     pub(super) taxel: TaxelPlan,
+    /// Taxels and steps in parts that are transformed by themselves.
+    pub(super) bands: Bands,
+    pub(super) ranges: Bands,
     /// Octets of input and output maps.
     pub(super) ins: usize,
     pub(super) outs: usize,
@@ -24,13 +28,28 @@ pub(super) struct Plan {
     /// that its spectra stay in a core's cache. A block is one or more vectors.
     pub(super) in_block: usize,
     pub(super) out_block: usize,
-    /// A sweep's steps within the transform.
+    /// Steps of a part within the transform: those that it sees, and those that it computes.
+    pub(super) seen: Table,
     pub(super) steps: Table,
     /// The kernel's taps within the transform.
     pub(super) taps: Table,
     /// All time frequencies, and those that do not mirror another.
     pub(super) all: Table,
     pub(super) half: Table,
+}
+
+/// Most steps that are transformed as a whole.
+const MAX_STEPS: usize = 256;
+/// About how many steps of longer sweeps are transformed at a time.
+const SPAN: usize = 120;
+
+/// Steps that are transformed at a time: all, or whole pooling windows.
+fn span(shape: &BlockShape) -> usize {
+    if shape.steps <= MAX_STEPS.max(shape.pool) {
+        shape.steps
+    } else {
+        (SPAN / shape.pool).max(1) * shape.pool
+    }
 }
 
 /// Octets of a block, among `octets`: two fill a cache line, and the product's registers.
@@ -63,9 +82,12 @@ impl Plan {
         if !shape.maps_in.is_multiple_of(8) || !shape.maps_out.is_multiple_of(8) {
             return None;
         }
-        let time = TimePlan::at_least((shape.steps + pad_steps).max(shape.kernel[0]));
+        let ranges = Bands::of_span(span(&shape), shape.steps, pad_steps);
+        let zeros = if ranges.is_cut() { 0 } else { pad_steps };
+        let time = TimePlan::at_least((ranges.width + zeros).max(shape.kernel[0]));
         let length = time.length();
-        let taxel = TaxelPlan::new(shape.taxels, pad_taxels, 1.0 / length as f64)?;
+        let bands = Bands::at_most(MAX_TAXELS, shape.taxels, pad_taxels);
+        let taxel = TaxelPlan::new(&bands, pad_taxels, 1.0 / length as f64)?;
         let row = |inside: bool, row: usize| if inside { row as u32 } else { NOWHERE };
         let taps = |t: usize| {
             // Lag t (or t - length) is tap pad - lag of the cross-correlation.
@@ -83,7 +105,11 @@ impl Plan {
             out_group: isa.group(shape.maps_out / 8),
             in_block: block_of(shape.maps_in / 8),
             out_block: block_of(shape.maps_out / 8),
-            steps: Table::new((0..length).map(|t| row(t < shape.steps, t))),
+            seen: Table::new((0..length).map(|t| row(t < ranges.width, t))),
+            steps: Table::new((0..length).map(|t| {
+                let step = t.wrapping_sub(ranges.margin());
+                row(step < ranges.span, step)
+            })),
             taps: Table::new((0..length).map(taps)),
             all: Table::new((0..length).map(|s| row(true, s))),
             half: Table::new((0..length).map(|s| row(s <= length / 2, s))),
@@ -91,17 +117,35 @@ impl Plan {
             isa,
             time,
             taxel,
+            bands,
+            ranges,
         })
     }
 
-    /// Octets per time frequency of the inputs of a column, `[batch, 2, maps_in]`.
-    pub(super) fn input_stride(&self) -> usize {
-        padded(self.shape.batch * 2 * self.ins)
+    /// Parts of a sweep: ranges of steps of a band, band after band.
+    pub(super) fn parts_of_sweep(&self) -> usize {
+        self.bands.count() * self.ranges.count()
     }
 
-    /// Octets per time frequency of a block of outputs, `[batch, 2, block]`.
+    /// Parts of the batch, which the transforms take for sweeps.
+    pub(super) fn parts(&self) -> usize {
+        self.shape.batch * self.parts_of_sweep()
+    }
+
+    /// Returns sweep, band and range of a part.
+    pub(super) fn place(&self, part: usize) -> (usize, usize, usize) {
+        let (bands, ranges) = (self.bands.count(), self.ranges.count());
+        (part / ranges / bands, part / ranges % bands, part % ranges)
+    }
+
+    /// Octets per time frequency of the inputs of a column, `[parts, 2, maps_in]`.
+    pub(super) fn input_stride(&self) -> usize {
+        padded(self.parts() * 2 * self.ins)
+    }
+
+    /// Octets per time frequency of a block of outputs, `[parts, 2, block]`.
     pub(super) fn output_stride(&self) -> usize {
-        padded(self.shape.batch * 2 * self.out_block)
+        padded(self.parts() * 2 * self.out_block)
     }
 
     /// Octets per time frequency of a block of weights, `[maps_in, 2, block]`.

@@ -1,15 +1,17 @@
 //! The kernels of a spectral block: taxel spectra of inputs, kernels and gradients, and back.
 
 use super::norm::OutputGradient;
-use super::pooling::{Goal, Window, pool_column};
+use super::pooling::{Goal, Window, WindowMaps, pool_column};
 use super::shape::BlockShape;
 use super::simd::{Kernel, Lanes, Narrow, NarrowKernel, Octet, floats};
 use super::spectral_plan::{Plan, in_blocks};
 use super::taxel::{MAX_TAXELS, TaxelPlan};
 
-/// Taxel spectra of one sweep: `[steps, taxels, maps_in]` to `[column, block of maps_in, steps, 2, block's octets]`.
+/// Taxel spectra of one part: from a sweep, `[steps, taxels, maps_in]`, to `[column, block of maps_in, steps seen, 2, block's octets]`.
 pub(super) struct Analyze<'a> {
     pub(super) plan: &'a Plan,
+    pub(super) band: usize,
+    pub(super) range: usize,
     pub(super) input: &'a [f32],
     pub(super) rows: &'a mut [Octet],
 }
@@ -19,13 +21,19 @@ impl Kernel for Analyze<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self) {
         let (plan, ins, block) = (self.plan, self.plan.ins, self.plan.in_block);
-        let (row, steps) = (plan.shape.taxels * ins * 8, plan.shape.steps);
-        for (step, row) in self.input.chunks_exact(row).enumerate() {
+        let (row, seen) = (plan.shape.taxels * ins * 8, plan.ranges.width);
+        for at in 0..seen {
+            // What lies beside the sweep or the array is zero.
+            let step = plan.ranges.input(self.range, at);
+            let row = step.map(|step| &self.input[step * row..][..row]);
             for v in (0..ins).step_by(L::OCTETS) {
-                let first = in_blocks(v, block, steps * 2 * block) + step * 2 * block;
+                let first = in_blocks(v, block, seen * 2 * block) + at * 2 * block;
                 let out = &mut self.rows[first..];
-                let values = |taxel: usize| L::load_floats(row, taxel * ins + v);
-                plan.taxel.forward::<L>(values, out, steps * 2 * ins, block);
+                let values = |at: usize| match (row, plan.bands.input(self.band, at)) {
+                    (Some(row), Some(taxel)) => L::load_floats(row, taxel * ins + v),
+                    _ => L::splat(0.0),
+                };
+                plan.taxel.forward::<L>(values, out, seen * 2 * ins, block);
             }
         }
     }
@@ -56,76 +64,80 @@ impl Kernel for KernelRows<'_> {
     }
 }
 
-/// Buffer for the maps of one sweep.
-pub(super) enum Maps<'a> {
-    /// All of them, `[steps, taxels, maps_out]`, for the backward pass.
-    Kept(&'a mut [Octet]),
-    /// One pooling window at a time.
-    Passing(&'a mut [Octet]),
-}
-
-/// Maps of one sweep from the columns, and their pooling windows.
+/// Maps of one pooling window from the columns, and its winners.
 pub(super) struct Synthesize<'a> {
     pub(super) plan: &'a Plan,
     pub(super) sweep: usize,
+    pub(super) window: usize,
     pub(super) products: &'a [Octet],
-    pub(super) maps: Maps<'a>,
+    /// `[steps of the window, taxels, maps_out]`
+    pub(super) maps: &'a mut [Octet],
     pub(super) goal: Goal<'a>,
+    /// Its sums are `[band, 3, columns]`.
     pub(super) to: Window<'a>,
 }
 
 impl Kernel for Synthesize<'_> {
     type Output = ();
     #[inline(always)]
-    fn run<L: Lanes>(mut self) {
+    fn run<L: Lanes>(self) {
         let (plan, outs) = (self.plan, self.plan.outs);
         let BlockShape {
-            batch,
-            steps,
             taxels,
             maps_out,
             pool,
             ..
         } = plan.shape;
-        let (row, block) = (taxels * outs, plan.out_block);
-        for window in 0..plan.shape.pooled_steps() {
-            let here = (steps - window * pool).min(pool) * row;
-            let tile = match &mut self.maps {
-                Maps::Kept(maps) => &mut maps[window * pool * row..][..here],
-                Maps::Passing(tile) => &mut tile[..here],
-            };
-            let values = window * taxels * maps_out..(window + 1) * taxels * maps_out;
-            let mut to = Window {
-                winners: &mut self.to.winners[values.clone()],
-                positions: &mut self.to.positions[values],
-                sums: &mut self.to.sums[window * 3 * outs..(window + 1) * 3 * outs],
-                columns: outs,
-            };
-            for v in (0..outs).step_by(L::OCTETS) {
-                for (step, maps) in tile.chunks_exact_mut(row).enumerate() {
-                    let first = in_blocks(v, block, batch * steps * 2 * block)
-                        + (self.sweep * steps + window * pool + step) * 2 * block;
+        let (row, block, parts) = (taxels * outs, plan.out_block, plan.parts());
+        let span = plan.ranges.span;
+        for v in (0..outs).step_by(L::OCTETS) {
+            for band in 0..plan.bands.count() {
+                for (step, maps) in self.maps.chunks_exact_mut(row).enumerate() {
+                    let step = self.window * pool + step;
+                    let part = (self.sweep * plan.bands.count() + band) * plan.ranges.count()
+                        + step / span;
+                    let first = in_blocks(v, block, parts * span * 2 * block)
+                        + (part * span + step % span) * 2 * block;
                     plan.taxel.inverse::<L>(
                         &self.products[first..],
-                        batch * steps * 2 * outs,
+                        parts * span * 2 * outs,
                         block,
-                        batch * steps * 2 * block,
-                        |taxel, y: L| {
-                            y.store(maps, taxel * outs + v);
+                        parts * span * 2 * block,
+                        |at, y: L| {
+                            if let Some(taxel) = plan.bands.output(band, at) {
+                                y.store(maps, taxel * outs + v);
+                            }
                         },
                     );
                 }
-                pool_column::<L>((tile, outs, v), taxels, self.goal, &mut to, v);
+                let outputs = plan.bands.outputs(band);
+                let own = outputs.start * maps_out..;
+                let mut to = Window {
+                    winners: &mut self.to.winners[own.clone()],
+                    positions: &mut self.to.positions[own],
+                    sums: &mut self.to.sums[band * 3 * outs..][..3 * outs],
+                    columns: outs,
+                };
+                let maps = WindowMaps {
+                    values: self.maps,
+                    row,
+                    columns: outs,
+                    first: outputs.start * outs + v,
+                };
+                pool_column::<L>(maps, outputs.len(), self.goal, &mut to, v);
             }
         }
     }
 }
 
-/// `dy` of one sweep as taxel spectra, `[column, block of maps_out, steps, 2, block's octets]`.
+/// `dy` of one part as taxel spectra, `[column, block of maps_out, steps, 2, block's octets]`; zero but for the part's own outputs.
 pub(super) struct Spread<'a> {
     pub(super) plan: &'a Plan,
     pub(super) sweep: usize,
+    pub(super) band: usize,
+    pub(super) range: usize,
     pub(super) output: OutputGradient<'a>,
+    /// `[steps of the range, taxels, maps_out]`
     pub(super) maps: &'a [Octet],
     pub(super) rows: &'a mut [Octet],
 }
@@ -135,40 +147,48 @@ impl Kernel for Spread<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self) {
         let (plan, outs) = (self.plan, self.plan.outs);
-        let BlockShape {
-            steps,
-            taxels,
-            pool,
-            ..
-        } = plan.shape;
-        let (window_row, block) = (taxels * outs, plan.out_block);
+        let BlockShape { taxels, pool, .. } = plan.shape;
+        let (window_row, block, span) = (taxels * outs, plan.out_block, plan.ranges.span);
         let affine = self.output.affine;
+        // A range is of whole windows.
+        let windows_before =
+            self.sweep * plan.shape.pooled_steps() + self.range * (span / pool.min(span));
         for (window, tile) in self.maps.chunks(pool * window_row).enumerate() {
-            let first = (self.sweep * plan.shape.pooled_steps() + window) * window_row;
+            let first = (windows_before + window) * window_row;
             for v in (0..outs).step_by(L::OCTETS) {
                 let mut sparse = [[L::splat(0.0); 2]; MAX_TAXELS];
-                for taxel in 0..taxels {
-                    let at = first + taxel * outs + v;
-                    let gradient = L::load_floats(self.output.gradient, at);
-                    sparse[taxel] = [
-                        gradient.mul(L::load_floats(&affine.ka, v)),
-                        L::load_bytes(self.output.positions, at),
-                    ];
+                for (at, sparse) in sparse.iter_mut().enumerate().take(plan.bands.width) {
+                    if let Some(taxel) = plan.bands.output(self.band, at) {
+                        let at = first + taxel * outs + v;
+                        let gradient = L::load_floats(self.output.gradient, at);
+                        *sparse = [
+                            gradient.mul(L::load_floats(&affine.ka, v)),
+                            L::load_bytes(self.output.positions, at),
+                        ];
+                    }
                 }
                 let (kb, kc) = (L::load_floats(&affine.kb, v), L::load_floats(&affine.kc, v));
                 for (step, maps) in tile.chunks_exact(window_row).enumerate() {
                     let won = L::splat(step as f32);
                     let first =
-                        in_blocks(v, block, steps * 2 * block) + (window * pool + step) * 2 * block;
+                        in_blocks(v, block, span * 2 * block) + (window * pool + step) * 2 * block;
                     let out = &mut self.rows[first..];
-                    let values = |taxel: usize| {
-                        let [gradient, position] = sparse[taxel];
-                        let dense = L::load(maps, taxel * outs + v).mul_add(kc, kb);
-                        position.if_equal(won, gradient).add(dense)
+                    let values = |at: usize| match plan.bands.output(self.band, at) {
+                        Some(taxel) => {
+                            let [gradient, position] = sparse[at];
+                            let dense = L::load(maps, taxel * outs + v).mul_add(kc, kb);
+                            position.if_equal(won, gradient).add(dense)
+                        }
+                        None => L::splat(0.0),
                     };
-                    plan.taxel
-                        .forward::<L>(values, out, steps * 2 * outs, block);
+                    plan.taxel.forward::<L>(values, out, span * 2 * outs, block);
                 }
+            }
+        }
+        let steps = self.maps.len() / window_row;
+        if steps < span {
+            for rows in self.rows.chunks_exact_mut(span * 2 * block) {
+                rows[steps * 2 * block..].fill(Octet::ZERO);
             }
         }
     }
@@ -261,26 +281,37 @@ impl Kernel for InputGradient<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self) {
         let (plan, ins, block) = (self.plan, self.plan.ins, self.plan.in_block);
-        let BlockShape {
-            batch,
-            steps,
-            taxels,
-            ..
-        } = plan.shape;
-        let row = taxels * ins * 8;
+        let (parts, seen) = (plan.parts(), plan.ranges.width);
+        let (bands, ranges) = (plan.bands.count(), plan.ranges.count());
+        // Where parts overlap, their gradients add up.
+        let is_cut = plan.bands.is_cut() || plan.ranges.is_cut();
+        let row = plan.shape.taxels * ins * 8;
         for (step, row) in self.input.chunks_exact_mut(row).enumerate() {
-            for v in (0..ins).step_by(L::OCTETS) {
-                let first = in_blocks(v, block, batch * steps * 2 * block)
-                    + (self.sweep * steps + step) * 2 * block;
-                plan.taxel.inverse::<L>(
-                    &self.spectra[first..],
-                    batch * steps * 2 * ins,
-                    block,
-                    8 * block,
-                    |taxel, value: L| {
-                        value.store_floats(row, taxel * ins + v);
-                    },
-                );
+            if is_cut {
+                row.fill(0.0);
+            }
+            for (range, at) in plan.ranges.seeing(step) {
+                for band in 0..bands {
+                    let part = (self.sweep * bands + band) * ranges + range;
+                    for v in (0..ins).step_by(L::OCTETS) {
+                        let first = in_blocks(v, block, parts * seen * 2 * block)
+                            + (part * seen + at) * 2 * block;
+                        plan.taxel.inverse::<L>(
+                            &self.spectra[first..],
+                            parts * seen * 2 * ins,
+                            block,
+                            8 * block,
+                            |at, value: L| {
+                                if !is_cut {
+                                    value.store_floats(row, at * ins + v);
+                                } else if let Some(taxel) = plan.bands.input(band, at) {
+                                    let at = taxel * ins + v;
+                                    L::load_floats(row, at).add(value).store_floats(row, at);
+                                }
+                            },
+                        );
+                    }
+                }
             }
         }
     }

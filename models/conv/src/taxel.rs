@@ -5,6 +5,7 @@
 //! phase this adds is the same before and after a convolution, so products of spectra do not see it. Only frequencies
 //! `0 ..= length / 2` are kept, as the values are real.
 
+use super::bands::Bands;
 use super::simd::{Lanes, Octet, prefetch};
 
 /// Most taxels that a plan takes.
@@ -41,9 +42,12 @@ pub(super) struct TaxelPlan {
 }
 
 impl TaxelPlan {
-    /// For rows of `taxels` and kernels of `2 pad + 1`; the inverse also multiplies by `scale`. None if the row is too wide.
-    pub(super) fn new(taxels: usize, pad: usize, scale: f64) -> Option<Self> {
-        let length = taxels + pad;
+    /// For bands of taxels and kernels of `2 pad + 1`; the inverse also multiplies by `scale`. None if a band is too wide.
+    ///
+    /// A whole row lies between zeros. Part of a longer row does not need them: what wraps around reaches none of its outputs.
+    pub(super) fn new(bands: &Bands, pad: usize, scale: f64) -> Option<Self> {
+        let taxels = bands.width;
+        let length = if bands.is_cut() { taxels } else { taxels + pad };
         if taxels > MAX_TAXELS {
             return None;
         }
@@ -231,7 +235,9 @@ impl TaxelPlan {
                 break;
             }
             let [minus, plus] = self.ends(pair);
-            put(minus, even[pair].sub(odd[pair]));
+            if minus != plus {
+                put(minus, even[pair].sub(odd[pair]));
+            }
             put(plus, even[pair].add(odd[pair]));
         }
     }
