@@ -15,6 +15,7 @@ use rayon::prelude::*;
 
 use super::batch_one_stages::{Pool, Spectra, Tangle, Untangle};
 use super::buffers::Buffers;
+use super::cost::Tiling;
 use super::pooling::Goal;
 use super::product::{Left, Soon};
 use super::shape::BlockShape;
@@ -22,6 +23,9 @@ use super::simd::{Isa, NOTHING, Octet, Octets, Rows, floats, floats_mut};
 use super::spare;
 use super::spectral_plan::{Plan, by_group, following, padded};
 use super::weight::{Remembered, Weight};
+
+/// Most steps.
+const MAX_STEPS: usize = 1024;
 
 /// Plan and workspace.
 #[derive(Debug)]
@@ -41,18 +45,18 @@ fn pairs(count: usize) -> impl Iterator<Item = [usize; 2]> {
 }
 
 impl BatchOne {
-    /// Returns `None` unless the batch is one, [`Plan::new`] takes the shape with all its steps at once, and there are two taxels and two
-    /// kernel taxels to pair.
+    /// Returns `None` unless the batch is one, [`Plan::tiled`] takes the shape, there are two taxels and two kernel taxels to pair, and the
+    /// steps are not so many that they are better cut.
     pub(super) fn new(shape: BlockShape, isa: Isa) -> Option<Self> {
         if shape.batch != 1 || shape.taxels < 2 || shape.kernel[1] < 2 {
             return None;
         }
-        let plan = Plan::new(shape, isa)?;
-        if plan.ranges.is_cut() {
+        let tiling = Tiling::over_taxels(&shape);
+        if shape.steps > MAX_STEPS {
             return None;
         }
         Some(Self {
-            plan,
+            plan: Plan::tiled(shape, isa, tiling)?,
             weights: Remembered::default(),
             buffers: Buffers::default(),
         })

@@ -2,6 +2,7 @@
 
 use super::batch_one::BatchOne;
 use super::buffers::Buffers;
+use super::cost::Tiling;
 use super::direct::{self, SavedDirect};
 use super::first_layer::{FirstLayer, SavedFirstLayer};
 use super::norm::{Normalizer, OutputGradient, Pooled};
@@ -40,6 +41,20 @@ enum Route {
     Padded(Spectral),
     /// One map in, multiples of eight out, at most 16 taxels and a kernel of at most 15 x 5.
     FirstLayer(FirstLayer),
+}
+
+/// A tiling of taxels and steps for the spectral route; displayed as bands and their taxels, ranges and their steps.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Candidate {
+    /// Time of a training step on one thread as the cost model predicts it, milliseconds.
+    pub predicted_ms: f64,
+    tiling: Tiling,
+}
+
+impl std::fmt::Display for Candidate {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.tiling.fmt(f)
+    }
 }
 
 /// Result of [`Block::forward_train`].
@@ -123,6 +138,38 @@ impl Block {
             route,
             values: Buffers::default(),
             bytes: Buffers::default(),
+        }
+    }
+
+    /// Returns the tilings among which the planner chooses for a shape of the spectral route, cheapest first; none for other shapes.
+    ///
+    /// The planner takes the first. [`Block::plan_candidate`] takes any, to compare predictions with measurements.
+    pub fn candidates(shape: BlockShape, isa: Isa) -> Vec<Candidate> {
+        if Spectral::new(shape, isa).is_none() || FirstLayer::new(shape, isa).is_some() {
+            return Vec::new();
+        }
+        let candidate = |tiling: Tiling| Candidate {
+            predicted_ms: tiling.cost(&shape, isa) * 1e-6,
+            tiling,
+        };
+        let mut found: Vec<_> = Tiling::candidates(&shape)
+            .into_iter()
+            .map(candidate)
+            .collect();
+        found.sort_by(|a, b| a.predicted_ms.total_cmp(&b.predicted_ms));
+        found
+    }
+
+    /// Plans a block as `candidate`, one of [`Block::candidates`] of the same shape, says.
+    ///
+    /// # Panics
+    /// As [`Block::plan_for`], and for a candidate of another shape.
+    pub fn plan_candidate(shape: BlockShape, isa: Isa, candidate: &Candidate) -> Self {
+        let spectral = Spectral::tiled(shape, isa, candidate.tiling);
+        let spectral = spectral.unwrap_or_else(|| panic!("a candidate of another shape"));
+        Self {
+            route: Route::Spectral(spectral),
+            ..Self::plan_for(shape, isa)
         }
     }
 

@@ -49,6 +49,7 @@ mod batch_one_stages;
 mod block;
 mod buffers;
 mod butterfly;
+mod cost;
 mod direct;
 mod fft;
 mod first_layer;
@@ -76,7 +77,7 @@ mod taxel;
 pub mod timing;
 mod weight;
 
-pub use block::{Block, ForwardTrain, Gradients, Saved};
+pub use block::{Block, Candidate, ForwardTrain, Gradients, Saved};
 pub use plans::shared_block;
 pub use shape::BlockShape;
 pub use simd::Isa;

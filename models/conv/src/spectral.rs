@@ -12,6 +12,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::buffers::Buffers;
+use super::cost::Tiling;
 use super::norm::Pooled;
 use super::pooling::{Goal, Window, merge_sums};
 use super::product::{Left, Soon};
@@ -44,6 +45,15 @@ impl Spectral {
     pub(super) fn new(shape: BlockShape, isa: Isa) -> Option<Self> {
         Some(Self {
             plan: Plan::new(shape, isa)?,
+            weights: Remembered::default(),
+            buffers: Buffers::default(),
+        })
+    }
+
+    /// The same with a tiling of the caller's choice.
+    pub(super) fn tiled(shape: BlockShape, isa: Isa, tiling: Tiling) -> Option<Self> {
+        Some(Self {
+            plan: Plan::tiled(shape, isa, tiling)?,
             weights: Remembered::default(),
             buffers: Buffers::default(),
         })

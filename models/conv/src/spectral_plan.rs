@@ -3,10 +3,11 @@
 use rayon::prelude::*;
 
 use super::bands::Bands;
+use super::cost::Tiling;
 use super::fft::TimePlan;
 use super::shape::BlockShape;
 use super::simd::{Isa, NOWHERE, Octet, Table};
-use super::taxel::{MAX_TAXELS, Mirror, TaxelPlan};
+use super::taxel::{Mirror, TaxelPlan};
 
 /// Sizes, transforms and tables of rows.
 #[derive(Debug)]
@@ -38,20 +39,6 @@ pub(super) struct Plan {
     pub(super) half: Table,
 }
 
-/// Most steps that are transformed as a whole.
-const MAX_STEPS: usize = 256;
-/// About how many steps of longer sweeps are transformed at a time.
-const SPAN: usize = 120;
-
-/// Steps that are transformed at a time: all, or whole pooling windows.
-fn span(shape: &BlockShape) -> usize {
-    if shape.steps <= MAX_STEPS.max(shape.pool) {
-        shape.steps
-    } else {
-        (SPAN / shape.pool).max(1) * shape.pool
-    }
-}
-
 /// Octets of a block, among `octets`: two fill a cache line, and the product's registers.
 fn block_of(octets: usize) -> usize {
     if octets.is_multiple_of(2) { 2 } else { 1 }
@@ -76,17 +63,20 @@ pub(super) fn padded(octets: usize) -> usize {
 }
 
 impl Plan {
-    /// Returns `None` unless both counts of maps are multiples of eight and [`TaxelPlan`] takes the taxels.
+    /// Returns `None` unless both counts of maps are multiples of eight and [`TaxelPlan`] takes the kernel.
     pub(super) fn new(shape: BlockShape, isa: Isa) -> Option<Self> {
+        Self::tiled(shape, isa, Tiling::cheapest(&shape, isa)?)
+    }
+
+    /// The same with a tiling of the caller's choice.
+    pub(super) fn tiled(shape: BlockShape, isa: Isa, tiling: Tiling) -> Option<Self> {
         let [pad_steps, pad_taxels] = shape.padding();
         if !shape.maps_in.is_multiple_of(8) || !shape.maps_out.is_multiple_of(8) {
             return None;
         }
-        let ranges = Bands::of_span(span(&shape), shape.steps, pad_steps);
-        let zeros = if ranges.is_cut() { 0 } else { pad_steps };
-        let time = TimePlan::at_least((ranges.width + zeros).max(shape.kernel[0]));
+        let Tiling { bands, ranges } = tiling;
+        let time = TimePlan::at_least(tiling.least_length(&shape));
         let length = time.length();
-        let bands = Bands::at_most(MAX_TAXELS, shape.taxels, pad_taxels);
         let taxel = TaxelPlan::new(&bands, pad_taxels, 1.0 / length as f64)?;
         let row = |inside: bool, row: usize| if inside { row as u32 } else { NOWHERE };
         let taps = |t: usize| {
