@@ -76,30 +76,24 @@ struct Total {
 
 impl Total {
     fn add(&mut self, shares: &[Share]) {
-        let Self {
-            sparse,
-            products,
-            sums,
-        } = self;
-        let parts: [(&mut Vec<f64>, fn(&Share) -> &[f32]); 3] = [
-            (sparse, |share| &share.sparse),
-            (products, |share| &share.products),
-            (sums, |share| &share.sums),
-        ];
-        for (total, part) in parts {
-            total
-                .par_chunks_mut(RUN)
-                .enumerate()
-                .for_each(|(run, total)| {
-                    for share in shares {
-                        let values = &part(share)[run * RUN..][..total.len()];
-                        for (total, &value) in total.iter_mut().zip(values) {
-                            *total += f64::from(value);
-                        }
-                    }
-                });
-        }
+        add_all(&mut self.sparse, shares, |share| &share.sparse);
+        add_all(&mut self.products, shares, |share| &share.products);
+        add_all(&mut self.sums, shares, |share| &share.sums);
     }
+}
+
+fn add_all(total: &mut [f64], shares: &[Share], part: impl Fn(&Share) -> &[f32] + Sync) {
+    total
+        .par_chunks_mut(RUN)
+        .enumerate()
+        .for_each(|(run, total)| {
+            for share in shares {
+                let values = &part(share)[run * RUN..][..total.len()];
+                for (total, &value) in total.iter_mut().zip(values) {
+                    *total += f64::from(value);
+                }
+            }
+        });
 }
 
 impl FirstLayer {

@@ -220,7 +220,24 @@ impl NarrowKernel for Convolve<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Narrow>(self) {
+        // The most frequent width is known to the compiler.
+        match self.row - 2 * MARGIN {
+            16 => self.of_width::<L, 16>(),
+            _ => self.of_width::<L, 0>(),
+        }
+    }
+}
+
+impl Convolve<'_> {
+    /// For rows of `LANES` taxels, or of any number if it is 0.
+    #[inline(always)]
+    fn of_width<L: Narrow, const LANES: usize>(self) {
         let of_step = &self.composite.of_step;
+        let lanes = if LANES > 0 {
+            LANES
+        } else {
+            self.row - 2 * MARGIN
+        };
         let mut step = 0;
         while step < of_step.len() {
             // Four steps at once where they share a table.
@@ -229,11 +246,17 @@ impl NarrowKernel for Convolve<'_> {
                     .iter()
                     .all(|&t| t == of_step[step]);
             let table = &self.composite.tables[of_step[step]];
-            for half in (0..self.row - 2 * MARGIN).step_by(8) {
+            for half in (0..lanes).step_by(8) {
                 if together {
-                    convolve::<L, STEPS>(table, (self.wide, self.row), step, half, self.gradient);
+                    convolve::<L, STEPS, LANES>(
+                        table,
+                        (self.wide, lanes),
+                        step,
+                        half,
+                        self.gradient,
+                    );
                 } else {
-                    convolve::<L, 1>(table, (self.wide, self.row), step, half, self.gradient);
+                    convolve::<L, 1, LANES>(table, (self.wide, lanes), step, half, self.gradient);
                 }
             }
             step += if together { STEPS } else { 1 };
@@ -242,14 +265,15 @@ impl NarrowKernel for Convolve<'_> {
 }
 
 #[inline(always)]
-fn convolve<L: Narrow, const COUNT: usize>(
+fn convolve<L: Narrow, const COUNT: usize, const LANES: usize>(
     table: &Table,
-    (wide, row): (&[f32], usize),
+    (wide, lanes): (&[f32], usize),
     step: usize,
     half: usize,
     gradient: &mut [f32],
 ) {
-    let lanes = row - 2 * MARGIN;
+    let lanes = if LANES > 0 { LANES } else { lanes };
+    let row = lanes + 2 * MARGIN;
     let mut sums = [[L::splat(0.0); 2]; COUNT];
     for (down, coefficients) in table.coefficients.chunks_exact(ACROSS * lanes).enumerate() {
         let rows = &wide[(step + down) * row + half..][..(COUNT - 1) * row + 2 * MARGIN + 8];

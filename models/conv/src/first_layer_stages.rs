@@ -69,6 +69,17 @@ impl Kernel for Synthesize<'_, '_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
+        if self.plan.bands.is_cut() {
+            self.of_bands::<L, true>();
+        } else {
+            self.of_bands::<L, false>();
+        }
+    }
+}
+
+impl Synthesize<'_, '_> {
+    #[inline(always)]
+    fn of_bands<L: Lanes, const CUT: bool>(self) {
         let (plan, outs) = (self.plan, self.plan.outs);
         let BlockShape {
             taxels,
@@ -94,7 +105,9 @@ impl Kernel for Synthesize<'_, '_> {
                 let stride = plan.tile * 2 * L::OCTETS;
                 plan.taxel
                     .inverse::<L>(spectrum, stride, L::OCTETS, 0, |taxel, y: L| {
-                        if let Some(taxel) = plan.bands.output(self.band, taxel) {
+                        if !CUT {
+                            y.store(row, taxel * L::OCTETS);
+                        } else if let Some(taxel) = plan.bands.output(self.band, taxel) {
                             y.store(row, (taxel - outputs.start) * L::OCTETS);
                         }
                     });

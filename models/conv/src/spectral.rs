@@ -25,7 +25,12 @@ use super::weight::{Remembered, Weight};
 /// Plan and workspace.
 #[derive(Debug)]
 pub(super) struct Spectral {
+    /// Of as many sweeps as are taken together.
     pub(super) plan: Plan,
+    /// Of the sweeps that are left over at the end of a batch.
+    rest: Option<Plan>,
+    /// Whether groups of sweeps are what threads share, since a group has few columns.
+    at_once: bool,
     weights: Remembered<Octets>,
     pub(super) buffers: Buffers<Octets>,
 }
@@ -33,30 +38,62 @@ pub(super) struct Spectral {
 /// State for the backward pass.
 #[derive(Debug)]
 pub(super) struct SavedSpectral {
-    /// `[column, time frequency, parts, 2, maps_in]`
-    pub(super) input: Octets,
     /// `[column, block of maps_out, time frequency, maps_in, 2, block's octets]`
     pub(super) weight: Arc<Octets>,
-    /// `[batch, steps, taxels, maps_out]`, empty if no backward pass will come
+    pub(super) groups: Vec<SavedGroup>,
+}
+
+/// What is saved of sweeps that were taken together.
+#[derive(Debug)]
+pub(super) struct SavedGroup {
+    /// `[column, time frequency, parts, 2, maps_in]`
+    pub(super) input: Octets,
+    /// `[sweeps, steps, taxels, maps_out]`, empty if no backward pass will come
     pub(super) maps: Octets,
 }
 
+/// Most octets between the stages (64 MiB) unless one sweep has more: so many sweeps are taken together.
+const MAX_BETWEEN: usize = 1 << 21;
+/// Fewest columns for threads to share; where there are fewer, sweeps are taken in groups that threads share.
+const MIN_TASKS: usize = 8;
+
 impl Spectral {
     pub(super) fn new(shape: BlockShape, isa: Isa) -> Option<Self> {
+        Self::tiled(shape, isa, Tiling::cheapest(&shape, isa)?)
+    }
+
+    /// The same with a tiling of the caller's choice.
+    pub(super) fn tiled(shape: BlockShape, isa: Isa, tiling: Tiling) -> Option<Self> {
+        let of = |batch: usize| Plan::tiled(BlockShape { batch, ..shape }, isa, tiling);
+        let one = of(1)?;
+        let columns = one.taxel.frequencies();
+        let fitting = (MAX_BETWEEN / one.between()).clamp(1, shape.batch);
+        let shared = (shape.batch * columns / MIN_TASKS).max(1);
+        let together = shape
+            .batch
+            .div_ceil(shape.batch.div_ceil(fitting.min(shared)));
         Some(Self {
-            plan: Plan::new(shape, isa)?,
+            plan: of(together)?,
+            rest: match shape.batch % together {
+                0 => None,
+                left => Some(of(left)?),
+            },
+            at_once: columns < MIN_TASKS,
             weights: Remembered::default(),
             buffers: Buffers::default(),
         })
     }
 
-    /// The same with a tiling of the caller's choice.
-    pub(super) fn tiled(shape: BlockShape, isa: Isa, tiling: Tiling) -> Option<Self> {
-        Some(Self {
-            plan: Plan::tiled(shape, isa, tiling)?,
-            weights: Remembered::default(),
-            buffers: Buffers::default(),
-        })
+    /// The plan of a group of sweeps that has `values` of a sweep's `sweep` values.
+    pub(super) fn plan_of(&self, values: usize, sweep: usize) -> &Plan {
+        let whole = values == self.plan.shape.batch * sweep;
+        let rest = if whole { None } else { self.rest.as_ref() };
+        rest.unwrap_or(&self.plan)
+    }
+
+    /// Least groups that a thread takes: all, unless groups are what threads share.
+    pub(super) fn groups_of_thread(&self) -> usize {
+        if self.at_once { 1 } else { usize::MAX }
     }
 
     /// Convolves and pools; with the winners it saves what the backward pass needs. Winners (or outputs) and positions are written over `to`.
@@ -68,6 +105,60 @@ impl Spectral {
         to: (Vec<f32>, Vec<u8>),
     ) -> (Pooled, SavedSpectral) {
         let plan = &self.plan;
+        let (mut winners, mut positions) = to;
+        let weight = self.weights.get_or_make(weight, |before| {
+            before.into_iter().for_each(|made| self.buffers.give(made));
+            self.weight_spectra(weight.values)
+        });
+        let (windows, bands) = (plan.shape.pooled_steps(), plan.bands.count());
+        let [sweep_in, sweep_out] =
+            [plan.shape.input_len(), plan.shape.output_len()].map(|len| len / plan.shape.batch);
+        let sweep_sums = windows * bands * 3 * plan.outs;
+        let mut sums = self.buffers.take(input.len() / sweep_in * sweep_sums);
+        let together = plan.shape.batch;
+        let groups = winners
+            .par_chunks_mut(together * sweep_out)
+            .zip(positions.par_chunks_mut(together * sweep_out))
+            .zip(sums.par_chunks_mut(together * sweep_sums))
+            .zip(input.par_chunks(together * sweep_in))
+            .with_min_len(self.groups_of_thread())
+            .map(|(((winners, positions), sums), input)| {
+                let to = Window {
+                    winners,
+                    positions,
+                    sums,
+                    columns: plan.outs,
+                };
+                let plan = self.plan_of(input.len(), sweep_in);
+                self.forward_group(plan, input, &weight, goal, to)
+            })
+            .collect();
+        let moments = goal.is_winners().then(|| {
+            merge_sums(&sums, plan.outs, |index| {
+                let (window, band) = (index / bands % windows, index % bands);
+                let shape = &plan.shape;
+                let steps = (shape.steps - window * shape.pool).min(shape.pool);
+                steps * plan.bands.outputs(band).len()
+            })
+        });
+        self.buffers.give(sums);
+        let pooled = Pooled {
+            winners,
+            positions,
+            moments,
+        };
+        (pooled, SavedSpectral { weight, groups })
+    }
+
+    /// The sweeps of one group; the sums are `[sweep, window, band, 3, columns]`.
+    fn forward_group(
+        &self,
+        plan: &Plan,
+        input: &[f32],
+        weight: &[Octet],
+        goal: Goal<'_>,
+        to: Window<'_>,
+    ) -> SavedGroup {
         let (shape, columns, length) = (plan.shape, plan.taxel.frequencies(), plan.time.length());
         let part = columns * plan.ranges.width * 2 * plan.ins;
         let mut rows = self.buffers.take(plan.parts() * part);
@@ -85,10 +176,6 @@ impl Spectral {
                 };
                 plan.isa.run(plan.ins, stage)
             });
-        let weight = self.weights.get_or_make(weight, |before| {
-            before.into_iter().for_each(|made| self.buffers.give(made));
-            self.weight_spectra(weight.values)
-        });
         let mut input = self.buffers.take(columns * length * plan.input_stride());
         let mut products = self
             .buffers
@@ -120,16 +207,11 @@ impl Spectral {
         } else {
             0
         });
-        let pooled = self.pool(&products, &mut maps, goal, to);
+        self.pool(plan, &products, &mut maps, goal, to);
         for buffer in [rows, products] {
             self.buffers.give(buffer);
         }
-        let saved = SavedSpectral {
-            input,
-            weight,
-            maps,
-        };
-        (pooled, saved)
+        SavedGroup { input, maps }
     }
 
     /// Spectra of all kernels, column by column.
@@ -154,19 +236,15 @@ impl Spectral {
 
     fn pool(
         &self,
+        plan: &Plan,
         products: &[Octet],
         maps: &mut [Octet],
         goal: Goal<'_>,
-        to: (Vec<f32>, Vec<u8>),
-    ) -> Pooled {
-        let plan = &self.plan;
+        to: Window<'_>,
+    ) {
         let shape = &plan.shape;
         let (windows, bands) = (shape.pooled_steps(), plan.bands.count());
         let row = shape.taxels * shape.maps_out;
-        let (mut winners, mut positions) = to;
-        let mut sums = self
-            .buffers
-            .take(shape.batch * windows * bands * 3 * plan.outs);
         let kept: Vec<Option<&mut [Octet]>> = if maps.is_empty() {
             (0..shape.batch * windows).map(|_| None).collect()
         } else {
@@ -176,10 +254,10 @@ impl Spectral {
                 .map(Some)
                 .collect()
         };
-        winners
+        to.winners
             .par_chunks_exact_mut(row)
-            .zip(positions.par_chunks_exact_mut(row))
-            .zip(sums.par_chunks_exact_mut(bands * 3 * plan.outs))
+            .zip(to.positions.par_chunks_exact_mut(row))
+            .zip(to.sums.par_chunks_exact_mut(bands * 3 * plan.outs))
             .zip(kept)
             .enumerate()
             .for_each(|(index, (((winners, positions), sums), kept))| {
@@ -211,25 +289,18 @@ impl Spectral {
                 plan.isa.run(plan.outs, stage);
                 self.buffers.give(passing);
             });
-        let moments = goal.is_winners().then(|| {
-            merge_sums(&sums, plan.outs, |index| {
-                let (window, band) = (index / bands % windows, index % bands);
-                let steps = (shape.steps - window * shape.pool).min(shape.pool);
-                steps * plan.bands.outputs(band).len()
-            })
-        });
-        self.buffers.give(sums);
-        Pooled {
-            winners,
-            positions,
-            moments,
+    }
+
+    pub(super) fn recycle_group(&self, group: SavedGroup) {
+        for buffer in [group.input, group.maps] {
+            self.buffers.give(buffer);
         }
     }
 
     /// Returns the buffers of a forward pass to the pool.
     pub(super) fn recycle(&self, saved: SavedSpectral) {
-        for buffer in [saved.input, saved.maps] {
-            self.buffers.give(buffer);
+        for group in saved.groups {
+            self.recycle_group(group);
         }
         // Returned with the last reference to them.
         if let Some(weight) = Arc::into_inner(saved.weight) {

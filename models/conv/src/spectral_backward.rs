@@ -10,7 +10,7 @@ use super::product::{Left, Soon};
 use super::shape::BlockShape;
 use super::simd::{NOTHING, NOWHERE, Octet, Rows, WRITTEN, floats};
 use super::spare;
-use super::spectral::{SavedSpectral, Spectral};
+use super::spectral::{SavedGroup, SavedSpectral, Spectral};
 use super::spectral_plan::{Plan, following};
 use super::spectral_stages::{InputGradient, Spread, TurnConjugated, WeightGradient};
 use super::taxel::Mirror;
@@ -23,7 +23,61 @@ impl Spectral {
         output: OutputGradient<'_>,
         need_input: bool,
     ) -> (Vec<f32>, Option<Vec<f32>>) {
-        let plan = &self.plan;
+        let SavedSpectral { weight, groups } = saved;
+        let shape = &self.plan.shape;
+        let [sweep_in, sweep_out] =
+            [shape.input_len(), shape.output_len()].map(|len| len / shape.batch);
+        let together = shape.batch;
+        let mut d_input =
+            need_input.then(|| spare::take(output.gradient.len() / sweep_out * sweep_in));
+        let targets: Vec<Option<&mut [f32]>> = match &mut d_input {
+            Some(d_input) => d_input.chunks_mut(together * sweep_in).map(Some).collect(),
+            None => groups.iter().map(|_| None).collect(),
+        };
+        let of_groups: Vec<Vec<f32>> = output
+            .gradient
+            .par_chunks(together * sweep_out)
+            .zip(output.positions.par_chunks(together * sweep_out))
+            .zip(groups)
+            .zip(targets)
+            .with_min_len(self.groups_of_thread())
+            .map(|(((gradient, positions), group), target)| {
+                let plan = self.plan_of(gradient.len(), sweep_out);
+                let output = OutputGradient {
+                    gradient,
+                    positions,
+                    affine: output.affine,
+                };
+                let d_weight = self.backward_group(plan, &weight, &group, output, target);
+                self.recycle_group(group);
+                d_weight
+            })
+            .collect();
+        let mut of_groups = of_groups.into_iter();
+        let mut d_weight = of_groups.next().unwrap_or_default();
+        for of_group in of_groups {
+            for (sum, value) in d_weight.iter_mut().zip(&of_group) {
+                *sum += value;
+            }
+            spare::give(of_group);
+        }
+        self.recycle(SavedSpectral {
+            weight,
+            groups: Vec::new(),
+        });
+        (d_weight, d_input)
+    }
+
+    /// The weights' gradient of a group's sweeps; that of their input is written to `target`.
+    fn backward_group(
+        &self,
+        plan: &Plan,
+        weight: &[Octet],
+        saved: &SavedGroup,
+        output: OutputGradient<'_>,
+        target: Option<&mut [f32]>,
+    ) -> Vec<f32> {
+        let need_input = target.is_some();
         let (shape, columns, length) = (plan.shape, plan.taxel.frequencies(), plan.time.length());
         let row = plan.ranges.span * 2 * plan.outs;
         let mut rows = self.buffers.take(plan.parts() * columns * row);
@@ -57,7 +111,7 @@ impl Spectral {
             .par_chunks_exact_mut(inputs.max(1))
             .zip(d_taps.par_chunks_exact_mut(kernels))
             .zip(saved.input.par_chunks_exact(length * plan.input_stride()))
-            .zip(saved.weight.par_chunks_exact(plan.weight_column()))
+            .zip(weight.par_chunks_exact(plan.weight_column()))
             .enumerate()
             .for_each(|(column, (((d_input, d_taps), input), weight))| {
                 let mut buffers = [
@@ -102,9 +156,8 @@ impl Spectral {
                 };
                 plan.isa.run(plan.outs, stage)
             });
-        let input = need_input.then(|| {
-            let mut input = spare::take(shape.input_len());
-            input
+        if let Some(target) = target {
+            target
                 .par_chunks_exact_mut(shape.input_len() / shape.batch)
                 .enumerate()
                 .for_each(|(sweep, input)| {
@@ -116,13 +169,11 @@ impl Spectral {
                     };
                     plan.isa.run(plan.ins, stage)
                 });
-            input
-        });
-        self.recycle(saved);
+        }
         [rows, d_input, d_taps]
             .into_iter()
             .for_each(|buffer| self.buffers.give(buffer));
-        (weight, input)
+        weight
     }
 }
 

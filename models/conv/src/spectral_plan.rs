@@ -64,11 +64,6 @@ pub(super) fn padded(octets: usize) -> usize {
 
 impl Plan {
     /// Returns `None` unless both counts of maps are multiples of eight and [`TaxelPlan`] takes the kernel.
-    pub(super) fn new(shape: BlockShape, isa: Isa) -> Option<Self> {
-        Self::tiled(shape, isa, Tiling::cheapest(&shape, isa)?)
-    }
-
-    /// The same with a tiling of the caller's choice.
     pub(super) fn tiled(shape: BlockShape, isa: Isa, tiling: Tiling) -> Option<Self> {
         let [pad_steps, pad_taxels] = shape.padding();
         if !shape.maps_in.is_multiple_of(8) || !shape.maps_out.is_multiple_of(8) {
@@ -110,6 +105,12 @@ impl Plan {
             bands,
             ranges,
         })
+    }
+
+    /// Octets that lie between the stages.
+    pub(super) fn between(&self) -> usize {
+        let Bands { width, span, .. } = self.ranges;
+        self.parts() * self.taxel.frequencies() * 2 * (width * self.ins + span * self.outs)
     }
 
     /// Parts of a sweep: ranges of steps of a band, band after band.

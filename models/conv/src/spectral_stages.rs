@@ -20,18 +20,39 @@ impl Kernel for Analyze<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
+        if self.plan.bands.is_cut() {
+            self.of_bands::<L, true>();
+        } else {
+            self.of_bands::<L, false>();
+        }
+    }
+}
+
+impl Analyze<'_> {
+    #[inline(always)]
+    fn of_bands<L: Lanes, const CUT: bool>(self) {
         let (plan, ins, block) = (self.plan, self.plan.ins, self.plan.in_block);
         let (row, seen) = (plan.shape.taxels * ins * 8, plan.ranges.width);
         for at in 0..seen {
             // What lies beside the sweep or the array is zero.
-            let step = plan.ranges.input(self.range, at);
-            let row = step.map(|step| &self.input[step * row..][..row]);
+            let Some(step) = plan.ranges.input(self.range, at) else {
+                for rows in self.rows.chunks_exact_mut(seen * 2 * block) {
+                    rows[at * 2 * block..][..2 * block].fill(Octet::ZERO);
+                }
+                continue;
+            };
+            let row = &self.input[step * row..][..row];
             for v in (0..ins).step_by(L::OCTETS) {
                 let first = in_blocks(v, block, seen * 2 * block) + at * 2 * block;
                 let out = &mut self.rows[first..];
-                let values = |at: usize| match (row, plan.bands.input(self.band, at)) {
-                    (Some(row), Some(taxel)) => L::load_floats(row, taxel * ins + v),
-                    _ => L::splat(0.0),
+                let values = |at: usize| {
+                    if !CUT {
+                        return L::load_floats(row, at * ins + v);
+                    }
+                    match plan.bands.input(self.band, at) {
+                        Some(taxel) => L::load_floats(row, taxel * ins + v),
+                        None => L::splat(0.0),
+                    }
                 };
                 plan.taxel.forward::<L>(values, out, seen * 2 * ins, block);
             }
@@ -81,6 +102,17 @@ impl Kernel for Synthesize<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
+        if self.plan.bands.is_cut() {
+            self.of_bands::<L, true>();
+        } else {
+            self.of_bands::<L, false>();
+        }
+    }
+}
+
+impl Synthesize<'_> {
+    #[inline(always)]
+    fn of_bands<L: Lanes, const CUT: bool>(self) {
         let (plan, outs) = (self.plan, self.plan.outs);
         let BlockShape {
             taxels,
@@ -104,7 +136,9 @@ impl Kernel for Synthesize<'_> {
                         block,
                         parts * span * 2 * block,
                         |at, y: L| {
-                            if let Some(taxel) = plan.bands.output(band, at) {
+                            if !CUT {
+                                y.store(maps, at * outs + v);
+                            } else if let Some(taxel) = plan.bands.output(band, at) {
                                 y.store(maps, taxel * outs + v);
                             }
                         },
@@ -146,6 +180,17 @@ impl Kernel for Spread<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
+        if self.plan.bands.is_cut() {
+            self.of_bands::<L, true>();
+        } else {
+            self.of_bands::<L, false>();
+        }
+    }
+}
+
+impl Spread<'_> {
+    #[inline(always)]
+    fn of_bands<L: Lanes, const CUT: bool>(self) {
         let (plan, outs) = (self.plan, self.plan.outs);
         let BlockShape { taxels, pool, .. } = plan.shape;
         let (window_row, block, span) = (taxels * outs, plan.out_block, plan.ranges.span);
@@ -157,15 +202,14 @@ impl Kernel for Spread<'_> {
             let first = (windows_before + window) * window_row;
             for v in (0..outs).step_by(L::OCTETS) {
                 let mut sparse = [[L::splat(0.0); 2]; MAX_TAXELS];
-                for (at, sparse) in sparse.iter_mut().enumerate().take(plan.bands.width) {
-                    if let Some(taxel) = plan.bands.output(self.band, at) {
-                        let at = first + taxel * outs + v;
-                        let gradient = L::load_floats(self.output.gradient, at);
-                        *sparse = [
-                            gradient.mul(L::load_floats(&affine.ka, v)),
-                            L::load_bytes(self.output.positions, at),
-                        ];
-                    }
+                let outputs = plan.bands.outputs(self.band);
+                for (place, taxel) in (plan.bands.margin()..).zip(outputs) {
+                    let at = first + taxel * outs + v;
+                    let gradient = L::load_floats(self.output.gradient, at);
+                    sparse[place] = [
+                        gradient.mul(L::load_floats(&affine.ka, v)),
+                        L::load_bytes(self.output.positions, at),
+                    ];
                 }
                 let (kb, kc) = (L::load_floats(&affine.kb, v), L::load_floats(&affine.kc, v));
                 for (step, maps) in tile.chunks_exact(window_row).enumerate() {
@@ -173,13 +217,15 @@ impl Kernel for Spread<'_> {
                     let first =
                         in_blocks(v, block, span * 2 * block) + (window * pool + step) * 2 * block;
                     let out = &mut self.rows[first..];
-                    let values = |at: usize| match plan.bands.output(self.band, at) {
-                        Some(taxel) => {
-                            let [gradient, position] = sparse[at];
-                            let dense = L::load(maps, taxel * outs + v).mul_add(kc, kb);
-                            position.if_equal(won, gradient).add(dense)
-                        }
-                        None => L::splat(0.0),
+                    let values = |at: usize| {
+                        let taxel = match plan.bands.output(self.band, at) {
+                            _ if !CUT => at,
+                            Some(taxel) => taxel,
+                            None => return L::splat(0.0),
+                        };
+                        let [gradient, position] = sparse[at];
+                        let dense = L::load(maps, taxel * outs + v).mul_add(kc, kb);
+                        position.if_equal(won, gradient).add(dense)
                     };
                     plan.taxel.forward::<L>(values, out, span * 2 * outs, block);
                 }
@@ -280,14 +326,24 @@ impl Kernel for InputGradient<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
+        // Where parts overlap, their gradients add up.
+        if self.plan.bands.is_cut() || self.plan.ranges.is_cut() {
+            self.of_parts::<L, true>();
+        } else {
+            self.of_parts::<L, false>();
+        }
+    }
+}
+
+impl InputGradient<'_> {
+    #[inline(always)]
+    fn of_parts<L: Lanes, const CUT: bool>(self) {
         let (plan, ins, block) = (self.plan, self.plan.ins, self.plan.in_block);
         let (parts, seen) = (plan.parts(), plan.ranges.width);
         let (bands, ranges) = (plan.bands.count(), plan.ranges.count());
-        // Where parts overlap, their gradients add up.
-        let is_cut = plan.bands.is_cut() || plan.ranges.is_cut();
         let row = plan.shape.taxels * ins * 8;
         for (step, row) in self.input.chunks_exact_mut(row).enumerate() {
-            if is_cut {
+            if CUT {
                 row.fill(0.0);
             }
             for (range, at) in plan.ranges.seeing(step) {
@@ -302,7 +358,7 @@ impl Kernel for InputGradient<'_> {
                             block,
                             8 * block,
                             |at, value: L| {
-                                if !is_cut {
+                                if !CUT {
                                     value.store_floats(row, at * ins + v);
                                 } else if let Some(taxel) = plan.bands.input(band, at) {
                                     let at = taxel * ins + v;
