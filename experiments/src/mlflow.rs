@@ -10,6 +10,7 @@ use std::path::Path;
 use std::time::UNIX_EPOCH;
 
 use tactnet_data::sha256_hex;
+use tactnet_pipeline::write_whole;
 
 use crate::tasks::{ExperimentDir, TaskState};
 use crate::{ExperimentError, Job, Probe, Task};
@@ -137,18 +138,19 @@ fn export_task(
     for file in ARTEFACTS {
         let (from, to) = (folder.join(file), target.join("artifacts").join(file));
         if from.exists() {
-            fs::copy(&from, &to).map_err(|error| ExperimentError::io(&to, "write", error))?;
+            let bytes =
+                fs::read(&from).map_err(|error| ExperimentError::io(&from, "read", error))?;
+            write_whole(&to, &bytes)?;
         }
     }
     Ok(())
 }
 
 fn write(path: &Path, text: &str) -> Result<(), ExperimentError> {
-    let failed = |error| ExperimentError::io(path, "write", error);
     if let Some(folder) = path.parent() {
-        fs::create_dir_all(folder).map_err(failed)?;
+        fs::create_dir_all(folder).map_err(|error| ExperimentError::io(path, "write", error))?;
     }
-    fs::write(path, text).map_err(failed)
+    write_whole(path, text.as_bytes()).map_err(ExperimentError::from)
 }
 
 /// When a file was written, milliseconds since 1970.

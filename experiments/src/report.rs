@@ -16,14 +16,14 @@ mod paired;
 mod ranks;
 mod results;
 mod study;
-mod svg;
 mod terms;
 mod text;
+
+use tactnet_plot::{STYLE as FIGURE_STYLE, escape, theme};
 
 use crate::questions::scored;
 use crate::{Question, Summary};
 use data_set::data_sets;
-use text::escape;
 
 const STYLE: &str = include_str!("report/report.css");
 const SCRIPT: &str = include_str!("report/report.js");
@@ -87,13 +87,14 @@ fn page(summary: &Summary, sections: &[(&str, &str, String)]) -> String {
          <meta name=\"color-scheme\" content=\"light dark\">\n\
          <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; \
          style-src 'unsafe-inline'; script-src 'unsafe-inline'\">\n\
-         <link rel=\"icon\" href=\"data:,\">\n<title>{title}</title>\n<style>\n{STYLE}</style>\n\
+         <link rel=\"icon\" href=\"data:,\">\n<title>{title}</title>\n<style>\n{theme}{FIGURE_STYLE}{STYLE}</style>\n\
          <noscript><style>th button {{ pointer-events: none; }} th button::after {{ content: none; }}</style></noscript>\n\
          </head>\n<body>\n<a class=\"skip\" href=\"#main\">Skip to the results</a>\n\
          <header>\n{header}</header>\n\
          <nav aria-label=\"Contents\"><ul class=\"contents\">{contents}</ul></nav>\n\
          <main id=\"main\" tabindex=\"-1\">\n{sections}</main>\n<script>\n{SCRIPT}</script>\n</body>\n</html>\n",
         title = escape(&summary.title),
+        theme = theme(),
         header = header::header(summary),
     )
 }

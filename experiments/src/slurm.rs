@@ -5,6 +5,8 @@ use std::process::Command;
 use std::thread;
 use std::time::{Duration, Instant};
 
+use tactnet_pipeline::write_whole;
+
 use crate::local::failures;
 use crate::tasks::{ExperimentDir, TaskState};
 use crate::{Event, ExperimentError, Task};
@@ -148,7 +150,7 @@ fn submit(
         array.cores
     );
     let path = logs.join("task.sh");
-    std::fs::write(&path, script).map_err(|error| ExperimentError::io(&path, "write", error))?;
+    write_whole(&path, script.as_bytes())?;
     let mut arguments = vec![
         "--parsable".to_string(),
         format!("--array={}%{}", ranges(open), array.jobs.max(1)),
@@ -175,7 +177,7 @@ fn submit(
         });
     }
     let path = logs.join("job");
-    std::fs::write(&path, &id).map_err(|error| ExperimentError::io(&path, "write", error))?;
+    write_whole(&path, id.as_bytes())?;
     Ok(id)
 }
 

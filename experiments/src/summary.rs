@@ -13,7 +13,7 @@ use crate::{
 };
 
 /// Everything an experiment found.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
     /// Version of this layout, [`Summary::SCHEMA_VERSION`].
     pub schema_version: u32,
@@ -48,25 +48,25 @@ pub struct Summary {
     /// The tasks behind the numbers.
     pub records: Vec<TaskRecord>,
     /// Of a cross-validation: what is known of every contender besides its rows.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub contenders: Vec<Contender>,
     /// Of a cross-validation: what each data set gives away.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub audits: Vec<Audit>,
     /// Of a cross-validation: materials in groups, by contender (see [`Contender::key`]).
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub groups: BTreeMap<String, Grouping>,
     /// Of `nshot`: how many more sweeps a network without pre-knowledge needs.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub sample_efficiency: Option<Vec<SampleEfficiency>>,
     /// Of `feature-maps`: sweeps in a plane.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub maps: Vec<FeatureMap>,
 }
 
 impl Summary {
     /// Version written by this program.
-    pub const SCHEMA_VERSION: u32 = 2;
+    pub const SCHEMA_VERSION: u32 = 3;
 
     /// Returns the row of a key.
     pub fn row(&self, key: &str) -> Option<&Row> {
@@ -150,8 +150,8 @@ pub struct TaskRecord {
     pub split_sha256: String,
     /// SHA-256 of the recipe.
     pub recipe_sha256: String,
-    /// Commit of the program.
-    pub git: String,
+    /// Commits of the program; several where it was resumed by another build.
+    pub git: Vec<String>,
     /// Time of the task, seconds.
     pub seconds: f64,
     /// Settings that were chosen on the way, by name.

@@ -2,6 +2,8 @@
 
 use std::fmt::{self, Write};
 
+use tactnet_pipeline::PredictionMethod;
+
 use crate::questions::{Scored, scored};
 use crate::{Comparison, Measure, Question, Row, SampleEfficiency, Statistic, Summary};
 
@@ -74,10 +76,9 @@ fn contender(row: &Scored<'_>) -> String {
     let interval = row.one_sweep.ci95.map_or(String::new(), |[low, high]| {
         format!(" {:.1} to {:.1}", 100.0 * low, 100.0 * high)
     });
-    let way = if row.prediction == "plain" {
-        ""
-    } else {
-        ", MC dropout"
+    let way = match row.prediction {
+        PredictionMethod::Plain => "",
+        PredictionMethod::McDropout { .. } => ", MC dropout",
     };
     format!(
         "{:<44} {:>5} {:>24} {:>16} {:>6.3} {:>6.3} {:>9.1} {:>11}",

@@ -1,18 +1,18 @@
 //! A task as a process.
 
 use std::fs::File;
-#[cfg(unix)]
-use std::os::unix::process::CommandExt;
 use std::path::Path;
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Command, ExitStatus, Stdio};
 use std::time::Instant;
+
+use tactnet_process::ChildProcess;
 
 use crate::tasks::ExperimentDir;
 use crate::{ExperimentError, Task};
 
-/// A process that works on a task; the task is claimed until this is dropped.
+/// A process that works on a task; when this is dropped, the process is killed and the task is no longer claimed.
 pub(crate) struct TaskProcess {
-    child: Child,
+    process: ChildProcess,
     begun: Instant,
     interrupted: bool,
     _claim: File,
@@ -48,13 +48,10 @@ impl TaskProcess {
             .stdout(Stdio::null())
             .stderr(log);
         // Ctrl-C on a terminal reaches the runner alone, which passes it on once.
-        #[cfg(unix)]
-        command.process_group(0);
-        let child = command
-            .spawn()
+        let process = ChildProcess::start(&mut command)
             .map_err(|error| ExperimentError::io(program, "start", error))?;
         Ok(Some(Self {
-            child,
+            process,
             begun: Instant::now(),
             interrupted: false,
             _claim: claim,
@@ -66,8 +63,8 @@ impl TaskProcess {
     /// # Errors
     /// The system does not tell.
     pub(crate) fn status(&mut self) -> Result<Option<ExitStatus>, ExperimentError> {
-        self.child
-            .try_wait()
+        self.process
+            .ended()
             .map_err(|error| ExperimentError::io(Path::new("task"), "wait for", error))
     }
 
@@ -80,7 +77,8 @@ impl TaskProcess {
     pub(crate) fn interrupt(&mut self) {
         if !self.interrupted {
             self.interrupted = true;
-            interrupt(&self.child);
+            // One that cannot be asked goes on to its end.
+            let _ = self.process.ask_to_end();
         }
     }
 }
@@ -96,13 +94,3 @@ fn claim(dir: &ExperimentDir, task: &Task) -> Result<Option<File>, ExperimentErr
         Err(std::fs::TryLockError::Error(error)) => Err(failed(error)),
     }
 }
-
-/// Asks a process to stop where it can be resumed.
-#[cfg(unix)]
-fn interrupt(child: &Child) {
-    let pid = child.id().to_string();
-    let _ = Command::new("kill").args(["-TERM", &pid]).status();
-}
-
-#[cfg(not(unix))]
-fn interrupt(_: &Child) {}

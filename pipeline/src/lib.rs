@@ -50,6 +50,7 @@ pub use network::objective::{Pass, Perturbation, adversarial_pass, base_pass};
 pub use network::train_embeddings::TrainEmbeddings;
 pub use network::train_network::train_network;
 pub use network::training::{BatchReport, Position, Training, TrainingState};
+pub use predict::by_method::serialize_by_method;
 pub use predict::calibration::{
     Calibration, CalibrationTarget, Verdict, least_probability, prediction_set, upper_quantile,
 };

@@ -128,19 +128,19 @@ pub struct Prediction {
     pub method: PredictionMethod,
 }
 
-/// How probabilities are computed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+/// How probabilities are computed. Sorted by their names, as files have them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum PredictionMethod {
-    /// One pass without dropout.
-    #[default]
-    Plain,
     /// Mean of the softmax over `mc_samples` passes with dropout kept on and batch norm frozen (Gal & Ghahramani, 2016).
     McDropout {
         /// Number of passes M.
         #[serde(alias = "runs")]
         mc_samples: usize,
     },
+    /// One pass without dropout.
+    #[default]
+    Plain,
 }
 
 impl PredictionMethod {

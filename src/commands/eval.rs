@@ -10,8 +10,8 @@ use tactnet_channel::percentile;
 use tactnet_data::Seed;
 use tactnet_models::Compute;
 use tactnet_pipeline::{
-    Classifier, Evaluation, EvaluationTable, RunDir, RuntimeComparison, RuntimeKind, TestSweeps,
-    Verdicts, compare_runtime, evaluate_all_ways,
+    Classifier, Evaluation, EvaluationTable, PredictionMethod, RunDir, RuntimeComparison,
+    RuntimeKind, TestSweeps, Verdicts, compare_runtime, evaluate_all_ways, serialize_by_method,
 };
 
 use super::choices::{DeviceChoice, RuntimeChoice};
@@ -62,10 +62,14 @@ struct EvalResult {
     data_sha256: String,
     tested: String,
     n_test: usize,
-    evaluations: BTreeMap<String, Evaluation>,
+    #[serde(serialize_with = "serialize_by_method")]
+    evaluations: BTreeMap<PredictionMethod, Evaluation>,
     /// By way of predicting; only with `--runtime`.
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    runtimes: BTreeMap<String, RuntimeSummary>,
+    #[serde(
+        skip_serializing_if = "BTreeMap::is_empty",
+        serialize_with = "serialize_by_method"
+    )]
+    runtimes: BTreeMap<PredictionMethod, RuntimeSummary>,
     /// Only after `train --calibrate`.
     #[serde(skip_serializing_if = "Option::is_none")]
     verdicts: Option<Verdicts>,
@@ -148,13 +152,13 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
     let (mut evaluations, mut runtimes) = (BTreeMap::new(), BTreeMap::new());
     if !view.is_empty() {
         let ways = evaluate_all_ways(&classifier, view, mc_samples, fused, spec.seed)?;
-        for (name, burn, mut evaluation) in ways {
+        for (burn, mut evaluation) in ways {
             if let Some(kind) = arguments.runtime.map(RuntimeKind::from) {
                 let compared = compare_runtime(kind, &classifier, view, &burn)?;
                 evaluation = Evaluation::of(&compared.predictions, fused, spec.seed);
-                runtimes.insert(name.to_string(), RuntimeSummary::of(kind, &compared));
+                runtimes.insert(burn.method, RuntimeSummary::of(kind, &compared));
             }
-            evaluations.insert(name.to_string(), evaluation);
+            evaluations.insert(burn.method, evaluation);
         }
     }
     let result = EvalResult {
@@ -181,8 +185,8 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
         result.data, result.tested, result.n_test
     ))?;
     output::print(EvaluationTable(&result.evaluations))?;
-    for (way, compared) in &result.runtimes {
-        output::print(format_args!("{way}: {compared}"))?;
+    for (method, compared) in &result.runtimes {
+        output::print(format_args!("{}: {compared}", method.name()))?;
     }
     if let Some(verdicts) = &result.verdicts {
         output::print(verdicts)?;

@@ -41,7 +41,7 @@ pub fn run(arguments: &TaskArgs) -> anyhow::Result<ExitCode> {
     let program = Provenance::of_this_process(env!("CARGO_PKG_VERSION"), GIT);
     match dir.begin(task)? {
         Start::Resume => {
-            source::announce(&RunDir::open(&folder)?.config()?.data);
+            source::announce(&RunDir::open(&folder)?.config()?.spec.data);
             let session = Session::resume(&folder, None, program)?;
             train(&session, &stop, OutputFormat::Table)
         }

@@ -135,7 +135,7 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
     let session = match &arguments.resume {
         Some(folder) => {
             let data = arguments.data.as_deref();
-            let begun_with = RunDir::open(folder)?.config()?.data;
+            let begun_with = RunDir::open(folder)?.config()?.spec.data;
             source::announce(data.unwrap_or(&begun_with));
             Session::resume(folder, data, program)?
         }

@@ -33,6 +33,16 @@ fn lab() -> Lab {
     lab
 }
 
+/// The same with a recipe that hardly learns, where only the course of a study matters.
+fn quick_lab() -> Lab {
+    let lab = lab();
+    lab.recipe(RecipeChange {
+        epochs: Some(2),
+        ..RecipeChange::default()
+    });
+    lab
+}
+
 fn study(lab: &Lab, name: &str, settings: &[&str], out: &str) -> Command {
     let mut command = tactnet(["experiment", "run", name, "--json"]);
     command
@@ -63,7 +73,7 @@ const NSHOT: [&str; 3] = [
 
 #[test]
 fn n_shot_transfer_measures_every_method_the_same_way_however_many_threads() {
-    let lab = lab();
+    let lab = quick_lab();
     let mut two = study(&lab, "nshot", &NSHOT, "two");
     two.args(["--jobs", "2"]);
     let two = summary(two);
@@ -308,12 +318,12 @@ fn questions_refuse_what_they_cannot_use_in_one_line() {
 
 #[test]
 fn a_stopped_question_keeps_its_finished_networks_and_finds_the_same() {
-    let lab = lab();
+    let lab = quick_lab();
     let settings = [
         "splits=1",
         "shots=[1, 3]",
         "methods=[\"nk\", \"ol-mean\"]",
-        "study={kind=\"nshot\", new_materials=3, scratch_folds=5}",
+        "study={kind=\"nshot\", new_materials=3, scratch_folds=3}",
     ];
     let undisturbed = summary(study(&lab, "nshot", &settings, "undisturbed"));
     let mut runner = study(&lab, "nshot", &settings, "stopped")

@@ -1,6 +1,6 @@
 //! A download that is not complete yet.
 
-use crate::DataError;
+use crate::{DataError, write_whole};
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
 use std::io::ErrorKind;
@@ -54,8 +54,7 @@ impl Part {
         remove_file(&self.etag_path)?;
         let file = self.open(OpenOptions::new().write(true).create(true).truncate(true))?;
         if let Some(etag) = etag {
-            fs::write(&self.etag_path, etag)
-                .map_err(|error| DataError::io(&self.etag_path, "write", error))?;
+            write_whole(&self.etag_path, etag.as_bytes())?;
         }
         Ok(file)
     }

@@ -10,7 +10,7 @@ use crate::{ExperimentError, Measurement, QuestionTask, Task};
 
 /// One run in MLflow's words: names and values.
 pub(super) struct Run {
-    /// Commit of the program.
+    /// Commits of the program; more than one with spaces between them.
     pub(super) git: String,
     /// Time of the task, seconds.
     pub(super) seconds: f64,
@@ -42,7 +42,8 @@ pub(super) fn training(folder: &Path) -> Result<Option<Run>, ExperimentError> {
         flatten("recipe", &Value::Table(table), &mut parameters);
     }
     let mut metrics = Vec::new();
-    for (way, evaluation) in &result.evaluations {
+    for (method, evaluation) in &result.evaluations {
+        let way = method.name();
         let Evaluation {
             one_sweep,
             fused,
@@ -84,7 +85,7 @@ pub(super) fn training(folder: &Path) -> Result<Option<Run>, ExperimentError> {
             ("train_loss", course(|epoch| epoch.train_loss)),
             ("train_accuracy", course(|epoch| epoch.train_accuracy)),
         ],
-        git: result.git,
+        git: result.git.join(" "),
     }))
 }
 

@@ -9,7 +9,7 @@ mod training;
 use serde::{Deserialize, Serialize};
 use tactnet_pipeline::SplitKind;
 
-use super::{Ask, Compared, FOLDS, REPEATS, five, one, within};
+use super::{Ask, Compared, FOLDS, Named, REPEATS, five, one, within};
 use crate::context::{Cancelled, StudyContext};
 use crate::one_or_many::one_or_many;
 use crate::plan::Grid;

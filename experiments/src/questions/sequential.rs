@@ -116,16 +116,13 @@ fn sequential(fixed: &[usize], context: &StudyContext<'_>) -> Result<Answer, Can
     let classifier = context.trained("classifier", &fold.train, seed)?;
     context.say("beliefs")?;
     let mut measurements = Vec::new();
-    for (method, way) in [
-        ("plain", PredictionMethod::Plain),
-        (
-            "mc_dropout",
-            PredictionMethod::McDropout {
-                mc_samples: MC_SAMPLES,
-            },
-        ),
+    for method in [
+        PredictionMethod::Plain,
+        PredictionMethod::McDropout {
+            mc_samples: MC_SAMPLES,
+        },
     ] {
-        let predictions = classifier.predict(&fold.test, way)?;
+        let predictions = classifier.predict(&fold.test, method)?;
         let labels: Vec<usize> = predictions.sweeps.iter().map(|sweep| sweep.label).collect();
         let of_label = rows_of_label(&labels);
         let fewest = of_label.iter().map(Vec::len).min().unwrap_or(0);
@@ -169,7 +166,8 @@ fn sequential(fixed: &[usize], context: &StudyContext<'_>) -> Result<Answer, Can
             for (measure, sum) in [(Measure::Accuracy, right), (Measure::MeanSweeps, taken)] {
                 let value = sum as f64 / decisions as f64;
                 measurements.push(
-                    Measurement::new(measure, method, value, decisions).setting(setting.as_str()),
+                    Measurement::new(measure, method.name(), value, decisions)
+                        .setting(setting.as_str()),
                 );
             }
         }

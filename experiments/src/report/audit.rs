@@ -1,6 +1,8 @@
 //! What each data set gives away without texture.
 
-use super::text::{escape, percent};
+use tactnet_plot::escape;
+
+use super::text::percent;
 use crate::{Audit, Summary};
 
 pub(super) fn section(summary: &Summary) -> String {

@@ -1,9 +1,11 @@
 //! Our confusions beside those published for the same materials.
 
+use tactnet_plot::escape;
+
 use super::class_bars;
 use super::confusion::{Cells, Confusion, reordered, shades};
 use super::data_set::DataSet;
-use super::text::{decimal, escape, percent};
+use super::text::{decimal, percent};
 use crate::published_confusion::{self, TACTMAT_MATERIALS, off_diagonal_correlation};
 use crate::questions::Scored;
 

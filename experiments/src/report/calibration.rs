@@ -1,8 +1,9 @@
 //! How far a model's confidence can be trusted: reliability diagrams and risk-coverage curves.
 
+use tactnet_plot::{Axes, Axis, Series, escape, figure, legend};
+
 use super::data_set::DataSet;
-use super::svg::{Axes, SERIES, figure, legend};
-use super::text::{escape, percent};
+use super::text::percent;
 use crate::ReliabilityBin;
 use crate::questions::Scored;
 
@@ -18,9 +19,11 @@ pub(super) fn reliability(set: &DataSet) -> String {
     let Some(best) = rows.first() else {
         return String::new();
     };
-    let axes = square(1.0);
-    let mut content = axes.rows(0.2, "accuracy, %");
-    content.push_str(&axes.columns(0.2, "confidence, %"));
+    let axes = square(
+        Axis::percent("confidence, %", 1.0, 0.2),
+        Axis::percent("accuracy, %", 1.0, 0.2),
+    );
+    let mut content = axes.grid();
     content.push_str(&format!(
         "<line class=\"diagonal\" x1=\"{:.1}\" y1=\"{:.1}\" x2=\"{:.1}\" y2=\"{:.1}\"/>\n",
         axes.x(0.0),
@@ -34,7 +37,7 @@ pub(super) fn reliability(set: &DataSet) -> String {
             .iter()
             .map(|bin| (bin.confidence, bin.accuracy))
             .collect();
-        content.push_str(&axes.series(series, &points, 1));
+        content.push_str(&axes.line(Series::nth(series), &points, 1));
     }
     content.push_str(&counts(best.reliability, &axes));
     let name = set.name(best);
@@ -68,9 +71,12 @@ pub(super) fn risk_coverage(set: &DataSet) -> String {
     } else {
         0.05
     };
-    let axes = square(((largest / step).ceil() * step).min(1.0));
-    let mut content = axes.rows(step, "wrong among the answered, %");
-    content.push_str(&axes.columns(0.2, "answered, %"));
+    let most = ((largest / step).ceil() * step).min(1.0);
+    let axes = square(
+        Axis::percent("answered, %", 1.0, 0.2),
+        Axis::percent("wrong among the answered, %", most, step),
+    );
+    let mut content = axes.grid();
     for (series, row) in rows.iter().enumerate().rev() {
         let every = row.risk_coverage.len().div_ceil(POINTS);
         let points: Vec<(f64, f64)> = row
@@ -80,7 +86,7 @@ pub(super) fn risk_coverage(set: &DataSet) -> String {
             .filter(|(k, _)| k % every == 0 || k + 1 == row.risk_coverage.len())
             .map(|(_, point)| (point.coverage, point.risk))
             .collect();
-        content.push_str(&axes.series(series, &points, points.len().div_ceil(8)));
+        content.push_str(&axes.line(Series::nth(series), &points, points.len().div_ceil(8)));
     }
     let title = format!(
         "Risk against coverage on {}, best: {}",
@@ -95,14 +101,14 @@ pub(super) fn risk_coverage(set: &DataSet) -> String {
     )
 }
 
-fn square(y_max: f64) -> Axes {
+fn square(horizontal: Axis, vertical: Axis) -> Axes {
     Axes {
         left: 52.0,
         top: 10.0,
         width: 336.0,
         height: 336.0,
-        x_max: 1.0,
-        y_max,
+        horizontal,
+        vertical,
     }
 }
 
@@ -111,7 +117,7 @@ fn shown<'a>(set: &DataSet<'a>, drawable: impl Fn(&Scored<'_>) -> bool) -> Vec<&
     set.contenders()
         .into_iter()
         .filter(|row| drawable(row))
-        .take(SERIES)
+        .take(Series::COUNT)
         .collect()
 }
 

@@ -1,8 +1,9 @@
 //! Accuracy of every material as a bar.
 
-use super::confusion::{LETTER, NAME_LIMIT};
-use super::svg::figure;
-use super::text::{escape, percent, shortened};
+use tactnet_plot::{escape, figure, text_width};
+
+use super::confusion::NAME_LIMIT;
+use super::text::{percent, shortened};
 
 /// A column of bars, from 0 to 100 %, one for each material.
 ///
@@ -55,12 +56,7 @@ pub(super) fn table(title: &str, names: &[&str], columns: &[(&str, Vec<f64>)]) -
         .enumerate()
         .map(|(id, name)| format!("{} {id:>2}", shortened(name, NAME_LIMIT)))
         .collect();
-    let longest = labels
-        .iter()
-        .map(|label| label.chars().count())
-        .max()
-        .unwrap_or(0);
-    let margin = 10.0 + LETTER * longest as f64;
+    let margin = 10.0 + text_width(&labels);
     let mut content = String::new();
     for (k, label) in labels.iter().enumerate() {
         content.push_str(&format!(

@@ -1,12 +1,10 @@
 //! A confusion matrix as a heat map whose cells can be pointed at or walked through with the arrow keys.
 
-use super::class_bars;
-use super::svg::figure;
-use super::text::{escape, percent, shortened};
-use crate::Grouping;
+use tactnet_plot::{HeatMap, escape, figure, shade, text_width};
 
-/// Width of a letter of a figure's small text, user units, on the wide side.
-pub(super) const LETTER: f64 = 6.1;
+use super::class_bars;
+use super::text::{percent, shortened};
+use crate::Grouping;
 
 /// Longest material name that is written out in a figure.
 pub(super) const NAME_LIMIT: usize = 34;
@@ -117,12 +115,7 @@ impl<'a> Confusion<'a> {
             .iter()
             .map(|name| shortened(name, NAME_LIMIT))
             .collect();
-        let longest = labels
-            .iter()
-            .map(|label| label.chars().count())
-            .max()
-            .unwrap_or(0);
-        let margin = 22.0 + LETTER * longest as f64;
+        let margin = 22.0 + text_width(&labels);
         let side = cell * size as f64;
         let mut content = String::new();
         for (k, label) in labels.iter().enumerate() {
@@ -185,26 +178,11 @@ impl<'a> Confusion<'a> {
 
     fn heat(&self, left: f64, top: f64, cell: f64) -> String {
         let size = self.names.len();
-        let side = cell * size as f64;
-        let mut svg = format!(
-            "<rect class=\"ground\" x=\"{left:.1}\" y=\"{top:.1}\" width=\"{side}\" height=\"{side}\"/>\n<g class=\"heat\">\n"
-        );
-        for truth in 0..size {
-            for predicted in 0..size {
-                let share = self.share(truth, predicted);
-                if share > 0.0 {
-                    svg.push_str(&format!(
-                        "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{cell}\" height=\"{cell}\" fill-opacity=\"{:.2}\">\
-                         <title>{}</title></rect>\n",
-                        left + cell * predicted as f64,
-                        top + cell * truth as f64,
-                        shade(share),
-                        escape(&self.describe(truth, predicted))
-                    ));
-                }
-            }
-        }
-        svg.push_str("</g>\n");
+        let shares: Vec<Vec<f64>> = (0..size)
+            .map(|truth| (0..size).map(|k| self.share(truth, k)).collect())
+            .collect();
+        let map = HeatMap { left, top, cell };
+        let mut svg = map.draw(&shares, |truth, predicted| self.describe(truth, predicted));
         let mut start = 0;
         for &end in &self.borders {
             let (from, width) = (cell * start as f64, cell * (end - start) as f64);
@@ -244,11 +222,6 @@ impl<'a> Confusion<'a> {
             escape(&data.to_string())
         )
     }
-}
-
-/// Depth of colour for a share: a power below one, so that rare confusions show.
-fn shade(share: f64) -> f64 {
-    share.clamp(0.0, 1.0).powf(0.4).max(0.12)
 }
 
 /// The shades beside what they mean.

@@ -1,9 +1,11 @@
 //! The most accurate model of each data set, looked at closely.
 
+use tactnet_plot::escape;
+
 use super::calibration::{reliability, risk_coverage};
 use super::confusion::{Cells, Confusion, shades};
 use super::data_set::{DataSet, split_name};
-use super::text::{escape, percent, percent_and_sd, scroll};
+use super::text::{percent, percent_and_sd, scroll};
 use crate::Summary;
 use crate::questions::Scored;
 

@@ -1,6 +1,6 @@
 //! The rows of a summary by data set: what may be compared with what.
 
-use tactnet_pipeline::MeanRemoval;
+use tactnet_pipeline::{MeanRemoval, PredictionMethod};
 
 use crate::questions::Scored;
 
@@ -50,16 +50,16 @@ impl<'a> DataSet<'a> {
 /// Model and way of predicting; not yet escaped.
 pub(super) fn contender_name(row: &Scored<'_>) -> String {
     match row.prediction {
-        "plain" => row.model.to_string(),
+        PredictionMethod::Plain => row.model.to_string(),
         other => format!("{}, {}", row.model, prediction_name(other)),
     }
 }
 
-/// A way of predicting, for people; not yet escaped.
-pub(super) fn prediction_name(prediction: &str) -> String {
+/// A way of predicting, for people.
+pub(super) fn prediction_name(prediction: PredictionMethod) -> &'static str {
     match prediction {
-        "mc_dropout" => "MC dropout".to_string(),
-        other => other.replace('_', " "),
+        PredictionMethod::Plain => "plain",
+        PredictionMethod::McDropout { .. } => "MC dropout",
     }
 }
 

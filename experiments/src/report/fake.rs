@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::published_confusion::TACTMAT_MATERIALS;
 use tactnet_data::DataOrigin;
-use tactnet_pipeline::{MeanRemoval, SplitKind};
+use tactnet_pipeline::{MeanRemoval, PredictionMethod, SplitKind};
 
 use crate::{
     Audit, Comparison, Contender, Crossval, DataRecord, FeatureMap, FoldRecord, Grouping, Measure,
@@ -175,7 +175,7 @@ fn record(id: &str) -> TaskRecord {
         split: HOSTILE.into(),
         split_sha256: "ab".repeat(32),
         recipe_sha256: "cd".repeat(32),
-        git: "0123456789abcdef".into(),
+        git: vec!["0123456789abcdef".into()],
         seconds: 12.0,
         chosen: BTreeMap::from([(HOSTILE.into(), 0.1)]),
     }
@@ -244,7 +244,7 @@ fn add(summary: &mut Summary, data: &str, model: &str, accuracy: f64, materials:
         split: "k_fold".into(),
         split_kind: SplitKind::KFold,
         inner: None,
-        prediction: "mc_dropout".into(),
+        prediction: PredictionMethod::McDropout { mc_samples: 100 },
         steps: 1000,
         probe: false,
         materials: materials.to_vec(),

@@ -2,7 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use super::text::{duration, escape, hash};
+use tactnet_plot::escape;
+
+use super::text::{commits, duration, hash};
 use crate::Summary;
 
 pub(super) fn header(summary: &Summary) -> String {
@@ -25,7 +27,6 @@ pub(super) fn header(summary: &Summary) -> String {
             escape(name)
         ));
     }
-    let commits: Vec<String> = summary.git.iter().map(|commit| hash(commit)).collect();
     let data: String = summary
         .data
         .iter()
@@ -37,7 +38,7 @@ pub(super) fn header(summary: &Summary) -> String {
             "Command",
             format!("<code>{}</code>", escape(&summary.command)),
         ),
-        ("Commit", commits.join(", ")),
+        ("Commit", commits(&summary.git)),
         ("Seed", summary.seed.to_string()),
         ("Processor", escape(&summary.processors.join("; "))),
         (

@@ -2,8 +2,10 @@
 //!
 //! Positions are percentages of the width, so that the figure fills a phone without shrinking its letters.
 
+use tactnet_plot::{Scale, escape};
+
 use super::data_set::DataSet;
-use super::text::{escape, percent, shortened};
+use super::text::{percent, shortened};
 use crate::questions::Scored;
 
 const HEADING: f64 = 42.0;
@@ -14,7 +16,7 @@ const WIDE: f64 = 0.65;
 
 pub(super) fn section(sets: &[DataSet]) -> String {
     let rows = || sets.iter().flat_map(|set| set.rows.iter().copied());
-    let Some(scale) = Scale::over(rows().flat_map(values)) else {
+    let Some(range) = Range::over(rows().flat_map(values)) else {
         return "<p>No task has ended yet.</p>\n".to_string();
     };
     let mut y = 0.0;
@@ -27,11 +29,11 @@ pub(super) fn section(sets: &[DataSet]) -> String {
             escape(&set.heading())
         ));
         for row in &set.rows {
-            content.push_str(&line(&set.name(row), row, y, &scale));
+            content.push_str(&line(&set.name(row), row, y, &range));
             y += LINE;
         }
     }
-    let axis = scale.axis(y);
+    let axis = range.axis(y);
     format!(
         "<figure>\n<svg class=\"figure fluid\" role=\"img\" width=\"100%\" height=\"{:.0}\"><title>Accuracy of single sweeps, \
          percent, one line for each of {} rows</title>\n{axis}{content}</svg>\n\
@@ -55,7 +57,7 @@ fn published(row: &Scored<'_>) -> Option<f64> {
     row.published.map(|published| published.one_sweep / 100.0)
 }
 
-fn line(name: &str, row: &Scored<'_>, y: f64, scale: &Scale) -> String {
+fn line(name: &str, row: &Scored<'_>, y: f64, range: &Range) -> String {
     let class = if row.probe { "row probe" } else { "row" };
     let name = if row.probe && !name.contains("probe") {
         format!("{name} (probe)")
@@ -71,24 +73,24 @@ fn line(name: &str, row: &Scored<'_>, y: f64, scale: &Scale) -> String {
     for &fold in &row.one_sweep.values {
         svg.push_str(&format!(
             "<circle class=\"fold\" cx=\"{}\" cy=\"{middle:.0}\" r=\"3\"/>",
-            scale.place(fold)
+            range.place(fold)
         ));
     }
     if let Some([low, high]) = row.one_sweep.ci95 {
         svg.push_str(&format!(
             "<line class=\"interval\" x1=\"{}\" x2=\"{}\" y1=\"{middle:.0}\" y2=\"{middle:.0}\"/>",
-            scale.place(low),
-            scale.place(high)
+            range.place(low),
+            range.place(high)
         ));
     }
     svg.push_str(&format!(
         "<circle class=\"mean\" cx=\"{}\" cy=\"{middle:.0}\" r=\"4.5\"/>",
-        scale.place(row.one_sweep.mean)
+        range.place(row.one_sweep.mean)
     ));
     if let Some(share) = published(row) {
         svg.push_str(&format!(
             "<svg class=\"mark\" x=\"{}\" y=\"{middle:.0}\"><path class=\"published\" d=\"M0-6 6 0 0 6-6 0z\"/></svg>",
-            scale.place(share)
+            range.place(share)
         ));
     }
     svg.push_str("</g>\n");
@@ -96,12 +98,12 @@ fn line(name: &str, row: &Scored<'_>, y: f64, scale: &Scale) -> String {
 }
 
 /// The range of accuracies that is drawn.
-struct Scale {
+struct Range {
     low: f64,
     high: f64,
 }
 
-impl Scale {
+impl Range {
     /// Whole tens of percent around `values`, within 0 and 1.
     fn over(values: impl Iterator<Item = f64>) -> Option<Self> {
         let (low, high) = values
@@ -124,7 +126,9 @@ impl Scale {
 
     /// Position of a value, percent of the figure's width.
     fn place(&self, value: f64) -> String {
-        let share = ((value - self.low) / (self.high - self.low)).clamp(0.0, 1.0);
+        let share = Scale::Linear(self.low..=self.high)
+            .share(value)
+            .clamp(0.0, 1.0);
         format!("{:.2}%", 3.0 + 94.0 * share)
     }
 
@@ -152,11 +156,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_scale_covers_every_value_in_whole_tens() {
-        let scale = Scale::over([0.83, 0.91, f64::NAN].into_iter()).unwrap();
-        assert!((scale.low - 0.8).abs() < 1e-12 && (scale.high - 1.0).abs() < 1e-12);
-        assert_eq!(scale.place(0.8), "3.00%");
-        assert_eq!(scale.place(1.2), "97.00%");
-        assert!(Scale::over([].into_iter()).is_none());
+    fn the_range_covers_every_value_in_whole_tens() {
+        let range = Range::over([0.83, 0.91, f64::NAN].into_iter()).unwrap();
+        assert!((range.low - 0.8).abs() < 1e-12 && (range.high - 1.0).abs() < 1e-12);
+        assert_eq!(range.place(0.8), "3.00%");
+        assert_eq!(range.place(1.2), "97.00%");
+        assert!(Range::over([].into_iter()).is_none());
     }
 }

@@ -1,7 +1,9 @@
 //! Materials that are confused with each other.
 
+use tactnet_plot::escape;
+
 use super::data_set::DataSet;
-use super::text::{decimal, escape, percent, scroll};
+use super::text::{decimal, percent, scroll};
 use crate::questions::Scored;
 use crate::{Grouping, Summary};
 

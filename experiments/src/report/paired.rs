@@ -1,9 +1,11 @@
 //! Pairs of rows on the same folds.
 
+use tactnet_plot::escape;
+
 use super::data_set::DataSet;
 use super::results::Heading::{Number, Text};
 use super::results::{number, sortable};
-use super::text::{decimal, escape, p_value, scroll};
+use super::text::{decimal, p_value, scroll};
 use crate::Summary;
 
 pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> String {

@@ -2,9 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use tactnet_plot::{escape, figure};
+
 use super::data_set::{contender_name, split_name};
-use super::svg::figure;
-use super::text::{decimal, escape, shortened};
+use super::text::{decimal, shortened};
 use crate::questions::Scored;
 
 /// Critical values of the studentised range over sqrt 2 at alpha 0.05 for 2 to 10 models (Demsar, 2006, table 5).

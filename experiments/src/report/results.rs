@@ -1,8 +1,10 @@
 //! The table of results, and behind every row the folds it was made from.
 
+use tactnet_plot::escape;
+
 use super::data_set::{DataSet, prediction_name, split_name};
 use super::text::{
-    ABSENT, decimal, escape, file_link, hash, percent, percent_and_sd, percent_interval, scroll,
+    ABSENT, commits, decimal, file_link, hash, percent, percent_and_sd, percent_interval, scroll,
 };
 use crate::questions::Scored;
 use crate::{Statistic, Summary};
@@ -115,7 +117,7 @@ fn line(index: usize, row: &Scored<'_>, published: bool) -> String {
         escape(row.model),
         escape(row.levels.name()),
         escape(&split_name(row.split)),
-        escape(&prediction_name(row.prediction)),
+        prediction_name(row.prediction),
     );
     let seconds = row.train_seconds.mean;
     cells.push_str(&number(Some(row.steps as f64), &row.steps.to_string()));
@@ -172,7 +174,7 @@ fn provenance(summary: &Summary, contenders: &[Scored<'_>], sets: &[DataSet]) ->
                     fold.repeat,
                     fold.fold,
                     percent(fold.one_sweep),
-                    hash(&task.git),
+                    commits(&task.git),
                     hash(&task.split_sha256),
                     hash(&task.recipe_sha256),
                     escape(&task.command),

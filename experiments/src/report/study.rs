@@ -5,10 +5,12 @@ mod curves;
 mod maps;
 mod tasks;
 
+use tactnet_plot::escape;
+
 use super::results::Heading::{Number, Text};
 use super::results::{number, sortable};
 use super::terms::terms;
-use super::text::{ABSENT, decimal, escape, percent, scroll};
+use super::text::{ABSENT, decimal, percent, scroll};
 use crate::{Measure, Summary};
 
 /// Words of every page.

@@ -1,25 +1,11 @@
 //! Text and numbers as HTML.
 
+use tactnet_plot::escape;
+
 use crate::Statistic;
 
 /// Stands where there is no number.
 pub(super) const ABSENT: &str = "\u{2013}";
-
-/// `text` with everything that means something in HTML replaced, fit for content and for quoted attributes.
-pub(super) fn escape(text: &str) -> String {
-    let mut escaped = String::with_capacity(text.len());
-    for character in text.chars() {
-        match character {
-            '&' => escaped.push_str("&amp;"),
-            '<' => escaped.push_str("&lt;"),
-            '>' => escaped.push_str("&gt;"),
-            '"' => escaped.push_str("&quot;"),
-            '\'' => escaped.push_str("&#39;"),
-            _ => escaped.push(character),
-        }
-    }
-    escaped
-}
 
 /// A number with a proper minus sign and without negative zeros.
 pub(super) fn decimal(value: f64, decimals: usize) -> String {
@@ -88,6 +74,12 @@ pub(super) fn hash(full: &str) -> String {
         short.push_str(mark);
     }
     format!("<code title=\"{}\">{}</code>", escape(full), escape(&short))
+}
+
+/// The hashes of commits, with commas between them.
+pub(super) fn commits(all: &[String]) -> String {
+    let shown: Vec<String> = all.iter().map(|commit| hash(commit)).collect();
+    shown.join(", ")
 }
 
 /// A link to a file beside the page. Whatever the path holds, it is a path: no scheme, no host.

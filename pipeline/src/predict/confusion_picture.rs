@@ -1,78 +1,118 @@
 //! The confusion matrix as a picture (SVG).
 
-use std::fmt::Write;
+use tactnet_plot::{HeatMap, escape, stand_alone, text_width};
 
 use crate::Predictions;
 
-const CELL: usize = 18;
-const NAMES: usize = 230;
-const TOP: usize = 60;
+const CELL: f64 = 18.0;
+const TOP: f64 = 60.0;
 
 impl Predictions {
-    /// A self-contained SVG: rows are true materials, columns predicted ones, darkness the share of the row; counts show
-    /// on hover.
+    /// Returns a self-contained SVG: rows are true materials, columns predicted ones, darkness the share of the row; counts show on hover.
     pub fn confusion_svg(&self, title: &str) -> String {
-        let materials = self.labels.len();
-        let side = materials * CELL;
-        let (width, height) = (NAMES + side + 20, TOP + side + 50);
-        let mut svg = format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
-             height=\"{height}\" font-family=\"sans-serif\" font-size=\"11\" role=\"img\">\n\
-             <title>{title}</title>\n<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n\
-             <text x=\"10\" y=\"20\" font-size=\"14\" fill=\"#222\">{title}</text>\n\
-             <text x=\"{}\" y=\"{}\" text-anchor=\"end\" fill=\"#222\">true material</text>\n\
-             <text x=\"{NAMES}\" y=\"{}\" fill=\"#222\">predicted label</text>\n",
-            NAMES - 6,
-            TOP - 12,
-            TOP + side + 34,
-            title = escape(title),
+        let confusion = self.confusion();
+        let totals: Vec<usize> = confusion.iter().map(|row| row.iter().sum()).collect();
+        let names: Vec<String> = self
+            .labels
+            .names()
+            .enumerate()
+            .map(|(label, name)| format!("{name} · {label}"))
+            .collect();
+        let left = 16.0 + text_width(&names).max(text_width(&["true material"]));
+        let side = CELL * names.len() as f64;
+        let (right, bottom) = (left + side, TOP + side);
+        let shares: Vec<Vec<f64>> = confusion
+            .iter()
+            .zip(&totals)
+            .map(|(row, total)| {
+                row.iter()
+                    .map(|count| *count as f64 / (*total).max(1) as f64)
+                    .collect()
+            })
+            .collect();
+        let map = HeatMap {
+            left,
+            top: TOP,
+            cell: CELL,
+        };
+        let mut content = format!(
+            "<text x=\"10\" y=\"20\">{}</text>\n\
+             <text class=\"end label\" x=\"{:.1}\" y=\"{:.1}\">true material</text>\n\
+             <text class=\"label\" x=\"{left:.1}\" y=\"{:.1}\">predicted label</text>\n",
+            escape(title),
+            left - 6.0,
+            TOP - 12.0,
+            bottom + 34.0
         );
-        for (label, (row, name)) in self.confusion().iter().zip(self.labels.names()).enumerate() {
-            let y = TOP + label * CELL;
-            let total = row.iter().sum::<usize>().max(1);
-            let _ = writeln!(
-                svg,
-                "<text x=\"{}\" y=\"{}\" text-anchor=\"end\" fill=\"#222\">{} · {label}</text>",
-                NAMES - 6,
-                y + CELL - 5,
-                escape(name)
-            );
-            for (predicted, count) in row.iter().enumerate() {
-                let share = *count as f64 / total as f64;
-                let _ = writeln!(
-                    svg,
-                    "<rect x=\"{}\" y=\"{y}\" width=\"{CELL}\" height=\"{CELL}\" fill=\"{}\" stroke=\"#ddd\" \
-                     stroke-width=\"0.5\"><title>{} taken for {}: {count} of {total}</title></rect>",
-                    NAMES + predicted * CELL,
-                    shade(share),
-                    escape(name),
-                    escape(self.labels.name(predicted)),
-                );
-            }
+        content.push_str(&map.draw(&shares, |truth, predicted| {
+            format!(
+                "{} taken for {}: {} of {}",
+                self.labels.name(truth),
+                self.labels.name(predicted),
+                confusion[truth][predicted],
+                totals[truth]
+            )
+        }));
+        for (label, name) in names.iter().enumerate() {
+            let start = CELL * label as f64;
+            let middle = start + CELL / 2.0;
+            content.push_str(&format!(
+                "<path class=\"grid\" d=\"M{left:.1} {:.1}H{right:.1}M{:.1} {TOP:.1}V{bottom:.1}\"/>\
+                 <text class=\"end\" x=\"{:.1}\" y=\"{:.1}\">{}</text>\
+                 <text class=\"middle\" x=\"{:.1}\" y=\"{:.1}\">{label}</text>\n",
+                TOP + start,
+                left + start,
+                left - 6.0,
+                TOP + middle + 4.0,
+                escape(name),
+                left + middle,
+                bottom + 14.0
+            ));
         }
-        for label in 0..materials {
-            let _ = writeln!(
-                svg,
-                "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\" font-size=\"9\" fill=\"#222\">{label}</text>",
-                NAMES + label * CELL + CELL / 2,
-                TOP + side + 14
-            );
-        }
-        svg.push_str("</svg>\n");
-        svg
+        let width = (right + 20.0).max(20.0 + text_width(&[title]));
+        stand_alone(width, bottom + 50.0, title, &content)
     }
 }
 
-/// White to dark blue; the square root keeps rare confusions visible.
-fn shade(share: f64) -> String {
-    let depth = share.sqrt();
-    let mix = |dark: f64| (255.0 + (dark - 255.0) * depth).round() as u8;
-    format!("#{:02x}{:02x}{:02x}", mix(8.0), mix(48.0), mix(107.0))
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{PredictionMethod, SweepScore};
+    use tactnet_data::LabelSet;
 
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-        .replace('"', "&quot;")
+    #[test]
+    fn the_picture_shows_every_count_and_is_a_file_of_its_own() {
+        let sweep = |index, label, p: [f64; 2]| SweepScore {
+            index,
+            label,
+            log_probability: p.map(f64::ln).to_vec(),
+        };
+        let predictions = Predictions {
+            labels: LabelSet::new(["cork", "<b>"]).unwrap(),
+            method: PredictionMethod::Plain,
+            sweeps: vec![
+                sweep(0, 0, [0.9, 0.1]),
+                sweep(1, 0, [0.2, 0.8]),
+                sweep(2, 1, [0.3, 0.7]),
+            ],
+        };
+        let svg = predictions.confusion_svg("a & b");
+        for text in [
+            "cork taken for cork: 1 of 2",
+            "cork taken for &lt;b&gt;: 1 of 2",
+            "&lt;b&gt; taken for &lt;b&gt;: 1 of 1",
+            "&lt;b&gt; · 1",
+            "a &amp; b",
+        ] {
+            assert!(svg.contains(text), "{text} in {svg}");
+        }
+        assert!(svg.contains("xmlns=") && !svg.contains("var("));
+        for name in ["text", "title", "g", "rect"] {
+            let open = svg.matches(&format!("<{name} ")).count()
+                + svg.matches(&format!("<{name}>")).count();
+            let closed = svg.matches(&format!("</{name}>")).count();
+            let empty = if name == "rect" { 2 } else { 0 };
+            assert_eq!(open, closed + empty, "<{name}>");
+        }
+    }
 }

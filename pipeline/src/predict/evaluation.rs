@@ -5,8 +5,8 @@ use tactnet_data::{Seed, SweepView};
 
 use crate::{Classifier, Estimate, FusedAccuracy, PipelineError, PredictionMethod, Predictions};
 
-/// Predicts `view` plainly and, where the model has dropout, with `mc_samples` passes of MC dropout: name of the way, predictions, what
-/// they are worth.
+/// Predicts `view` plainly and, where the model has dropout, with `mc_samples` passes of MC dropout; returns predictions and what they are
+/// worth, both of which name their method.
 ///
 /// # Errors
 /// Sweeps that do not fit the classifier.
@@ -16,7 +16,7 @@ pub fn evaluate_all_ways(
     mc_samples: usize,
     sweeps: usize,
     seed: Seed,
-) -> Result<Vec<(&'static str, Predictions, Evaluation)>, PipelineError> {
+) -> Result<Vec<(Predictions, Evaluation)>, PipelineError> {
     let mut methods = vec![PredictionMethod::Plain];
     if classifier.has_dropout() {
         methods.push(PredictionMethod::McDropout { mc_samples });
@@ -26,7 +26,7 @@ pub fn evaluate_all_ways(
         .map(|method| {
             let predictions = classifier.predict(view, method)?;
             let evaluation = Evaluation::of(&predictions, sweeps, seed);
-            Ok((method.name(), predictions, evaluation))
+            Ok((predictions, evaluation))
         })
         .collect()
 }

@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
-use crate::{Estimate, Evaluation, FusedAccuracy};
+use crate::{Estimate, Evaluation, FusedAccuracy, PredictionMethod};
 
 /// Shows one row per way of predicting: accuracies in percent with their 95 % intervals, NLL in nats, ECE, Brier score.
 #[derive(Debug, Clone, Copy)]
-pub struct EvaluationTable<'a>(pub &'a BTreeMap<String, Evaluation>);
+pub struct EvaluationTable<'a>(pub &'a BTreeMap<PredictionMethod, Evaluation>);
 
 impl fmt::Display for EvaluationTable<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -22,7 +22,8 @@ impl fmt::Display for EvaluationTable<'_> {
             "ECE",
             "Brier"
         )?;
-        for (name, evaluation) in self.0 {
+        for (method, evaluation) in self.0 {
+            let name = method.name();
             let fused = |pick: fn(&FusedAccuracy) -> Estimate| {
                 evaluation.fused.as_ref().map_or_else(
                     || "too few sweeps".into(),

@@ -1,5 +1,6 @@
 //! Classifiers, their predictions, and how good those are.
 
+pub(crate) mod by_method;
 pub(crate) mod calibration;
 pub(crate) mod classifier;
 pub(crate) mod confusion_picture;

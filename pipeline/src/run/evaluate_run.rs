@@ -49,16 +49,18 @@ pub fn evaluate_run(
     let mc_samples = own.mc_samples_or(MC_SAMPLES);
     let ways = evaluate_all_ways(classifier, &fold.test, mc_samples, FUSED, config.spec.seed)?;
     let mut evaluations = BTreeMap::new();
-    for (name, predictions, evaluation) in ways {
+    for (predictions, evaluation) in ways {
+        let method = predictions.method;
+        let name = method.name();
         let tsml = predictions.to_tsml(&PredictionSource {
             dataset: dataset.name(),
             classifier: &format!("{} ({name})", recipe.name()),
             resample: fold.repeat() * 1000 + fold.fold(),
             parameters: &command,
         });
-        let file = RunDir::predictions_file(name, own);
+        let file = RunDir::predictions_file(method, own);
         run.write(&file, tsml.as_bytes())?;
-        if name == own.name() {
+        if method == own {
             let title = format!(
                 "{}: {:.1} % of {} test sweeps right (recipe {}, {name})",
                 dataset.name(),
@@ -69,20 +71,17 @@ pub fn evaluate_run(
             let picture = predictions.confusion_svg(&title);
             run.write("confusion.svg", picture.as_bytes())?;
         }
-        evaluations.insert(name.to_string(), evaluation);
+        evaluations.insert(method, evaluation);
     }
-    let chosen = &evaluations[own.name()];
+    let chosen = &evaluations[&own];
     let manifest = fold.manifest();
-    let commits: BTreeSet<&str> = sessions
-        .iter()
-        .map(|session| session.git.as_str())
-        .collect();
+    let commits: BTreeSet<String> = sessions.iter().map(|session| session.git.clone()).collect();
     Ok(RunResult {
         schema_version: RunResult::SCHEMA_VERSION,
         data: dataset.name().into(),
         origin: dataset.origin(),
         data_sha256: dataset.sha256().into(),
-        git: commits.into_iter().collect::<Vec<_>>().join(" "),
+        git: commits.into_iter().collect(),
         command,
         seed: config.spec.seed,
         recipe: recipe.name().into(),

@@ -2,10 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 use tactnet_data::{DataOrigin, Seed, SplitManifest};
 
-use crate::{Estimate, Evaluation, Provenance};
+use crate::predict::by_method::{deserialize_evaluations, serialize_by_method};
+use crate::{Estimate, Evaluation, PredictionMethod, Provenance};
 
 /// What a training run found, with everything needed to find it again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -19,8 +20,9 @@ pub struct RunResult {
     pub origin: DataOrigin,
     /// SHA-256 of its content.
     pub data_sha256: String,
-    /// Commit of the program; all commits where it was resumed by another build.
-    pub git: String,
+    /// Commits of the program, sorted; several where it was resumed by another build.
+    #[serde(deserialize_with = "read_commits")]
+    pub git: Vec<String>,
     /// Program and machine of every session.
     pub provenance: Vec<Provenance>,
     /// Command line that leads here, paths shortened to file names.
@@ -54,8 +56,12 @@ pub struct RunResult {
     pub accuracy_one_sweep: Estimate,
     /// Three sweeps fused (Bayes), predicted the recipe's own way; absent with fewer than three test sweeps a material.
     pub accuracy_three_sweeps: Option<Estimate>,
-    /// All ways of predicting: `plain`, and `mc_dropout` where the model has dropout.
-    pub evaluations: BTreeMap<String, Evaluation>,
+    /// All ways of predicting: plainly, and by MC dropout where the model has dropout. In files by [`PredictionMethod::name`].
+    #[serde(
+        serialize_with = "serialize_by_method",
+        deserialize_with = "deserialize_evaluations"
+    )]
+    pub evaluations: BTreeMap<PredictionMethod, Evaluation>,
     /// Time spent in training steps or in fitting, seconds, interruptions left out.
     pub train_seconds: f64,
     /// The same per epoch.
@@ -66,8 +72,22 @@ pub struct RunResult {
 }
 
 impl RunResult {
-    /// Version written by this program.
-    pub const SCHEMA_VERSION: u32 = 1;
+    /// Version written by this program; 1, which names several commits in one text, is read as well.
+    pub const SCHEMA_VERSION: u32 = 2;
+}
+
+/// Reads a list of commits, or what version 1 has instead: one text, with spaces between them.
+fn read_commits<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<String>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Commits {
+        List(Vec<String>),
+        Text(String),
+    }
+    Ok(match Commits::deserialize(deserializer)? {
+        Commits::List(commits) => commits,
+        Commits::Text(text) => text.split_whitespace().map(String::from).collect(),
+    })
 }
 
 /// How a split is named for people: scheme and part.
@@ -79,4 +99,46 @@ pub fn describe_split(manifest: &SplitManifest, inner: Option<usize>) -> String 
         "{}, repeat {}, fold {}{inner}",
         manifest.scheme, manifest.repeat, manifest.fold
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn commits_are_a_list_and_the_text_of_version_1_is_read() {
+        #[derive(Deserialize)]
+        struct Document {
+            #[serde(deserialize_with = "read_commits")]
+            git: Vec<String>,
+        }
+        for text in [
+            r#"{"git":"0a1b 2c3d-dirty"}"#,
+            r#"{"git":["0a1b","2c3d-dirty"]}"#,
+        ] {
+            let document: Document = serde_json::from_str(text).unwrap();
+            assert_eq!(document.git, ["0a1b", "2c3d-dirty"]);
+        }
+    }
+
+    #[test]
+    fn a_result_of_version_1_is_read_and_its_evaluations_stay_what_they_are() {
+        let text = include_str!("../../../experiments/results/biotac_electrodes_fast.json");
+        let result: RunResult = serde_json::from_str(text).unwrap();
+        assert_eq!(result.git, ["43fb5bc3a600"]);
+        let dropout = PredictionMethod::McDropout { mc_samples: 100 };
+        assert_eq!(
+            result.evaluations[&dropout].one_sweep,
+            result.accuracy_one_sweep
+        );
+        let written: serde_json::Value = serde_json::to_value(&result).unwrap();
+        let mut before: serde_json::Value = serde_json::from_str(text).unwrap();
+        // Called `mc_samples` since.
+        let method = before["evaluations"]["mc_dropout"]["method"]
+            .as_object_mut()
+            .unwrap();
+        let passes = method.remove("runs").unwrap();
+        method.insert("mc_samples".into(), passes);
+        assert_eq!(written["evaluations"], before["evaluations"]);
+    }
 }

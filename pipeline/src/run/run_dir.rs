@@ -98,33 +98,28 @@ impl RunDir {
         }
     }
 
-    /// Name of the file with the predictions of one way (`plain`, `mc_dropout`) of a run whose recipe asks `own`.
-    pub(crate) fn predictions_file(way: &str, own: PredictionMethod) -> String {
-        if way == own.name() {
+    /// Name of the file with the predictions of one method of a run whose recipe asks `own`.
+    pub(crate) fn predictions_file(method: PredictionMethod, own: PredictionMethod) -> String {
+        if method == own {
             "predictions_test.csv".into()
         } else {
-            format!("predictions_test_{way}.csv")
+            format!("predictions_test_{}.csv", method.name())
         }
     }
 
-    /// Predictions of the way the recipe asks (`mc_dropout` or `plain`), or of the other.
+    /// Returns the predictions of one of the methods that the result evaluates, with the name of their file.
     ///
     /// # Errors
     /// No such file, or a damaged one.
-    pub fn predictions(&self, way: &str) -> Result<(String, Predictions), PipelineError> {
+    pub fn predictions(
+        &self,
+        method: PredictionMethod,
+    ) -> Result<(String, Predictions), PipelineError> {
         let config = self.config()?;
-        let own = config.recipe.method();
-        let file = Self::predictions_file(way, own);
+        let file = Self::predictions_file(method, config.recipe.method());
         let path = self.file(&file);
         let text =
             fs::read_to_string(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
-        let method = if way == PredictionMethod::Plain.name() {
-            PredictionMethod::Plain
-        } else {
-            PredictionMethod::McDropout {
-                mc_samples: own.mc_samples_or(100),
-            }
-        };
         let test = self.split()?.test;
         let predictions = Predictions::from_tsml(&text, config.classifier.labels, method, &test)
             .map_err(|reason| PipelineError::Run { path, reason })?;

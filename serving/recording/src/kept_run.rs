@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use tactnet_data::write_whole;
+
 use crate::{Recording, RecordingError};
 
 /// Files that a classifier needs to serve.
@@ -46,11 +48,10 @@ pub fn files_of_run(run: &Path) -> Result<Vec<(String, Vec<u8>)>, RecordingError
 /// A folder that cannot be written.
 pub fn unpack_run(recording: &Recording, folder: &Path) -> Result<Option<PathBuf>, RecordingError> {
     let run = folder.join("run");
-    let failed = |source| RecordingError::Io {
+    std::fs::create_dir(&run).map_err(|source| RecordingError::Io {
         path: run.clone(),
         source,
-    };
-    std::fs::create_dir(&run).map_err(failed)?;
+    })?;
     let mut any = false;
     for (name, bytes) in &recording.files {
         // Names with a path in them are not ours.
@@ -58,7 +59,7 @@ pub fn unpack_run(recording: &Recording, folder: &Path) -> Result<Option<PathBuf
             && Path::new(name).components().count() == 1
             && Path::new(name).file_name().is_some()
         {
-            std::fs::write(run.join(name), bytes).map_err(failed)?;
+            write_whole(&run.join(name), bytes)?;
             any = true;
         }
     }

@@ -6,6 +6,7 @@ use std::path::Path;
 use tactnet_channel::{Table, remove_bus};
 use tactnet_skin::ServeConfig;
 
+use crate::write_table::write_table;
 use crate::{ChildProcess, RehearsalError, SMALL_SWEEPS, make_twin};
 
 /// The processes of a demonstration, on a bus of their own; they are killed if this is dropped before [`Demo::end`].
@@ -36,11 +37,7 @@ impl Demo {
         let sweeps = folder.join("sweeps.h5");
         make_twin(program, &sweeps, materials, SMALL_SWEEPS)?;
         let table = ServeConfig::default().table(&format!("demo{}", std::process::id()));
-        let path = folder.join("robot.toml");
-        std::fs::write(&path, toml::to_string(&table)?).map_err(|source| RehearsalError::Io {
-            path: path.clone(),
-            source,
-        })?;
+        let path = write_table(&table, folder)?;
         let (run, sweeps) = (run.display().to_string(), sweeps.display().to_string());
         let listen = listen.to_string();
         let mut demo = Self {

@@ -1,6 +1,6 @@
 //! Errors of simulated robots.
 
-use std::path::PathBuf;
+use tactnet_data::DataError;
 
 /// Errors of a rehearsal; each is one line for people.
 #[derive(Debug, thiserror::Error)]
@@ -59,14 +59,9 @@ pub enum RehearsalError {
         /// Position and kind of the mistake.
         source: serde_json::Error,
     },
-    /// The system refused something.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// The file or folder.
-        path: PathBuf,
-        /// Answer of the system.
-        source: std::io::Error,
-    },
+    /// A file cannot be written.
+    #[error(transparent)]
+    Data(#[from] DataError),
 }
 
 impl RehearsalError {
@@ -81,7 +76,8 @@ impl RehearsalError {
             | Self::NothingKnown { .. }
             | Self::NoFifo { .. } => true,
             Self::Table(_) | Self::Stopped | Self::Child { .. } | Self::Report { .. } => false,
-            Self::Io { source, .. } => tactnet_channel::is_wrong_path(source),
+            Self::Data(DataError::Io { source, .. }) => tactnet_channel::is_wrong_path(source),
+            Self::Data(error) => error.is_usage(),
         }
     }
 
@@ -111,10 +107,11 @@ mod tests {
         let broke = [
             RehearsalError::Stopped,
             RehearsalError::child("classifier", "ended with signal 9"),
-            RehearsalError::Io {
+            RehearsalError::Data(DataError::Io {
                 path: "robot.toml".into(),
+                action: "write",
                 source: std::io::ErrorKind::StorageFull.into(),
-            },
+            }),
         ];
         assert!(!broke.iter().any(RehearsalError::is_usage));
     }

@@ -18,6 +18,7 @@ mod soak;
 mod stack;
 pub mod stress;
 mod ticker;
+mod write_table;
 
 pub use catching::{CatchingReport, CatchingRole, catching_table, run_role};
 pub use child_process::ChildProcess;

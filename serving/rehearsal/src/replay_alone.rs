@@ -6,6 +6,7 @@ use tactnet_channel::{Bus, Domain, Hub, Network, Table};
 use tactnet_recording::{Played, Recording, play};
 use tactnet_serving::ServeReport;
 
+use crate::write_table::write_table;
 use crate::{ChildProcess, OwnBus, RehearsalError};
 
 /// Plays a recording to a classifier of its own; returns what was put and heard, and how many frames the classifier has lost.
@@ -34,11 +35,7 @@ pub fn replay_alone(
     for channel in table.channels.values_mut() {
         channel.distributed = false;
     }
-    let path = folder.join("robot.toml");
-    std::fs::write(&path, toml::to_string(&table)?).map_err(|source| RehearsalError::Io {
-        path: path.clone(),
-        source,
-    })?;
+    let path = write_table(&table, folder)?;
     let _own = OwnBus(&table);
     let hub = Hub::spawn(&table)?;
     let run = run.display().to_string();

@@ -1,7 +1,9 @@
 //! A network for people who have trained none yet.
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Command;
+
+use tactnet_process::run_to_end;
 
 use crate::RehearsalError;
 
@@ -46,14 +48,8 @@ pub fn make_twin(
 }
 
 fn finish(mut command: Command, name: &str) -> Result<(), RehearsalError> {
-    let output = command
-        .stdin(Stdio::null())
-        .output()
-        .map_err(|error| RehearsalError::child(name, format!("cannot be started: {error}")))?;
-    if !output.status.success() {
-        let said = String::from_utf8_lossy(&output.stderr);
-        let last = said.trim().lines().last().unwrap_or("without a word");
-        return Err(RehearsalError::child(name, format!("failed: {last}")));
+    match run_to_end(&mut command) {
+        Ok(_) => Ok(()),
+        Err(error) => Err(RehearsalError::child(name, error)),
     }
-    Ok(())
 }

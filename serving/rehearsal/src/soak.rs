@@ -12,6 +12,7 @@ use tactnet_skin::ServeConfig;
 use tactnet_skin::packets::{Stage, TactileBelief};
 
 use crate::stack::with_priority;
+use crate::write_table::write_table;
 use crate::{
     CatchingStack, ChildProcess, OwnBus, REST_FRAMES, RehearsalError, Scheduling, SkinDriver,
     SkinSimulator, catching_table,
@@ -58,11 +59,7 @@ impl Soak<'_> {
     ) -> Result<SoakReport, RehearsalError> {
         let config = ServeConfig::default();
         let table = catching_table(config.table(&format!("soak{}", std::process::id())));
-        let path = self.folder.join("robot.toml");
-        std::fs::write(&path, toml::to_string(&table)?).map_err(|source| RehearsalError::Io {
-            path: path.clone(),
-            source,
-        })?;
+        let path = write_table(&table, self.folder)?;
         let _own = OwnBus(&table);
         let hub = Hub::spawn(&table)?;
         let measured = self.measure(played, &table, &path, &mut on_turn, stopped);

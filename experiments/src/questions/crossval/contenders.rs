@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 use tactnet_data::{DataOrigin, SplitManifest};
 use tactnet_pipeline::{
     Evaluation, MeanRemoval, PredictionMethod, Predictions, RunConfig, RunDir, RunResult,
@@ -16,7 +16,7 @@ use crate::tasks::ExperimentDir;
 use crate::{ExperimentError, Summary, published_for};
 
 /// One classifier on one data set, asked one way: everything but its rows.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Contender {
     /// The `contender` of its rows.
     pub key: String,
@@ -33,10 +33,11 @@ pub struct Contender {
     /// How the data set was split.
     pub split_kind: SplitKind,
     /// Part of the training sweeps that was tested on instead of the test sweeps.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub inner: Option<usize>,
-    /// `plain` or `mc_dropout`.
-    pub prediction: String,
+    /// How it was asked; its name in files.
+    #[serde(serialize_with = "by_name")]
+    pub prediction: PredictionMethod,
     /// Time steps of a sweep.
     pub steps: usize,
     /// True for a probe (means, permuted labels).
@@ -59,6 +60,10 @@ pub struct Contender {
     pub published: Option<PublishedContender>,
     /// Folds in the order of the rows' values.
     pub folds: Vec<FoldRecord>,
+}
+
+fn by_name<S: Serializer>(method: &PredictionMethod, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(method.name())
 }
 
 /// A published accuracy on TactMat, %.
@@ -90,7 +95,7 @@ pub struct FoldRecord {
 /// One way of predicting of one finished task.
 struct Fold<'a> {
     finished: &'a FinishedTask<'a>,
-    way: String,
+    method: PredictionMethod,
     config: RunConfig,
     split: SplitManifest,
     result: RunResult,
@@ -100,7 +105,7 @@ struct Fold<'a> {
 
 impl Fold<'_> {
     fn evaluation(&self) -> &Evaluation {
-        &self.result.evaluations[&self.way]
+        &self.result.evaluations[&self.method]
     }
 }
 
@@ -121,18 +126,18 @@ pub(crate) fn contenders(
         };
         let (config, split) = (run.config()?, run.split()?);
         let setting = split_name(&split, &config);
-        for way in result.evaluations.keys() {
-            let (file, predictions) = run.predictions(way)?;
+        for &method in result.evaluations.keys() {
+            let (file, predictions) = run.predictions(method)?;
             let fold = Fold {
                 finished,
-                way: way.clone(),
+                method,
                 config: config.clone(),
                 split: split.clone(),
                 result: result.clone(),
                 predictions,
                 file,
             };
-            of.entry(finished.contender(way, &setting))
+            of.entry(finished.contender(method.name(), &setting))
                 .or_default()
                 .push(fold);
         }
@@ -175,7 +180,7 @@ fn contender(key: String, accuracy: f64, folds: &[Fold<'_>]) -> Contender {
         split: split_name(&first.split, &first.config),
         split_kind: SplitKind::of(first.split.scheme),
         inner: first.config.spec.inner,
-        prediction: first.way.clone(),
+        prediction: first.method,
         steps: first.finished.steps.0,
         probe: first.finished.task.probe.is_some(),
         sigma_test: (accuracy * (1.0 - accuracy) / n_test as f64).sqrt(),
@@ -184,7 +189,7 @@ fn contender(key: String, accuracy: f64, folds: &[Fold<'_>]) -> Contender {
         confusion,
         reliability: reliability(&sweeps),
         risk_coverage: risk_coverage(&sweeps),
-        published: published(first, first.evaluation().method),
+        published: published(first, first.method),
         folds: folds.iter().map(record).collect(),
         materials,
     }

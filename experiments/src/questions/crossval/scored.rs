@@ -1,7 +1,7 @@
 //! A contender with its rows, as audits, groups and reports need it.
 
 use tactnet_data::DataOrigin;
-use tactnet_pipeline::{MeanRemoval, SplitKind};
+use tactnet_pipeline::{MeanRemoval, PredictionMethod, SplitKind};
 
 use super::{Contender, FoldRecord, PublishedContender, ReliabilityBin, RiskCoverage};
 use crate::{Measure, Statistic, Summary};
@@ -16,7 +16,7 @@ pub(crate) struct Scored<'a> {
     pub(crate) split: &'a str,
     pub(crate) split_kind: SplitKind,
     pub(crate) inner: Option<usize>,
-    pub(crate) prediction: &'a str,
+    pub(crate) prediction: PredictionMethod,
     pub(crate) steps: usize,
     pub(crate) probe: bool,
     pub(crate) materials: &'a [String],
@@ -70,7 +70,7 @@ fn with_rows<'a>(summary: &'a Summary, contender: &'a Contender) -> Option<Score
         split: &contender.split,
         split_kind: contender.split_kind,
         inner: contender.inner,
-        prediction: &contender.prediction,
+        prediction: contender.prediction,
         steps: contender.steps,
         probe: contender.probe,
         materials: &contender.materials,

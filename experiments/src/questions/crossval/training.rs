@@ -1,7 +1,7 @@
 //! What the run directory of a training gives to the summary.
 
 use tactnet_data::{Scheme, SplitManifest};
-use tactnet_pipeline::{Evaluation, RunConfig, RunDir, RunResult};
+use tactnet_pipeline::{Evaluation, PredictionMethod, RunConfig, RunDir, RunResult};
 
 use crate::summarise::FinishedTask;
 use crate::tasks::ExperimentDir;
@@ -24,8 +24,8 @@ pub(crate) fn read_training<'a>(
     let (config, split) = (run.config()?, run.split()?);
     let setting = split_name(&split, &config);
     let mut measurements = Vec::new();
-    for (way, evaluation) in &result.evaluations {
-        measurements.extend(measured(way, &setting, evaluation, &result));
+    for (method, evaluation) in &result.evaluations {
+        measurements.extend(measured(*method, &setting, evaluation, &result));
     }
     Ok(FinishedTask {
         task,
@@ -64,7 +64,7 @@ pub(crate) fn read_training<'a>(
 
 /// Returns the measurements of one way of predicting.
 fn measured(
-    way: &str,
+    method: PredictionMethod,
     setting: &str,
     evaluation: &Evaluation,
     result: &RunResult,
@@ -90,7 +90,7 @@ fn measured(
     values
         .into_iter()
         .map(|(measure, sweeps, value)| {
-            Measurement::new(measure, way, value, result.n_test)
+            Measurement::new(measure, method.name(), value, result.n_test)
                 .setting(setting)
                 .sweeps(sweeps)
         })

@@ -1,8 +1,10 @@
 //! Methods on the same tasks, and what transfer saves.
 
+use tactnet_plot::escape;
+
 use super::super::results::Heading::{Number, Text};
 use super::super::results::{number, sortable};
-use super::super::text::{ABSENT, decimal, escape, p_value, percent, scroll};
+use super::super::text::{ABSENT, decimal, p_value, percent, scroll};
 use super::count;
 use crate::{SampleEfficiency, Summary};
 

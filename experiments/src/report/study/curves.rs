@@ -1,9 +1,9 @@
 //! What a study found, as lines and bars.
 
 use tactnet_pipeline::MeanRemoval;
+use tactnet_plot::{Axes, Axis, Scale, Series, Tick, escape, figure, legend};
 
-use super::super::svg::{Axes, SERIES, figure, legend, marker};
-use super::super::text::{escape, percent};
+use super::super::text::percent;
 use crate::questions::Figure;
 use crate::{Measure, Row, Summary};
 
@@ -41,14 +41,14 @@ fn set_of(row: &Row) -> (&str, MeanRemoval, usize, &str) {
     (&row.data, row.levels, row.steps, &row.model)
 }
 
-fn axes(x_max: f64, y_max: f64) -> Axes {
+fn axes(horizontal: Axis) -> Axes {
     Axes {
         left: 52.0,
         top: 10.0,
         width: 440.0,
         height: 300.0,
-        x_max,
-        y_max,
+        horizontal,
+        vertical: Axis::percent("accuracy, %", 1.0, 0.2),
     }
 }
 
@@ -59,25 +59,30 @@ fn accuracy_by_shots(name: &str, what: &str, rows: &[&Row], methods: &[&str]) ->
     let Some(most) = shots.last().filter(|most| **most > 1) else {
         return String::new();
     };
-    let axes = axes((*most as f64).ln(), 1.0);
-    let marks: Vec<(f64, String)> = shots
-        .iter()
-        .map(|n| ((*n as f64).ln(), n.to_string()))
-        .collect();
-    let mut content = axes.rows(0.2, "accuracy, %");
-    content.push_str(&axes.marks(&marks, "sweeps of every new material"));
+    let axes = axes(Axis {
+        label: "sweeps of every new material".into(),
+        scale: Scale::Logarithmic(1.0..=*most as f64),
+        ticks: shots
+            .iter()
+            .map(|n| Tick {
+                value: *n as f64,
+                label: n.to_string(),
+            })
+            .collect(),
+    });
+    let mut content = axes.grid();
     let mut names = Vec::new();
-    for method in methods.iter().take(SERIES) {
+    for method in methods.iter().take(Series::COUNT) {
         let mut points: Vec<(f64, f64)> = rows
             .iter()
             .filter(|row| row.method == *method)
-            .filter_map(|row| Some(((row.shots? as f64).ln(), row.statistic.mean)))
+            .filter_map(|row| Some((row.shots? as f64, row.statistic.mean)))
             .collect();
         if points.is_empty() {
             continue;
         }
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
-        content.push_str(&axes.series(names.len(), &points, 1));
+        content.push_str(&axes.line(Series::nth(names.len()), &points, 1));
         names.push((*method).to_string());
     }
     if names.is_empty() {
@@ -115,15 +120,11 @@ fn accuracy_by_sweeps(name: &str, rows: &[&Row]) -> String {
         .iter()
         .flat_map(|(_, points)| points)
         .fold(1.0_f64, |most, point| most.max(point.0));
-    let axes = axes(most, 1.0);
-    let marks: Vec<(f64, String)> = (0..=most as usize)
-        .map(|n| (n as f64, n.to_string()))
-        .collect();
-    let mut content = axes.rows(0.2, "accuracy, %");
-    content.push_str(&axes.marks(&marks, "mean number of sweeps"));
+    let axes = axes(Axis::linear("mean number of sweeps", 0.0..=most, 1.0));
+    let mut content = axes.grid();
     for (index, (_, points)) in series.iter_mut().enumerate() {
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
-        content.push_str(&axes.series(index, points, 1));
+        content.push_str(&axes.line(Series::nth(index), points, 1));
     }
     let names: Vec<String> = series.into_iter().map(|(name, _)| name).collect();
     let title = format!("Accuracy against sweeps on {name}");
@@ -140,6 +141,7 @@ fn bars(name: &str, rows: &[&Row], measure: Measure) -> String {
     const STEP: f64 = 22.0;
     let rows: Vec<&&Row> = rows.iter().filter(|row| row.measure == measure).collect();
     let (left, width) = (250.0, 240.0);
+    let (ours, theirs) = (Series::nth(0), Series::nth(1));
     let mut content = String::new();
     for (index, row) in rows.iter().enumerate() {
         let y = 8.0 + STEP * index as f64;
@@ -162,24 +164,21 @@ fn bars(name: &str, rows: &[&Row], measure: Measure) -> String {
             y
         ));
         if let Some([low, high]) = row.statistic.ci95 {
-            content.push_str(&format!(
-                "<g class=\"series s0\"><polyline points=\"{:.1},{y:.1} {:.1},{y:.1}\"/></g>\n",
+            content.push_str(&ours.group(&format!(
+                "<polyline points=\"{:.1},{y:.1} {:.1},{y:.1}\"/>",
                 at(low),
                 at(high)
-            ));
+            )));
         }
+        content.push_str(&ours.group(&ours.marker(at(row.statistic.mean), y)));
         content.push_str(&format!(
-            "<g class=\"series s0\">{}</g><text x=\"{:.1}\" y=\"{:.1}\">{}</text>\n",
-            marker(0, at(row.statistic.mean), y),
+            "<text x=\"{:.1}\" y=\"{:.1}\">{}</text>\n",
             left + width + 8.0,
             y + 4.0,
             percent(row.statistic.mean)
         ));
         if let Some(published) = row.published {
-            content.push_str(&format!(
-                "<g class=\"series s1\">{}</g>\n",
-                marker(1, at(published), y)
-            ));
+            content.push_str(&theirs.group(&theirs.marker(at(published), y)));
         }
     }
     let title = format!("{measure} on {name}");

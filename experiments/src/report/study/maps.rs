@@ -1,36 +1,33 @@
 //! Sweeps in a plane.
 
-use super::super::svg::{SERIES, figure, legend, marker};
-use super::super::text::escape;
+use tactnet_plot::{Scale, Series, escape, figure, legend};
+
 use crate::FeatureMap;
 
 /// Every sweep as a mark of its material.
 pub(super) fn map(map: &FeatureMap) -> String {
     const SIZE: f64 = 300.0;
-    let range = |axis: usize| {
+    let scale = |axis: usize| {
         let values = map.points.iter().map(|point| f64::from(point[axis]));
         let low = values.clone().fold(f64::INFINITY, f64::min);
         let high = values.fold(f64::NEG_INFINITY, f64::max);
-        (low, (high - low).max(f64::MIN_POSITIVE))
+        Scale::Linear(low..=high)
     };
-    let ranges = [range(0), range(1)];
+    let scales = [scale(0), scale(1)];
     let at = |point: &[f32; 2], axis: usize| {
-        let (low, width) = ranges[axis];
-        8.0 + (SIZE - 16.0) * (f64::from(point[axis]) - low) / width
+        8.0 + (SIZE - 16.0) * scales[axis].share(f64::from(point[axis]))
     };
     let mut content = String::new();
     for material in 0..map.materials.len() {
+        let series = Series::nth(material);
         let marks: String = map
             .points
             .iter()
             .zip(&map.labels)
             .filter(|(_, label)| **label == material)
-            .map(|(point, _)| marker(material, at(point, 0), at(point, 1)))
+            .map(|(point, _)| series.marker(at(point, 0), at(point, 1)))
             .collect();
-        content.push_str(&format!(
-            "<g class=\"series s{}\">{marks}</g>\n",
-            material % SERIES
-        ));
+        content.push_str(&series.group(&marks));
     }
     let title = format!("{} materials, {} space", map.choice, map.space);
     format!(

@@ -1,6 +1,8 @@
 //! Where a study's numbers come from.
 
-use super::super::text::{duration, escape, hash, scroll};
+use tactnet_plot::escape;
+
+use super::super::text::{commits, duration, hash, scroll};
 use crate::TaskRecord;
 
 pub(super) fn tasks(records: &[TaskRecord]) -> String {
@@ -14,7 +16,7 @@ pub(super) fn tasks(records: &[TaskRecord]) -> String {
                 escape(&task.split),
                 hash(&task.split_sha256),
                 hash(&task.recipe_sha256),
-                hash(&task.git),
+                commits(&task.git),
                 duration(task.seconds),
                 escape(&chosen.join("; "))
             )

@@ -1,9 +1,8 @@
 //! One cell after the other, each with clients of its own.
 
 use std::fmt;
-use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::Command;
 use std::sync::mpsc::channel;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -11,6 +10,7 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 
 use tactnet_channel::percentile;
+use tactnet_process::ReadyProcess;
 
 use super::plan::{Cell, StressDomain, Transport};
 use super::{ClientTask, END, Failure, Master, PATIENCE, channel, futex, iceoryx, unix};
@@ -230,7 +230,7 @@ impl Opened {
 
 /// Threads in the process domain, else processes.
 struct Clients {
-    processes: Vec<Child>,
+    processes: Vec<ReadyProcess>,
     threads: Vec<JoinHandle<()>>,
 }
 
@@ -275,24 +275,15 @@ impl Clients {
             return Ok(clients);
         }
         for number in 0..cell.clients {
-            let mut child = Command::new(program)
-                .args(arguments)
-                .stdin(Stdio::piped())
-                .stdout(Stdio::piped())
-                .spawn()?;
-            if let Some(stdin) = &mut child.stdin {
-                writeln!(stdin, "{}", serde_json::to_string(&task(number))?)?;
-            }
-            clients.processes.push(child);
+            let task = serde_json::to_string(&task(number))?;
+            let mut command = Command::new(program);
+            let client = ReadyProcess::start_with_input(command.args(arguments), &task)?;
+            clients.processes.push(client);
         }
-        for number in 0..cell.clients {
-            let mut line = String::new();
-            if let Some(stdout) = clients.processes[number].stdout.take() {
-                BufReader::new(stdout).read_line(&mut line)?;
-            }
-            if line.trim() != "ready" {
-                return Err(format!("client {number}: {}", line.trim()).into());
-            }
+        for (number, client) in clients.processes.iter_mut().enumerate() {
+            client
+                .wait_until_ready()
+                .map_err(|error| format!("client {number} {error}"))?;
         }
         Ok(clients)
     }
@@ -302,11 +293,11 @@ impl Clients {
         let ended = self
             .processes
             .iter_mut()
-            .any(|child| matches!(child.try_wait(), Ok(Some(_))));
+            .any(|client| matches!(client.ended(), Ok(Some(_))));
         ended.then(|| "a client has ended before its time".into())
     }
 
-    /// Waits a moment for those that were told to end.
+    /// Waits a moment for those that were told to end; the rest is killed when this is dropped.
     fn end(&mut self) {
         let deadline = Instant::now() + Duration::from_secs(2);
         while Instant::now() < deadline && self.processes.iter_mut().any(runs) {
@@ -320,15 +311,6 @@ impl Clients {
     }
 }
 
-fn runs(child: &mut Child) -> bool {
-    matches!(child.try_wait(), Ok(None))
-}
-
-impl Drop for Clients {
-    fn drop(&mut self) {
-        for child in &mut self.processes {
-            let _ = child.kill();
-            let _ = child.wait();
-        }
-    }
+fn runs(client: &mut ReadyProcess) -> bool {
+    matches!(client.ended(), Ok(None))
 }

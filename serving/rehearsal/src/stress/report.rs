@@ -2,16 +2,17 @@
 
 use std::fmt::Write;
 
+use tactnet_plot::{STYLE as FIGURE_STYLE, escape, theme};
+
 use super::Row;
 use super::chart::{Line, log_log};
 use super::plan::{Configuration, StressDomain};
 
 const STYLE: &str = "
-:root{color-scheme:light dark;--ink:#1b1b1b;--paper:#fff;--faint:#ddd}
-@media(prefers-color-scheme:dark){:root{--ink:#e8e8e8;--paper:#161616;--faint:#3a3a3a}}
-body{font:16px/1.5 system-ui,sans-serif;color:var(--ink);background:var(--paper);max-width:60rem;margin:2rem auto;padding:0 1rem}
-figure{margin:1rem 0}svg{width:100%;max-width:44rem;font-size:12px;fill:var(--ink)}.grid{stroke:var(--faint)}
-.scroll{overflow-x:auto}table{border-collapse:collapse;font-size:.9rem}td,th{padding:.15rem .6rem;text-align:right;border-bottom:1px solid var(--faint)}
+html{color-scheme:light dark}
+body{font:16px/1.5 system-ui,sans-serif;color:var(--ink);background:var(--ground);max-width:60rem;margin:2rem auto;padding:0 1rem}
+figure{margin:1rem 0}
+.scroll{overflow-x:auto}table{border-collapse:collapse;font-size:.9rem}td,th{padding:.15rem .6rem;text-align:right;border-bottom:1px solid var(--rule)}
 td:nth-child(-n+3),th:nth-child(-n+3){text-align:left}code{overflow-wrap:anywhere}";
 
 /// A self-contained page with the figures 2.6 to 2.9 of the thesis, as far as `rows` has them, and a table of all.
@@ -20,9 +21,10 @@ td:nth-child(-n+3),th:nth-child(-n+3){text-align:left}code{overflow-wrap:anywher
 pub fn page(rows: &[Row], command: &str, provenance: &str) -> String {
     let mut html = format!(
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\
-         <title>Stress test of the channels</title><style>{STYLE}</style><h1>Stress test of the channels</h1>\
+         <title>Stress test of the channels</title><style>{}{FIGURE_STYLE}{STYLE}</style><h1>Stress test of the channels</h1>\
          <p>A master sends to C clients, each answers with a packet of the same size; the round trip ends with the last answer (thesis, \
          section 2.4.1). Medians.</p><p><code>{}</code></p><p>{}</p>",
+        theme(),
         escape(command),
         escape(provenance)
     );
@@ -229,10 +231,4 @@ fn name(domain: StressDomain) -> &'static str {
         StressDomain::Host => "host",
         StressDomain::Distributed => "distributed",
     }
-}
-
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
 }

@@ -1,0 +1,21 @@
+//! Processes beside this one: the `tactnet` command as a task of an experiment, as a component of a simulated robot, or once to its end.
+//!
+//! | | output | ends |
+//! |---|---|---|
+//! | [`ChildProcess`] | where its caller sends it, such as a log | by itself, or when asked |
+//! | [`ReadyProcess`] | read; its first line is `ready` | when asked |
+//! | [`run_to_end`] | read | by itself |
+//!
+//! The first two are in process groups of their own, so Ctrl-C reaches only the program that started them, and are killed when they are
+//! dropped. Asking means SIGTERM; there is none outside Unix.
+
+mod child_process;
+mod error;
+mod last_lines;
+mod ready_process;
+mod run_to_end;
+
+pub use child_process::ChildProcess;
+pub use error::ProcessError;
+pub use ready_process::ReadyProcess;
+pub use run_to_end::run_to_end;

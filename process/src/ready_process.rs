@@ -1,0 +1,187 @@
+//! A process that says when it is ready, and is asked for what it printed.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::process::{ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
+use std::thread::JoinHandle;
+
+use crate::last_lines::last_lines;
+use crate::{ChildProcess, ProcessError};
+
+/// The first line of a process that is ready.
+const READY: &str = "ready";
+
+/// A process whose first line is `ready`. It gets SIGTERM when the thread that started it ends (on Linux), and is killed when this is
+/// dropped.
+#[derive(Debug)]
+pub struct ReadyProcess {
+    process: ChildProcess,
+    /// Until it is ready.
+    output: Option<BufReader<ChildStdout>>,
+    /// Reads what it prints afterwards, so that it never waits for us.
+    printed: Option<JoinHandle<String>>,
+    /// Reads its standard error, for the same reason; ends with the last lines.
+    said: Option<JoinHandle<String>>,
+}
+
+impl ReadyProcess {
+    /// Starts `command` without input.
+    ///
+    /// # Errors
+    /// It cannot be started.
+    pub fn start(command: &mut Command) -> Result<Self, ProcessError> {
+        Ok(Self::spawn(command.stdin(Stdio::null()))?.0)
+    }
+
+    /// Starts `command` and writes `line` to its standard input.
+    ///
+    /// # Errors
+    /// It cannot be started.
+    pub fn start_with_input(command: &mut Command, line: &str) -> Result<Self, ProcessError> {
+        let (process, input) = Self::spawn(command.stdin(Stdio::piped()))?;
+        if let Some(mut input) = input {
+            // One that takes no input says why when it is waited for.
+            let _ = writeln!(input, "{line}");
+        }
+        Ok(process)
+    }
+
+    fn spawn(command: &mut Command) -> Result<(Self, Option<ChildStdin>), ProcessError> {
+        command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        end_with_this_thread(command);
+        let mut process = ChildProcess::start(command).map_err(ProcessError::Start)?;
+        let (input, output, errors) = process.take_pipes();
+        let process = Self {
+            process,
+            output: output.map(BufReader::new),
+            printed: None,
+            said: errors.map(|errors| std::thread::spawn(move || last_lines(errors))),
+        };
+        Ok((process, input))
+    }
+
+    /// Waits until it is ready; it is killed if it says anything else.
+    ///
+    /// # Errors
+    /// Its first line is not `ready`.
+    pub fn wait_until_ready(&mut self) -> Result<(), ProcessError> {
+        let Some(mut output) = self.output.take() else {
+            return Ok(());
+        };
+        let mut line = String::new();
+        output.read_line(&mut line)?;
+        if line.trim_end() != READY {
+            self.process.kill();
+            let said = match line.trim() {
+                "" => self.last_lines(),
+                line => line.into(),
+            };
+            return Err(ProcessError::NotReady { said });
+        }
+        self.printed = Some(std::thread::spawn(move || {
+            let mut printed = String::new();
+            // What is no text is not ours.
+            let _ = output.read_to_string(&mut printed);
+            printed
+        }));
+        Ok(())
+    }
+
+    /// Returns its status if it has ended by itself.
+    ///
+    /// # Errors
+    /// The system does not tell.
+    pub fn ended(&mut self) -> Result<Option<ExitStatus>, ProcessError> {
+        Ok(self.process.ended()?)
+    }
+
+    /// Asks it to end and returns what it printed after `ready`.
+    ///
+    /// # Errors
+    /// It ended with another status than success.
+    pub fn end(mut self) -> Result<String, ProcessError> {
+        self.process.ask_to_end()?;
+        let status = self.process.wait()?;
+        if !status.success() {
+            let said = self.last_lines();
+            return Err(ProcessError::Failed { status, said });
+        }
+        Ok(self.printed.take().map(joined).unwrap_or_default())
+    }
+
+    /// Returns the last lines of its standard error once it has ended; no text the second time.
+    fn last_lines(&mut self) -> String {
+        self.said.take().map(joined).unwrap_or_default()
+    }
+}
+
+fn joined(thread: JoinHandle<String>) -> String {
+    let text = thread.join();
+    text.unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+}
+
+/// The process does not stay when the thread that starts it, and with it usually this program, is killed.
+#[cfg(target_os = "linux")]
+fn end_with_this_thread(command: &mut Command) {
+    use std::os::unix::process::CommandExt;
+    // SAFETY: one system call between fork and exec.
+    unsafe {
+        command.pre_exec(|| {
+            libc::prctl(libc::PR_SET_PDEATHSIG, libc::SIGTERM);
+            Ok(())
+        });
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+fn end_with_this_thread(_: &mut Command) {}
+
+#[cfg(unix)]
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn script(text: &str) -> Command {
+        let mut command = Command::new("/bin/sh");
+        command.args(["-c", text]);
+        command
+    }
+
+    fn ready(text: &str) -> ReadyProcess {
+        let mut process = ReadyProcess::start(&mut script(text)).unwrap();
+        process.wait_until_ready().unwrap();
+        process
+    }
+
+    #[test]
+    fn what_is_printed_on_the_way_out_is_returned() {
+        let process = ready(
+            "bye() { echo bye; exit 0; }; trap bye TERM; echo ready; while :; do sleep 0.01; done",
+        );
+        assert_eq!(process.end().unwrap(), "bye\n");
+    }
+
+    #[test]
+    fn a_process_that_fails_says_why_in_its_last_lines() {
+        let process = ready(
+            "bye() { echo why >&2; exit 3; }; trap bye TERM; echo ready; while :; do sleep 0.01; done",
+        );
+        let error = process.end().unwrap_err().to_string();
+        assert_eq!(error, "ended with exit status: 3: why");
+    }
+
+    #[test]
+    fn a_process_that_is_not_ready_says_why_on_either_stream() {
+        for text in ["echo 'no hub' >&2; exit 2", "echo 'no hub'; exec sleep 60"] {
+            let mut process = ReadyProcess::start(&mut script(text)).unwrap();
+            let error = process.wait_until_ready().unwrap_err().to_string();
+            assert_eq!(error, "did not start: no hub");
+        }
+    }
+
+    #[test]
+    fn input_comes_before_ready() {
+        let mut reads = script("read line; [ \"$line\" = task ] && echo ready");
+        let mut process = ReadyProcess::start_with_input(&mut reads, "task").unwrap();
+        process.wait_until_ready().unwrap();
+    }
+}
