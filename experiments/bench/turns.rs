@@ -95,5 +95,7 @@ fn digits(shape: &str) -> anyhow::Result<Dataset> {
     let values = (0..count).map(|index| (scattered(index) % 40) as u8);
     let labels = LabelSet::new((0..36).map(|label| format!("material {label}")))?;
     let samples = Samples::U8(values.collect());
-    Ok(Dataset::new("digits", 750.0, shape, labels, records, samples)?)
+    Ok(Dataset::new(
+        "digits", 750.0, shape, labels, records, samples,
+    )?)
 }
