@@ -193,7 +193,7 @@ impl TactNetConfig {
 pub struct TrainingForward {
     /// `[batch, materials]`
     pub logits: Tensor<2>,
-    /// Statistics of every normalised layer, for [`TactNet::follow`].
+    /// Statistics of every normalised layer, for [`TactNet::update_running_stats`].
     pub statistics: Vec<BatchStatistics>,
 }
 

@@ -18,7 +18,7 @@ impl Predictions {
             .enumerate()
             .map(|(label, name)| format!("{name} · {label}"))
             .collect();
-        let left = 16.0 + text_width(&names).max(text_width(&["true material"]));
+        let left = 16.0 + 1.2 * text_width(&names).max(text_width(&["true material"]));
         let side = CELL * names.len() as f64;
         let (right, bottom) = (left + side, TOP + side);
         let shares: Vec<Vec<f64>> = confusion
@@ -69,7 +69,7 @@ impl Predictions {
                 bottom + 14.0
             ));
         }
-        let width = (right + 20.0).max(20.0 + text_width(&[title]));
+        let width = (right + 20.0).max(20.0 + 1.2 * text_width(&[title]));
         stand_alone(width, bottom + 50.0, title, &content)
     }
 }

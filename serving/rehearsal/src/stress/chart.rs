@@ -40,7 +40,7 @@ pub(super) fn log_log(x_name: &str, y_name: &str, lines: &[Line]) -> Option<Stri
     let beside = axes.left + axes.width + 14.0;
     content.push_str(&key(&names, beside, axes.top));
     Some(figure(
-        beside + 46.0 + text_width(&names),
+        beside + 46.0 + 1.2 * text_width(&names),
         340.0,
         &format!("{y_name} over {x_name}"),
         &content,
