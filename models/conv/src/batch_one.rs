@@ -14,7 +14,7 @@
 use rayon::prelude::*;
 
 use super::batch_one_stages::{Pool, Spectra, Tangle, Untangle};
-use super::buffers::Buffers;
+use super::buffers::{Buffers, OCTETS};
 use super::cost::Tiling;
 use super::pooling::Goal;
 use super::product::{Left, Soon};
@@ -27,13 +27,13 @@ use super::weight::{Remembered, Weight};
 /// Most steps.
 const MAX_STEPS: usize = 1024;
 
-/// Plan and workspace.
+/// Plan and kept spectra.
 #[derive(Debug)]
 pub(super) struct BatchOne {
     plan: Plan,
     /// `[block of maps_out, frequency, kernel taxel, maps_in, 2, block's octets]`
     weights: Remembered<Octets>,
-    buffers: Buffers<Octets>,
+    buffers: &'static Buffers<Octets>,
 }
 
 /// Returns `0..count` in pairs of neighbours; for an odd `count` the last pair overlaps the one before.
@@ -58,7 +58,7 @@ impl BatchOne {
         Some(Self {
             plan: Plan::tiled(shape, isa, tiling)?,
             weights: Remembered::default(),
-            buffers: Buffers::default(),
+            buffers: &OCTETS,
         })
     }
 

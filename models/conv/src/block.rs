@@ -1,7 +1,7 @@
 //! One planned block: the route its shape takes, forward and backward.
 
 use super::batch_one::BatchOne;
-use super::buffers::Buffers;
+use super::buffers::{BYTES, Buffers, VALUES};
 use super::cost::Tiling;
 use super::direct::{self, SavedDirect};
 use super::first_layer::{FirstLayer, SavedFirstLayer};
@@ -16,7 +16,7 @@ use super::weight::Weight;
 /// Least output maps for which maps of zeros are added to the input.
 const MIN_PADDED_MAPS: usize = 16;
 
-/// A block planned for one shape, with the workspace that it reuses from call to call.
+/// A block planned for one shape. Its workspace comes from pools that all blocks share.
 ///
 /// All calls take `&self` and may run on several threads at once; each call's parallel parts run on rayon's current pool. Results do not
 /// depend on the number of threads, to the bit. They do differ between instruction sets, within rounding.
@@ -26,8 +26,8 @@ pub struct Block {
     route: Route,
     /// Present where one sweep with frozen statistics is computed faster over time alone.
     batch_one: Option<BatchOne>,
-    values: Buffers<Vec<f32>>,
-    bytes: Buffers<Vec<u8>>,
+    values: &'static Buffers<Vec<f32>>,
+    bytes: &'static Buffers<Vec<u8>>,
 }
 
 /// The algorithm of a shape.
@@ -136,8 +136,8 @@ impl Block {
                 _ => None,
             },
             route,
-            values: Buffers::default(),
-            bytes: Buffers::default(),
+            values: &VALUES,
+            bytes: &BYTES,
         }
     }
 

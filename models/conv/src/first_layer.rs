@@ -9,7 +9,7 @@
 use rayon::prelude::*;
 
 use super::bands::Bands;
-use super::buffers::Buffers;
+use super::buffers::{Buffers, OCTETS, VALUES, WINNERS};
 use super::fft::TimePlan;
 use super::first_layer_backward::Winner;
 use super::first_layer_stages::{Analyze, Scale, Synthesize};
@@ -31,7 +31,7 @@ const MAX_BAND: usize = 16;
 /// Most kernel steps and taxels.
 pub(super) const MAX_KERNEL: [usize; 2] = [15, 5];
 
-/// Plan and workspace.
+/// Plan and kept spectra.
 #[derive(Debug)]
 pub(super) struct FirstLayer {
     pub(super) shape: BlockShape,
@@ -48,10 +48,9 @@ pub(super) struct FirstLayer {
     taps: Table,
     cropped: Table,
     weights: Remembered<Octets>,
-    pub(super) buffers: Buffers<Octets>,
-    pub(super) values: Buffers<Vec<f32>>,
-    pub(super) winners: Buffers<Vec<Winner>>,
-    pub(super) products: Buffers<Vec<f32>>,
+    pub(super) buffers: &'static Buffers<Octets>,
+    pub(super) values: &'static Buffers<Vec<f32>>,
+    pub(super) winners: &'static Buffers<Vec<Winner>>,
 }
 
 /// State for the backward pass.
@@ -108,10 +107,9 @@ impl FirstLayer {
             taps: Table::new((0..length).map(taps)),
             cropped: Table::new((0..length).map(cropped)),
             weights: Remembered::default(),
-            buffers: Buffers::default(),
-            values: Buffers::default(),
-            winners: Buffers::default(),
-            products: Buffers::default(),
+            buffers: &OCTETS,
+            values: &VALUES,
+            winners: &WINNERS,
             shape,
             isa,
             time,

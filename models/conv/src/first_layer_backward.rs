@@ -133,7 +133,7 @@ impl FirstLayer {
                 let winners = self.winners(first + at, output);
                 let mut share = Share {
                     sparse: vec![0.0; lengths[0]],
-                    products: self.products.take(lengths[1]),
+                    products: self.values.take(lengths[1]),
                     sums: vec![0.0; lengths[2]],
                 };
                 let mut columns = self.buffers.take(padded.len() / self.row() - 1);
@@ -161,7 +161,7 @@ impl FirstLayer {
             let shares: Vec<Share> = inputs.zip(targets).enumerate().map(share).collect();
             total.add(&shares);
             for share in shares {
-                self.products.give(share.products);
+                self.values.give(share.products);
             }
         }
         let weight = self.weight_gradient(&saved.weight, output, &total, edges.len());

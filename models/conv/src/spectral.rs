@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::buffers::Buffers;
+use super::buffers::{Buffers, OCTETS};
 use super::cost::Tiling;
 use super::norm::Pooled;
 use super::pooling::{Goal, Window, merge_sums};
@@ -22,7 +22,7 @@ use super::spectral_plan::{Plan, by_group, following, in_blocks};
 use super::spectral_stages::{Analyze, KernelRows, Synthesize};
 use super::weight::{Remembered, Weight};
 
-/// Plan and workspace.
+/// Plan and kept spectra.
 #[derive(Debug)]
 pub(super) struct Spectral {
     /// Of as many sweeps as are taken together.
@@ -32,7 +32,7 @@ pub(super) struct Spectral {
     /// Whether groups of sweeps are what threads share, since a group has few columns.
     at_once: bool,
     weights: Remembered<Octets>,
-    pub(super) buffers: Buffers<Octets>,
+    pub(super) buffers: &'static Buffers<Octets>,
 }
 
 /// State for the backward pass.
@@ -80,7 +80,7 @@ impl Spectral {
             },
             at_once: columns < MIN_TASKS,
             weights: Remembered::default(),
-            buffers: Buffers::default(),
+            buffers: &OCTETS,
         })
     }
 
