@@ -1,9 +1,41 @@
 //! The kernels of the first layer's tiles.
 
+use super::bands::Bands;
 use super::first_layer::{FirstLayer, Tile};
 use super::pooling::{Goal, Window, WindowMaps, pool_column};
 use super::shape::BlockShape;
 use super::simd::{Kernel, Lanes, Octet};
+use super::taxel::{Sink, Source};
+
+/// A row of up to eight tiles, one a lane.
+struct Tiles<'a>(&'a [Octet]);
+
+impl<L: Lanes> Source<L> for Tiles<'_> {
+    #[inline(always)]
+    fn at(&self, taxel: usize) -> L {
+        L::load(self.0, taxel)
+    }
+}
+
+/// A row of a band's own outputs, a vector of maps each.
+struct MapRow<'a, const CUT: bool> {
+    bands: &'a Bands,
+    band: usize,
+    /// The band's first output.
+    first: usize,
+    row: &'a mut [Octet],
+}
+
+impl<L: Lanes, const CUT: bool> Sink<L> for MapRow<'_, CUT> {
+    #[inline(always)]
+    fn put(&mut self, at: usize, value: L) {
+        if !CUT {
+            value.store(self.row, at * L::OCTETS);
+        } else if let Some(taxel) = self.bands.output(self.band, at) {
+            value.store(self.row, (taxel - self.first) * L::OCTETS);
+        }
+    }
+}
 
 /// `[length, width of a band]` to `[column, length, 2]`.
 pub(super) struct Analyze<'a> {
@@ -19,9 +51,7 @@ impl Kernel for Analyze<'_> {
         let length = self.plan.time.length();
         for (step, row) in self.rows.chunks_exact(self.plan.bands.width).enumerate() {
             let out = &mut self.spectra[2 * step..];
-            self.plan
-                .taxel
-                .forward::<L>(|taxel| L::load(row, taxel), out, 2 * length, 1);
+            self.plan.taxel.forward::<L>(Tiles(row), out, 2 * length, 1);
         }
     }
 }
@@ -103,14 +133,18 @@ impl Synthesize<'_, '_> {
             for (step, row) in maps.chunks_exact_mut(row).enumerate() {
                 let spectrum = &self.spectra[2 * (window * pool + step) * L::OCTETS..];
                 let stride = plan.tile * 2 * L::OCTETS;
-                plan.taxel
-                    .inverse::<L>(spectrum, stride, L::OCTETS, 0, |taxel, y: L| {
-                        if !CUT {
-                            y.store(row, taxel * L::OCTETS);
-                        } else if let Some(taxel) = plan.bands.output(self.band, taxel) {
-                            y.store(row, (taxel - outputs.start) * L::OCTETS);
-                        }
-                    });
+                plan.taxel.inverse::<L>(
+                    spectrum,
+                    stride,
+                    L::OCTETS,
+                    0,
+                    MapRow::<CUT> {
+                        bands: &plan.bands,
+                        band: self.band,
+                        first: outputs.start,
+                        row,
+                    },
+                );
             }
             let mut to = Window {
                 winners: &mut winners[outputs.start * maps_out..],

@@ -1,11 +1,12 @@
 //! The kernels of a spectral block: taxel spectra of inputs, kernels and gradients, and back.
 
+use super::bands::Bands;
 use super::norm::OutputGradient;
 use super::pooling::{Goal, Window, WindowMaps, pool_column};
 use super::shape::BlockShape;
 use super::simd::{Kernel, Lanes, Narrow, NarrowKernel, Octet, floats};
 use super::spectral_plan::{Plan, in_blocks};
-use super::taxel::{MAX_TAXELS, TaxelPlan};
+use super::taxel::{MAX_TAXELS, Sink, Source, TaxelPlan};
 
 /// Taxel spectra of one part: from a sweep, `[steps, taxels, maps_in]`, to `[column, block of maps_in, steps seen, 2, block's octets]`.
 pub(super) struct Analyze<'a> {
@@ -45,14 +46,12 @@ impl Analyze<'_> {
             for v in (0..ins).step_by(L::OCTETS) {
                 let first = in_blocks(v, block, seen * 2 * block) + at * 2 * block;
                 let out = &mut self.rows[first..];
-                let values = |at: usize| {
-                    if !CUT {
-                        return L::load_floats(row, at * ins + v);
-                    }
-                    match plan.bands.input(self.band, at) {
-                        Some(taxel) => L::load_floats(row, taxel * ins + v),
-                        None => L::splat(0.0),
-                    }
+                let values = InputRow::<CUT> {
+                    bands: &plan.bands,
+                    band: self.band,
+                    row,
+                    ins,
+                    v,
                 };
                 plan.taxel.forward::<L>(values, out, seen * 2 * ins, block);
             }
@@ -135,12 +134,12 @@ impl Synthesize<'_> {
                         parts * span * 2 * outs,
                         block,
                         parts * span * 2 * block,
-                        |at, y: L| {
-                            if !CUT {
-                                y.store(maps, at * outs + v);
-                            } else if let Some(taxel) = plan.bands.output(band, at) {
-                                y.store(maps, taxel * outs + v);
-                            }
+                        MapRow::<CUT> {
+                            bands: &plan.bands,
+                            band,
+                            maps,
+                            outs,
+                            v,
                         },
                     );
                 }
@@ -217,15 +216,15 @@ impl Spread<'_> {
                     let first =
                         in_blocks(v, block, span * 2 * block) + (window * pool + step) * 2 * block;
                     let out = &mut self.rows[first..];
-                    let values = |at: usize| {
-                        let taxel = match plan.bands.output(self.band, at) {
-                            _ if !CUT => at,
-                            Some(taxel) => taxel,
-                            None => return L::splat(0.0),
-                        };
-                        let [gradient, position] = sparse[at];
-                        let dense = L::load(maps, taxel * outs + v).mul_add(kc, kb);
-                        position.if_equal(won, gradient).add(dense)
+                    let values = GradientRow::<L, CUT> {
+                        bands: &plan.bands,
+                        band: self.band,
+                        sparse: &sparse,
+                        maps,
+                        outs,
+                        v,
+                        affine: [kb, kc],
+                        won,
                     };
                     plan.taxel.forward::<L>(values, out, span * 2 * outs, block);
                 }
@@ -357,18 +356,114 @@ impl InputGradient<'_> {
                             parts * seen * 2 * ins,
                             block,
                             8 * block,
-                            |at, value: L| {
-                                if !CUT {
-                                    value.store_floats(row, at * ins + v);
-                                } else if let Some(taxel) = plan.bands.input(band, at) {
-                                    let at = taxel * ins + v;
-                                    L::load_floats(row, at).add(value).store_floats(row, at);
-                                }
+                            InputGradientRow::<CUT> {
+                                bands: &plan.bands,
+                                band,
+                                row,
+                                ins,
+                                v,
                             },
                         );
                     }
                 }
             }
+        }
+    }
+}
+
+/// A vector of maps of an input row; zero beside the array.
+struct InputRow<'a, const CUT: bool> {
+    bands: &'a Bands,
+    band: usize,
+    row: &'a [f32],
+    ins: usize,
+    v: usize,
+}
+
+impl<L: Lanes, const CUT: bool> Source<L> for InputRow<'_, CUT> {
+    #[inline(always)]
+    fn at(&self, at: usize) -> L {
+        if !CUT {
+            return L::load_floats(self.row, at * self.ins + self.v);
+        }
+        match self.bands.input(self.band, at) {
+            Some(taxel) => L::load_floats(self.row, taxel * self.ins + self.v),
+            None => L::splat(0.0),
+        }
+    }
+}
+
+/// A vector of maps of a row; only a band's own outputs are written.
+struct MapRow<'a, const CUT: bool> {
+    bands: &'a Bands,
+    band: usize,
+    maps: &'a mut [Octet],
+    outs: usize,
+    v: usize,
+}
+
+impl<L: Lanes, const CUT: bool> Sink<L> for MapRow<'_, CUT> {
+    #[inline(always)]
+    fn put(&mut self, at: usize, value: L) {
+        if !CUT {
+            value.store(self.maps, at * self.outs + self.v);
+        } else if let Some(taxel) = self.bands.output(self.band, at) {
+            value.store(self.maps, taxel * self.outs + self.v);
+        }
+    }
+}
+
+/// A vector of maps of a row of `dy`; zero but for a band's own outputs.
+struct GradientRow<'a, L, const CUT: bool> {
+    bands: &'a Bands,
+    band: usize,
+    /// Gradient and step of the window's winners, by place in the band.
+    sparse: &'a [[L; 2]; MAX_TAXELS],
+    maps: &'a [Octet],
+    outs: usize,
+    v: usize,
+    /// `kb` and `kc`
+    affine: [L; 2],
+    /// The step, which the winners of this row have.
+    won: L,
+}
+
+impl<L: Lanes, const CUT: bool> Source<L> for GradientRow<'_, L, CUT> {
+    #[inline(always)]
+    fn at(&self, at: usize) -> L {
+        let taxel = if CUT {
+            match self.bands.output(self.band, at) {
+                Some(taxel) => taxel,
+                None => return L::splat(0.0),
+            }
+        } else {
+            at
+        };
+        let [gradient, position] = self.sparse[at];
+        let [kb, kc] = self.affine;
+        let dense = L::load(self.maps, taxel * self.outs + self.v).mul_add(kc, kb);
+        position.if_equal(self.won, gradient).add(dense)
+    }
+}
+
+/// A vector of maps of a row of the input's gradient, to which a band's share is added; a whole row is written.
+struct InputGradientRow<'a, const CUT: bool> {
+    bands: &'a Bands,
+    band: usize,
+    row: &'a mut [f32],
+    ins: usize,
+    v: usize,
+}
+
+impl<L: Lanes, const CUT: bool> Sink<L> for InputGradientRow<'_, CUT> {
+    #[inline(always)]
+    fn put(&mut self, at: usize, value: L) {
+        if !CUT {
+            value.store_floats(self.row, at * self.ins + self.v);
+        } else if let Some(taxel) = self.bands.input(self.band, at) {
+            let at = taxel * self.ins + self.v;
+            let sum = L::load_floats(self.row, at).add(value);
+            sum.store_floats(self.row, at);
         }
     }
 }

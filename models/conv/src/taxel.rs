@@ -34,6 +34,17 @@ pub(super) fn padded_pairs(taxels: usize) -> usize {
     fitting.unwrap_or(pairs)
 }
 
+/// The values of one row of taxels. A trait rather than a closure: only functions can be marked so that they are always compiled into the
+/// kernel, with its instruction set.
+pub(super) trait Source<L> {
+    fn at(&self, taxel: usize) -> L;
+}
+
+/// Where the values of one row of taxels go.
+pub(super) trait Sink<L> {
+    fn put(&mut self, taxel: usize, value: L);
+}
+
 /// Symmetry of the time spectrum of one taxel frequency.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Mirror {
@@ -165,7 +176,7 @@ impl TaxelPlan {
     #[inline(always)]
     pub(super) fn forward<L: Lanes>(
         &self,
-        values: impl Fn(usize) -> L,
+        values: impl Source<L>,
         out: &mut [Octet],
         stride: usize,
         imaginary: usize,
@@ -176,7 +187,7 @@ impl TaxelPlan {
     #[inline(always)]
     fn forward_of<L: Lanes, const PAIRS: usize>(
         &self,
-        values: impl Fn(usize) -> L,
+        values: impl Source<L>,
         out: &mut [Octet],
         stride: usize,
         imaginary: usize,
@@ -188,7 +199,7 @@ impl TaxelPlan {
                 break;
             }
             let [minus, plus] = self.ends(pair);
-            let (a, b) = (values(plus), values(minus));
+            let (a, b) = (values.at(plus), values.at(minus));
             sums[pair] = if plus == minus { a } else { a.add(b) };
             differences[pair] = a.sub(b);
         }
@@ -204,7 +215,7 @@ impl TaxelPlan {
         }
     }
 
-    /// One row from its spectrum, which lies as [`TaxelPlan::forward`] writes it; taxel `w` goes to `put(w, value)`. What lies `ahead` octets
+    /// One row from its spectrum, which lies as [`TaxelPlan::forward`] writes it; taxel `w` goes to `put`. What lies `ahead` octets
     /// further is prefetched, unless `ahead` is 0.
     #[inline(always)]
     pub(super) fn inverse<L: Lanes>(
@@ -213,7 +224,7 @@ impl TaxelPlan {
         stride: usize,
         imaginary: usize,
         ahead: usize,
-        put: impl FnMut(usize, L),
+        put: impl Sink<L>,
     ) {
         with_pairs!(
             self,
@@ -228,7 +239,7 @@ impl TaxelPlan {
         stride: usize,
         imaginary: usize,
         ahead: usize,
-        mut put: impl FnMut(usize, L),
+        mut put: impl Sink<L>,
     ) {
         let mut even = [L::splat(0.0); PAIRS];
         let mut odd = [L::splat(0.0); PAIRS];
@@ -260,9 +271,9 @@ impl TaxelPlan {
             }
             let [minus, plus] = self.ends(pair);
             if minus != plus {
-                put(minus, even[pair].sub(odd[pair]));
+                put.put(minus, even[pair].sub(odd[pair]));
             }
-            put(plus, even[pair].add(odd[pair]));
+            put.put(plus, even[pair].add(odd[pair]));
         }
     }
 
