@@ -3,19 +3,22 @@
 
     cargo build --release --example turns
     pip install torch numpy          # or: uv pip install --index-url https://download.pytorch.org/whl/cpu torch
-    python experiments/bench/compare_torch.py [--rounds 15] [--threads 2] [--json]
+    python experiments/bench/compare_torch.py [--shapes all] [--rounds 15] [--threads 2] [--json]
 
-Work is full-size TactNet-II (1000 steps x 16 taxels, 32/64/128 maps, 512 units, 36 materials), batch 36:
+Work is TactNet-II (32/64/128 maps, 512 units, 36 materials) on sweeps of a shape, by default the thesis's, 4 x 4 taxels and 1000 steps,
+36 sweeps a batch (4 for 16 x 16 taxels):
 
     train_step        forward, backward, Adam
     adversarial_step  the same on clean sweeps, their input gradient, and once more on the perturbed sweeps
-    forward           36 sweeps with frozen statistics
+    forward           a batch of sweeps with frozen statistics
     single_forward    one sweep
     mc_forward        one sweep, Monte Carlo dropout with M = 100 (convolutions once, head on all masks together)
 
-Each round times every piece of work with tactnet, with PyTorch's channels-last and with its contiguous memory format: three times in
-a row (short work ten times), of which the median counts, so that a side's own caches are warm and not the other's. A ratio is PyTorch's better median over ours, so above 1 this project is faster. Our times also hold what PyTorch is spared here:
-reading u8 digits, normalising them, drawing dropout masks, and log-probabilities in f64.
+Each round times every piece of work with tactnet and with PyTorch in every way: three times in a row (short work ten times), of which the
+median counts, so that a side's own caches are warm and not the other's. The ways are eager or compiled (torch.compile) with channels-last
+or contiguous memory; a ratio is the best way's median over ours, so above 1 this project is faster. On processors with bf16 instructions
+the same under autocast to bf16 is timed beside it, and does not count. Our times also hold what PyTorch is spared here: reading u8 digits,
+normalising them, drawing dropout masks, and log-probabilities in f64.
 """
 
 import argparse
@@ -31,7 +34,17 @@ import time
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 WORK = ["train_step", "adversarial_step", "forward", "single_forward", "mc_forward"]
 SHORT = ["single_forward", "mc_forward"]
-BATCH, STEPS, TAXELS, MATERIALS, RUNS = 36, 1000, 16, 36, 100
+MATERIALS, RUNS = 36, 100
+# Rows x columns x steps, and the batch.
+SHAPES = {
+    "4x4x1000": 36,
+    "8x8x400": 36,
+    "6x10x75": 36,
+    "19x1x400": 36,
+    "1x1x8800": 36,
+    "16x16x1000": 4,
+    "3x3x64": 36,
+}
 FORMATS = ["channels_last", "contiguous"]
 
 try:
@@ -45,20 +58,23 @@ except ImportError:
 class TactNet(nn.Module):
     """TactNet-II (Tulbure & Baeuml, Humanoids 2018, figure 4)."""
 
-    def __init__(self):
+    def __init__(self, steps, taxels):
         super().__init__()
+        pooled = steps
+        for _ in range(3):
+            pooled = -(-pooled // 10)
         maps = [1, 32, 64, 128]
         self.conv = nn.ModuleList(
             nn.Conv2d(i, o, (15, 5), padding=(7, 2), bias=False) for i, o in zip(maps, maps[1:])
         )
         self.norm = nn.ModuleList(nn.BatchNorm2d(o) for o in maps[1:])
-        self.hidden = nn.Linear(2048, 512, bias=False)
+        self.hidden = nn.Linear(128 * taxels * pooled, 512, bias=False)
         self.hidden_norm = nn.BatchNorm1d(512)
         self.output = nn.Linear(512, MATERIALS)
 
     def features(self, x):
         for conv, norm in zip(self.conv, self.norm):
-            x = F.max_pool2d(F.relu(norm(conv(x))), (10, 1))
+            x = F.max_pool2d(F.relu(norm(conv(x))), (10, 1), ceil_mode=True)
         return x.flatten(1)
 
     def head(self, x):
@@ -69,52 +85,67 @@ class TactNet(nn.Module):
 
 
 class Torch:
-    """One memory format's network, optimiser and sweeps."""
+    """One way to run the network: memory format, compiled or eager, f32 or bf16."""
 
-    def __init__(self, memory_format):
+    def __init__(self, memory_format, shape, batch, compiled=False, bf16=False):
         torch.manual_seed(1)
+        rows, columns, steps = map(int, shape.split("x"))
         layout = {"memory_format": {"contiguous": torch.contiguous_format}.get(memory_format, torch.channels_last)}
-        self.layout = layout
-        self.net = TactNet().to(**layout)
-        self.eval_net = TactNet().to(**layout).eval()
+        self.layout, self.bf16 = layout, bf16
+        self.net = TactNet(steps, rows * columns).to(**layout)
+        self.eval_net = TactNet(steps, rows * columns).to(**layout).eval()
+        self.run = torch.compile(self.net, dynamic=False) if compiled else self.net
+        self.eval_run = torch.compile(self.eval_net, dynamic=False) if compiled else self.eval_net
         self.adam = torch.optim.Adam(self.net.parameters(), lr=1e-4, weight_decay=1e-3)
-        self.x = torch.randint(0, 40, (BATCH, 1, STEPS, TAXELS)).float().contiguous(**layout)
-        self.y = torch.arange(BATCH)
+        self.x = torch.randint(0, 40, (batch, 1, steps, rows * columns)).float().contiguous(**layout)
+        self.one = self.x[:1].clone(**layout)
+        self.y = torch.arange(batch) % MATERIALS
+
+    def loss(self, x):
+        with torch.autocast("cpu", torch.bfloat16, enabled=self.bf16):
+            out = self.run(x)
+        return F.cross_entropy(out.float(), self.y)
 
     def train_step(self):
         self.adam.zero_grad()
-        F.cross_entropy(self.net(self.x), self.y).backward()
+        self.loss(self.x).backward()
         self.adam.step()
 
     def adversarial_step(self, alpha=0.5, epsilon=0.1):
         self.adam.zero_grad()
         x = self.x.detach().clone(**self.layout).requires_grad_(True)
-        (alpha * F.cross_entropy(self.net(x), self.y)).backward()
+        (alpha * self.loss(x)).backward()
         perturbed = x.detach() + epsilon * x.grad.sign()
-        ((1 - alpha) * F.cross_entropy(self.net(perturbed), self.y)).backward()
+        ((1 - alpha) * self.loss(perturbed)).backward()
         self.adam.step()
 
     @torch.no_grad()
-    def forward(self):
-        self.eval_net(self.x).log_softmax(1)
+    def predict(self, x):
+        with torch.autocast("cpu", torch.bfloat16, enabled=self.bf16):
+            out = self.eval_run(x)
+        out.float().log_softmax(1)
 
-    @torch.no_grad()
+    def forward(self):
+        self.predict(self.x)
+
     def single_forward(self):
-        self.eval_net(self.x[:1]).log_softmax(1)
+        self.predict(self.one)
 
     @torch.no_grad()
     def mc_forward(self):
-        features = self.eval_net.features(self.x[:1])
-        self.eval_net.head(F.dropout(features.expand(RUNS, -1), 0.2, True)).softmax(1).mean(0).log()
+        with torch.autocast("cpu", torch.bfloat16, enabled=self.bf16):
+            features = self.eval_net.features(self.one)
+            out = self.eval_net.head(F.dropout(features.expand(RUNS, -1), 0.2, True))
+        out.float().softmax(1).mean(0).log()
 
 
 class Ours:
     """The `turns` example, one line in, one time out."""
 
-    def __init__(self, program, threads):
+    def __init__(self, program, threads, shape, batch):
         env = {**os.environ, "RAYON_NUM_THREADS": str(threads)}
         self.process = subprocess.Popen(
-            [program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=env
+            [program, shape, str(batch)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=env
         )
 
     def time(self, work):
@@ -147,7 +178,12 @@ def main():
     )
     parser.add_argument("--rounds", type=int, default=15, help="times everything is timed (default 15)")
     parser.add_argument("--threads", type=int, default=len(os.sched_getaffinity(0)), help="threads for both (default: all)")
-    parser.add_argument("--work", nargs="+", choices=WORK, default=WORK, help="only this work")
+    parser.add_argument("--work", nargs="+", choices=WORK, help="only this work (default: all; of several shapes "
+                        "train_step, forward and single_forward)")
+    parser.add_argument("--shapes", nargs="+", metavar="SHAPE", default=["4x4x1000"],
+                        help="ROWSxCOLSxSTEPS, each a row of the table; `all` for " + ", ".join(SHAPES))
+    parser.add_argument("--batch", type=int, help="sweeps of a batch (default: 36; 4 for 16x16x1000)")
+    parser.add_argument("--no-compile", action="store_true", help="leave torch.compile out; it takes minutes a shape")
     parser.add_argument("--program", default=ROOT / "target/release/examples/turns", help="our side")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     options = parser.parse_args()
@@ -155,43 +191,85 @@ def main():
         sys.exit(f"{options.program} is missing: cargo build --release --example turns")
     torch.set_num_threads(options.threads)
     torch.set_flush_denormal(True)
-    sides = {name: Torch(name) for name in FORMATS}
-    ours = Ours(str(options.program), options.threads)
-    times = {work: {side: [] for side in ["tactnet", *FORMATS]} for work in options.work}
+    shapes = list(SHAPES) if options.shapes == ["all"] else options.shapes
+    work = options.work or (WORK if len(shapes) == 1 else ["train_step", "forward", "single_forward"])
+    rows = []
+    for shape in shapes:
+        rows += compare(shape, options.batch or SHAPES.get(shape, 36), work, options)
+        torch._dynamo.reset()
+    about = {
+        "processor": processor(),
+        "threads": options.threads,
+        "rounds": options.rounds,
+        "commit": commit(),
+        "torch": torch.__version__,
+    }
+    if options.json:
+        ratios = {f"{row['work']}_ratio": row["ratio"] for row in rows} if len(shapes) == 1 else {}
+        print(json.dumps({**ratios, "rows": rows, **about}, indent=2))
+        return
+    print(f"{about['processor']}, {options.threads} threads, {options.rounds} rounds, tactnet {commit()}, torch {torch.__version__}")
+    print(f"{'median ms':<12}{'':<18}{'tactnet':>10}{'torch':>10}{'':<26}{'bf16':>10}{'ratio':>8}")
+    for row in rows:
+        bf16 = f"{row['torch_bf16_ms']:>10.1f}" if row["torch_bf16_ms"] else f"{'-':>10}"
+        print(f"{row['shape']:<12}{row['work']:<18}{row['tactnet_ms']:>10.1f}{row['torch_best_ms']:>10.1f}"
+              f"  {row['torch_best_way']:<24}{bf16}{row['ratio']:>8.1f}")
+
+
+def has_bf16():
+    """Whether the processor multiplies bf16 itself; elsewhere autocast is slower than f32."""
+    try:
+        flags = pathlib.Path("/proc/cpuinfo").read_text()
+    except OSError:
+        return False
+    return "avx512_bf16" in flags or "amx_bf16" in flags
+
+
+def compare(shape, batch, work, options):
+    """One shape: a row for each piece of work."""
+    sides = {name: Torch(name, shape, batch) for name in FORMATS}
+    if not options.no_compile:
+        sides |= {f"compiled {name}": Torch(name, shape, batch, compiled=True) for name in FORMATS}
+    f32 = list(sides)
+    if has_bf16():
+        sides |= {f"bf16 {name}": Torch(name, shape, batch, bf16=True) for name in FORMATS}
+    ours = Ours(str(options.program), options.threads, shape, batch)
+    times = {name: {side: [] for side in ["tactnet", *sides]} for name in work}
     for turn in range(options.rounds + 1):
-        if sys.stderr.isatty():
-            print(f"\rround {turn} of {options.rounds}", end="", file=sys.stderr, flush=True)
-        for work, found in times.items():
-            for side in ["tactnet", *FORMATS]:
+        for name, found in times.items():
+            if sys.stderr.isatty():
+                print(f"\r{shape}: round {turn} of {options.rounds}, {name:<18}", end="", file=sys.stderr, flush=True)
+            for side in found:
                 turn_times = []
-                for _ in range(10 if work in SHORT else 3):
+                for _ in range(10 if name in SHORT else 3):
                     if side == "tactnet":
-                        turn_times.append(ours.time(work))
+                        turn_times.append(ours.time(name))
                     else:
                         begin = time.perf_counter()
-                        getattr(sides[side], work)()
+                        getattr(sides[side], name)()
                         turn_times.append((time.perf_counter() - begin) * 1e3)
                 if turn > 0:  # the first round warms up
                     found[side].append(statistics.median(turn_times))
     if sys.stderr.isatty():
         print("\r\033[K", end="", file=sys.stderr)
-    medians = {work: {side: statistics.median(t) for side, t in found.items()} for work, found in times.items()}
-    ratios = {f"{work}_ratio": min(m[f] for f in FORMATS) / m["tactnet"] for work, m in medians.items()}
-    if options.json:
-        about = {
-            "processor": processor(),
-            "threads": options.threads,
-            "rounds": options.rounds,
-            "commit": commit(),
-            "torch": torch.__version__,
-        }
-        print(json.dumps({**ratios, "median_ms": medians, **about}, indent=2))
-        return
-    print(f"{processor()}, {options.threads} threads, {options.rounds} rounds, tactnet {commit()}, torch {torch.__version__}")
-    print(f"{'median ms':<18}{'tactnet':>10}{'channels-last':>15}{'contiguous':>12}{'ratio':>8}")
-    for work, m in medians.items():
-        cells = f"{m['tactnet']:>10.1f}{m['channels_last']:>15.1f}{m['contiguous']:>12.1f}"
-        print(f"{work:<18}{cells}{ratios[work + '_ratio']:>8.1f}")
+    ours.process.stdin.close()
+    rows = []
+    for name, found in times.items():
+        medians = {side: statistics.median(values) for side, values in found.items()}
+        best = min(f32, key=medians.get)
+        bf16 = [value for side, value in medians.items() if side.startswith("bf16")]
+        rows.append({
+            "shape": shape,
+            "batch": batch,
+            "work": name,
+            "tactnet_ms": medians["tactnet"],
+            "torch_best_ms": medians[best],
+            "torch_best_way": best,
+            "torch_bf16_ms": min(bf16) if bf16 else None,
+            "ratio": medians[best] / medians["tactnet"],
+            "median_ms": medians,
+        })
+    return rows
 
 
 main()

@@ -1,29 +1,33 @@
 //! Times one piece of work for each line on standard input, in milliseconds: `compare_torch.py` lets this process and
 //! PyTorch take turns.
 //!
-//! Work: `train_step`, `adversarial_step` (one batch of 36 through loading, forward, backward and Adam), `forward`,
-//! `single_forward` (36 sweeps or one, digits to probabilities), `mc_forward` (one sweep, Monte Carlo dropout with M = 100).
+//! `turns [ROWSxCOLSxSTEPS [BATCH]]`, by default `4x4x1000 36`: the shape of the sweeps, and how many are a batch.
+//!
+//! Work: `train_step`, `adversarial_step` (one batch through loading, forward, backward and Adam), `forward`,
+//! `single_forward` (a batch of sweeps or one, digits to probabilities), `mc_forward` (one sweep, Monte Carlo dropout with M = 100).
 
 use std::io::{BufRead, Write};
 use std::time::Instant;
 
 use anyhow::{Context, bail};
-use tactnet_data::twin::{TwinConfig, generate};
-use tactnet_data::{Fold, Scheme, Seed, SweepView};
+use tactnet_data::{
+    Dataset, Fold, LabelSet, Samples, Scheme, Seed, SweepRecord, SweepShape, SweepView,
+};
 use tactnet_pipeline::{
     Classifier, ClassifierConfig, Device, ModelConfig, PredictionMethod, Recipe, TactNetSetup,
     Training, TrainingMethod,
 };
 
 fn main() -> anyhow::Result<()> {
-    let twin = generate(&TwinConfig {
-        sweeps: 5,
-        ..TwinConfig::default()
-    })?;
+    let mut arguments = std::env::args().skip(1);
+    let shape = arguments.next().unwrap_or_else(|| "4x4x1000".into());
+    let batch: usize = arguments.next().map_or(Ok(36), |text| text.parse())?;
+    let dataset = digits(&shape)?;
     let device = Device::flex();
-    let split = Fold::new(&twin, Scheme::default(), Seed(1), 0, 0)?.train;
+    let split = Fold::new(&dataset, Scheme::default(), Seed(1), 0, 0)?.train;
     let mut recipe = Recipe::load("thesis")?;
     recipe.training.epochs = usize::MAX;
+    recipe.training.batch = batch;
     let mut plain = recipe.clone();
     plain.training.method = TrainingMethod::Base;
     let setup = TactNetSetup::fit(&recipe, &split);
@@ -41,8 +45,8 @@ fn main() -> anyhow::Result<()> {
     };
     let (mut base, mut adversarial) = (start(&plain)?, start(&recipe)?);
     let classifier = Classifier::new(config, &base.state()?.weights, &device)?;
-    let batch = SweepView::new(&twin, (0..36).collect());
-    let sweep = SweepView::new(&twin, vec![0]);
+    let batch = SweepView::new(&dataset, (0..batch).collect());
+    let sweep = SweepView::new(&dataset, vec![0]);
     let monte_carlo = PredictionMethod::McDropout { mc_samples: 100 };
 
     let mut answers = std::io::stdout().lock();
@@ -65,4 +69,33 @@ fn main() -> anyhow::Result<()> {
         answers.flush()?;
     }
     Ok(())
+}
+
+/// Scattered digits, 0 to 39, of 36 materials: a step takes as long whatever it learns from.
+fn digits(shape: &str) -> anyhow::Result<Dataset> {
+    let sizes: Vec<usize> = shape
+        .split('x')
+        .map(str::parse)
+        .collect::<Result<_, _>>()
+        .with_context(|| format!("expected ROWSxCOLSxSTEPS, found `{shape}`"))?;
+    let [rows, cols, steps] = sizes[..] else {
+        bail!("expected ROWSxCOLSxSTEPS, found `{shape}`");
+    };
+    let shape = SweepShape { steps, rows, cols };
+    let records: Vec<SweepRecord> = (0..36 * 5)
+        .map(|index| SweepRecord {
+            label: index % 36,
+            sweep: index / 36,
+            block: None,
+            test: None,
+        })
+        .collect();
+    let scattered = |index: u64| index.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40;
+    let count = (records.len() * steps * shape.taxels()) as u64;
+    let values = (0..count).map(|index| (scattered(index) % 40) as u8);
+    let labels = LabelSet::new((0..36).map(|label| format!("material {label}")))?;
+    let samples = Samples::U8(values.collect());
+    Ok(Dataset::new(
+        "digits", 750.0, shape, labels, records, samples,
+    )?)
 }

@@ -11,7 +11,7 @@ use tactnet_pipeline::{
 };
 
 use crate::ServeError;
-use tactnet_skin::packets::{MAX_MATERIALS, MAX_TAXELS, ModelNames, Text};
+use tactnet_skin::packets::{MAX_MATERIALS, ModelNames, Text, unfit};
 
 /// Where models come from.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -109,21 +109,17 @@ impl ServedModel {
     pub fn load(path: &Path, version: u64) -> Result<Self, ServeError> {
         let run = RunDir::open(path)?;
         let config = run.config()?.classifier;
-        let unfit = |what, most: usize, found: usize| ServeError::Unfit {
-            path: path.into(),
-            reason: format!("{found} {what}, packets hold {most}"),
-        };
         if !run.has_final_weights() {
             return Err(ServeError::Unfit {
                 path: path.into(),
                 reason: "its training has not ended".into(),
             });
         }
-        if config.labels.len() > MAX_MATERIALS {
-            return Err(unfit("materials", MAX_MATERIALS, config.labels.len()));
-        }
-        if config.shape.taxels() > MAX_TAXELS {
-            return Err(unfit("taxels", MAX_TAXELS, config.shape.taxels()));
+        if let Some(reason) = unfit(config.shape.taxels(), config.labels.len()) {
+            return Err(ServeError::Unfit {
+                path: path.into(),
+                reason,
+            });
         }
         let weights = run.weights()?;
         let classifier = Classifier::new(config, &weights, &Compute::Cpu.open()?)?;

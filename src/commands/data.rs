@@ -11,6 +11,7 @@ use anyhow::bail;
 use clap::{Args, Subcommand};
 use tactnet_data::format::{self, Format};
 use tactnet_data::{Dataset, Finding, Severity, check, group_findings, info};
+use tactnet_skin::packets::unfit;
 
 use crate::{failure, output, source, view};
 
@@ -119,7 +120,13 @@ fn show_info(arguments: &FileArgs) -> anyhow::Result<ExitCode> {
 }
 
 fn run_check(arguments: &CheckArgs) -> anyhow::Result<ExitCode> {
-    let findings = check(&load_with_gaps(&arguments.file.data)?);
+    let dataset = load_with_gaps(&arguments.file.data)?;
+    if let Some(reason) = unfit(dataset.shape().taxels(), dataset.labels().len()) {
+        eprintln!(
+            "note: such sweeps can be trained on and evaluated, not classified online: {reason}"
+        );
+    }
+    let findings = check(&dataset);
     let errors = count(&findings, Severity::Error);
     if arguments.file.json {
         output::print_json(&findings)?;

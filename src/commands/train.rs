@@ -13,6 +13,7 @@ use tactnet_pipeline::{
     CalibrationTarget, LabelOrder, ModelRecipe, Provenance, RunDir, Session, TrainJob,
     TrainOutcome, TrainSpec,
 };
+use tactnet_skin::packets::unfit;
 
 use super::choices::{DeviceChoice, LevelsChoice, ModelChoice, SplitChoice};
 use crate::output::{self, OutputFormat};
@@ -148,6 +149,10 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
             Session::begin(&job, arguments.out.as_deref(), program)?
         }
     };
+    let classifier = session.run().config()?.classifier;
+    if let Some(reason) = unfit(classifier.shape.taxels(), classifier.labels.len()) {
+        eprintln!("note: `tactnet serve` will not take this classifier: {reason}");
+    }
     train(&session, &stop, OutputFormat::from_flag(arguments.json))
 }
 

@@ -5,6 +5,7 @@
     reason = "a test that cannot go on should say where"
 )]
 
+mod arrays;
 mod baselines;
 mod build_script;
 mod channel;

@@ -14,7 +14,8 @@
 use rayon::prelude::*;
 
 use super::batch_one_stages::{Pool, Spectra, Tangle, Untangle};
-use super::buffers::Buffers;
+use super::buffers::{Buffers, OCTETS};
+use super::cost::Tiling;
 use super::pooling::Goal;
 use super::product::{Left, Soon};
 use super::shape::BlockShape;
@@ -23,13 +24,16 @@ use super::spare;
 use super::spectral_plan::{Plan, by_group, following, padded};
 use super::weight::{Remembered, Weight};
 
-/// Plan and workspace.
+/// Most steps.
+const MAX_STEPS: usize = 1024;
+
+/// Plan and kept spectra.
 #[derive(Debug)]
 pub(super) struct BatchOne {
     plan: Plan,
     /// `[block of maps_out, frequency, kernel taxel, maps_in, 2, block's octets]`
     weights: Remembered<Octets>,
-    buffers: Buffers<Octets>,
+    buffers: &'static Buffers<Octets>,
 }
 
 /// Returns `0..count` in pairs of neighbours; for an odd `count` the last pair overlaps the one before.
@@ -41,15 +45,20 @@ fn pairs(count: usize) -> impl Iterator<Item = [usize; 2]> {
 }
 
 impl BatchOne {
-    /// Returns `None` unless the batch is one, [`Plan::new`] takes the shape, and there are two taxels and two kernel taxels to pair.
+    /// Returns `None` unless the batch is one, [`Plan::tiled`] takes the shape, there are two taxels and two kernel taxels to pair, and the
+    /// steps are not so many that they are better cut.
     pub(super) fn new(shape: BlockShape, isa: Isa) -> Option<Self> {
         if shape.batch != 1 || shape.taxels < 2 || shape.kernel[1] < 2 {
             return None;
         }
+        let tiling = Tiling::over_taxels(&shape);
+        if shape.steps > MAX_STEPS {
+            return None;
+        }
         Some(Self {
-            plan: Plan::new(shape, isa)?,
+            plan: Plan::tiled(shape, isa, tiling)?,
             weights: Remembered::default(),
-            buffers: Buffers::default(),
+            buffers: &OCTETS,
         })
     }
 

@@ -1,6 +1,6 @@
 //! The kernels of the batch-of-one route: two taxels' spectra from one transform, and back; winners.
 
-use super::pooling::{Goal, Window, pool_column};
+use super::pooling::{Goal, Window, WindowMaps, pool_column};
 use super::shape::BlockShape;
 use super::simd::{Kernel, Lanes, Octet};
 use super::spectral_plan::Plan;
@@ -122,7 +122,13 @@ impl Kernel for Pool<'_> {
                 columns: block,
             };
             for v in (0..block).step_by(L::OCTETS) {
-                pool_column::<L>((tile, block, v), taxels, self.goal, &mut to, v);
+                let maps = WindowMaps {
+                    values: tile,
+                    row: taxels * block,
+                    columns: block,
+                    first: v,
+                };
+                pool_column::<L>(maps, taxels, self.goal, &mut to, v);
             }
         }
     }

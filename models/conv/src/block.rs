@@ -1,7 +1,8 @@
 //! One planned block: the route its shape takes, forward and backward.
 
 use super::batch_one::BatchOne;
-use super::buffers::Buffers;
+use super::buffers::{BYTES, Buffers, VALUES};
+use super::cost::Tiling;
 use super::direct::{self, SavedDirect};
 use super::first_layer::{FirstLayer, SavedFirstLayer};
 use super::norm::{Normalizer, OutputGradient, Pooled};
@@ -15,7 +16,7 @@ use super::weight::Weight;
 /// Least output maps for which maps of zeros are added to the input.
 const MIN_PADDED_MAPS: usize = 16;
 
-/// A block planned for one shape, with the workspace that it reuses from call to call.
+/// A block planned for one shape. Its workspace comes from pools that all blocks share.
 ///
 /// All calls take `&self` and may run on several threads at once; each call's parallel parts run on rayon's current pool. Results do not
 /// depend on the number of threads, to the bit. They do differ between instruction sets, within rounding.
@@ -25,8 +26,8 @@ pub struct Block {
     route: Route,
     /// Present where one sweep with frozen statistics is computed faster over time alone.
     batch_one: Option<BatchOne>,
-    values: Buffers<Vec<f32>>,
-    bytes: Buffers<Vec<u8>>,
+    values: &'static Buffers<Vec<f32>>,
+    bytes: &'static Buffers<Vec<u8>>,
 }
 
 /// The algorithm of a shape.
@@ -40,6 +41,20 @@ enum Route {
     Padded(Spectral),
     /// One map in, multiples of eight out, at most 16 taxels and a kernel of at most 15 x 5.
     FirstLayer(FirstLayer),
+}
+
+/// A tiling of taxels and steps for the spectral route; displayed as bands and their taxels, ranges and their steps.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Candidate {
+    /// Time of a training step on one thread as the cost model predicts it, milliseconds.
+    pub predicted_ms: f64,
+    tiling: Tiling,
+}
+
+impl std::fmt::Display for Candidate {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.tiling.fmt(f)
+    }
 }
 
 /// Result of [`Block::forward_train`].
@@ -121,8 +136,40 @@ impl Block {
                 _ => None,
             },
             route,
-            values: Buffers::default(),
-            bytes: Buffers::default(),
+            values: &VALUES,
+            bytes: &BYTES,
+        }
+    }
+
+    /// Returns the tilings among which the planner chooses for a shape of the spectral route, cheapest first; none for other shapes.
+    ///
+    /// The planner takes the first. [`Block::plan_candidate`] takes any, to compare predictions with measurements.
+    pub fn candidates(shape: BlockShape, isa: Isa) -> Vec<Candidate> {
+        if Spectral::new(shape, isa).is_none() || FirstLayer::new(shape, isa).is_some() {
+            return Vec::new();
+        }
+        let candidate = |tiling: Tiling| Candidate {
+            predicted_ms: tiling.cost(&shape, isa) * 1e-6,
+            tiling,
+        };
+        let mut found: Vec<_> = Tiling::candidates(&shape)
+            .into_iter()
+            .map(candidate)
+            .collect();
+        found.sort_by(|a, b| a.predicted_ms.total_cmp(&b.predicted_ms));
+        found
+    }
+
+    /// Plans a block as `candidate`, one of [`Block::candidates`] of the same shape, says.
+    ///
+    /// # Panics
+    /// As [`Block::plan_for`], and for a candidate of another shape.
+    pub fn plan_candidate(shape: BlockShape, isa: Isa, candidate: &Candidate) -> Self {
+        let spectral = Spectral::tiled(shape, isa, candidate.tiling);
+        let spectral = spectral.unwrap_or_else(|| panic!("a candidate of another shape"));
+        Self {
+            route: Route::Spectral(spectral),
+            ..Self::plan_for(shape, isa)
         }
     }
 

@@ -1,12 +1,26 @@
 //! Pools of large buffers, so that a training step allocates (and page-faults) nothing after the first.
+//!
+//! The pools are process-wide: blocks run one after the other, and an epoch's last batch is smaller than the others, so they all use the same
+//! memory. Any thread may take and give.
 
 use std::fmt::Debug;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use super::first_layer_backward::Winner;
 use super::simd::Octets;
 
-/// Most buffers that a pool keeps. A block needs fewer unless many forward passes are pending.
-const MAX_KEPT: usize = 64;
+/// Most bytes that a pool keeps (1 GiB), and most buffers.
+const MAX_BYTES: usize = 1 << 30;
+const MAX_KEPT: usize = 256;
+
+/// Spectra, maps and rows between the stages of a block.
+pub(super) static OCTETS: Buffers<Octets> = Buffers::at_most(MAX_KEPT);
+/// Winners, gradients and sums.
+pub(super) static VALUES: Buffers<Vec<f32>> = Buffers::at_most(MAX_KEPT);
+/// Steps of winners.
+pub(super) static BYTES: Buffers<Vec<u8>> = Buffers::at_most(MAX_KEPT);
+/// Lists of winners.
+pub(super) static WINNERS: Buffers<Vec<Winner>> = Buffers::at_most(MAX_KEPT);
 
 /// A pool of buffers, the one that has been unused longest first.
 #[derive(Debug)]
@@ -15,33 +29,40 @@ pub(super) struct Buffers<B> {
     max: usize,
 }
 
-/// Memory of a fixed number of values, zero when allocated.
+/// Memory of a number of values, zero when allocated.
 pub(super) trait Buffer: Sized {
     fn zeros(len: usize) -> Self;
-    fn len(&self) -> usize;
+    /// Values that it has room for.
+    fn room(&self) -> usize;
+    /// Makes it `len` values, at most as many as there is room for.
+    fn set_len(&mut self, len: usize);
+    /// Bytes of a value.
+    const BYTES: usize;
 }
 
 impl<T: Copy + Default> Buffer for Vec<T> {
+    const BYTES: usize = size_of::<T>();
     fn zeros(len: usize) -> Self {
         vec![T::default(); len]
     }
-    fn len(&self) -> usize {
-        self.len()
+    fn room(&self) -> usize {
+        self.capacity()
+    }
+    fn set_len(&mut self, len: usize) {
+        self.resize(len, T::default());
     }
 }
 
 impl Buffer for Octets {
+    const BYTES: usize = 32;
     fn zeros(len: usize) -> Self {
         Self::zeros(len)
     }
-    fn len(&self) -> usize {
-        <[_]>::len(self)
+    fn room(&self) -> usize {
+        Self::room(self)
     }
-}
-
-impl<B> Default for Buffers<B> {
-    fn default() -> Self {
-        Self::at_most(MAX_KEPT)
+    fn set_len(&mut self, len: usize) {
+        Self::set_len(self, len);
     }
 }
 
@@ -56,11 +77,21 @@ impl<B> Buffers<B> {
 }
 
 impl<B: Buffer> Buffers<B> {
-    /// Returns a buffer of `len` values: zero if newly allocated, else with its former contents.
+    /// Returns a buffer of `len` values: zero if newly allocated, else with former contents of any kind. The smallest is taken that has room,
+    /// but none with room for more than half as much again.
     pub(super) fn take(&self, len: usize) -> B {
         let mut kept = self.kept();
-        match kept.iter().position(|buffer| buffer.len() == len) {
-            Some(found) => kept.remove(found),
+        let fitting = kept.iter().enumerate().filter(|(_, buffer)| {
+            let room = buffer.room();
+            (len..=len + len / 2).contains(&room)
+        });
+        match fitting.min_by_key(|(_, buffer)| buffer.room()) {
+            Some((found, _)) => {
+                let mut buffer = kept.remove(found);
+                drop(kept);
+                buffer.set_len(len);
+                buffer
+            }
             None => {
                 drop(kept);
                 B::zeros(len)
@@ -68,16 +99,50 @@ impl<B: Buffer> Buffers<B> {
         }
     }
 
-    /// Adds a buffer to the pool; a full pool frees the one that has been unused longest.
+    /// Adds a buffer to the pool; a full pool frees those that have been unused longest.
     pub(super) fn give(&self, buffer: B) {
         let mut kept = self.kept();
-        let oldest = (kept.len() == self.max).then(|| kept.remove(0));
         kept.push(buffer);
+        let mut bytes: usize = kept.iter().map(|kept| kept.room() * B::BYTES).sum();
+        let mut oldest = 0;
+        while kept.len() - oldest > self.max || bytes > MAX_BYTES {
+            bytes -= kept[oldest].room() * B::BYTES;
+            oldest += 1;
+        }
+        let freed: Vec<B> = kept.drain(..oldest).collect();
         drop(kept);
-        drop(oldest);
+        drop(freed);
     }
 
     fn kept(&self) -> MutexGuard<'_, Vec<B>> {
         self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_smaller_buffer_comes_from_a_larger_one_but_not_a_much_larger() {
+        let pool: Buffers<Vec<u8>> = Buffers::at_most(2);
+        pool.give(vec![7; 12]);
+        assert_eq!(pool.take(9), [7; 9], "used, shortened");
+        pool.give(vec![7; 12]);
+        assert_eq!(pool.take(5), [0; 5], "new");
+        assert_eq!(pool.take(12), [7; 12], "still there");
+        for len in [3, 8, 20] {
+            pool.give(vec![len; usize::from(len)]);
+        }
+        assert_eq!(pool.take(3), [0; 3], "the oldest was freed");
+    }
+
+    #[test]
+    fn what_was_shortened_grows_back() {
+        let mut octets = Octets::zeros(9);
+        octets.set_len(6);
+        assert_eq!((octets.len(), octets.room()), (6, 10));
+        octets.set_len(9);
+        assert_eq!(octets.len(), 9);
     }
 }

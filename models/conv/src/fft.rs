@@ -34,13 +34,13 @@ struct Pass {
 impl TimePlan {
     /// Plans the shortest length of at least `least` that is a product of the radices, in the fewest passes.
     pub(super) fn at_least(least: usize) -> Self {
-        let mut length = least.max(2);
-        loop {
-            if let Some(radices) = factor(length) {
-                return Self::new(length, &radices);
-            }
-            length += 1;
-        }
+        let (length, radices) = smooth(least);
+        Self::new(length, &radices)
+    }
+
+    /// Returns the length that [`TimePlan::at_least`] plans.
+    pub(super) fn length_for(least: usize) -> usize {
+        smooth(least).0
     }
 
     fn new(length: usize, radices: &[usize]) -> Self {
@@ -159,6 +159,15 @@ impl Kernel for Transform<'_> {
             }
         }
     }
+}
+
+/// The shortest length of at least `least` that is a product of the radices, and these.
+fn smooth(least: usize) -> (usize, Vec<usize>) {
+    let lengths = least.max(2)..;
+    let mut found = lengths.filter_map(|length| Some((length, factor(length)?)));
+    found
+        .next()
+        .unwrap_or_else(|| unreachable!("powers of two are products of the radices"))
 }
 
 /// Returns the fewest radices whose product is `length`, large ones first, or `None` if a prime factor is above 5.

@@ -8,7 +8,8 @@
 
 use rayon::prelude::*;
 
-use super::buffers::Buffers;
+use super::bands::Bands;
+use super::buffers::{Buffers, OCTETS, VALUES, WINNERS};
 use super::fft::TimePlan;
 use super::first_layer_backward::Winner;
 use super::first_layer_stages::{Analyze, Scale, Synthesize};
@@ -25,18 +26,19 @@ use super::weight::{Remembered, Weight};
 
 /// Most steps of a tile, unless one pooling window is longer.
 const TILE: usize = 100;
-/// Most taxels.
-const MAX_TAXELS: usize = 16;
+/// Most taxels of a band, and of the inputs of a band that is transformed.
+const MAX_BAND: usize = 16;
 /// Most kernel steps and taxels.
 pub(super) const MAX_KERNEL: [usize; 2] = [15, 5];
 
-/// Plan and workspace.
+/// Plan and kept spectra.
 #[derive(Debug)]
 pub(super) struct FirstLayer {
     pub(super) shape: BlockShape,
     pub(super) isa: Isa,
     pub(super) time: TimePlan,
     pub(super) taxel: TaxelPlan,
+    pub(super) bands: Bands,
     /// Octets of output maps, and how many make a vector.
     pub(super) outs: usize,
     pub(super) group: usize,
@@ -46,10 +48,9 @@ pub(super) struct FirstLayer {
     taps: Table,
     cropped: Table,
     weights: Remembered<Octets>,
-    pub(super) buffers: Buffers<Octets>,
-    pub(super) values: Buffers<Vec<f32>>,
-    pub(super) winners: Buffers<Vec<Winner>>,
-    pub(super) products: Buffers<Vec<f32>>,
+    pub(super) buffers: &'static Buffers<Octets>,
+    pub(super) values: &'static Buffers<Vec<f32>>,
+    pub(super) winners: &'static Buffers<Vec<Winner>>,
 }
 
 /// State for the backward pass.
@@ -59,7 +60,7 @@ pub(super) struct SavedFirstLayer {
     pub(super) weight: Vec<f32>,
 }
 
-/// One tile: its sweep, its first step and the outputs of its windows.
+/// One tile: its sweep, its first step and the outputs of its windows; the sums are `[window, band, 3, columns]`.
 pub(super) struct Tile<'a> {
     pub(super) input: &'a [f32],
     pub(super) first: usize,
@@ -72,7 +73,6 @@ impl FirstLayer {
     pub(super) fn new(shape: BlockShape, isa: Isa) -> Option<Self> {
         let [pad_steps, pad_taxels] = shape.padding();
         if shape.maps_in != 1
-            || shape.taxels > MAX_TAXELS
             || !shape.maps_out.is_multiple_of(8)
             || shape.kernel[0] > MAX_KERNEL[0]
             || shape.kernel[1] > MAX_KERNEL[1]
@@ -82,7 +82,8 @@ impl FirstLayer {
         let tile = (TILE / shape.pool).max(1) * shape.pool;
         let time = TimePlan::at_least(tile + 2 * pad_steps);
         let length = time.length();
-        let taxel = TaxelPlan::new(shape.taxels, pad_taxels, 1.0 / length as f64)?;
+        let bands = Bands::at_most(MAX_BAND, shape.taxels, pad_taxels);
+        let taxel = TaxelPlan::new(&bands, pad_taxels, 1.0 / length as f64)?;
         let row = |inside: bool, row: usize| if inside { row as u32 } else { NOWHERE };
         let taps = |t: usize| {
             let tap = if t <= pad_steps {
@@ -106,14 +107,14 @@ impl FirstLayer {
             taps: Table::new((0..length).map(taps)),
             cropped: Table::new((0..length).map(cropped)),
             weights: Remembered::default(),
-            buffers: Buffers::default(),
-            values: Buffers::default(),
-            winners: Buffers::default(),
-            products: Buffers::default(),
+            buffers: &OCTETS,
+            values: &VALUES,
+            winners: &WINNERS,
             shape,
             isa,
             time,
             taxel,
+            bands,
         })
     }
 
@@ -129,7 +130,10 @@ impl FirstLayer {
         let (windows, tile_windows) = (shape.pooled_steps(), self.tile / shape.pool);
         let window = shape.taxels * shape.maps_out;
         let (mut winners, mut positions) = to;
-        let mut sums = self.buffers.take(shape.batch * windows * 3 * self.outs);
+        let bands = self.bands.count();
+        let mut sums = self
+            .buffers
+            .take(shape.batch * windows * bands * 3 * self.outs);
         let mut tiles = Vec::new();
         let sweeps = input.chunks_exact(shape.steps * shape.taxels);
         let outputs = winners
@@ -137,13 +141,13 @@ impl FirstLayer {
             .zip(positions.chunks_exact_mut(windows * window));
         for ((input, (winners, positions)), sums) in sweeps
             .zip(outputs)
-            .zip(sums.chunks_exact_mut(windows * 3 * self.outs))
+            .zip(sums.chunks_exact_mut(windows * bands * 3 * self.outs))
         {
             let parts = winners
                 .chunks_mut(tile_windows * window)
                 .zip(positions.chunks_mut(tile_windows * window));
             for (index, ((winners, positions), sums)) in parts
-                .zip(sums.chunks_mut(tile_windows * 3 * self.outs))
+                .zip(sums.chunks_mut(tile_windows * bands * 3 * self.outs))
                 .enumerate()
             {
                 let first = index * self.tile;
@@ -171,7 +175,9 @@ impl FirstLayer {
         drop(tiles);
         let moments = goal.is_winners().then(|| {
             merge_sums(&sums, self.outs, |index| {
-                (shape.steps - index % windows * shape.pool).min(shape.pool) * shape.taxels
+                let (window, band) = (index / bands % windows, index % bands);
+                let steps = (shape.steps - window * shape.pool).min(shape.pool);
+                steps * self.bands.outputs(band).len()
             })
         });
         self.buffers.give(sums);
@@ -211,38 +217,20 @@ impl FirstLayer {
             .for_each(|tiles| {
                 let columns = self.taxel.frequencies();
                 let length = self.time.length();
-                let mut rows = self.buffers.take(length * shape.taxels);
+                let mut rows = self.buffers.take(length * self.bands.width);
                 let mut taxel_spectra = self.buffers.take(columns * length * 2);
                 let mut tile_spectra = self.buffers.take(columns * length * 2);
                 let mut scratch = self.buffers.take(self.time.scratch(2));
-                self.gather(tiles, &mut rows);
-                let stage = Analyze {
-                    plan: self,
-                    rows: &rows,
-                    spectra: &mut taxel_spectra,
-                };
-                self.isa.run(1, stage);
                 let pairs = Rows {
                     table: &self.all,
                     stride: 2,
                     parts: [0, 1],
                     ahead: NOTHING,
                 };
-                for (source, target) in taxel_spectra
-                    .chunks_exact(2 * length)
-                    .zip(tile_spectra.chunks_exact_mut(2 * length))
-                {
-                    self.time.run(
-                        (self.isa, 1),
-                        (source, pairs),
-                        (target, pairs),
-                        &mut scratch,
-                    );
-                }
                 let group = self.group;
                 let mut product = self.buffers.take(2 * length * group);
                 let mut cropped = self.buffers.take(columns * self.tile * 2 * group);
-                let mut maps = self.buffers.take(shape.pool * shape.taxels * group);
+                let mut maps = self.buffers.take(shape.pool * self.bands.span * group);
                 let [whole, inside] = [&self.all, &self.cropped].map(|table| {
                     let rows = Rows {
                         table,
@@ -252,40 +240,61 @@ impl FirstLayer {
                     };
                     rows.exchanged()
                 });
-                for (kernels, v) in spectra
-                    .chunks_exact(columns * 2 * length * group)
-                    .zip((0..).step_by(group))
-                {
-                    for (lane, tile) in tiles.iter_mut().enumerate() {
-                        let factors = tile_spectra
-                            .chunks_exact(2 * length)
-                            .zip(kernels.chunks_exact(2 * length * group));
-                        for ((spectrum, kernel), target) in
-                            factors.zip(cropped.chunks_exact_mut(self.tile * 2 * group))
-                        {
-                            let stage = Scale {
-                                spectrum,
-                                lane,
-                                kernel,
-                                product: &mut product,
+                for band in 0..self.bands.count() {
+                    self.gather(tiles, band, &mut rows);
+                    let stage = Analyze {
+                        plan: self,
+                        rows: &rows,
+                        spectra: &mut taxel_spectra,
+                    };
+                    self.isa.run(1, stage);
+                    for (source, target) in taxel_spectra
+                        .chunks_exact(2 * length)
+                        .zip(tile_spectra.chunks_exact_mut(2 * length))
+                    {
+                        self.time.run(
+                            (self.isa, 1),
+                            (source, pairs),
+                            (target, pairs),
+                            &mut scratch,
+                        );
+                    }
+                    for (kernels, v) in spectra
+                        .chunks_exact(columns * 2 * length * group)
+                        .zip((0..).step_by(group))
+                    {
+                        for (lane, tile) in tiles.iter_mut().enumerate() {
+                            let factors = tile_spectra
+                                .chunks_exact(2 * length)
+                                .zip(kernels.chunks_exact(2 * length * group));
+                            for ((spectrum, kernel), target) in
+                                factors.zip(cropped.chunks_exact_mut(self.tile * 2 * group))
+                            {
+                                let stage = Scale {
+                                    spectrum,
+                                    lane,
+                                    kernel,
+                                    product: &mut product,
+                                };
+                                self.isa.run(self.outs, stage);
+                                self.time.run(
+                                    (self.isa, self.outs),
+                                    (&product, whole),
+                                    (target, inside),
+                                    &mut scratch,
+                                );
+                            }
+                            let stage = Synthesize {
+                                plan: self,
+                                spectra: &cropped,
+                                maps: &mut maps,
+                                goal,
+                                tile,
+                                band,
+                                column: v,
                             };
                             self.isa.run(self.outs, stage);
-                            self.time.run(
-                                (self.isa, self.outs),
-                                (&product, whole),
-                                (target, inside),
-                                &mut scratch,
-                            );
                         }
-                        let stage = Synthesize {
-                            plan: self,
-                            spectra: &cropped,
-                            maps: &mut maps,
-                            goal,
-                            tile,
-                            column: v,
-                        };
-                        self.isa.run(self.outs, stage);
                     }
                 }
                 for buffer in [
@@ -339,19 +348,23 @@ impl FirstLayer {
         spectra
     }
 
-    /// Input of up to eight tiles, `[length, taxels]`, one tile a lane, zero outside the sweep.
-    fn gather(&self, tiles: &[Tile<'_>], rows: &mut [Octet]) {
+    /// Input of a band of up to eight tiles, `[length, width]`, one tile a lane, zero outside the sweep.
+    fn gather(&self, tiles: &[Tile<'_>], band: usize, rows: &mut [Octet]) {
         let (taxels, pad) = (self.shape.taxels, self.shape.padding()[0]);
+        let width = self.bands.width;
         rows.fill(Octet::ZERO);
         for (lane, tile) in tiles.iter().enumerate() {
             let begin = tile.first.saturating_sub(pad);
             let end = (tile.first + self.time.length() - pad).min(self.shape.steps);
-            let offset = (begin + pad - tile.first) * taxels;
-            for (row, &value) in rows[offset..]
-                .iter_mut()
-                .zip(&tile.input[begin * taxels..end * taxels])
-            {
-                row.0[lane] = value;
+            let offset = (begin + pad - tile.first) * width;
+            let steps = tile.input[begin * taxels..end * taxels].chunks_exact(taxels);
+            for (row, values) in rows[offset..].chunks_exact_mut(width).zip(steps) {
+                for (at, cell) in row.iter_mut().enumerate() {
+                    cell.0[lane] = self
+                        .bands
+                        .input(band, at)
+                        .map_or(0.0, |taxel| values[taxel]);
+                }
             }
         }
     }

@@ -15,12 +15,12 @@ use super::norm::OutputGradient;
 use super::simd::{Narrow, NarrowKernel, Octet};
 use super::spare;
 
-/// Values in a padded row: four zeros, up to sixteen taxels, zeros.
-pub(super) const ROW: usize = 24;
 /// Zeros before the first taxel: the farthest that two taps of a row lie apart.
 pub(super) const MARGIN: usize = MAX_KERNEL[1] - 1;
 /// Sums that a thread takes at once.
 const RUN: usize = 1 << 11;
+/// Most values of the shares that are kept at once, unless one sweep for each thread has more.
+const MAX_SHARED: usize = 1 << 24;
 /// Distances between two taps of a row, from `-MARGIN` on.
 const ACROSS: usize = 2 * MARGIN + 1;
 
@@ -61,10 +61,39 @@ impl Winners {
 struct Share {
     /// `[maps_out, MAX_KERNEL[0], 8]`
     sparse: Vec<f32>,
-    /// `[time distance, rows, ACROSS, 16]`, rows as [`Autocorrelation::edges`] numbers them
+    /// `[time distance, rows, ACROSS, lanes]`, rows as [`Autocorrelation::edges`] numbers them
     products: Vec<f32>,
-    /// `[1 + edges, 16]`: column sums over all rows and the edge rows
+    /// `[1 + edges, lanes]`: column sums over all rows and the edge rows
     sums: Vec<f32>,
+}
+
+/// The shares of all sweeps, added in their order.
+struct Total {
+    sparse: Vec<f64>,
+    products: Vec<f64>,
+    sums: Vec<f64>,
+}
+
+impl Total {
+    fn add(&mut self, shares: &[Share]) {
+        add_all(&mut self.sparse, shares, |share| &share.sparse);
+        add_all(&mut self.products, shares, |share| &share.products);
+        add_all(&mut self.sums, shares, |share| &share.sums);
+    }
+}
+
+fn add_all(total: &mut [f64], shares: &[Share], part: impl Fn(&Share) -> &[f32] + Sync) {
+    total
+        .par_chunks_mut(RUN)
+        .enumerate()
+        .for_each(|(run, total)| {
+            for share in shares {
+                let values = &part(share)[run * RUN..][..total.len()];
+                for (total, &value) in total.iter_mut().zip(values) {
+                    *total += f64::from(value);
+                }
+            }
+        });
 }
 
 impl FirstLayer {
@@ -80,28 +109,37 @@ impl FirstLayer {
         let composite = need_input.then(|| self.composite(&saved.weight, output.affine));
         let values = shape.steps * shape.taxels;
         let mut d_input = need_input.then(|| spare::take(saved.input.len()));
-        let targets: Vec<&mut [f32]> = match &mut d_input {
+        let mut targets: Vec<&mut [f32]> = match &mut d_input {
             Some(d_input) => d_input.chunks_exact_mut(values).collect(),
             None => (0..shape.batch).map(|_| <&mut [f32]>::default()).collect(),
         };
-        let shares: Vec<Share> = saved
-            .input
-            .par_chunks_exact(values)
-            .zip(targets)
-            .enumerate()
-            .map(|(sweep, (input, target))| {
+        let lengths = [
+            shape.maps_out * MAX_KERNEL[0] * 8,
+            shape.kernel[0] * (1 + edges.len()) * ACROSS * self.lanes(),
+            (1 + edges.len()) * self.lanes(),
+        ];
+        let [sparse, products, sums] = lengths.map(|len| vec![0f64; len]);
+        let mut total = Total {
+            sparse,
+            products,
+            sums,
+        };
+        let together = (MAX_SHARED / lengths[1]).max(rayon::current_num_threads());
+        for (part, targets) in targets.chunks_mut(together).enumerate() {
+            let first = part * together;
+            let inputs = saved.input[first * values..].par_chunks_exact(values);
+            let share = |(at, (input, target)): (usize, (&[f32], &mut &mut [f32]))| {
                 let padded = self.pad(input);
-                let winners = self.winners(sweep, output);
+                let winners = self.winners(first + at, output);
                 let mut share = Share {
-                    sparse: vec![0.0; shape.maps_out * MAX_KERNEL[0] * 8],
-                    products: self
-                        .products
-                        .take(shape.kernel[0] * (1 + edges.len()) * ACROSS * 16),
-                    sums: vec![0.0; (1 + edges.len()) * 16],
+                    sparse: vec![0.0; lengths[0]],
+                    products: self.values.take(lengths[1]),
+                    sums: vec![0.0; lengths[2]],
                 };
-                let mut columns = self.buffers.take(padded.len() / ROW - 1);
+                let mut columns = self.buffers.take(padded.len() / self.row() - 1);
                 self.isa.run_narrow(Gather {
                     corner: self.corner(),
+                    row: self.row(),
                     padded: &padded,
                     columns: &mut columns,
                     winners: &winners,
@@ -119,12 +157,14 @@ impl FirstLayer {
                 }
                 self.winners.give(winners.all);
                 share
-            })
-            .collect();
-        let weight = self.weight_gradient(&saved.weight, output, &shares, edges.len());
-        for share in shares {
-            self.products.give(share.products);
+            };
+            let shares: Vec<Share> = inputs.zip(targets).enumerate().map(share).collect();
+            total.add(&shares);
+            for share in shares {
+                self.values.give(share.products);
+            }
         }
+        let weight = self.weight_gradient(&saved.weight, output, &total, edges.len());
         spare::give(saved.input);
         (weight, d_input)
     }
@@ -132,15 +172,26 @@ impl FirstLayer {
     /// The sweep within zeros: `pad` rows before, enough for a patch after.
     fn pad(&self, input: &[f32]) -> Vec<f32> {
         let (taxels, pad) = (self.shape.taxels, self.shape.padding()[0]);
-        let mut padded = vec![0.0; (self.shape.steps + pad + MAX_KERNEL[0] + 1) * ROW];
+        let row = self.row();
+        let mut padded = vec![0.0; (self.shape.steps + pad + MAX_KERNEL[0] + 1) * row];
         for (row, values) in padded
-            .chunks_exact_mut(ROW)
+            .chunks_exact_mut(row)
             .skip(pad)
             .zip(input.chunks_exact(taxels))
         {
             row[MARGIN..MARGIN + taxels].copy_from_slice(values);
         }
         padded
+    }
+
+    /// Taxels in whole octets.
+    pub(super) fn lanes(&self) -> usize {
+        self.shape.taxels.next_multiple_of(8)
+    }
+
+    /// Values in a padded row: four zeros, the taxels, zeros.
+    pub(super) fn row(&self) -> usize {
+        self.lanes() + 2 * MARGIN
     }
 
     /// Where the patches of the first taxel begin in their rows.
@@ -196,31 +247,14 @@ impl FirstLayer {
         &self,
         weight: &[f32],
         output: OutputGradient<'_>,
-        shares: &[Share],
+        total: &Total,
         edges: usize,
     ) -> Vec<f32> {
         let [kernel_steps, kernel_taxels] = self.shape.kernel;
         let taps = kernel_steps * kernel_taxels;
-        let total = |part: fn(&Share) -> &[f32]| {
-            let mut total = vec![0f64; part(&shares[0]).len()];
-            total
-                .par_chunks_mut(RUN)
-                .enumerate()
-                .for_each(|(run, total)| {
-                    for share in shares {
-                        let values = &part(share)[run * RUN..][..total.len()];
-                        for (total, &value) in total.iter_mut().zip(values) {
-                            *total += f64::from(value);
-                        }
-                    }
-                });
-            total
-        };
-        let sparse = total(|share| &share.sparse);
-        let products = total(|share| &share.products);
-        let sums = total(|share| &share.sums);
-        let (correlation, patch_sums) =
-            (self.correlation(&products, edges), self.patch_sums(&sums));
+        let sparse = &total.sparse;
+        let correlation = self.correlation(&total.products, edges);
+        let patch_sums = self.patch_sums(&total.sums);
         let mut out = vec![0f32; weight.len()];
         let maps = out.par_chunks_exact_mut(taps);
         let maps = maps.zip(weight.par_chunks_exact(taps)).enumerate();
@@ -254,13 +288,13 @@ impl FirstLayer {
     /// `P`, per tap.
     fn patch_sums(&self, sums: &[f64]) -> Vec<f64> {
         let [kernel_steps, kernel_taxels] = self.shape.kernel;
-        let edges = self.edges();
+        let (edges, lanes) = (self.edges(), self.lanes());
         let mut out = Vec::with_capacity(kernel_steps * kernel_taxels);
         for tap in 0..kernel_steps * kernel_taxels {
             let (row, column) = (tap / kernel_taxels, tap % kernel_taxels);
             let over = |line: usize| {
                 self.met_taxels(column)
-                    .map(|c| sums[line * 16 + c])
+                    .map(|c| sums[line * lanes + c])
                     .sum::<f64>()
             };
             let missed = edges
@@ -276,7 +310,7 @@ impl FirstLayer {
     fn correlation(&self, products: &[f64], edges: usize) -> Vec<f64> {
         let [kernel_steps, kernel_taxels] = self.shape.kernel;
         let taps = kernel_steps * kernel_taxels;
-        let rows = self.edges();
+        let (rows, lanes) = (self.edges(), self.lanes());
         let mut out = vec![0f64; taps * taps];
         // The tap further up first; the other half is the same.
         out.par_chunks_exact_mut(taps)
@@ -285,11 +319,11 @@ impl FirstLayer {
                 let (early, left) = (tap / kernel_taxels, tap % kernel_taxels);
                 let met = self.met_taxels(left);
                 for late in early..kernel_steps {
-                    let lines = &products[(late - early) * (1 + edges) * ACROSS * 16..];
+                    let lines = &products[(late - early) * (1 + edges) * ACROSS * lanes..];
                     for right in 0..kernel_taxels {
                         let across = right + MARGIN - left;
                         let over = |line: usize| {
-                            let line = &lines[(line * ACROSS + across) * 16..];
+                            let line = &lines[(line * ACROSS + across) * lanes..];
                             met.clone().map(|c| line[c]).sum::<f64>()
                         };
                         let missed = rows
@@ -313,6 +347,8 @@ impl FirstLayer {
 /// Sums of `gradient * patch` per map.
 struct Gather<'a> {
     corner: usize,
+    /// Values in a padded row.
+    row: usize,
     padded: &'a [f32],
     /// `[rows of the padded sweep]`: eight columns around one taxel.
     columns: &'a mut [Octet],
@@ -325,7 +361,7 @@ impl NarrowKernel for Gather<'_> {
     #[inline(always)]
     fn run<L: Narrow>(self) {
         for (taxel, winners) in self.winners.by_taxel().enumerate() {
-            let rows = self.padded[self.corner + taxel..].chunks(ROW);
+            let rows = self.padded[self.corner + taxel..].chunks(self.row);
             for (row, columns) in rows.zip(self.columns.iter_mut()) {
                 if let Some(values) = row.first_chunk::<8>() {
                     columns.0 = *values;
@@ -367,14 +403,20 @@ struct Autocorrelation<'a> {
 }
 
 impl Autocorrelation<'_> {
-    /// Sums the products of padded rows `first..end` with those `distance` later, `[ACROSS, 16]`.
+    /// Sums the products of padded rows `first..end` with those `distance` later, `[ACROSS, lanes]`.
     #[inline(always)]
-    fn sum<L: Narrow>(padded: &[f32], first: usize, end: usize, distance: usize, out: &mut [f32]) {
-        for half in [0, 8] {
+    fn sum<L: Narrow>(
+        (padded, row): (&[f32], usize),
+        (first, end): (usize, usize),
+        distance: usize,
+        out: &mut [f32],
+    ) {
+        let lanes = row - 2 * MARGIN;
+        for half in (0..lanes).step_by(8) {
             let mut sums = [L::splat(0.0); ACROSS];
             for a in first..end {
-                let base = &padded[a * ROW + MARGIN + half..];
-                let other = &padded[(a + distance) * ROW + half..];
+                let base = &padded[a * row + MARGIN + half..];
+                let other = &padded[(a + distance) * row + half..];
                 let (Some(x), Some(other)) = (
                     base.first_chunk::<8>(),
                     other.first_chunk::<{ 2 * MARGIN + 8 }>(),
@@ -390,7 +432,7 @@ impl Autocorrelation<'_> {
                 }
             }
             for across in 0..ACROSS {
-                if let Some(out) = out[across * 16 + half..].first_chunk_mut::<8>() {
+                if let Some(out) = out[across * lanes + half..].first_chunk_mut::<8>() {
                     sums[across].store_slice(out);
                 }
             }
@@ -403,24 +445,29 @@ impl NarrowKernel for Autocorrelation<'_> {
     #[inline(always)]
     fn run<L: Narrow>(self) {
         let (steps, pad) = (self.plan.shape.steps, self.plan.shape.padding()[0]);
+        let (row, lanes) = (self.plan.row(), self.plan.lanes());
         let Share { products, sums, .. } = self.share;
         let lines = 1 + self.edges.len();
-        for (distance, out) in products.chunks_exact_mut(lines * ACROSS * 16).enumerate() {
-            for (line, out) in out.chunks_exact_mut(ACROSS * 16).enumerate() {
+        for (distance, out) in products
+            .chunks_exact_mut(lines * ACROSS * lanes)
+            .enumerate()
+        {
+            for (line, out) in out.chunks_exact_mut(ACROSS * lanes).enumerate() {
                 let (first, end) = match line {
                     0 => (pad, pad + steps),
                     _ => (self.edges[line - 1], self.edges[line - 1] + 1),
                 };
-                Self::sum::<L>(self.padded, first, end.min(pad + steps), distance, out);
+                let rows = (first, end.min(pad + steps));
+                Self::sum::<L>((self.padded, row), rows, distance, out);
             }
         }
-        for (line, out) in sums.chunks_exact_mut(16).enumerate() {
+        for (line, out) in sums.chunks_exact_mut(lanes).enumerate() {
             let rows = match line {
                 0 => pad..pad + steps,
                 _ => self.edges[line - 1]..self.edges[line - 1] + 1,
             };
             for a in rows {
-                for (out, &x) in out.iter_mut().zip(&self.padded[a * ROW + MARGIN..]) {
+                for (out, &x) in out.iter_mut().zip(&self.padded[a * row + MARGIN..]) {
                     *out += x;
                 }
             }

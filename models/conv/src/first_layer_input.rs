@@ -8,7 +8,7 @@
 use rayon::prelude::*;
 
 use super::first_layer::{FirstLayer, MAX_KERNEL};
-use super::first_layer_backward::{MARGIN, ROW, Winners};
+use super::first_layer_backward::{MARGIN, Winners};
 use super::norm::GradientAffine;
 use super::simd::{Narrow, NarrowKernel, Octet};
 
@@ -28,10 +28,10 @@ pub(super) struct Composite {
 }
 
 struct Table {
-    /// `[2 REACH + 1, ACROSS, 16]`
+    /// `[2 REACH + 1, ACROSS, lanes]`
     coefficients: Vec<f32>,
-    /// `[16]`
-    constant: [f32; 16],
+    /// `[lanes]`
+    constant: Vec<f32>,
 }
 
 impl FirstLayer {
@@ -80,9 +80,10 @@ impl FirstLayer {
             self.shape.taxels,
             self.shape.padding()[1],
         );
+        let lanes = self.lanes();
         let mut table = Table {
-            coefficients: vec![0.0; (2 * REACH + 1) * ACROSS * 16],
-            constant: [0.0; 16],
+            coefficients: vec![0.0; (2 * REACH + 1) * ACROSS * lanes],
+            constant: vec![0.0; lanes],
         };
         for i in rows {
             for j in 0..kernel_taxels {
@@ -97,7 +98,7 @@ impl FirstLayer {
                         other % kernel_taxels + MARGIN - j,
                     );
                     let value = pairs[(i * kernel_taxels + j) * taps + other] as f32;
-                    let row = &mut table.coefficients[(down * ACROSS + across) * 16..][..16];
+                    let row = &mut table.coefficients[(down * ACROSS + across) * lanes..][..lanes];
                     row[met.clone()]
                         .iter_mut()
                         .for_each(|coefficient| *coefficient += value);
@@ -118,10 +119,11 @@ impl FirstLayer {
     ) {
         let [kernel_steps, kernel_taxels] = self.shape.kernel;
         let (steps, taxels, pad) = (self.shape.steps, self.shape.taxels, self.shape.padding()[0]);
+        let row = self.row();
         // The same sweep with REACH zero rows on either side.
-        let mut wide = vec![0f32; (steps + 2 * REACH + STEPS) * ROW];
-        wide[REACH * ROW..(REACH + steps) * ROW]
-            .copy_from_slice(&padded[pad * ROW..(pad + steps) * ROW]);
+        let mut wide = vec![0f32; (steps + 2 * REACH + STEPS) * row];
+        wide[REACH * row..(REACH + steps) * row]
+            .copy_from_slice(&padded[pad * row..(pad + steps) * row]);
         let mut kernels = vec![0f32; self.shape.maps_out * MAX_KERNEL[0] * 8];
         for (kernel, weight) in kernels
             .chunks_exact_mut(MAX_KERNEL[0] * 8)
@@ -135,9 +137,10 @@ impl FirstLayer {
             }
         }
         let mut gradient = vec![0f32; padded.len()];
-        let mut columns = self.buffers.take(padded.len() / ROW - 1);
+        let mut columns = self.buffers.take(padded.len() / row - 1);
         self.isa.run_narrow(Scatter {
             corner: self.corner(),
+            row,
             kernels: &kernels,
             columns: &mut columns,
             winners,
@@ -146,10 +149,11 @@ impl FirstLayer {
         self.buffers.give(columns);
         self.isa.run_narrow(Convolve {
             composite,
+            row,
             wide: &wide,
-            gradient: &mut gradient[pad * ROW..(pad + steps) * ROW],
+            gradient: &mut gradient[pad * row..(pad + steps) * row],
         });
-        let rows = gradient.chunks_exact(ROW).skip(pad);
+        let rows = gradient.chunks_exact(row).skip(pad);
         for (out, row) in out.chunks_exact_mut(taxels).zip(rows) {
             out.copy_from_slice(&row[MARGIN..MARGIN + taxels]);
         }
@@ -159,6 +163,8 @@ impl FirstLayer {
 /// Adds `gradient * kernel` around every winner.
 struct Scatter<'a> {
     corner: usize,
+    /// Values in a padded row.
+    row: usize,
     kernels: &'a [f32],
     /// `[rows of the padded sweep]`: eight columns around one taxel.
     columns: &'a mut [Octet],
@@ -190,7 +196,7 @@ impl NarrowKernel for Scatter<'_> {
                     }
                 }
             }
-            let rows = self.gradient[self.corner + taxel..].chunks_mut(ROW);
+            let rows = self.gradient[self.corner + taxel..].chunks_mut(self.row);
             for (row, columns) in rows.zip(self.columns.iter()) {
                 if let Some(values) = row.first_chunk_mut::<8>() {
                     let columns = L::load_slice(&columns.0);
@@ -204,6 +210,8 @@ impl NarrowKernel for Scatter<'_> {
 /// Adds the affine part.
 struct Convolve<'a> {
     composite: &'a Composite,
+    /// Values in a padded row.
+    row: usize,
     wide: &'a [f32],
     gradient: &'a mut [f32],
 }
@@ -212,7 +220,24 @@ impl NarrowKernel for Convolve<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Narrow>(self) {
+        // The most frequent width is known to the compiler.
+        match self.row - 2 * MARGIN {
+            16 => self.of_width::<L, 16>(),
+            _ => self.of_width::<L, 0>(),
+        }
+    }
+}
+
+impl Convolve<'_> {
+    /// For rows of `LANES` taxels, or of any number if it is 0.
+    #[inline(always)]
+    fn of_width<L: Narrow, const LANES: usize>(self) {
         let of_step = &self.composite.of_step;
+        let lanes = if LANES > 0 {
+            LANES
+        } else {
+            self.row - 2 * MARGIN
+        };
         let mut step = 0;
         while step < of_step.len() {
             // Four steps at once where they share a table.
@@ -221,11 +246,17 @@ impl NarrowKernel for Convolve<'_> {
                     .iter()
                     .all(|&t| t == of_step[step]);
             let table = &self.composite.tables[of_step[step]];
-            for half in [0, 8] {
+            for half in (0..lanes).step_by(8) {
                 if together {
-                    convolve::<L, STEPS>(table, self.wide, step, half, self.gradient);
+                    convolve::<L, STEPS, LANES>(
+                        table,
+                        (self.wide, lanes),
+                        step,
+                        half,
+                        self.gradient,
+                    );
                 } else {
-                    convolve::<L, 1>(table, self.wide, step, half, self.gradient);
+                    convolve::<L, 1, LANES>(table, (self.wide, lanes), step, half, self.gradient);
                 }
             }
             step += if together { STEPS } else { 1 };
@@ -234,23 +265,25 @@ impl NarrowKernel for Convolve<'_> {
 }
 
 #[inline(always)]
-fn convolve<L: Narrow, const COUNT: usize>(
+fn convolve<L: Narrow, const COUNT: usize, const LANES: usize>(
     table: &Table,
-    wide: &[f32],
+    (wide, lanes): (&[f32], usize),
     step: usize,
     half: usize,
     gradient: &mut [f32],
 ) {
+    let lanes = if LANES > 0 { LANES } else { lanes };
+    let row = lanes + 2 * MARGIN;
     let mut sums = [[L::splat(0.0); 2]; COUNT];
-    for (down, coefficients) in table.coefficients.chunks_exact(ACROSS * 16).enumerate() {
-        let rows = &wide[(step + down) * ROW + half..][..(COUNT - 1) * ROW + 2 * MARGIN + 8];
+    for (down, coefficients) in table.coefficients.chunks_exact(ACROSS * lanes).enumerate() {
+        let rows = &wide[(step + down) * row + half..][..(COUNT - 1) * row + 2 * MARGIN + 8];
         for across in 0..ACROSS {
-            let Some(coefficient) = coefficients[across * 16 + half..].first_chunk::<8>() else {
+            let Some(coefficient) = coefficients[across * lanes + half..].first_chunk::<8>() else {
                 continue;
             };
             let coefficient = L::load_slice(coefficient);
             for index in 0..COUNT {
-                let Some(x) = rows[index * ROW + across..].first_chunk::<8>() else {
+                let Some(x) = rows[index * row + across..].first_chunk::<8>() else {
                     continue;
                 };
                 sums[index][across % 2] =
@@ -262,7 +295,7 @@ fn convolve<L: Narrow, const COUNT: usize>(
         .first_chunk::<8>()
         .map_or(L::splat(0.0), L::load_slice);
     for index in 0..COUNT {
-        if let Some(out) = gradient[(step + index) * ROW + MARGIN + half..].first_chunk_mut::<8>() {
+        if let Some(out) = gradient[(step + index) * row + MARGIN + half..].first_chunk_mut::<8>() {
             let sum = sums[index][0].add(sums[index][1]).add(constant);
             sum.add(L::load_slice(out)).store_slice(out);
         }

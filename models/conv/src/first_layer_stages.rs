@@ -1,11 +1,43 @@
 //! The kernels of the first layer's tiles.
 
+use super::bands::Bands;
 use super::first_layer::{FirstLayer, Tile};
-use super::pooling::{Goal, Window, pool_column};
+use super::pooling::{Goal, Window, WindowMaps, pool_column};
 use super::shape::BlockShape;
 use super::simd::{Kernel, Lanes, Octet};
+use super::taxel::{Sink, Source};
 
-/// `[length, taxels]` to `[column, length, 2]`.
+/// A row of up to eight tiles, one a lane.
+struct Tiles<'a>(&'a [Octet]);
+
+impl<L: Lanes> Source<L> for Tiles<'_> {
+    #[inline(always)]
+    fn at(&self, taxel: usize) -> L {
+        L::load(self.0, taxel)
+    }
+}
+
+/// A row of a band's own outputs, a vector of maps each.
+struct MapRow<'a, const CUT: bool> {
+    bands: &'a Bands,
+    band: usize,
+    /// The band's first output.
+    first: usize,
+    row: &'a mut [Octet],
+}
+
+impl<L: Lanes, const CUT: bool> Sink<L> for MapRow<'_, CUT> {
+    #[inline(always)]
+    fn put(&mut self, at: usize, value: L) {
+        if !CUT {
+            value.store(self.row, at * L::OCTETS);
+        } else if let Some(taxel) = self.bands.output(self.band, at) {
+            value.store(self.row, (taxel - self.first) * L::OCTETS);
+        }
+    }
+}
+
+/// `[length, width of a band]` to `[column, length, 2]`.
 pub(super) struct Analyze<'a> {
     pub(super) plan: &'a FirstLayer,
     pub(super) rows: &'a [Octet],
@@ -17,11 +49,9 @@ impl Kernel for Analyze<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self) {
         let length = self.plan.time.length();
-        for (step, row) in self.rows.chunks_exact(self.plan.shape.taxels).enumerate() {
+        for (step, row) in self.rows.chunks_exact(self.plan.bands.width).enumerate() {
             let out = &mut self.spectra[2 * step..];
-            self.plan
-                .taxel
-                .forward::<L>(|taxel| L::load(row, taxel), out, 2 * length, 1);
+            self.plan.taxel.forward::<L>(Tiles(row), out, 2 * length, 1);
         }
     }
 }
@@ -53,13 +83,14 @@ impl Kernel for Scale<'_> {
     }
 }
 
-/// A vector of maps of one tile, window by window, and their winners.
+/// A vector of maps of a band of one tile, window by window, and their winners.
 pub(super) struct Synthesize<'a, 'b> {
     pub(super) plan: &'a FirstLayer,
     pub(super) spectra: &'a [Octet],
     pub(super) maps: &'a mut [Octet],
     pub(super) goal: Goal<'a>,
     pub(super) tile: &'a mut Tile<'b>,
+    pub(super) band: usize,
     /// First octet of maps.
     pub(super) column: usize,
 }
@@ -68,6 +99,17 @@ impl Kernel for Synthesize<'_, '_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
+        if self.plan.bands.is_cut() {
+            self.of_bands::<L, true>();
+        } else {
+            self.of_bands::<L, false>();
+        }
+    }
+}
+
+impl Synthesize<'_, '_> {
+    #[inline(always)]
+    fn of_bands<L: Lanes, const CUT: bool>(self) {
         let (plan, outs) = (self.plan, self.plan.outs);
         let BlockShape {
             taxels,
@@ -76,33 +118,47 @@ impl Kernel for Synthesize<'_, '_> {
             ..
         } = plan.shape;
         let values = taxels * maps_out;
+        let outputs = plan.bands.outputs(self.band);
         let to = &mut self.tile.to;
+        let sums = to.sums.chunks_exact_mut(3 * outs);
+        let sums = sums.skip(self.band).step_by(plan.bands.count());
         let windows = to
             .winners
             .chunks_exact_mut(values)
             .zip(to.positions.chunks_exact_mut(values));
-        for (window, ((winners, positions), sums)) in
-            windows.zip(to.sums.chunks_exact_mut(3 * outs)).enumerate()
-        {
+        for (window, ((winners, positions), sums)) in windows.zip(sums).enumerate() {
             let steps = (self.tile.steps - window * pool).min(pool);
-            let row = taxels * L::OCTETS;
+            let row = outputs.len() * L::OCTETS;
             let maps = &mut self.maps[..steps * row];
             for (step, row) in maps.chunks_exact_mut(row).enumerate() {
                 let spectrum = &self.spectra[2 * (window * pool + step) * L::OCTETS..];
                 let stride = plan.tile * 2 * L::OCTETS;
-                plan.taxel
-                    .inverse::<L>(spectrum, stride, L::OCTETS, 0, |taxel, y: L| {
-                        y.store(row, taxel * L::OCTETS);
-                    });
+                plan.taxel.inverse::<L>(
+                    spectrum,
+                    stride,
+                    L::OCTETS,
+                    0,
+                    MapRow::<CUT> {
+                        bands: &plan.bands,
+                        band: self.band,
+                        first: outputs.start,
+                        row,
+                    },
+                );
             }
             let mut to = Window {
-                winners,
-                positions,
+                winners: &mut winners[outputs.start * maps_out..],
+                positions: &mut positions[outputs.start * maps_out..],
                 sums,
                 columns: outs,
             };
-            let tile = (&*maps, L::OCTETS, 0);
-            pool_column::<L>(tile, taxels, self.goal, &mut to, self.column);
+            let maps = WindowMaps {
+                values: maps,
+                row,
+                columns: L::OCTETS,
+                first: 0,
+            };
+            pool_column::<L>(maps, outputs.len(), self.goal, &mut to, self.column);
         }
     }
 }

@@ -7,8 +7,8 @@
 use rayon::prelude::*;
 
 use super::first_layer::{FirstLayer, Tile};
-use super::first_layer_backward::{MARGIN, ROW};
-use super::pooling::{Goal, Window, pool_column};
+use super::first_layer_backward::MARGIN;
+use super::pooling::{Goal, Window, WindowMaps, pool_column};
 use super::shape::BlockShape;
 use super::simd::{Isa, Kernel, Lanes, Octet, Octets, Walk};
 use super::spectral_plan::by_group;
@@ -41,11 +41,13 @@ impl FirstLayer {
         goal: Goal<'_>,
         tiles: &mut [Tile<'_>],
     ) {
-        let BlockShape { taxels, pool, .. } = self.shape;
+        let pool = self.shape.pool;
         let rows = self.tile + self.shape.kernel[0] - 1;
         tiles.par_iter_mut().for_each(|tile| {
-            let mut padded = self.values.take(rows * ROW);
-            let mut maps = self.buffers.take(pool * taxels * VECTORS * self.group);
+            let mut padded = self.values.take(rows * self.row());
+            let mut maps = self
+                .buffers
+                .take(pool * self.bands.span * VECTORS * self.group);
             self.pad_tile(tile, &mut padded);
             let stage = Taps {
                 plan: self,
@@ -61,13 +63,13 @@ impl FirstLayer {
         });
     }
 
-    /// The input rows of a tile, `[rows, ROW]`, within zeros.
+    /// The input rows of a tile, `[rows, row]`, within zeros.
     fn pad_tile(&self, tile: &Tile<'_>, padded: &mut [f32]) {
         let (taxels, pad) = (self.shape.taxels, self.shape.padding()[0]);
         padded.fill(0.0);
         let begin = tile.first.saturating_sub(pad);
         let rows = padded
-            .chunks_exact_mut(ROW)
+            .chunks_exact_mut(self.row())
             .skip(begin + pad - tile.first)
             .zip(tile.input[begin * taxels..].chunks_exact(taxels));
         for (row, values) in rows {
@@ -81,9 +83,9 @@ struct Taps<'a, 'b> {
     plan: &'a FirstLayer,
     /// See [`FirstLayer::panels`].
     panels: &'a [Octet],
-    /// `[tile + kernel steps - 1, ROW]`
+    /// `[tile + kernel steps - 1, row]`
     padded: &'a [f32],
-    /// `[pool, taxels, octets of a panel]`
+    /// `[pool, taxels of a band, octets of a panel]`
     maps: &'a mut [Octet],
     goal: Goal<'a>,
     tile: &'a mut Tile<'b>,
@@ -98,10 +100,10 @@ impl Taps<'_, '_> {
     fn strip<L: Lanes>(&self, panel: &[Octet], first: usize, taxel: usize) -> Strip<L> {
         let shape = &self.plan.shape;
         let [kernel_steps, kernel_taxels] = shape.kernel;
-        let octets = VECTORS * L::OCTETS;
+        let (octets, row) = (VECTORS * L::OCTETS, self.plan.row());
         let mut offsets = [[0; 2]; STRIP / 2];
         for (pair, offset) in offsets.iter_mut().enumerate() {
-            *offset = [2 * pair * ROW, (2 * pair + 1) * ROW];
+            *offset = [2 * pair * row, (2 * pair + 1) * row];
         }
         let mut sums = [[[L::splat(0.0); VECTORS]; 2]; STRIP / 2];
         // Kernel columns that lie beside the taxels contribute zero and are skipped.
@@ -109,8 +111,8 @@ impl Taps<'_, '_> {
         let met =
             MARGIN.saturating_sub(corner)..(MARGIN + shape.taxels - corner).min(kernel_taxels);
         for across in met {
-            let rows = &self.padded[first * ROW + corner + across..];
-            let mut rows = Walk::<f32, L, { STRIP / 2 }>::new(rows, ROW, kernel_steps, offsets);
+            let rows = &self.padded[first * row + corner + across..];
+            let mut rows = Walk::<f32, L, { STRIP / 2 }>::new(rows, row, kernel_steps, offsets);
             let (taps, stride) = (&panel[across * octets..], kernel_taxels * octets);
             let vectors = [[0, L::OCTETS]];
             let mut taps = Walk::<Octet, L, 1>::new(taps, stride, kernel_steps, vectors);
@@ -144,30 +146,41 @@ impl Kernel for Taps<'_, '_> {
         let (values, octets) = (taxels * maps_out, VECTORS * L::OCTETS);
         for window in 0..self.tile.steps.div_ceil(pool) {
             let steps = (self.tile.steps - window * pool).min(pool);
-            let panels = self.panels.chunks_exact(kernel[0] * kernel[1] * octets);
-            for (panel, column) in panels.zip((0..).step_by(octets)) {
-                for first in (0..steps).step_by(STRIP) {
-                    for taxel in 0..taxels {
-                        let sums = self.strip::<L>(panel, window * pool + first, taxel);
-                        for step in 0..STRIP {
-                            let at = ((first + step) * taxels + taxel) * octets;
-                            for v in 0..VECTORS {
-                                let sum = sums[step / 2][step % 2][v];
-                                sum.store(self.maps, at + v * L::OCTETS);
+            for band in 0..plan.bands.count() {
+                let outputs = plan.bands.outputs(band);
+                let row = outputs.len() * octets;
+                let panels = self.panels.chunks_exact(kernel[0] * kernel[1] * octets);
+                for (panel, column) in panels.zip((0..).step_by(octets)) {
+                    for first in (0..steps).step_by(STRIP) {
+                        for taxel in outputs.clone() {
+                            let sums = self.strip::<L>(panel, window * pool + first, taxel);
+                            for step in 0..STRIP {
+                                let at = (first + step) * row + (taxel - outputs.start) * octets;
+                                for v in 0..VECTORS {
+                                    let sum = sums[step / 2][step % 2][v];
+                                    sum.store(self.maps, at + v * L::OCTETS);
+                                }
                             }
                         }
                     }
-                }
-                let to = &mut self.tile.to;
-                let mut to = Window {
-                    winners: &mut to.winners[window * values..][..values],
-                    positions: &mut to.positions[window * values..][..values],
-                    sums: &mut to.sums[window * 3 * outs..][..3 * outs],
-                    columns: outs,
-                };
-                for v in (0..octets).step_by(L::OCTETS) {
-                    let tile = (&self.maps[..steps * taxels * octets], octets, v);
-                    pool_column::<L>(tile, taxels, self.goal, &mut to, column + v);
+                    let to = &mut self.tile.to;
+                    let own = window * values + outputs.start * maps_out..(window + 1) * values;
+                    let sums = (window * plan.bands.count() + band) * 3 * outs;
+                    let mut to = Window {
+                        winners: &mut to.winners[own.clone()],
+                        positions: &mut to.positions[own],
+                        sums: &mut to.sums[sums..][..3 * outs],
+                        columns: outs,
+                    };
+                    for v in (0..octets).step_by(L::OCTETS) {
+                        let maps = WindowMaps {
+                            values: &self.maps[..steps * row],
+                            row,
+                            columns: octets,
+                            first: v,
+                        };
+                        pool_column::<L>(maps, outputs.len(), self.goal, &mut to, column + v);
+                    }
                 }
             }
         }

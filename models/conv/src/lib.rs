@@ -21,6 +21,7 @@
 //! | [`shared_block`] | the same from a process-wide cache of plans |
 //! | [`Weight`] | weights whose spectra are kept while they stay the same |
 //! | [`StreamBlock`], [`StreamHead`] | the network row by row, for one sweep as it is recorded; nothing allocates |
+//! | [`Candidate`] | a tiling that the planner weighed, with its predicted time |
 //! | [`Isa`] | the instruction set, detected at run time |
 //! | [`spare`] | memory of earlier results, for later ones |
 //!
@@ -34,6 +35,7 @@
 //!  first_layer spectral  direct   one input map | multiples of eight maps | anything
 //!  first_layer_taps batch_one     the same with AVX-512 | for one sweep with frozen statistics
 //!       └────┬───┘
+//!        cost  bands             how taxels and steps are cut
 //!    taxel  fft  product          transforms over taxels and time, products of spectra
 //!        pooling  norm            winners of every window, batch statistics, their part of the gradients
 //!            simd                 vectors of maps
@@ -43,11 +45,13 @@
 // Kernels walk several register arrays by one index.
 #![allow(clippy::needless_range_loop)]
 
+mod bands;
 mod batch_one;
 mod batch_one_stages;
 mod block;
 mod buffers;
 mod butterfly;
+mod cost;
 mod direct;
 mod fft;
 mod first_layer;
@@ -75,7 +79,7 @@ mod taxel;
 pub mod timing;
 mod weight;
 
-pub use block::{Block, ForwardTrain, Gradients, Saved};
+pub use block::{Block, Candidate, ForwardTrain, Gradients, Saved};
 pub use plans::shared_block;
 pub use shape::BlockShape;
 pub use simd::Isa;

@@ -58,23 +58,36 @@ pub(super) struct Window<'a> {
     pub(super) columns: usize,
 }
 
-/// Pools the map octets from `column` on within `tile`, `[steps, taxels, tile columns]`, where they lie from `tile_column` on.
+/// Maps of a window's steps: taxel `w` of step `t` lies at `t * row + first + w * columns`.
+#[derive(Clone, Copy)]
+pub(super) struct WindowMaps<'a> {
+    pub(super) values: &'a [Octet],
+    /// Octets of a step.
+    pub(super) row: usize,
+    /// Octets of a taxel.
+    pub(super) columns: usize,
+    /// Octet of the first taxel.
+    pub(super) first: usize,
+}
+
+/// Pools a vector of maps of `taxels` taxels; `column` is its octet in `goal` and `to`.
 #[inline(always)]
 pub(super) fn pool_column<L: Lanes>(
-    (tile, tile_columns, tile_column): (&[Octet], usize, usize),
+    maps: WindowMaps<'_>,
     taxels: usize,
     goal: Goal<'_>,
     to: &mut Window<'_>,
     column: usize,
 ) {
     let columns = to.columns;
+    let tile = maps.values;
     let factor = L::load(goal.factor, column);
     if let Some(shift) = goal.shift {
         let (shift, zero) = (L::load(shift, column), L::splat(0.0));
         for taxel in 0..taxels {
-            let first = taxel * tile_columns + tile_column;
+            let first = maps.first + taxel * maps.columns;
             let mut best = L::load(tile, first).mul(factor);
-            for row in tile.chunks_exact(taxels * tile_columns).skip(1) {
+            for row in tile.chunks_exact(maps.row).skip(1) {
                 best = best.max(L::load(row, first).mul(factor));
             }
             let output = best.add(shift).max(zero);
@@ -82,15 +95,15 @@ pub(super) fn pool_column<L: Lanes>(
         }
         return;
     }
-    let pivot = L::load(tile, taxels / 2 * tile_columns + tile_column);
+    let pivot = L::load(tile, maps.first + taxels / 2 * maps.columns);
     let (mut sum, mut squares) = (L::splat(0.0), L::splat(0.0));
     for taxel in 0..taxels {
-        let first = taxel * tile_columns + tile_column;
+        let first = maps.first + taxel * maps.columns;
         let target = taxel * columns + column;
         let mut best = L::load(tile, first).mul(factor);
         let mut position = L::splat(0.0);
         let mut step = L::splat(0.0);
-        for row in tile.chunks_exact(taxels * tile_columns) {
+        for row in tile.chunks_exact(maps.row) {
             let y = L::load(row, first);
             let offset = y.sub(pivot);
             sum = sum.add(offset);

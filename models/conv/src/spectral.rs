@@ -11,42 +11,89 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::buffers::Buffers;
+use super::buffers::{Buffers, OCTETS};
+use super::cost::Tiling;
 use super::norm::Pooled;
 use super::pooling::{Goal, Window, merge_sums};
 use super::product::{Left, Soon};
 use super::shape::BlockShape;
 use super::simd::{Isa, NOTHING, NOWHERE, Octet, Octets, Rows, WRITTEN, floats};
 use super::spectral_plan::{Plan, by_group, following, in_blocks};
-use super::spectral_stages::{Analyze, KernelRows, Maps, Synthesize};
+use super::spectral_stages::{Analyze, KernelRows, Synthesize};
 use super::weight::{Remembered, Weight};
 
-/// Plan and workspace.
+/// Plan and kept spectra.
 #[derive(Debug)]
 pub(super) struct Spectral {
+    /// Of as many sweeps as are taken together.
     pub(super) plan: Plan,
+    /// Of the sweeps that are left over at the end of a batch.
+    rest: Option<Plan>,
+    /// Whether groups of sweeps are what threads share, since a group has few columns.
+    at_once: bool,
     weights: Remembered<Octets>,
-    pub(super) buffers: Buffers<Octets>,
+    pub(super) buffers: &'static Buffers<Octets>,
 }
 
 /// State for the backward pass.
 #[derive(Debug)]
 pub(super) struct SavedSpectral {
-    /// `[column, time frequency, batch, 2, maps_in]`
-    pub(super) input: Octets,
     /// `[column, block of maps_out, time frequency, maps_in, 2, block's octets]`
     pub(super) weight: Arc<Octets>,
-    /// `[batch, steps, taxels, maps_out]`, empty if no backward pass will come
+    pub(super) groups: Vec<SavedGroup>,
+}
+
+/// What is saved of sweeps that were taken together.
+#[derive(Debug)]
+pub(super) struct SavedGroup {
+    /// `[column, time frequency, parts, 2, maps_in]`
+    pub(super) input: Octets,
+    /// `[sweeps, steps, taxels, maps_out]`, empty if no backward pass will come
     pub(super) maps: Octets,
 }
 
+/// Most octets between the stages (64 MiB) unless one sweep has more: so many sweeps are taken together.
+const MAX_BETWEEN: usize = 1 << 21;
+/// Fewest columns for threads to share; where there are fewer, sweeps are taken in groups that threads share.
+const MIN_TASKS: usize = 8;
+
 impl Spectral {
     pub(super) fn new(shape: BlockShape, isa: Isa) -> Option<Self> {
+        Self::tiled(shape, isa, Tiling::cheapest(&shape, isa)?)
+    }
+
+    /// The same with a tiling of the caller's choice.
+    pub(super) fn tiled(shape: BlockShape, isa: Isa, tiling: Tiling) -> Option<Self> {
+        let of = |batch: usize| Plan::tiled(BlockShape { batch, ..shape }, isa, tiling);
+        let one = of(1)?;
+        let columns = one.taxel.frequencies();
+        let fitting = (MAX_BETWEEN / one.between()).clamp(1, shape.batch);
+        let shared = (shape.batch * columns / MIN_TASKS).max(1);
+        let together = shape
+            .batch
+            .div_ceil(shape.batch.div_ceil(fitting.min(shared)));
         Some(Self {
-            plan: Plan::new(shape, isa)?,
+            plan: of(together)?,
+            rest: match shape.batch % together {
+                0 => None,
+                left => Some(of(left)?),
+            },
+            at_once: columns < MIN_TASKS,
             weights: Remembered::default(),
-            buffers: Buffers::default(),
+            buffers: &OCTETS,
         })
+    }
+
+    /// The plan of a group of sweeps that has `values` of a sweep's `sweep` values.
+    pub(super) fn plan_of(&self, values: usize, sweep: usize) -> &Plan {
+        let whole = values == self.plan.shape.batch * sweep;
+        let rest = if whole { None } else { self.rest.as_ref() };
+        rest.unwrap_or(&self.plan)
+    }
+
+    /// Least groups that a thread takes: all, unless groups are what threads share.
+    pub(super) fn groups_of_thread(&self) -> usize {
+        if self.at_once { 1 } else { usize::MAX }
     }
 
     /// Convolves and pools; with the winners it saves what the backward pass needs. Winners (or outputs) and positions are written over `to`.
@@ -58,25 +105,85 @@ impl Spectral {
         to: (Vec<f32>, Vec<u8>),
     ) -> (Pooled, SavedSpectral) {
         let plan = &self.plan;
-        let (shape, columns, length) = (plan.shape, plan.taxel.frequencies(), plan.time.length());
-        let mut rows = self
-            .buffers
-            .take(shape.batch * columns * shape.steps * 2 * plan.ins);
-        rows.par_chunks_exact_mut(columns * shape.steps * 2 * plan.ins)
-            .zip(input.par_chunks_exact(shape.input_len() / shape.batch))
-            .for_each(|(rows, input)| plan.isa.run(plan.ins, Analyze { plan, input, rows }));
+        let (mut winners, mut positions) = to;
         let weight = self.weights.get_or_make(weight, |before| {
             before.into_iter().for_each(|made| self.buffers.give(made));
             self.weight_spectra(weight.values)
         });
+        let (windows, bands) = (plan.shape.pooled_steps(), plan.bands.count());
+        let [sweep_in, sweep_out] =
+            [plan.shape.input_len(), plan.shape.output_len()].map(|len| len / plan.shape.batch);
+        let sweep_sums = windows * bands * 3 * plan.outs;
+        let mut sums = self.buffers.take(input.len() / sweep_in * sweep_sums);
+        let together = plan.shape.batch;
+        let groups = winners
+            .par_chunks_mut(together * sweep_out)
+            .zip(positions.par_chunks_mut(together * sweep_out))
+            .zip(sums.par_chunks_mut(together * sweep_sums))
+            .zip(input.par_chunks(together * sweep_in))
+            .with_min_len(self.groups_of_thread())
+            .map(|(((winners, positions), sums), input)| {
+                let to = Window {
+                    winners,
+                    positions,
+                    sums,
+                    columns: plan.outs,
+                };
+                let plan = self.plan_of(input.len(), sweep_in);
+                self.forward_group(plan, input, &weight, goal, to)
+            })
+            .collect();
+        let moments = goal.is_winners().then(|| {
+            merge_sums(&sums, plan.outs, |index| {
+                let (window, band) = (index / bands % windows, index % bands);
+                let shape = &plan.shape;
+                let steps = (shape.steps - window * shape.pool).min(shape.pool);
+                steps * plan.bands.outputs(band).len()
+            })
+        });
+        self.buffers.give(sums);
+        let pooled = Pooled {
+            winners,
+            positions,
+            moments,
+        };
+        (pooled, SavedSpectral { weight, groups })
+    }
+
+    /// The sweeps of one group; the sums are `[sweep, window, band, 3, columns]`.
+    fn forward_group(
+        &self,
+        plan: &Plan,
+        input: &[f32],
+        weight: &[Octet],
+        goal: Goal<'_>,
+        to: Window<'_>,
+    ) -> SavedGroup {
+        let (shape, columns, length) = (plan.shape, plan.taxel.frequencies(), plan.time.length());
+        let part = columns * plan.ranges.width * 2 * plan.ins;
+        let mut rows = self.buffers.take(plan.parts() * part);
+        rows.par_chunks_exact_mut(part)
+            .enumerate()
+            .for_each(|(part, rows)| {
+                let (sweep, band, range) = plan.place(part);
+                let sweep_len = shape.input_len() / shape.batch;
+                let stage = Analyze {
+                    plan,
+                    band,
+                    range,
+                    input: &input[sweep * sweep_len..][..sweep_len],
+                    rows,
+                };
+                plan.isa.run(plan.ins, stage)
+            });
         let mut input = self.buffers.take(columns * length * plan.input_stride());
         let mut products = self
             .buffers
-            .take(columns * shape.batch * shape.steps * 2 * plan.outs);
+            .take(columns * plan.parts() * plan.ranges.span * 2 * plan.outs);
         input
             .par_chunks_exact_mut(length * plan.input_stride())
             .zip(weight.par_chunks_exact(plan.weight_column()))
-            .zip(products.par_chunks_exact_mut(shape.batch * shape.steps * 2 * plan.outs))
+            .zip(products.par_chunks_exact_mut(plan.parts() * plan.ranges.span * 2 * plan.outs))
             .enumerate()
             .for_each(|(column, ((input, weight), out))| {
                 let mut spectrum = self.buffers.take(length * plan.output_stride());
@@ -100,16 +207,11 @@ impl Spectral {
         } else {
             0
         });
-        let pooled = self.pool(&products, &mut maps, goal, to);
+        self.pool(plan, &products, &mut maps, goal, to);
         for buffer in [rows, products] {
             self.buffers.give(buffer);
         }
-        let saved = SavedSpectral {
-            input,
-            weight,
-            maps,
-        };
-        (pooled, saved)
+        SavedGroup { input, maps }
     }
 
     /// Spectra of all kernels, column by column.
@@ -134,37 +236,40 @@ impl Spectral {
 
     fn pool(
         &self,
+        plan: &Plan,
         products: &[Octet],
         maps: &mut [Octet],
         goal: Goal<'_>,
-        to: (Vec<f32>, Vec<u8>),
-    ) -> Pooled {
-        let plan = &self.plan;
+        to: Window<'_>,
+    ) {
         let shape = &plan.shape;
-        let windows = shape.pooled_steps();
-        let sweep = windows * shape.taxels * shape.maps_out;
-        let (mut winners, mut positions) = to;
-        let mut sums = self.buffers.take(shape.batch * windows * 3 * plan.outs);
+        let (windows, bands) = (shape.pooled_steps(), plan.bands.count());
+        let row = shape.taxels * shape.maps_out;
         let kept: Vec<Option<&mut [Octet]>> = if maps.is_empty() {
-            (0..shape.batch).map(|_| None).collect()
+            (0..shape.batch * windows).map(|_| None).collect()
         } else {
             let sweeps = maps.chunks_exact_mut(shape.steps * shape.taxels * plan.outs);
-            sweeps.map(Some).collect()
+            sweeps
+                .flat_map(|maps| maps.chunks_mut(shape.pool * shape.taxels * plan.outs))
+                .map(Some)
+                .collect()
         };
-        winners
-            .par_chunks_exact_mut(sweep)
-            .zip(positions.par_chunks_exact_mut(sweep))
-            .zip(sums.par_chunks_exact_mut(windows * 3 * plan.outs))
+        to.winners
+            .par_chunks_exact_mut(row)
+            .zip(to.positions.par_chunks_exact_mut(row))
+            .zip(to.sums.par_chunks_exact_mut(bands * 3 * plan.outs))
             .zip(kept)
             .enumerate()
-            .for_each(|(sweep, (((winners, positions), sums), kept))| {
-                let mut tile = self.buffers.take(match kept {
+            .for_each(|(index, (((winners, positions), sums), kept))| {
+                let (sweep, window) = (index / windows, index % windows);
+                let steps = (shape.steps - window * shape.pool).min(shape.pool);
+                let mut passing = self.buffers.take(match kept {
                     Some(_) => 0,
                     None => shape.pool * shape.taxels * plan.outs,
                 });
                 let maps = match kept {
-                    Some(maps) => Maps::Kept(maps),
-                    None => Maps::Passing(&mut tile),
+                    Some(maps) => maps,
+                    None => &mut passing[..steps * shape.taxels * plan.outs],
                 };
                 let to = Window {
                     winners,
@@ -175,32 +280,27 @@ impl Spectral {
                 let stage = Synthesize {
                     plan,
                     sweep,
+                    window,
                     products,
                     maps,
                     goal,
                     to,
                 };
                 plan.isa.run(plan.outs, stage);
-                self.buffers.give(tile);
+                self.buffers.give(passing);
             });
-        let moments = goal.is_winners().then(|| {
-            merge_sums(&sums, plan.outs, |window| {
-                let first = window % windows * shape.pool;
-                (shape.steps - first).min(shape.pool) * shape.taxels
-            })
-        });
-        self.buffers.give(sums);
-        Pooled {
-            winners,
-            positions,
-            moments,
+    }
+
+    pub(super) fn recycle_group(&self, group: SavedGroup) {
+        for buffer in [group.input, group.maps] {
+            self.buffers.give(buffer);
         }
     }
 
     /// Returns the buffers of a forward pass to the pool.
     pub(super) fn recycle(&self, saved: SavedSpectral) {
-        for buffer in [saved.input, saved.maps] {
-            self.buffers.give(buffer);
+        for group in saved.groups {
+            self.recycle_group(group);
         }
         // Returned with the last reference to them.
         if let Some(weight) = Arc::into_inner(saved.weight) {
@@ -210,7 +310,7 @@ impl Spectral {
 }
 
 /// One column: time spectra of the input, then, block by block of output maps, products and back to steps,
-/// `[block, batch, steps, 2, block's octets]`.
+/// `[block, parts, steps, 2, block's octets]`.
 struct Column<'a> {
     plan: &'a Plan,
     column: usize,
@@ -225,27 +325,22 @@ struct Column<'a> {
 impl Column<'_> {
     fn run(self) {
         let (plan, column) = (self.plan, self.column);
-        let BlockShape {
-            batch,
-            steps,
-            maps_in,
-            ..
-        } = plan.shape;
+        let (parts, maps_in) = (plan.parts(), plan.shape.maps_in);
+        let (seen, steps) = (plan.ranges.width, plan.ranges.span);
         let (ins, block) = (plan.ins, plan.in_block);
         let wanted = plan.wanted(column);
         let columns = plan.taxel.frequencies();
-        for sweep in 0..batch {
-            let source =
-                &self.rows[(sweep * columns + column) * steps * 2 * ins..][..steps * 2 * ins];
+        for part in 0..parts {
+            let source = &self.rows[(part * columns + column) * seen * 2 * ins..][..seen * 2 * ins];
             for v in (0..ins).step_by(plan.in_group) {
-                let first = in_blocks(v, block, steps * 2 * block);
+                let first = in_blocks(v, block, seen * 2 * block);
                 let from = Rows {
-                    table: &plan.steps,
+                    table: &plan.seen,
                     stride: 2 * block,
                     parts: [first, first + block],
-                    ahead: columns * steps * 2 * ins,
+                    ahead: columns * seen * 2 * ins,
                 };
-                let at = sweep * 2 * ins + v;
+                let at = part * 2 * ins + v;
                 let to = Rows {
                     table: wanted,
                     stride: plan.input_stride(),
@@ -261,7 +356,7 @@ impl Column<'_> {
         let weights = self
             .weight
             .chunks_exact(plan.time.length() * plan.weight_stride());
-        let outs = self.out.chunks_exact_mut(batch * steps * 2 * block);
+        let outs = self.out.chunks_exact_mut(parts * steps * 2 * block);
         for (weight, out) in weights.zip(outs) {
             let lefts = self.input.chunks_exact(plan.input_stride());
             let rights = weight.chunks_exact(plan.weight_stride());
@@ -283,7 +378,7 @@ impl Column<'_> {
                     left.times(
                         plan.isa,
                         &right[..maps_in * 2 * block],
-                        &mut out[..batch * 2 * block],
+                        &mut out[..parts * 2 * block],
                         block,
                     );
                 }
@@ -294,9 +389,9 @@ impl Column<'_> {
                 plan.output_stride(),
                 block,
             );
-            for (sweep, out) in out.chunks_exact_mut(steps * 2 * block).enumerate() {
+            for (part, out) in out.chunks_exact_mut(steps * 2 * block).enumerate() {
                 for v in (0..block).step_by(plan.out_group) {
-                    let at = sweep * 2 * block + v;
+                    let at = part * 2 * block + v;
                     let from = Rows {
                         table: &plan.all,
                         stride: plan.output_stride(),

@@ -10,7 +10,7 @@ use super::product::{Left, Soon};
 use super::shape::BlockShape;
 use super::simd::{NOTHING, NOWHERE, Octet, Rows, WRITTEN, floats};
 use super::spare;
-use super::spectral::{SavedSpectral, Spectral};
+use super::spectral::{SavedGroup, SavedSpectral, Spectral};
 use super::spectral_plan::{Plan, following};
 use super::spectral_stages::{InputGradient, Spread, TurnConjugated, WeightGradient};
 use super::taxel::Mirror;
@@ -23,29 +23,84 @@ impl Spectral {
         output: OutputGradient<'_>,
         need_input: bool,
     ) -> (Vec<f32>, Option<Vec<f32>>) {
-        let plan = &self.plan;
+        let SavedSpectral { weight, groups } = saved;
+        let shape = &self.plan.shape;
+        let [sweep_in, sweep_out] =
+            [shape.input_len(), shape.output_len()].map(|len| len / shape.batch);
+        let together = shape.batch;
+        let mut d_input =
+            need_input.then(|| spare::take(output.gradient.len() / sweep_out * sweep_in));
+        let targets: Vec<Option<&mut [f32]>> = match &mut d_input {
+            Some(d_input) => d_input.chunks_mut(together * sweep_in).map(Some).collect(),
+            None => groups.iter().map(|_| None).collect(),
+        };
+        let of_groups: Vec<Vec<f32>> = output
+            .gradient
+            .par_chunks(together * sweep_out)
+            .zip(output.positions.par_chunks(together * sweep_out))
+            .zip(groups)
+            .zip(targets)
+            .with_min_len(self.groups_of_thread())
+            .map(|(((gradient, positions), group), target)| {
+                let plan = self.plan_of(gradient.len(), sweep_out);
+                let output = OutputGradient {
+                    gradient,
+                    positions,
+                    affine: output.affine,
+                };
+                let d_weight = self.backward_group(plan, &weight, &group, output, target);
+                self.recycle_group(group);
+                d_weight
+            })
+            .collect();
+        let mut of_groups = of_groups.into_iter();
+        let mut d_weight = of_groups.next().unwrap_or_default();
+        for of_group in of_groups {
+            for (sum, value) in d_weight.iter_mut().zip(&of_group) {
+                *sum += value;
+            }
+            spare::give(of_group);
+        }
+        self.recycle(SavedSpectral {
+            weight,
+            groups: Vec::new(),
+        });
+        (d_weight, d_input)
+    }
+
+    /// The weights' gradient of a group's sweeps; that of their input is written to `target`.
+    fn backward_group(
+        &self,
+        plan: &Plan,
+        weight: &[Octet],
+        saved: &SavedGroup,
+        output: OutputGradient<'_>,
+        target: Option<&mut [f32]>,
+    ) -> Vec<f32> {
+        let need_input = target.is_some();
         let (shape, columns, length) = (plan.shape, plan.taxel.frequencies(), plan.time.length());
-        let row = shape.steps * 2 * plan.outs;
-        let mut rows = self.buffers.take(shape.batch * columns * row);
+        let row = plan.ranges.span * 2 * plan.outs;
+        let mut rows = self.buffers.take(plan.parts() * columns * row);
         rows.par_chunks_exact_mut(columns * row)
-            .zip(
-                saved
-                    .maps
-                    .par_chunks_exact(shape.steps * shape.taxels * plan.outs),
-            )
             .enumerate()
-            .for_each(|(sweep, (rows, maps))| {
+            .for_each(|(part, rows)| {
+                let (sweep, band, range) = plan.place(part);
+                let steps = plan.ranges.outputs(range);
+                let step = shape.taxels * plan.outs;
+                let maps = &saved.maps[(sweep * shape.steps + steps.start) * step..];
                 let stage = Spread {
                     plan,
                     sweep,
+                    band,
+                    range,
                     output,
-                    maps,
+                    maps: &maps[..steps.len() * step],
                     rows,
                 };
                 plan.isa.run(plan.outs, stage)
             });
         let inputs = if need_input {
-            shape.batch * shape.steps * 2 * plan.ins
+            plan.parts() * plan.ranges.width * 2 * plan.ins
         } else {
             0
         };
@@ -56,7 +111,7 @@ impl Spectral {
             .par_chunks_exact_mut(inputs.max(1))
             .zip(d_taps.par_chunks_exact_mut(kernels))
             .zip(saved.input.par_chunks_exact(length * plan.input_stride()))
-            .zip(saved.weight.par_chunks_exact(plan.weight_column()))
+            .zip(weight.par_chunks_exact(plan.weight_column()))
             .enumerate()
             .for_each(|(column, (((d_input, d_taps), input), weight))| {
                 let mut buffers = [
@@ -101,9 +156,8 @@ impl Spectral {
                 };
                 plan.isa.run(plan.outs, stage)
             });
-        let input = need_input.then(|| {
-            let mut input = spare::take(shape.input_len());
-            input
+        if let Some(target) = target {
+            target
                 .par_chunks_exact_mut(shape.input_len() / shape.batch)
                 .enumerate()
                 .for_each(|(sweep, input)| {
@@ -115,13 +169,11 @@ impl Spectral {
                     };
                     plan.isa.run(plan.ins, stage)
                 });
-            input
-        });
-        self.recycle(saved);
+        }
         [rows, d_input, d_taps]
             .into_iter()
             .for_each(|buffer| self.buffers.give(buffer));
-        (weight, input)
+        weight
     }
 }
 
@@ -133,13 +185,13 @@ struct ColumnBackward<'a> {
     rows: &'a [Octet],
     input: &'a [Octet],
     weight: &'a [Octet],
-    /// `[block of maps_in, batch, steps, 2, block's octets]`, empty if not wanted
+    /// `[block of maps_in, parts, steps seen, 2, block's octets]`, empty if not wanted
     d_input: &'a mut [Octet],
     /// `[group of maps_out octets, maps_in, kernel steps, 2]`
     d_taps: &'a mut [Octet],
-    /// `[block of maps_out, time frequency, batch, 2, block's octets]`
+    /// `[block of maps_out, time frequency, parts, 2, block's octets]`
     d_spectrum: &'a mut [Octet],
-    /// `[time frequency, batch, 2, maps_in]`
+    /// `[time frequency, parts, 2, maps_in]`
     d_input_spectrum: &'a mut [Octet],
     /// Of one block, `[time frequency, maps_in, 2, block's octets]`.
     d_weight_spectrum: &'a mut [Octet],
@@ -162,12 +214,12 @@ impl ColumnBackward<'_> {
     /// Time spectrum of a block of `dy`.
     fn transform(&mut self, block: usize) {
         let plan = self.plan;
-        let (octets, steps) = (plan.out_block, plan.shape.steps);
+        let (octets, steps) = (plan.out_block, plan.ranges.span);
         let rows = steps * 2 * octets;
         let stride = plan.output_stride();
         let target = &mut self.d_spectrum[block * plan.time.length() * stride..];
-        for sweep in 0..plan.shape.batch {
-            let at = (sweep * plan.taxel.frequencies() + self.column) * plan.out_blocks() + block;
+        for part in 0..plan.parts() {
+            let at = (part * plan.taxel.frequencies() + self.column) * plan.out_blocks() + block;
             let source = &self.rows[at * rows..][..rows];
             for v in (0..octets).step_by(plan.out_group) {
                 let from = Rows {
@@ -176,7 +228,7 @@ impl ColumnBackward<'_> {
                     parts: [v, v + octets],
                     ahead: plan.taxel.frequencies() * plan.out_blocks() * rows,
                 };
-                let at = sweep * 2 * octets + v;
+                let at = part * 2 * octets + v;
                 let to = Rows {
                     table: plan.wanted(self.column),
                     stride,
@@ -197,11 +249,9 @@ impl ColumnBackward<'_> {
     fn weight_gradient(&mut self, block: usize) {
         let plan = self.plan;
         let BlockShape {
-            batch,
-            maps_in,
-            kernel,
-            ..
+            maps_in, kernel, ..
         } = plan.shape;
+        let parts = plan.parts();
         let octets = plan.out_block;
         let d_spectrum = &self.d_spectrum[block * plan.time.length() * plan.output_stride()..];
         let lefts = self.input.chunks_exact(plan.input_stride());
@@ -215,7 +265,7 @@ impl ColumnBackward<'_> {
         for ((((x, dy), out), next), &row) in products.zip(wanted) {
             if row != NOWHERE {
                 let left = Left {
-                    values: floats(&x[..batch * 2 * plan.ins]),
+                    values: floats(&x[..parts * 2 * plan.ins]),
                     row: 1,
                     inner: 2 * maps_in,
                     imaginary: maps_in,
@@ -226,7 +276,7 @@ impl ColumnBackward<'_> {
                 };
                 left.conjugate_times(
                     plan.isa,
-                    &dy[..batch * 2 * octets],
+                    &dy[..parts * 2 * octets],
                     &mut out[..maps_in * 2 * octets],
                     octets,
                 );
@@ -268,18 +318,13 @@ impl ColumnBackward<'_> {
     /// `dY conj(W)` over all blocks, and back to steps.
     fn input_gradient(&mut self) {
         let plan = self.plan;
-        let BlockShape {
-            batch,
-            steps,
-            maps_in,
-            ..
-        } = plan.shape;
+        let (parts, seen, maps_in) = (plan.parts(), plan.ranges.width, plan.shape.maps_in);
         let (ins, octets, length) = (plan.ins, plan.out_block, plan.time.length());
         for (s, &row) in plan.wanted(self.column).rows().iter().enumerate() {
             if row == NOWHERE {
                 continue;
             }
-            let out = &mut self.d_input_spectrum[s * plan.input_stride()..][..batch * 2 * ins];
+            let out = &mut self.d_input_spectrum[s * plan.input_stride()..][..parts * 2 * ins];
             for block in 0..plan.out_blocks() {
                 let at = block * length + s;
                 let weight = &self.weight[at * plan.weight_stride()..][..maps_in * 2 * octets];
@@ -294,7 +339,7 @@ impl ColumnBackward<'_> {
                     next if next < plan.out_blocks() => next * length + s,
                     _ => (s + 1).min(length - 1),
                 };
-                let dy = &self.d_spectrum[at * plan.output_stride()..][..batch * 2 * octets];
+                let dy = &self.d_spectrum[at * plan.output_stride()..][..parts * 2 * octets];
                 let left = Left {
                     values: floats(dy),
                     row: 2 * octets * 8,
@@ -315,14 +360,10 @@ impl ColumnBackward<'_> {
         let mirror = plan.taxel.mirror(self.column);
         plan.mirror(mirror, self.d_input_spectrum, plan.input_stride(), ins);
         let octets = plan.in_block;
-        for (at, out) in self
-            .d_input
-            .chunks_exact_mut(steps * 2 * octets)
-            .enumerate()
-        {
-            let (block, sweep) = (at / batch, at % batch);
+        for (at, out) in self.d_input.chunks_exact_mut(seen * 2 * octets).enumerate() {
+            let (block, part) = (at / parts, at % parts);
             for v in (0..octets).step_by(plan.in_group) {
-                let at = sweep * 2 * ins + block * octets + v;
+                let at = part * 2 * ins + block * octets + v;
                 let from = Rows {
                     table: &plan.all,
                     stride: plan.input_stride(),
@@ -330,7 +371,7 @@ impl ColumnBackward<'_> {
                     ahead: 2 * ins,
                 };
                 let to = Rows {
-                    table: &plan.steps,
+                    table: &plan.seen,
                     stride: 2 * octets,
                     parts: [v, v + octets],
                     ahead: WRITTEN,

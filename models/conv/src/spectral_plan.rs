@@ -2,6 +2,8 @@
 
 use rayon::prelude::*;
 
+use super::bands::Bands;
+use super::cost::Tiling;
 use super::fft::TimePlan;
 use super::shape::BlockShape;
 use super::simd::{Isa, NOWHERE, Octet, Table};
@@ -14,6 +16,9 @@ pub(super) struct Plan {
     pub(super) isa: Isa,
     pub(super) time: TimePlan,
     pub(super) taxel: TaxelPlan,
+    /// Taxels and steps in parts that are transformed by themselves.
+    pub(super) bands: Bands,
+    pub(super) ranges: Bands,
     /// Octets of input and output maps.
     pub(super) ins: usize,
     pub(super) outs: usize,
@@ -24,7 +29,8 @@ pub(super) struct Plan {
     /// that its spectra stay in a core's cache. A block is one or more vectors.
     pub(super) in_block: usize,
     pub(super) out_block: usize,
-    /// A sweep's steps within the transform.
+    /// Steps of a part within the transform: those that it sees, and those that it computes.
+    pub(super) seen: Table,
     pub(super) steps: Table,
     /// The kernel's taps within the transform.
     pub(super) taps: Table,
@@ -57,15 +63,16 @@ pub(super) fn padded(octets: usize) -> usize {
 }
 
 impl Plan {
-    /// Returns `None` unless both counts of maps are multiples of eight and [`TaxelPlan`] takes the taxels.
-    pub(super) fn new(shape: BlockShape, isa: Isa) -> Option<Self> {
+    /// Returns `None` unless both counts of maps are multiples of eight and [`TaxelPlan`] takes the kernel.
+    pub(super) fn tiled(shape: BlockShape, isa: Isa, tiling: Tiling) -> Option<Self> {
         let [pad_steps, pad_taxels] = shape.padding();
         if !shape.maps_in.is_multiple_of(8) || !shape.maps_out.is_multiple_of(8) {
             return None;
         }
-        let time = TimePlan::at_least((shape.steps + pad_steps).max(shape.kernel[0]));
+        let Tiling { bands, ranges } = tiling;
+        let time = TimePlan::at_least(tiling.least_length(&shape));
         let length = time.length();
-        let taxel = TaxelPlan::new(shape.taxels, pad_taxels, 1.0 / length as f64)?;
+        let taxel = TaxelPlan::new(&bands, pad_taxels, 1.0 / length as f64)?;
         let row = |inside: bool, row: usize| if inside { row as u32 } else { NOWHERE };
         let taps = |t: usize| {
             // Lag t (or t - length) is tap pad - lag of the cross-correlation.
@@ -83,7 +90,11 @@ impl Plan {
             out_group: isa.group(shape.maps_out / 8),
             in_block: block_of(shape.maps_in / 8),
             out_block: block_of(shape.maps_out / 8),
-            steps: Table::new((0..length).map(|t| row(t < shape.steps, t))),
+            seen: Table::new((0..length).map(|t| row(t < ranges.width, t))),
+            steps: Table::new((0..length).map(|t| {
+                let step = t.wrapping_sub(ranges.margin());
+                row(step < ranges.span, step)
+            })),
             taps: Table::new((0..length).map(taps)),
             all: Table::new((0..length).map(|s| row(true, s))),
             half: Table::new((0..length).map(|s| row(s <= length / 2, s))),
@@ -91,17 +102,41 @@ impl Plan {
             isa,
             time,
             taxel,
+            bands,
+            ranges,
         })
     }
 
-    /// Octets per time frequency of the inputs of a column, `[batch, 2, maps_in]`.
-    pub(super) fn input_stride(&self) -> usize {
-        padded(self.shape.batch * 2 * self.ins)
+    /// Octets that lie between the stages.
+    pub(super) fn between(&self) -> usize {
+        let Bands { width, span, .. } = self.ranges;
+        self.parts() * self.taxel.frequencies() * 2 * (width * self.ins + span * self.outs)
     }
 
-    /// Octets per time frequency of a block of outputs, `[batch, 2, block]`.
+    /// Parts of a sweep: ranges of steps of a band, band after band.
+    pub(super) fn parts_of_sweep(&self) -> usize {
+        self.bands.count() * self.ranges.count()
+    }
+
+    /// Parts of the batch, which the transforms take for sweeps.
+    pub(super) fn parts(&self) -> usize {
+        self.shape.batch * self.parts_of_sweep()
+    }
+
+    /// Returns sweep, band and range of a part.
+    pub(super) fn place(&self, part: usize) -> (usize, usize, usize) {
+        let (bands, ranges) = (self.bands.count(), self.ranges.count());
+        (part / ranges / bands, part / ranges % bands, part % ranges)
+    }
+
+    /// Octets per time frequency of the inputs of a column, `[parts, 2, maps_in]`.
+    pub(super) fn input_stride(&self) -> usize {
+        padded(self.parts() * 2 * self.ins)
+    }
+
+    /// Octets per time frequency of a block of outputs, `[parts, 2, block]`.
     pub(super) fn output_stride(&self) -> usize {
-        padded(self.shape.batch * 2 * self.out_block)
+        padded(self.parts() * 2 * self.out_block)
     }
 
     /// Octets per time frequency of a block of weights, `[maps_in, 2, block]`.

@@ -1,15 +1,18 @@
 //! The kernels of a spectral block: taxel spectra of inputs, kernels and gradients, and back.
 
+use super::bands::Bands;
 use super::norm::OutputGradient;
-use super::pooling::{Goal, Window, pool_column};
+use super::pooling::{Goal, Window, WindowMaps, pool_column};
 use super::shape::BlockShape;
 use super::simd::{Kernel, Lanes, Narrow, NarrowKernel, Octet, floats};
 use super::spectral_plan::{Plan, in_blocks};
-use super::taxel::{MAX_TAXELS, TaxelPlan};
+use super::taxel::{MAX_TAXELS, Sink, Source, TaxelPlan};
 
-/// Taxel spectra of one sweep: `[steps, taxels, maps_in]` to `[column, block of maps_in, steps, 2, block's octets]`.
+/// Taxel spectra of one part: from a sweep, `[steps, taxels, maps_in]`, to `[column, block of maps_in, steps seen, 2, block's octets]`.
 pub(super) struct Analyze<'a> {
     pub(super) plan: &'a Plan,
+    pub(super) band: usize,
+    pub(super) range: usize,
     pub(super) input: &'a [f32],
     pub(super) rows: &'a mut [Octet],
 }
@@ -18,14 +21,39 @@ impl Kernel for Analyze<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
+        if self.plan.bands.is_cut() {
+            self.of_bands::<L, true>();
+        } else {
+            self.of_bands::<L, false>();
+        }
+    }
+}
+
+impl Analyze<'_> {
+    #[inline(always)]
+    fn of_bands<L: Lanes, const CUT: bool>(self) {
         let (plan, ins, block) = (self.plan, self.plan.ins, self.plan.in_block);
-        let (row, steps) = (plan.shape.taxels * ins * 8, plan.shape.steps);
-        for (step, row) in self.input.chunks_exact(row).enumerate() {
+        let (row, seen) = (plan.shape.taxels * ins * 8, plan.ranges.width);
+        for at in 0..seen {
+            // What lies beside the sweep or the array is zero.
+            let Some(step) = plan.ranges.input(self.range, at) else {
+                for rows in self.rows.chunks_exact_mut(seen * 2 * block) {
+                    rows[at * 2 * block..][..2 * block].fill(Octet::ZERO);
+                }
+                continue;
+            };
+            let row = &self.input[step * row..][..row];
             for v in (0..ins).step_by(L::OCTETS) {
-                let first = in_blocks(v, block, steps * 2 * block) + step * 2 * block;
+                let first = in_blocks(v, block, seen * 2 * block) + at * 2 * block;
                 let out = &mut self.rows[first..];
-                let values = |taxel: usize| L::load_floats(row, taxel * ins + v);
-                plan.taxel.forward::<L>(values, out, steps * 2 * ins, block);
+                let values = InputRow::<CUT> {
+                    bands: &plan.bands,
+                    band: self.band,
+                    row,
+                    ins,
+                    v,
+                };
+                plan.taxel.forward::<L>(values, out, seen * 2 * ins, block);
             }
         }
     }
@@ -56,76 +84,93 @@ impl Kernel for KernelRows<'_> {
     }
 }
 
-/// Buffer for the maps of one sweep.
-pub(super) enum Maps<'a> {
-    /// All of them, `[steps, taxels, maps_out]`, for the backward pass.
-    Kept(&'a mut [Octet]),
-    /// One pooling window at a time.
-    Passing(&'a mut [Octet]),
-}
-
-/// Maps of one sweep from the columns, and their pooling windows.
+/// Maps of one pooling window from the columns, and its winners.
 pub(super) struct Synthesize<'a> {
     pub(super) plan: &'a Plan,
     pub(super) sweep: usize,
+    pub(super) window: usize,
     pub(super) products: &'a [Octet],
-    pub(super) maps: Maps<'a>,
+    /// `[steps of the window, taxels, maps_out]`
+    pub(super) maps: &'a mut [Octet],
     pub(super) goal: Goal<'a>,
+    /// Its sums are `[band, 3, columns]`.
     pub(super) to: Window<'a>,
 }
 
 impl Kernel for Synthesize<'_> {
     type Output = ();
     #[inline(always)]
-    fn run<L: Lanes>(mut self) {
+    fn run<L: Lanes>(self) {
+        if self.plan.bands.is_cut() {
+            self.of_bands::<L, true>();
+        } else {
+            self.of_bands::<L, false>();
+        }
+    }
+}
+
+impl Synthesize<'_> {
+    #[inline(always)]
+    fn of_bands<L: Lanes, const CUT: bool>(self) {
         let (plan, outs) = (self.plan, self.plan.outs);
         let BlockShape {
-            batch,
-            steps,
             taxels,
             maps_out,
             pool,
             ..
         } = plan.shape;
-        let (row, block) = (taxels * outs, plan.out_block);
-        for window in 0..plan.shape.pooled_steps() {
-            let here = (steps - window * pool).min(pool) * row;
-            let tile = match &mut self.maps {
-                Maps::Kept(maps) => &mut maps[window * pool * row..][..here],
-                Maps::Passing(tile) => &mut tile[..here],
-            };
-            let values = window * taxels * maps_out..(window + 1) * taxels * maps_out;
-            let mut to = Window {
-                winners: &mut self.to.winners[values.clone()],
-                positions: &mut self.to.positions[values],
-                sums: &mut self.to.sums[window * 3 * outs..(window + 1) * 3 * outs],
-                columns: outs,
-            };
-            for v in (0..outs).step_by(L::OCTETS) {
-                for (step, maps) in tile.chunks_exact_mut(row).enumerate() {
-                    let first = in_blocks(v, block, batch * steps * 2 * block)
-                        + (self.sweep * steps + window * pool + step) * 2 * block;
+        let (row, block, parts) = (taxels * outs, plan.out_block, plan.parts());
+        let span = plan.ranges.span;
+        for v in (0..outs).step_by(L::OCTETS) {
+            for band in 0..plan.bands.count() {
+                for (step, maps) in self.maps.chunks_exact_mut(row).enumerate() {
+                    let step = self.window * pool + step;
+                    let part = (self.sweep * plan.bands.count() + band) * plan.ranges.count()
+                        + step / span;
+                    let first = in_blocks(v, block, parts * span * 2 * block)
+                        + (part * span + step % span) * 2 * block;
                     plan.taxel.inverse::<L>(
                         &self.products[first..],
-                        batch * steps * 2 * outs,
+                        parts * span * 2 * outs,
                         block,
-                        batch * steps * 2 * block,
-                        |taxel, y: L| {
-                            y.store(maps, taxel * outs + v);
+                        parts * span * 2 * block,
+                        MapRow::<CUT> {
+                            bands: &plan.bands,
+                            band,
+                            maps,
+                            outs,
+                            v,
                         },
                     );
                 }
-                pool_column::<L>((tile, outs, v), taxels, self.goal, &mut to, v);
+                let outputs = plan.bands.outputs(band);
+                let own = outputs.start * maps_out..;
+                let mut to = Window {
+                    winners: &mut self.to.winners[own.clone()],
+                    positions: &mut self.to.positions[own],
+                    sums: &mut self.to.sums[band * 3 * outs..][..3 * outs],
+                    columns: outs,
+                };
+                let maps = WindowMaps {
+                    values: self.maps,
+                    row,
+                    columns: outs,
+                    first: outputs.start * outs + v,
+                };
+                pool_column::<L>(maps, outputs.len(), self.goal, &mut to, v);
             }
         }
     }
 }
 
-/// `dy` of one sweep as taxel spectra, `[column, block of maps_out, steps, 2, block's octets]`.
+/// `dy` of one part as taxel spectra, `[column, block of maps_out, steps, 2, block's octets]`; zero but for the part's own outputs.
 pub(super) struct Spread<'a> {
     pub(super) plan: &'a Plan,
     pub(super) sweep: usize,
+    pub(super) band: usize,
+    pub(super) range: usize,
     pub(super) output: OutputGradient<'a>,
+    /// `[steps of the range, taxels, maps_out]`
     pub(super) maps: &'a [Octet],
     pub(super) rows: &'a mut [Octet],
 }
@@ -134,23 +179,33 @@ impl Kernel for Spread<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
+        if self.plan.bands.is_cut() {
+            self.of_bands::<L, true>();
+        } else {
+            self.of_bands::<L, false>();
+        }
+    }
+}
+
+impl Spread<'_> {
+    #[inline(always)]
+    fn of_bands<L: Lanes, const CUT: bool>(self) {
         let (plan, outs) = (self.plan, self.plan.outs);
-        let BlockShape {
-            steps,
-            taxels,
-            pool,
-            ..
-        } = plan.shape;
-        let (window_row, block) = (taxels * outs, plan.out_block);
+        let BlockShape { taxels, pool, .. } = plan.shape;
+        let (window_row, block, span) = (taxels * outs, plan.out_block, plan.ranges.span);
         let affine = self.output.affine;
+        // A range is of whole windows.
+        let windows_before =
+            self.sweep * plan.shape.pooled_steps() + self.range * (span / pool.min(span));
         for (window, tile) in self.maps.chunks(pool * window_row).enumerate() {
-            let first = (self.sweep * plan.shape.pooled_steps() + window) * window_row;
+            let first = (windows_before + window) * window_row;
             for v in (0..outs).step_by(L::OCTETS) {
                 let mut sparse = [[L::splat(0.0); 2]; MAX_TAXELS];
-                for taxel in 0..taxels {
+                let outputs = plan.bands.outputs(self.band);
+                for (place, taxel) in (plan.bands.margin()..).zip(outputs) {
                     let at = first + taxel * outs + v;
                     let gradient = L::load_floats(self.output.gradient, at);
-                    sparse[taxel] = [
+                    sparse[place] = [
                         gradient.mul(L::load_floats(&affine.ka, v)),
                         L::load_bytes(self.output.positions, at),
                     ];
@@ -159,16 +214,26 @@ impl Kernel for Spread<'_> {
                 for (step, maps) in tile.chunks_exact(window_row).enumerate() {
                     let won = L::splat(step as f32);
                     let first =
-                        in_blocks(v, block, steps * 2 * block) + (window * pool + step) * 2 * block;
+                        in_blocks(v, block, span * 2 * block) + (window * pool + step) * 2 * block;
                     let out = &mut self.rows[first..];
-                    let values = |taxel: usize| {
-                        let [gradient, position] = sparse[taxel];
-                        let dense = L::load(maps, taxel * outs + v).mul_add(kc, kb);
-                        position.if_equal(won, gradient).add(dense)
+                    let values = GradientRow::<L, CUT> {
+                        bands: &plan.bands,
+                        band: self.band,
+                        sparse: &sparse,
+                        maps,
+                        outs,
+                        v,
+                        affine: [kb, kc],
+                        won,
                     };
-                    plan.taxel
-                        .forward::<L>(values, out, steps * 2 * outs, block);
+                    plan.taxel.forward::<L>(values, out, span * 2 * outs, block);
                 }
+            }
+        }
+        let steps = self.maps.len() / window_row;
+        if steps < span {
+            for rows in self.rows.chunks_exact_mut(span * 2 * block) {
+                rows[steps * 2 * block..].fill(Octet::ZERO);
             }
         }
     }
@@ -260,28 +325,145 @@ impl Kernel for InputGradient<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
+        // Where parts overlap, their gradients add up.
+        if self.plan.bands.is_cut() || self.plan.ranges.is_cut() {
+            self.of_parts::<L, true>();
+        } else {
+            self.of_parts::<L, false>();
+        }
+    }
+}
+
+impl InputGradient<'_> {
+    #[inline(always)]
+    fn of_parts<L: Lanes, const CUT: bool>(self) {
         let (plan, ins, block) = (self.plan, self.plan.ins, self.plan.in_block);
-        let BlockShape {
-            batch,
-            steps,
-            taxels,
-            ..
-        } = plan.shape;
-        let row = taxels * ins * 8;
+        let (parts, seen) = (plan.parts(), plan.ranges.width);
+        let (bands, ranges) = (plan.bands.count(), plan.ranges.count());
+        let row = plan.shape.taxels * ins * 8;
         for (step, row) in self.input.chunks_exact_mut(row).enumerate() {
-            for v in (0..ins).step_by(L::OCTETS) {
-                let first = in_blocks(v, block, batch * steps * 2 * block)
-                    + (self.sweep * steps + step) * 2 * block;
-                plan.taxel.inverse::<L>(
-                    &self.spectra[first..],
-                    batch * steps * 2 * ins,
-                    block,
-                    8 * block,
-                    |taxel, value: L| {
-                        value.store_floats(row, taxel * ins + v);
-                    },
-                );
+            if CUT {
+                row.fill(0.0);
             }
+            for (range, at) in plan.ranges.seeing(step) {
+                for band in 0..bands {
+                    let part = (self.sweep * bands + band) * ranges + range;
+                    for v in (0..ins).step_by(L::OCTETS) {
+                        let first = in_blocks(v, block, parts * seen * 2 * block)
+                            + (part * seen + at) * 2 * block;
+                        plan.taxel.inverse::<L>(
+                            &self.spectra[first..],
+                            parts * seen * 2 * ins,
+                            block,
+                            8 * block,
+                            InputGradientRow::<CUT> {
+                                bands: &plan.bands,
+                                band,
+                                row,
+                                ins,
+                                v,
+                            },
+                        );
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A vector of maps of an input row; zero beside the array.
+struct InputRow<'a, const CUT: bool> {
+    bands: &'a Bands,
+    band: usize,
+    row: &'a [f32],
+    ins: usize,
+    v: usize,
+}
+
+impl<L: Lanes, const CUT: bool> Source<L> for InputRow<'_, CUT> {
+    #[inline(always)]
+    fn at(&self, at: usize) -> L {
+        if !CUT {
+            return L::load_floats(self.row, at * self.ins + self.v);
+        }
+        match self.bands.input(self.band, at) {
+            Some(taxel) => L::load_floats(self.row, taxel * self.ins + self.v),
+            None => L::splat(0.0),
+        }
+    }
+}
+
+/// A vector of maps of a row; only a band's own outputs are written.
+struct MapRow<'a, const CUT: bool> {
+    bands: &'a Bands,
+    band: usize,
+    maps: &'a mut [Octet],
+    outs: usize,
+    v: usize,
+}
+
+impl<L: Lanes, const CUT: bool> Sink<L> for MapRow<'_, CUT> {
+    #[inline(always)]
+    fn put(&mut self, at: usize, value: L) {
+        if !CUT {
+            value.store(self.maps, at * self.outs + self.v);
+        } else if let Some(taxel) = self.bands.output(self.band, at) {
+            value.store(self.maps, taxel * self.outs + self.v);
+        }
+    }
+}
+
+/// A vector of maps of a row of `dy`; zero but for a band's own outputs.
+struct GradientRow<'a, L, const CUT: bool> {
+    bands: &'a Bands,
+    band: usize,
+    /// Gradient and step of the window's winners, by place in the band.
+    sparse: &'a [[L; 2]; MAX_TAXELS],
+    maps: &'a [Octet],
+    outs: usize,
+    v: usize,
+    /// `kb` and `kc`
+    affine: [L; 2],
+    /// The step, which the winners of this row have.
+    won: L,
+}
+
+impl<L: Lanes, const CUT: bool> Source<L> for GradientRow<'_, L, CUT> {
+    #[inline(always)]
+    fn at(&self, at: usize) -> L {
+        let taxel = if CUT {
+            match self.bands.output(self.band, at) {
+                Some(taxel) => taxel,
+                None => return L::splat(0.0),
+            }
+        } else {
+            at
+        };
+        let [gradient, position] = self.sparse[at];
+        let [kb, kc] = self.affine;
+        let dense = L::load(self.maps, taxel * self.outs + self.v).mul_add(kc, kb);
+        position.if_equal(self.won, gradient).add(dense)
+    }
+}
+
+/// A vector of maps of a row of the input's gradient, to which a band's share is added; a whole row is written.
+struct InputGradientRow<'a, const CUT: bool> {
+    bands: &'a Bands,
+    band: usize,
+    row: &'a mut [f32],
+    ins: usize,
+    v: usize,
+}
+
+impl<L: Lanes, const CUT: bool> Sink<L> for InputGradientRow<'_, CUT> {
+    #[inline(always)]
+    fn put(&mut self, at: usize, value: L) {
+        if !CUT {
+            value.store_floats(self.row, at * self.ins + self.v);
+        } else if let Some(taxel) = self.bands.input(self.band, at) {
+            let at = taxel * self.ins + self.v;
+            let sum = L::load_floats(self.row, at).add(value);
+            sum.store_floats(self.row, at);
         }
     }
 }

@@ -5,14 +5,45 @@
 //! phase this adds is the same before and after a convolution, so products of spectra do not see it. Only frequencies
 //! `0 ..= length / 2` are kept, as the values are real.
 
+use super::bands::Bands;
 use super::simd::{Lanes, Octet, prefetch};
 
 /// Most taxels that a plan takes.
 pub(super) const MAX_TAXELS: usize = 32;
-/// Pairs of taxels that are handled together, few or many; narrower rows are padded with zero pairs. Sums and differences of eight pairs
-/// fill sixteen registers.
-const FEW: usize = 8;
-const MANY: usize = MAX_TAXELS / 2;
+/// Pairs of taxels that are handled together; rows of other widths are padded with zero pairs. Sums and differences of eight pairs fill
+/// sixteen registers.
+const PAIRS: [usize; 5] = [1, 5, 8, 12, MAX_TAXELS / 2];
+
+/// Calls a function that is generic over the number of pairs.
+macro_rules! with_pairs {
+    ($plan:ident, $function:ident::<$lanes:ident>($($argument:expr),*)) => {
+        match $plan.padded_pairs() {
+            1 => $plan.$function::<$lanes, 1>($($argument),*),
+            5 => $plan.$function::<$lanes, 5>($($argument),*),
+            8 => $plan.$function::<$lanes, 8>($($argument),*),
+            12 => $plan.$function::<$lanes, 12>($($argument),*),
+            _ => $plan.$function::<$lanes, { MAX_TAXELS / 2 }>($($argument),*),
+        }
+    };
+}
+
+/// Pairs that a row of `taxels` is padded to.
+pub(super) fn padded_pairs(taxels: usize) -> usize {
+    let pairs = taxels.div_ceil(2);
+    let fitting = PAIRS.into_iter().find(|&padded| pairs <= padded);
+    fitting.unwrap_or(pairs)
+}
+
+/// The values of one row of taxels. A trait rather than a closure: only functions can be marked so that they are always compiled into the
+/// kernel, with its instruction set.
+pub(super) trait Source<L> {
+    fn at(&self, taxel: usize) -> L;
+}
+
+/// Where the values of one row of taxels go.
+pub(super) trait Sink<L> {
+    fn put(&mut self, taxel: usize, value: L);
+}
 
 /// Symmetry of the time spectrum of one taxel frequency.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,16 +65,23 @@ pub(super) struct TaxelPlan {
     forward: Vec<Octet>,
     /// `[2, frequency, pair]`: the same, scaled by the inverse transform's weights
     inverse: Vec<Octet>,
-    /// `[frequency, lag, 2]` for lags 0 ..= pad
+    /// `[frequency, lag, 2]` for lags 0 ..= reach
     kernel: Vec<[f32; 2]>,
+    /// Taps on either side of the kernel's middle, and those of them that meet the row at all.
     pad: usize,
+    reach: usize,
     scale: f32,
 }
 
 impl TaxelPlan {
-    /// For rows of `taxels` and kernels of `2 pad + 1`; the inverse also multiplies by `scale`. None if the row is too wide.
-    pub(super) fn new(taxels: usize, pad: usize, scale: f64) -> Option<Self> {
-        let length = taxels + pad;
+    /// For bands of taxels and kernels of `2 pad + 1`; the inverse also multiplies by `scale`. None if a band is too wide.
+    ///
+    /// A whole row lies between zeros. Part of a longer row does not need them: what wraps around reaches none of its outputs.
+    pub(super) fn new(bands: &Bands, pad: usize, scale: f64) -> Option<Self> {
+        let taxels = bands.width;
+        // Taps farther out than the row is wide see zeros alone.
+        let reach = pad.min(bands.len - 1);
+        let length = taxels + if bands.is_cut() { 0 } else { reach };
         if taxels > MAX_TAXELS {
             return None;
         }
@@ -51,13 +89,13 @@ impl TaxelPlan {
         let splat = |value: f64| Octet([value as f32; 8]);
         let angle = |f: usize, u: f64| std::f64::consts::TAU * f as f64 * u / length as f64;
         let (mut forward, mut inverse, mut kernel) = (Vec::new(), Vec::new(), Vec::new());
-        let pairs = if taxels <= 2 * FEW { FEW } else { MANY };
+        let pairs = padded_pairs(taxels);
         for f in 0..=length / 2 {
             for pair in 0..pairs {
                 let angle = angle(f, pair as f64 + half);
                 forward.extend([splat(angle.cos()), splat(-angle.sin())]);
             }
-            for lag in 0..=pad {
+            for lag in 0..=reach {
                 kernel.push([
                     angle(f, lag as f64).cos() as f32,
                     -angle(f, lag as f64).sin() as f32,
@@ -71,6 +109,7 @@ impl TaxelPlan {
             inverse: Vec::new(),
             kernel,
             pad,
+            reach,
             scale: scale as f32,
         };
         let parts: [fn(f64) -> f64; 2] = [f64::cos, |angle| -angle.sin()];
@@ -95,6 +134,11 @@ impl TaxelPlan {
 
     fn pairs(&self) -> usize {
         self.taxels.div_ceil(2)
+    }
+
+    #[inline(always)]
+    fn padded_pairs(&self) -> usize {
+        self.forward.len() / 2 / self.frequencies()
     }
 
     pub(super) fn mirror(&self, frequency: usize) -> Mirror {
@@ -132,22 +176,18 @@ impl TaxelPlan {
     #[inline(always)]
     pub(super) fn forward<L: Lanes>(
         &self,
-        values: impl Fn(usize) -> L,
+        values: impl Source<L>,
         out: &mut [Octet],
         stride: usize,
         imaginary: usize,
     ) {
-        if self.pairs() <= FEW {
-            self.forward_of::<L, FEW>(values, out, stride, imaginary);
-        } else {
-            self.forward_of::<L, MANY>(values, out, stride, imaginary);
-        }
+        with_pairs!(self, forward_of::<L>(values, out, stride, imaginary));
     }
 
     #[inline(always)]
     fn forward_of<L: Lanes, const PAIRS: usize>(
         &self,
-        values: impl Fn(usize) -> L,
+        values: impl Source<L>,
         out: &mut [Octet],
         stride: usize,
         imaginary: usize,
@@ -159,7 +199,7 @@ impl TaxelPlan {
                 break;
             }
             let [minus, plus] = self.ends(pair);
-            let (a, b) = (values(plus), values(minus));
+            let (a, b) = (values.at(plus), values.at(minus));
             sums[pair] = if plus == minus { a } else { a.add(b) };
             differences[pair] = a.sub(b);
         }
@@ -175,7 +215,7 @@ impl TaxelPlan {
         }
     }
 
-    /// One row from its spectrum, which lies as [`TaxelPlan::forward`] writes it; taxel `w` goes to `put(w, value)`. What lies `ahead` octets
+    /// One row from its spectrum, which lies as [`TaxelPlan::forward`] writes it; taxel `w` goes to `put`. What lies `ahead` octets
     /// further is prefetched, unless `ahead` is 0.
     #[inline(always)]
     pub(super) fn inverse<L: Lanes>(
@@ -184,13 +224,12 @@ impl TaxelPlan {
         stride: usize,
         imaginary: usize,
         ahead: usize,
-        put: impl FnMut(usize, L),
+        put: impl Sink<L>,
     ) {
-        if self.pairs() <= FEW {
-            self.inverse_of::<L, FEW>(spectrum, stride, imaginary, ahead, put);
-        } else {
-            self.inverse_of::<L, MANY>(spectrum, stride, imaginary, ahead, put);
-        }
+        with_pairs!(
+            self,
+            inverse_of::<L>(spectrum, stride, imaginary, ahead, put)
+        );
     }
 
     #[inline(always)]
@@ -200,7 +239,7 @@ impl TaxelPlan {
         stride: usize,
         imaginary: usize,
         ahead: usize,
-        mut put: impl FnMut(usize, L),
+        mut put: impl Sink<L>,
     ) {
         let mut even = [L::splat(0.0); PAIRS];
         let mut odd = [L::splat(0.0); PAIRS];
@@ -231,18 +270,24 @@ impl TaxelPlan {
                 break;
             }
             let [minus, plus] = self.ends(pair);
-            put(minus, even[pair].sub(odd[pair]));
-            put(plus, even[pair].add(odd[pair]));
+            if minus != plus {
+                put.put(minus, even[pair].sub(odd[pair]));
+            }
+            put.put(plus, even[pair].add(odd[pair]));
         }
+    }
+
+    fn kernel_row(&self, frequency: usize) -> &[[f32; 2]] {
+        &self.kernel[frequency * (self.reach + 1)..(frequency + 1) * (self.reach + 1)]
     }
 
     /// Frequency `f` of a kernel row, given as taps of a cross-correlation, a vector each: the convolution's lags are the taps reversed.
     #[inline(always)]
     pub(super) fn kernel<L: Lanes>(&self, frequency: usize, taps: &[Octet]) -> [L; 2] {
-        let table = &self.kernel[frequency * (self.pad + 1)..(frequency + 1) * (self.pad + 1)];
+        let table = self.kernel_row(frequency);
         let tap = |tap: usize| L::load(taps, tap * L::OCTETS);
         let (mut re, mut im) = (tap(self.pad), L::splat(0.0));
-        for lag in 1..=self.pad {
+        for lag in 1..=self.reach {
             let (plus, minus) = (tap(self.pad - lag), tap(self.pad + lag));
             re = plus.add(minus).mul_add(L::splat(table[lag][0]), re);
             im = plus.sub(minus).mul_add(L::splat(table[lag][1]), im);
@@ -258,7 +303,7 @@ impl TaxelPlan {
         [re, im]: [L; 2],
         taps: &mut [Octet],
     ) {
-        let table = &self.kernel[frequency * (self.pad + 1)..(frequency + 1) * (self.pad + 1)];
+        let table = self.kernel_row(frequency);
         let weight = L::splat(self.weight(frequency));
         let (re, im) = (re.mul(weight), im.mul(weight));
         let mut add = |tap: usize, value: L| {
@@ -266,7 +311,7 @@ impl TaxelPlan {
             L::load(taps, at).add(value).store(taps, at);
         };
         add(self.pad, re);
-        for lag in 1..=self.pad {
+        for lag in 1..=self.reach {
             let (even, odd) = (
                 re.mul(L::splat(table[lag][0])),
                 im.mul(L::splat(table[lag][1])),

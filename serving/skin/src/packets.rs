@@ -14,9 +14,17 @@ use bytemuck::{Pod, Zeroable};
 use tactnet_channel::Packet;
 
 /// Most taxels of a frame.
-pub const MAX_TAXELS: usize = 32;
+pub const MAX_TAXELS: usize = 1024;
 /// Most materials of a classifier that serves.
 pub const MAX_MATERIALS: usize = 64;
+
+/// Returns why sweeps of so many taxels, or so many materials, cannot be classified online; `None` if they can.
+pub fn unfit(taxels: usize, materials: usize) -> Option<String> {
+    let over = |what, most: usize, found: usize| {
+        (found > most).then(|| format!("{found} {what}, packets hold {most}"))
+    };
+    over("taxels", MAX_TAXELS, taxels).or_else(|| over("materials", MAX_MATERIALS, materials))
+}
 
 /// Up to `BYTES` bytes of UTF-8, filled up with zeros.
 #[repr(C)]
@@ -59,7 +67,7 @@ impl<const BYTES: usize> std::fmt::Debug for Text<BYTES> {
     }
 }
 
-/// One frame of a finger's skin, 152 bytes.
+/// One frame of a finger's skin, 4120 bytes.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct SkinFrame {
@@ -296,14 +304,15 @@ pub struct ModelNames {
 }
 
 macro_rules! packets {
-    ($($packet:ident)*) => { $(
+    ($($packet:ident $version:literal,)*) => { $(
         impl Packet for $packet {
             const NAME: &'static str = stringify!($packet);
-            const VERSION: u32 = 1;
+            const VERSION: u32 = $version;
         }
     )* };
 }
-packets!(SkinFrame SweepCommand TactileBelief TactileStatus ModelNames);
+// A packet's version goes up with its layout.
+packets!(SkinFrame 2, SweepCommand 1, TactileBelief 1, TactileStatus 1, ModelNames 1,);
 
 #[cfg(test)]
 mod tests {
@@ -313,7 +322,7 @@ mod tests {
 
     #[test]
     fn packets_lie_as_documented() {
-        assert_eq!(size_of::<SkinFrame>(), 152);
+        assert_eq!(size_of::<SkinFrame>(), 24 + 4 * MAX_TAXELS);
         assert_eq!(size_of::<SweepCommand>(), 80);
         assert_eq!(size_of::<TactileBelief>(), 632);
         assert_eq!(size_of::<TactileStatus>(), 296);

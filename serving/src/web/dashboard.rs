@@ -22,6 +22,8 @@ const PAGE: &str = include_str!("dashboard.html");
 const EVERY: Duration = Duration::from_millis(50);
 /// Every so many frames one is drawn.
 const DRAWN: u64 = 3;
+/// Most lines of the traces.
+const LINES: usize = 64;
 /// Materials that are shown.
 const SHOWN: usize = 8;
 /// Events that are remembered.
@@ -117,7 +119,7 @@ impl Dashboard {
             self.frames += 1;
             if let Some(frame) = packet.first() {
                 if frame.sequence % DRAWN == 0 {
-                    self.view.trace.push(frame.values().to_vec());
+                    self.view.trace.push(lines(frame.values()));
                 }
                 self.view.frame = frame.values().to_vec();
             }
@@ -175,6 +177,15 @@ fn reset(commands: &PutPort<SweepCommand>) {
         reserved: 0,
         material: Text::default(),
     }]);
+}
+
+/// The lines of the traces: one a taxel, or the means of neighbours where there are too many.
+fn lines(digits: &[f32]) -> Vec<f32> {
+    let together = digits.len().div_ceil(LINES).max(1);
+    let groups = digits.chunks(together);
+    groups
+        .map(|group| group.iter().sum::<f32>() / group.len() as f32)
+        .collect()
 }
 
 /// The most probable materials.

@@ -49,6 +49,20 @@ impl Octets {
             len,
         }
     }
+
+    /// Octets that there is room for.
+    pub(super) fn room(&self) -> usize {
+        2 * self.lines.len()
+    }
+
+    /// Makes it `len` octets.
+    ///
+    /// # Panics
+    /// If there is no room for them.
+    pub(super) fn set_len(&mut self, len: usize) {
+        assert!(len <= self.room(), "room for {len} octets");
+        self.len = len;
+    }
 }
 
 impl Debug for Octets {

@@ -71,6 +71,22 @@ fn a_gradient_that_cancels_is_within_the_rounding_of_its_terms() {
     }
 }
 
+/// Rows of taxels that are cut into bands, and sweeps that are cut into ranges of steps.
+#[test]
+fn wide_and_long_shapes_agree_with_f64() {
+    holds(shape(2, 23, 33, [1, 8], [5, 3], 4), 1);
+    holds(shape(1, 60, 64, [1, 32], [15, 5], 10), 2);
+    holds(shape(2, 15, 60, [1, 16], [7, 1], 5), 3);
+    holds(shape(1, 25, 36, [8, 16], [5, 3], 4), 4);
+    holds(shape(2, 12, 64, [16, 8], [15, 5], 10), 5);
+    holds(shape(1, 9, 131, [8, 8], [3, 7], 3), 6);
+    holds(shape(1, 300, 3, [8, 8], [15, 3], 10), 7);
+    holds(shape(2, 405, 2, [8, 16], [5, 1], 7), 8);
+    holds(shape(1, 290, 34, [8, 8], [3, 3], 120), 9);
+    holds(shape(1, 40, 20, [1, 16], [31, 7], 10), 10);
+    holds(shape(1, 30, 70, [3, 16], [5, 5], 10), 11);
+}
+
 /// Among many values some lie so near zero that single and double precision see them on different sides.
 #[test]
 fn values_within_rounding_of_zero_may_take_either_side() {
@@ -109,6 +125,33 @@ proptest! {
     fn any_small_spectral_shape_agrees_with_f64(
         batch in 1usize..4, steps in 2usize..30, taxels in 1usize..33,
         ins in 1usize..3, outs in 1usize..4, kt in 1usize..8, kw in 0usize..3, pool in 1usize..11, seed in 0u64..1000,
+    ) {
+        holds(shape(batch, steps, taxels, [8 * ins, 8 * outs], [2 * kt + 1, 2 * kw + 1], pool), seed);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
+    #[test]
+    fn any_wide_first_layer_agrees_with_f64(
+        batch in 1usize..3, steps in 2usize..130, taxels in 17usize..90,
+        outs in 1usize..5, kt in 1usize..8, kw in 0usize..3, pool in 1usize..21, seed in 0u64..1000,
+    ) {
+        holds(shape(batch, steps, taxels, [1, 8 * outs], [2 * kt + 1, 2 * kw + 1], pool), seed);
+    }
+
+    #[test]
+    fn any_wide_spectral_shape_agrees_with_f64(
+        batch in 1usize..3, steps in 2usize..30, taxels in 33usize..140,
+        ins in 1usize..3, outs in 1usize..3, kt in 1usize..8, kw in 0usize..4, pool in 1usize..11, seed in 0u64..1000,
+    ) {
+        holds(shape(batch, steps, taxels, [8 * ins, 8 * outs], [2 * kt + 1, 2 * kw + 1], pool), seed);
+    }
+
+    #[test]
+    fn any_long_spectral_shape_agrees_with_f64(
+        batch in 1usize..3, steps in 257usize..700, taxels in 1usize..5,
+        ins in 1usize..3, outs in 1usize..3, kt in 1usize..16, kw in 0usize..3, pool in 1usize..200, seed in 0u64..1000,
     ) {
         holds(shape(batch, steps, taxels, [8 * ins, 8 * outs], [2 * kt + 1, 2 * kw + 1], pool), seed);
     }

@@ -1,0 +1,117 @@
+//! The planner's choice beside all tilings it had: `cargo bench -p tactnet-conv --bench planner [-- --threads 1] [--json]`.
+//!
+//! Each candidate of each shape of a grid is timed, a training step with the input's gradient, in turns, medians. `choice` is the time of
+//! the first candidate over that of the fastest: 1.15 or less is what the cost model promises.
+
+use std::time::Instant;
+
+use tactnet_conv::{Block, BlockShape, Isa};
+
+const TURNS: usize = 5;
+/// Taxels, steps, kernel, batch; two pairs of maps each.
+const GRID: [(usize, usize, [usize; 2], usize); 16] = [
+    (1, 880, [15, 5], 36),
+    (4, 300, [9, 3], 36),
+    (9, 64, [15, 5], 36),
+    (16, 100, [15, 5], 36),
+    (16, 100, [31, 7], 16),
+    (16, 2000, [15, 5], 2),
+    (19, 40, [15, 5], 36),
+    (25, 60, [15, 5], 36),
+    (33, 50, [15, 5], 16),
+    (48, 100, [3, 1], 16),
+    (60, 75, [15, 5], 16),
+    (64, 40, [15, 5], 36),
+    (64, 400, [31, 7], 2),
+    (100, 20, [5, 3], 16),
+    (256, 100, [15, 5], 2),
+    (1024, 10, [15, 5], 4),
+];
+const MAPS: [[usize; 2]; 2] = [[32, 64], [64, 128]];
+
+fn values(len: usize) -> Vec<f32> {
+    (0..len)
+        .map(|i| ((i * 7919) % 1013) as f32 / 506.5 - 1.0)
+        .collect()
+}
+
+fn step(block: &Block, input: &[f32], weight: &[f32]) -> f64 {
+    let maps = block.shape().maps_out;
+    let (gamma, beta) = (vec![1.0; maps], vec![0.0; maps]);
+    let begun = Instant::now();
+    let forward = block.forward_train(input, weight, &gamma, &beta);
+    let gradients = block.backward(forward.saved, &forward.pooled, true);
+    let seconds = begun.elapsed().as_secs_f64();
+    if let Some(input) = gradients.input {
+        tactnet_conv::spare::give(input);
+    }
+    tactnet_conv::spare::give(forward.pooled);
+    seconds * 1e3
+}
+
+fn main() {
+    let threads = std::env::var("RAYON_NUM_THREADS").unwrap_or_else(|_| "all".into());
+    let mut worst = Vec::new();
+    for isa in Isa::all() {
+        if format!("{isa:?}") == "Plain" || format!("{isa:?}") == "Portable" {
+            continue;
+        }
+        for (taxels, steps, kernel, batch) in GRID {
+            for maps in MAPS {
+                let shape = BlockShape {
+                    batch,
+                    steps,
+                    taxels,
+                    maps_in: maps[0],
+                    maps_out: maps[1],
+                    kernel,
+                    pool: 10,
+                };
+                let (input, weight) = (values(shape.input_len()), values(shape.weight_len()));
+                let candidates = Block::candidates(shape, isa);
+                // What is predicted to take three times as long is not timed.
+                let limit = 3.0 * candidates[0].predicted_ms;
+                let mut timed: Vec<_> = candidates
+                    .iter()
+                    .filter(|candidate| candidate.predicted_ms <= limit)
+                    .map(|candidate| {
+                        let block = Block::plan_candidate(shape, isa, candidate);
+                        step(&block, &input, &weight);
+                        (candidate, block, Vec::new())
+                    })
+                    .collect();
+                for _ in 0..TURNS {
+                    for (_, block, times) in &mut timed {
+                        times.push(step(block, &input, &weight));
+                    }
+                }
+                let medians: Vec<f64> = timed
+                    .iter_mut()
+                    .map(|(_, _, times)| {
+                        times.sort_by(f64::total_cmp);
+                        times[TURNS / 2]
+                    })
+                    .collect();
+                let fastest = medians.iter().copied().fold(f64::INFINITY, f64::min);
+                let choice = medians[0] / fastest;
+                worst.push(choice);
+                println!(
+                    "{isa:?} {batch} x {steps} x {taxels}, {maps:?}, kernel {kernel:?}, {threads} threads: choice {choice:.2}"
+                );
+                for ((candidate, _, _), median) in timed.iter().zip(&medians) {
+                    println!(
+                        "    {candidate}: {median:.2} ms, predicted {:.2}",
+                        candidate.predicted_ms
+                    );
+                }
+            }
+        }
+    }
+    worst.sort_by(f64::total_cmp);
+    let within = worst.iter().filter(|&&choice| choice <= 1.15).count();
+    println!(
+        "{within} of {} within 15 %; worst {:.2}",
+        worst.len(),
+        worst[worst.len() - 1]
+    );
+}

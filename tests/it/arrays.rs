@@ -1,0 +1,81 @@
+//! Arrays other than 4 x 4 taxels go the whole way: training, prediction, frame by frame, and a word beforehand about what cannot be had.
+
+use std::f32::consts::TAU;
+
+use serde_json::Value;
+use tactnet_data::format::Format;
+use tactnet_data::{Dataset, LabelSet, Samples, SweepRecord, SweepShape};
+
+use crate::command::{Lab, expect, stderr, stdout, tactnet};
+
+/// Three materials, ten sweeps each: waves of one, two and three periods that run over the array, with some noise.
+fn waves(rows: usize, cols: usize, steps: usize) -> Dataset {
+    let shape = SweepShape { steps, rows, cols };
+    let taxels = shape.taxels();
+    let mut values = Vec::new();
+    let mut records = Vec::new();
+    for index in 0..30 {
+        let (label, sweep) = (index % 3, index / 3);
+        records.push(SweepRecord {
+            label,
+            sweep,
+            block: None,
+            test: None,
+        });
+        for cell in 0..steps * taxels {
+            let (step, taxel) = (cell / taxels, cell % taxels);
+            let phase = step as f32 / steps as f32 + taxel as f32 / taxels as f32;
+            let noise = ((index * 7919 + cell * 104_729) % 1013) as f32 / 1013.0;
+            let wave = (TAU * (label + 1) as f32 * phase + sweep as f32).sin();
+            values.push(20.0 + 8.0 * wave + 4.0 * noise);
+        }
+    }
+    let labels = LabelSet::new(["one", "two", "three"].map(String::from)).unwrap();
+    Dataset::new("waves", 750.0, shape, labels, records, Samples::F32(values)).unwrap()
+}
+
+const RECIPE: &str = "name = \"small\"\n\
+    [network]\nmaps = [8, 16]\nhidden = 16\nkeep_probability = 0.8\n\
+    [training]\nepochs = 12\nbatch = 7\nlearning_rate = 0.005\nmethod = { kind = \"adversarial\", alpha = 0.5, epsilon = 0.1 }\n";
+
+#[test]
+fn arrays_of_other_shapes_are_learnt_and_followed_frame_by_frame() {
+    let lab = Lab::new();
+    std::fs::write(lab.path("recipe.toml"), RECIPE).unwrap();
+    for (rows, cols) in [(6, 10), (1, 3), (5, 7)] {
+        let name = |what: &str| lab.path(&format!("{what}{rows}x{cols}"));
+        let data = lab.path(&format!("{rows}x{cols}.h5"));
+        Format::TactMat
+            .write(&data, &waves(rows, cols, 75))
+            .unwrap();
+        let mut train = tactnet(["train", "--json", "--data"]);
+        train
+            .arg(&data)
+            .arg("--recipe")
+            .arg(lab.path("recipe.toml"));
+        train.arg("--out").arg(name("run"));
+        let found: Value = serde_json::from_str(&stdout(&expect(0, train))).unwrap();
+        let accuracy = found["accuracy_one_sweep"]["mean"].as_f64().unwrap();
+        assert!(accuracy > 0.8, "{rows}x{cols}: {accuracy}");
+        let mut eval = tactnet(["eval", "--json", "--runtime", "online"]);
+        eval.arg(name("run"));
+        let found: Value = serde_json::from_str(&stdout(&expect(0, eval))).unwrap();
+        let apart = found["runtimes"]["plain"]["largest_difference"].as_f64();
+        assert!(apart.unwrap() < 1e-4, "{rows}x{cols}: {found}");
+    }
+}
+
+#[test]
+fn what_packets_cannot_hold_is_said_before_training() {
+    let lab = Lab::new();
+    let data = lab.path("wide.h5");
+    Format::TactMat.write(&data, &waves(25, 41, 4)).unwrap();
+    let mut check = tactnet(["data", "check"]);
+    check.arg(&data);
+    let said = stderr(&check.output().unwrap());
+    assert!(said.contains("1025 taxels, packets hold 1024"), "{said}");
+    let mut train = tactnet(["train", "--model", "knn-l", "--data"]);
+    train.arg(&data).arg("--out").arg(lab.path("run"));
+    let said = stderr(&expect(0, train));
+    assert!(said.contains("1025 taxels, packets hold 1024"), "{said}");
+}
