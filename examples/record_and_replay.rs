@@ -49,7 +49,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let RecordedPacket::Frame(frame) = &entry.packet else {
             continue;
         };
-        skin.put_copy(&[*frame])?;
+        skin.put_copy(&[**frame])?;
         let came = listener.try_get()?.ok_or("a frame did not come")?;
         if bytes(&came[0]) == bytes(frame) {
             replayed += 1;

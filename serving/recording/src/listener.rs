@@ -113,8 +113,9 @@ impl Listener {
         let model = |packet: ModelNames| RecordedPacket::Model(packet.into());
         self.take(fingers + 3, &self.model, model, &mut each)?;
         self.take(fingers, &self.commands, RecordedPacket::Command, &mut each)?;
+        let frame = |packet: SkinFrame| RecordedPacket::Frame(packet.into());
         for (channel, port) in self.fingers.iter().enumerate() {
-            self.take(channel, port, RecordedPacket::Frame, &mut each)?;
+            self.take(channel, port, frame, &mut each)?;
         }
         let belief = |packet: TactileBelief| RecordedPacket::Belief(packet.into());
         self.take(fingers + 1, &self.beliefs, belief, &mut each)?;

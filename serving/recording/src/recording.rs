@@ -33,7 +33,7 @@ pub struct Entry {
 #[derive(Debug, Clone)]
 pub enum RecordedPacket {
     /// Of a finger's skin.
-    Frame(SkinFrame),
+    Frame(Box<SkinFrame>),
     /// Of the motion controller or a person.
     Command(SweepCommand),
     /// Of the classifier.
@@ -227,7 +227,7 @@ fn attachment_is_whole(data: &[u8]) -> bool {
 
 fn decoded(name: &str, data: &[u8]) -> Option<RecordedPacket> {
     Some(match name {
-        SkinFrame::MESSAGE => RecordedPacket::Frame(SkinFrame::from_message(data)?),
+        SkinFrame::MESSAGE => RecordedPacket::Frame(SkinFrame::from_message(data)?.into()),
         SweepCommand::MESSAGE => RecordedPacket::Command(SweepCommand::from_message(data)?),
         TactileBelief::MESSAGE => RecordedPacket::Belief(TactileBelief::from_message(data)?.into()),
         TactileStatus::MESSAGE => RecordedPacket::Status(TactileStatus::from_message(data)?.into()),

@@ -181,7 +181,7 @@ pub fn play(
                             channel: entry.channel.to_string(),
                         });
                     };
-                    skin.put_copy(&[*frame])?;
+                    skin.put_copy(&[**frame])?;
                     last_frames.insert(*number, frame.sequence);
                     frames += 1;
                 }

@@ -153,7 +153,7 @@ mod tests {
     use super::*;
 
     fn batch() -> Vec<Entry> {
-        let packet = RecordedPacket::Frame(bytemuck::Zeroable::zeroed());
+        let packet = RecordedPacket::Frame(Box::new(bytemuck::Zeroable::zeroed()));
         let entry = Entry {
             channel: "skin/right".into(),
             time_ns: 0,
