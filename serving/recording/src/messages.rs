@@ -237,6 +237,8 @@ impl Recordable for ModelNames {
 mod tests {
     use bytemuck::{Zeroable, bytes_of};
 
+    use tactnet_skin::packets::MAX_TAXELS;
+
     use super::*;
 
     /// Whatever a packet holds comes back, bit by bit.
@@ -279,7 +281,7 @@ mod tests {
     #[test]
     fn more_than_a_packet_holds_is_no_packet() {
         let long = proto::SkinFrame {
-            digits: vec![0.0; 33],
+            digits: vec![0.0; MAX_TAXELS + 1],
             ..Default::default()
         };
         assert!(SkinFrame::from_message(&long.encode_to_vec()).is_none());
