@@ -47,6 +47,10 @@ SHAPES = {
 }
 FORMATS = ["channels_last", "contiguous"]
 
+# PyTorch reads these when it is loaded; `--isa=avx2` is the same to argparse.
+if "avx2" in " ".join(sys.argv).replace("=", " ").split():
+    os.environ.update(ATEN_CPU_CAPABILITY="avx2", ONEDNN_MAX_CPU_ISA="AVX2", MKL_ENABLE_INSTRUCTIONS="AVX2")
+
 try:
     import torch
     import torch.nn.functional as F
@@ -142,10 +146,10 @@ class Torch:
 class Ours:
     """The `turns` example, one line in, one time out."""
 
-    def __init__(self, program, threads, shape, batch):
+    def __init__(self, program, threads, shape, batch, isa):
         env = {**os.environ, "RAYON_NUM_THREADS": str(threads)}
         self.process = subprocess.Popen(
-            [program, shape, str(batch)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=env
+            [program, shape, str(batch), *isa], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=env
         )
 
     def time(self, work):
@@ -183,6 +187,8 @@ def main():
     parser.add_argument("--shapes", nargs="+", metavar="SHAPE", default=["4x4x1000"],
                         help="ROWSxCOLSxSTEPS, each a row of the table; `all` for " + ", ".join(SHAPES))
     parser.add_argument("--batch", type=int, help="sweeps of a batch (default: 36; 4 for 16x16x1000)")
+    parser.add_argument("--isa", choices=["avx2"], help="no faster instructions than these on either side (our matrix products of the dense "
+                        "layer excepted)")
     parser.add_argument("--no-compile", action="store_true", help="leave torch.compile out; it takes minutes a shape")
     parser.add_argument("--program", default=ROOT / "target/release/examples/turns", help="our side")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
@@ -199,6 +205,7 @@ def main():
         torch._dynamo.reset()
     about = {
         "processor": processor(),
+        "isa": options.isa or "best",
         "threads": options.threads,
         "rounds": options.rounds,
         "commit": commit(),
@@ -231,9 +238,9 @@ def compare(shape, batch, work, options):
     if not options.no_compile:
         sides |= {f"compiled {name}": Torch(name, shape, batch, compiled=True) for name in FORMATS}
     f32 = list(sides)
-    if has_bf16():
+    if has_bf16() and not options.isa:
         sides |= {f"bf16 {name}": Torch(name, shape, batch, bf16=True) for name in FORMATS}
-    ours = Ours(str(options.program), options.threads, shape, batch)
+    ours = Ours(str(options.program), options.threads, shape, batch, [options.isa] if options.isa else [])
     times = {name: {side: [] for side in ["tactnet", *sides]} for name in work}
     for turn in range(options.rounds + 1):
         for name, found in times.items():

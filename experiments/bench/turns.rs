@@ -1,7 +1,8 @@
 //! Times one piece of work for each line on standard input, in milliseconds: `compare_torch.py` lets this process and
 //! PyTorch take turns.
 //!
-//! `turns [ROWSxCOLSxSTEPS [BATCH]]`, by default `4x4x1000 36`: the shape of the sweeps, and how many are a batch.
+//! `turns [ROWSxCOLSxSTEPS [BATCH [ISA]]]`, by default `4x4x1000 36`: the shape of the sweeps, how many are a batch, and the most of a
+//! processor's instruction sets that convolutions may use (`portable`, `avx2`, `avx512`).
 //!
 //! Work: `train_step`, `adversarial_step` (one batch through loading, forward, backward and Adam), `forward`,
 //! `single_forward` (a batch of sweeps or one, digits to probabilities), `mc_forward` (one sweep, Monte Carlo dropout with M = 100).
@@ -13,6 +14,7 @@ use anyhow::{Context, bail};
 use tactnet_data::{
     Dataset, Fold, LabelSet, Samples, Scheme, Seed, SweepRecord, SweepShape, SweepView,
 };
+use tactnet_models::Isa;
 use tactnet_pipeline::{
     Classifier, ClassifierConfig, Device, ModelConfig, PredictionMethod, Recipe, TactNetSetup,
     Training, TrainingMethod,
@@ -22,6 +24,14 @@ fn main() -> anyhow::Result<()> {
     let mut arguments = std::env::args().skip(1);
     let shape = arguments.next().unwrap_or_else(|| "4x4x1000".into());
     let batch: usize = arguments.next().map_or(Ok(36), |text| text.parse())?;
+    if let Some(name) = arguments.next() {
+        let all = Isa::all();
+        let named = |isa: &&Isa| format!("{isa:?}").eq_ignore_ascii_case(&name);
+        let found = all.iter().find(named);
+        found
+            .with_context(|| format!("expected one of {all:?}, found `{name}`"))?
+            .limit();
+    }
     let dataset = digits(&shape)?;
     let device = Device::flex();
     let split = Fold::new(&dataset, Scheme::default(), Seed(1), 0, 0)?.train;

@@ -54,6 +54,7 @@ pub use svm::{Pair, PlattSigmoids, Svm, SvmSettings, fit_platt};
 pub use tactnet::{
     Architecture, InputShape, TactNet, TactNetConfig, TrainingForward, default_pools,
 };
+pub use tactnet_conv::Isa;
 pub use tactnet_conv::spare::take as spare_memory;
 pub use temperature::fit_inverse_temperature;
 pub use weights::{NamedTensor, Weights, values};

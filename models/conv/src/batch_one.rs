@@ -73,7 +73,7 @@ impl BatchOne {
         let (shape, block) = (self.plan.shape, self.plan.out_block);
         let weight = self.weights.get_or_make(weight, |before| {
             before.into_iter().for_each(|made| self.buffers.give(made));
-            self.weight_spectra(weight.values)
+            self.weight_spectra(&weight.values())
         });
         let input = self.input_spectra(input);
         let cells = shape.pooled_steps() * shape.taxels;

@@ -11,6 +11,7 @@ use super::shape::BlockShape;
 use super::simd::Isa;
 use super::spare;
 use super::spectral::{SavedSpectral, Spectral};
+use super::trim::Trim;
 use super::weight::Weight;
 
 /// Least output maps for which maps of zeros are added to the input.
@@ -23,6 +24,9 @@ const MIN_PADDED_MAPS: usize = 16;
 #[derive(Debug)]
 pub struct Block {
     shape: BlockShape,
+    /// The same with a kernel of no more taps than meet a sweep.
+    met: BlockShape,
+    trim: Option<Trim>,
     route: Route,
     /// Present where one sweep with frozen statistics is computed faster over time alone.
     batch_one: Option<BatchOne>,
@@ -114,6 +118,8 @@ impl Block {
     /// As [`Block::plan`], and if this processor lacks `isa`.
     pub fn plan_for(shape: BlockShape, isa: Isa) -> Self {
         shape.check();
+        let (whole, trim) = (shape, Trim::of(&shape));
+        let shape = trim.map_or(whole, |trim| trim.shape(whole));
         assert!(Isa::all().contains(&isa), "this processor lacks {isa:?}");
         let padded = BlockShape {
             maps_in: shape.maps_in.next_multiple_of(8),
@@ -130,7 +136,9 @@ impl Block {
             Route::Direct
         };
         Self {
-            shape,
+            shape: whole,
+            met: shape,
+            trim,
             batch_one: match route {
                 Route::Spectral(_) => BatchOne::new(shape, isa),
                 _ => None,
@@ -145,6 +153,7 @@ impl Block {
     ///
     /// The planner takes the first. [`Block::plan_candidate`] takes any, to compare predictions with measurements.
     pub fn candidates(shape: BlockShape, isa: Isa) -> Vec<Candidate> {
+        let shape = Trim::of(&shape).map_or(shape, |trim| trim.shape(shape));
         if Spectral::new(shape, isa).is_none() || FirstLayer::new(shape, isa).is_some() {
             return Vec::new();
         }
@@ -165,11 +174,12 @@ impl Block {
     /// # Panics
     /// As [`Block::plan_for`], and for a candidate of another shape.
     pub fn plan_candidate(shape: BlockShape, isa: Isa, candidate: &Candidate) -> Self {
-        let spectral = Spectral::tiled(shape, isa, candidate.tiling);
+        let planned = Self::plan_for(shape, isa);
+        let spectral = Spectral::tiled(planned.met, isa, candidate.tiling);
         let spectral = spectral.unwrap_or_else(|| panic!("a candidate of another shape"));
         Self {
             route: Route::Spectral(spectral),
-            ..Self::plan_for(shape, isa)
+            ..planned
         }
     }
 
@@ -182,11 +192,11 @@ impl Block {
         goal: Goal<'_>,
         out: impl FnOnce(usize) -> Vec<f32>,
     ) -> (Pooled, SavedRoute) {
-        let outputs = self.shape.output_len();
+        let outputs = self.met.output_len();
         let to = || (out(outputs), self.bytes.take(outputs));
         match &self.route {
             Route::Direct => {
-                let (pooled, saved) = direct::forward(&self.shape, input, weight.values, gamma);
+                let (pooled, saved) = direct::forward(&self.met, input, &weight.values(), gamma);
                 (pooled, SavedRoute::Direct(saved))
             }
             Route::Spectral(spectral) => {
@@ -194,10 +204,10 @@ impl Block {
                 (pooled, SavedRoute::Spectral(saved))
             }
             Route::Padded(spectral) => {
-                let maps = self.shape.maps_in;
+                let maps = self.met.maps_in;
                 let input = padded(input, maps, 1, spectral.plan.shape.maps_in);
-                let taps = self.shape.kernel[0] * self.shape.kernel[1];
-                let weight = padded(weight.values, maps, taps, spectral.plan.shape.maps_in);
+                let taps = self.taps();
+                let weight = padded(&weight.values(), maps, taps, spectral.plan.shape.maps_in);
                 let (pooled, saved) = spectral.forward(&input, &Weight::from(&weight), goal, to());
                 (pooled, SavedRoute::Spectral(saved))
             }
@@ -228,7 +238,7 @@ impl Block {
         gamma: &[f32],
         beta: &[f32],
     ) -> ForwardTrain {
-        let weight = weight.into();
+        let weight = weight.into().of_taps(self.trim);
         self.check(input, &weight, gamma, beta);
         let signs = signs(gamma);
         let winners = |len| self.values.take(len);
@@ -238,7 +248,7 @@ impl Block {
             .unwrap_or_else(|| panic!("winners come with moments"));
         let (mean, variance) = (moments.mean(), moments.variance());
         let normalizer = Normalizer::new(&mean, &variance, gamma, beta);
-        let mut out = spare::take(self.shape.output_len());
+        let mut out = spare::take(self.met.output_len());
         normalizer.rectify(&pooled.winners, &mut out);
         let saved = Saved {
             normalizer,
@@ -270,20 +280,20 @@ impl Block {
         mean: &[f32],
         variance: &[f32],
     ) -> Vec<f32> {
-        let weight = weight.into();
+        let weight = weight.into().of_taps(self.trim);
         self.check(input, &weight, gamma, beta);
         let normalizer = Normalizer::new(mean, variance, gamma, beta);
         let [scale, shift] = [&normalizer.scale, &normalizer.shift].map(|values| octets(values));
         let goal = Goal::outputs(&scale, &shift);
         if let Some(batch_one) = &self.batch_one {
-            let mut out = spare::take(self.shape.output_len());
+            let mut out = spare::take(self.met.output_len());
             batch_one.forward(input, &weight, goal, &mut out);
             return out;
         }
         let (pooled, saved) = self.convolve(input, &weight, gamma, goal, spare::take);
         self.recycle_route(saved);
         if matches!(self.route, Route::Direct) {
-            let mut out = spare::take(self.shape.output_len());
+            let mut out = spare::take(self.met.output_len());
             normalizer.rectify(&pooled.winners, &mut out);
             return out;
         }
@@ -301,13 +311,13 @@ impl Block {
     pub fn backward(&self, saved: Saved, gradient: &[f32], need_input: bool) -> Gradients {
         assert_eq!(
             gradient.len(),
-            self.shape.output_len(),
+            self.met.output_len(),
             "the gradient must have the pooled output's size"
         );
         let mut gated = self.values.take(gradient.len());
         let affine = saved
             .normalizer
-            .backward(&self.shape, gradient, &saved.winners, &mut gated);
+            .backward(&self.met, gradient, &saved.winners, &mut gated);
         let output = OutputGradient {
             gradient: &gated,
             positions: &saved.positions,
@@ -319,8 +329,8 @@ impl Block {
             }
             (Route::Padded(spectral), SavedRoute::Spectral(route)) => {
                 let (weight, input) = spectral.backward(route, output, need_input);
-                let (maps, wide) = (self.shape.maps_in, spectral.plan.shape.maps_in);
-                let taps = self.shape.kernel[0] * self.shape.kernel[1];
+                let (maps, wide) = (self.met.maps_in, spectral.plan.shape.maps_in);
+                let taps = self.taps();
                 let input = input.map(|input| unpadded(&input, maps, 1, wide));
                 (unpadded(&weight, maps, taps, wide), input)
             }
@@ -328,14 +338,17 @@ impl Block {
                 first_layer.backward(route, output, need_input)
             }
             (Route::Direct, SavedRoute::Direct(route)) => {
-                direct::backward(&self.shape, route, output, need_input)
+                direct::backward(&self.met, route, output, need_input)
             }
             _ => panic!("the saved state must come from this block"),
         };
         self.values.give(gated);
         self.give_back(saved.winners, saved.positions);
         Gradients {
-            weight,
+            weight: match self.trim {
+                Some(trim) => trim.expanded(weight),
+                None => weight,
+            },
             gamma: affine.gamma,
             beta: affine.beta,
             input,
@@ -364,16 +377,20 @@ impl Block {
         }
     }
 
+    fn taps(&self) -> usize {
+        self.met.kernel[0] * self.met.kernel[1]
+    }
+
     fn check(&self, input: &[f32], weight: &Weight<'_>, gamma: &[f32], beta: &[f32]) {
-        let shape = &self.shape;
+        let shape = &self.met;
         assert_eq!(
             input.len(),
             shape.input_len(),
             "the input must have the planned size"
         );
         assert_eq!(
-            weight.values.len(),
-            shape.weight_len(),
+            weight.len(),
+            self.shape.weight_len(),
             "the weights must have the planned size"
         );
         assert_eq!(

@@ -128,14 +128,13 @@ impl Tiling {
         } else {
             shape.padding()[0]
         };
-        (self.ranges.width + zeros).max(shape.kernel[0])
+        self.ranges.width + zeros
     }
 
     /// Points of the transform over taxels.
     pub(super) fn taxel_length(&self, shape: &BlockShape) -> usize {
-        // Taps farther out than the row is wide see zeros alone.
-        let reach = shape.padding()[1].min(shape.taxels - 1);
-        self.bands.width + if self.bands.is_cut() { 0 } else { reach }
+        let pad = shape.padding()[1];
+        self.bands.width + if self.bands.is_cut() { 0 } else { pad }
     }
 
     /// Predicted nanoseconds of a training step on one thread.

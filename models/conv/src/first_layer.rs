@@ -166,7 +166,7 @@ impl FirstLayer {
             }
         }
         if by_taps(shape, self.isa) {
-            let panels = self.panels(weight.values);
+            let panels = self.panels(&weight.values());
             self.convolve_by_taps(&panels, goal, &mut tiles);
             self.buffers.give(panels);
         } else {
@@ -183,7 +183,7 @@ impl FirstLayer {
         self.buffers.give(sums);
         let mut saved = SavedFirstLayer {
             input: Vec::new(),
-            weight: weight.values.to_vec(),
+            weight: weight.values().into_owned(),
         };
         if goal.is_winners() {
             saved.input = spare::take(input.len());
@@ -204,7 +204,7 @@ impl FirstLayer {
         let shape = &self.shape;
         let spectra = self.weights.get_or_make(weight, |before| {
             before.into_iter().for_each(|made| self.buffers.give(made));
-            self.weight_spectra(weight.values)
+            self.weight_spectra(&weight.values())
         });
         // Eight tiles are analysed at once; fewer where that would leave threads idle.
         let at_once = tiles

@@ -21,6 +21,10 @@ pub(super) const MARGIN: usize = MAX_KERNEL[1] - 1;
 const RUN: usize = 1 << 11;
 /// Most values of the shares that are kept at once, unless one sweep for each thread has more.
 const MAX_SHARED: usize = 1 << 24;
+/// Steps that are summed in single precision, about; sweeps that are shorter share their sums.
+const SUMMED_STEPS: usize = 1000;
+/// Fewest shares of a batch, for threads to take.
+const MIN_SHARES: usize = 8;
 /// Distances between two taps of a row, from `-MARGIN` on.
 const ACROSS: usize = 2 * MARGIN + 1;
 
@@ -57,17 +61,17 @@ impl Winners {
     }
 }
 
-/// One sweep's share.
+/// What a few sweeps add up to.
 struct Share {
     /// `[maps_out, MAX_KERNEL[0], 8]`
     sparse: Vec<f32>,
-    /// `[time distance, rows, ACROSS, lanes]`, rows as [`Autocorrelation::edges`] numbers them
-    products: Vec<f32>,
+    /// `[time distance, 1 + edges, kernel taxels, kernel taxels]`: products of two tap columns over all rows, and over each edge row
+    products: Vec<f64>,
     /// `[1 + edges, lanes]`: column sums over all rows and the edge rows
     sums: Vec<f32>,
 }
 
-/// The shares of all sweeps, added in their order.
+/// All shares, added in their order.
 struct Total {
     sparse: Vec<f64>,
     products: Vec<f64>,
@@ -82,7 +86,11 @@ impl Total {
     }
 }
 
-fn add_all(total: &mut [f64], shares: &[Share], part: impl Fn(&Share) -> &[f32] + Sync) {
+fn add_all<T: Copy + Into<f64> + Sync>(
+    total: &mut [f64],
+    shares: &[Share],
+    part: impl Fn(&Share) -> &[T] + Sync,
+) {
     total
         .par_chunks_mut(RUN)
         .enumerate()
@@ -90,7 +98,7 @@ fn add_all(total: &mut [f64], shares: &[Share], part: impl Fn(&Share) -> &[f32] 
             for share in shares {
                 let values = &part(share)[run * RUN..][..total.len()];
                 for (total, &value) in total.iter_mut().zip(values) {
-                    *total += f64::from(value);
+                    *total += value.into();
                 }
             }
         });
@@ -115,7 +123,7 @@ impl FirstLayer {
         };
         let lengths = [
             shape.maps_out * MAX_KERNEL[0] * 8,
-            shape.kernel[0] * (1 + edges.len()) * ACROSS * self.lanes(),
+            shape.kernel[0] * (1 + edges.len()) * shape.kernel[1] * shape.kernel[1],
             (1 + edges.len()) * self.lanes(),
         ];
         let [sparse, products, sums] = lengths.map(|len| vec![0f64; len]);
@@ -124,45 +132,55 @@ impl FirstLayer {
             products,
             sums,
         };
-        let together = (MAX_SHARED / lengths[1]).max(rayon::current_num_threads());
+        let of_share = (SUMMED_STEPS / shape.steps).clamp(1, shape.batch.div_ceil(MIN_SHARES));
+        let together = (MAX_SHARED / lengths[1]).max(rayon::current_num_threads()) * of_share;
         for (part, targets) in targets.chunks_mut(together).enumerate() {
             let first = part * together;
-            let inputs = saved.input[first * values..].par_chunks_exact(values);
-            let share = |(at, (input, target)): (usize, (&[f32], &mut &mut [f32]))| {
-                let padded = self.pad(input);
-                let winners = self.winners(first + at, output);
+            let inputs = saved.input[first * values..][..targets.len() * values]
+                .par_chunks(of_share * values);
+            let share = |(at, (inputs, targets)): (usize, (&[f32], &mut [&mut [f32]]))| {
+                let padded: Vec<Vec<f32>> = inputs
+                    .chunks_exact(values)
+                    .map(|input| self.pad(input))
+                    .collect();
                 let mut share = Share {
                     sparse: vec![0.0; lengths[0]],
-                    products: self.values.take(lengths[1]),
+                    products: vec![0.0; lengths[1]],
                     sums: vec![0.0; lengths[2]],
                 };
-                let mut columns = self.buffers.take(padded.len() / self.row() - 1);
-                self.isa.run_narrow(Gather {
-                    corner: self.corner(),
-                    row: self.row(),
-                    padded: &padded,
-                    columns: &mut columns,
-                    winners: &winners,
-                    out: &mut share.sparse,
-                });
+                let rows = padded.first().map_or(0, Vec::len) / self.row();
+                let mut columns = self.buffers.take(rows.saturating_sub(1));
+                let sweeps = padded.iter().zip(targets).zip(first + at * of_share..);
+                for ((padded, target), sweep) in sweeps {
+                    let winners = self.winners(sweep, output);
+                    self.isa.run_narrow(Gather {
+                        corner: self.corner(),
+                        row: self.row(),
+                        padded,
+                        columns: &mut columns,
+                        winners: &winners,
+                        out: &mut share.sparse,
+                    });
+                    if let Some(composite) = &composite {
+                        self.input_gradient(composite, &saved.weight, padded, &winners, target);
+                    }
+                    self.winners.give(winners.all);
+                }
                 self.buffers.give(columns);
                 self.isa.run_narrow(Autocorrelation {
                     plan: self,
-                    padded: &padded,
+                    sweeps: &padded,
                     edges: &edges,
                     share: &mut share,
                 });
-                if let Some(composite) = &composite {
-                    self.input_gradient(composite, &saved.weight, &padded, &winners, target);
-                }
-                self.winners.give(winners.all);
                 share
             };
-            let shares: Vec<Share> = inputs.zip(targets).enumerate().map(share).collect();
+            let shares: Vec<Share> = inputs
+                .zip(targets.par_chunks_mut(of_share))
+                .enumerate()
+                .map(share)
+                .collect();
             total.add(&shares);
-            for share in shares {
-                self.values.give(share.products);
-            }
         }
         let weight = self.weight_gradient(&saved.weight, output, &total, edges.len());
         spare::give(saved.input);
@@ -310,22 +328,18 @@ impl FirstLayer {
     fn correlation(&self, products: &[f64], edges: usize) -> Vec<f64> {
         let [kernel_steps, kernel_taxels] = self.shape.kernel;
         let taps = kernel_steps * kernel_taxels;
-        let (rows, lanes) = (self.edges(), self.lanes());
+        let (rows, columns) = (self.edges(), kernel_taxels * kernel_taxels);
         let mut out = vec![0f64; taps * taps];
         // The tap further up first; the other half is the same.
         out.par_chunks_exact_mut(taps)
             .enumerate()
             .for_each(|(tap, out)| {
                 let (early, left) = (tap / kernel_taxels, tap % kernel_taxels);
-                let met = self.met_taxels(left);
                 for late in early..kernel_steps {
-                    let lines = &products[(late - early) * (1 + edges) * ACROSS * lanes..];
+                    let lines = &products[(late - early) * (1 + edges) * columns..];
                     for right in 0..kernel_taxels {
-                        let across = right + MARGIN - left;
-                        let over = |line: usize| {
-                            let line = &lines[(line * ACROSS + across) * lanes..];
-                            met.clone().map(|c| line[c]).sum::<f64>()
-                        };
+                        let over =
+                            |line: usize| lines[line * columns + left * kernel_taxels + right];
                         let missed = rows
                             .iter()
                             .enumerate()
@@ -342,6 +356,40 @@ impl FirstLayer {
         }
         out
     }
+}
+
+impl FirstLayer {
+    /// Products of two tap columns, `[left, right]`, from those of every taxel with its neighbours, `[ACROSS, lanes]`: a tap column left of
+    /// the middle does not meet the last taxels, one right of it not the first.
+    fn by_columns(&self, by_taxel: &[f32], out: &mut [f64]) {
+        let (lanes, width) = (self.lanes(), self.shape.kernel[1]);
+        let mut all = [0f64; ACROSS];
+        for (all, line) in all.iter_mut().zip(by_taxel.chunks_exact(lanes)) {
+            *all = sum(&line[..self.shape.taxels]);
+        }
+        for left in 0..width {
+            let met = self.met_taxels(left);
+            for right in 0..width {
+                let across = right + MARGIN - left;
+                let line = &by_taxel[across * lanes..][..self.shape.taxels];
+                let missed = line[..met.start].iter().chain(&line[met.end..]);
+                out[left * width + right] =
+                    missed.fold(all[across], |all, &value| all - f64::from(value));
+            }
+        }
+    }
+}
+
+/// Sums in double precision, eight sums side by side.
+fn sum(values: &[f32]) -> f64 {
+    let (eights, rest) = values.as_chunks::<8>();
+    let mut sums = [0f64; 8];
+    for eight in eights {
+        for (sum, &value) in sums.iter_mut().zip(eight) {
+            *sum += f64::from(value);
+        }
+    }
+    sums.iter().sum::<f64>() + rest.iter().map(|&value| f64::from(value)).sum::<f64>()
 }
 
 /// Sums of `gradient * patch` per map.
@@ -397,7 +445,8 @@ impl NarrowKernel for Gather<'_> {
 /// Sums of the products of every two rows up to a kernel apart, over all rows and for each edge row alone, and column sums.
 struct Autocorrelation<'a> {
     plan: &'a FirstLayer,
-    padded: &'a [f32],
+    /// Padded sweeps.
+    sweeps: &'a [Vec<f32>],
     edges: &'a [usize],
     share: &'a mut Share,
 }
@@ -406,7 +455,7 @@ impl Autocorrelation<'_> {
     /// Sums the products of padded rows `first..end` with those `distance` later, `[ACROSS, lanes]`.
     #[inline(always)]
     fn sum<L: Narrow>(
-        (padded, row): (&[f32], usize),
+        (sweeps, row): (&[Vec<f32>], usize),
         (first, end): (usize, usize),
         distance: usize,
         out: &mut [f32],
@@ -414,21 +463,23 @@ impl Autocorrelation<'_> {
         let lanes = row - 2 * MARGIN;
         for half in (0..lanes).step_by(8) {
             let mut sums = [L::splat(0.0); ACROSS];
-            for a in first..end {
-                let base = &padded[a * row + MARGIN + half..];
-                let other = &padded[(a + distance) * row + half..];
-                let (Some(x), Some(other)) = (
-                    base.first_chunk::<8>(),
-                    other.first_chunk::<{ 2 * MARGIN + 8 }>(),
-                ) else {
-                    continue;
-                };
-                let x = L::load_slice(x);
-                for across in 0..ACROSS {
-                    let Some(values) = other[across..].first_chunk::<8>() else {
+            for padded in sweeps {
+                for a in first..end {
+                    let base = &padded[a * row + MARGIN + half..];
+                    let other = &padded[(a + distance) * row + half..];
+                    let (Some(x), Some(other)) = (
+                        base.first_chunk::<8>(),
+                        other.first_chunk::<{ 2 * MARGIN + 8 }>(),
+                    ) else {
                         continue;
                     };
-                    sums[across] = x.mul_add(L::load_slice(values), sums[across]);
+                    let x = L::load_slice(x);
+                    for across in 0..ACROSS {
+                        let Some(values) = other[across..].first_chunk::<8>() else {
+                            continue;
+                        };
+                        sums[across] = x.mul_add(L::load_slice(values), sums[across]);
+                    }
                 }
             }
             for across in 0..ACROSS {
@@ -447,18 +498,22 @@ impl NarrowKernel for Autocorrelation<'_> {
         let (steps, pad) = (self.plan.shape.steps, self.plan.shape.padding()[0]);
         let (row, lanes) = (self.plan.row(), self.plan.lanes());
         let Share { products, sums, .. } = self.share;
-        let lines = 1 + self.edges.len();
-        for (distance, out) in products
-            .chunks_exact_mut(lines * ACROSS * lanes)
-            .enumerate()
-        {
-            for (line, out) in out.chunks_exact_mut(ACROSS * lanes).enumerate() {
-                let (first, end) = match line {
+        let (lines, columns) = (1 + self.edges.len(), self.plan.shape.kernel[1].pow(2));
+        let mut by_taxel = vec![0.0; ACROSS * lanes];
+        for (distance, out) in products.chunks_exact_mut(lines * columns).enumerate() {
+            for (line, out) in out.chunks_exact_mut(columns).enumerate() {
+                let rows = match line {
                     0 => (pad, pad + steps),
                     _ => (self.edges[line - 1], self.edges[line - 1] + 1),
                 };
-                let rows = (first, end.min(pad + steps));
-                Self::sum::<L>((self.padded, row), rows, distance, out);
+                // Of the first rows only those are asked for that a later tap leaves out; the last ones see zeros so far below.
+                let later_tap = rows.0 + 1 + distance < self.plan.shape.kernel[0];
+                let below = rows.0 >= steps && rows.0 + distance < pad + steps;
+                if line > 0 && !later_tap && !below {
+                    continue;
+                }
+                Self::sum::<L>((self.sweeps, row), rows, distance, &mut by_taxel);
+                self.plan.by_columns(&by_taxel, out);
             }
         }
         for (line, out) in sums.chunks_exact_mut(lanes).enumerate() {
@@ -466,9 +521,11 @@ impl NarrowKernel for Autocorrelation<'_> {
                 0 => pad..pad + steps,
                 _ => self.edges[line - 1]..self.edges[line - 1] + 1,
             };
-            for a in rows {
-                for (out, &x) in out.iter_mut().zip(&self.padded[a * row + MARGIN..]) {
-                    *out += x;
+            for padded in self.sweeps {
+                for a in rows.clone() {
+                    for (out, &x) in out.iter_mut().zip(&padded[a * row + MARGIN..]) {
+                        *out += x;
+                    }
                 }
             }
         }

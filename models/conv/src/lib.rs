@@ -77,6 +77,7 @@ mod stream_head;
 mod taxel;
 #[doc(hidden)]
 pub mod timing;
+mod trim;
 mod weight;
 
 pub use block::{Block, Candidate, ForwardTrain, Gradients, Saved};

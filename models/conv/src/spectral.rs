@@ -108,7 +108,7 @@ impl Spectral {
         let (mut winners, mut positions) = to;
         let weight = self.weights.get_or_make(weight, |before| {
             before.into_iter().for_each(|made| self.buffers.give(made));
-            self.weight_spectra(weight.values)
+            self.weight_spectra(&weight.values())
         });
         let (windows, bands) = (plan.shape.pooled_steps(), plan.bands.count());
         let [sweep_in, sweep_out] =

@@ -65,11 +65,10 @@ pub(super) struct TaxelPlan {
     forward: Vec<Octet>,
     /// `[2, frequency, pair]`: the same, scaled by the inverse transform's weights
     inverse: Vec<Octet>,
-    /// `[frequency, lag, 2]` for lags 0 ..= reach
+    /// `[frequency, lag, 2]` for lags 0 ..= pad
     kernel: Vec<[f32; 2]>,
-    /// Taps on either side of the kernel's middle, and those of them that meet the row at all.
+    /// Taps on either side of the kernel's middle.
     pad: usize,
-    reach: usize,
     scale: f32,
 }
 
@@ -79,9 +78,7 @@ impl TaxelPlan {
     /// A whole row lies between zeros. Part of a longer row does not need them: what wraps around reaches none of its outputs.
     pub(super) fn new(bands: &Bands, pad: usize, scale: f64) -> Option<Self> {
         let taxels = bands.width;
-        // Taps farther out than the row is wide see zeros alone.
-        let reach = pad.min(bands.len - 1);
-        let length = taxels + if bands.is_cut() { 0 } else { reach };
+        let length = taxels + if bands.is_cut() { 0 } else { pad };
         if taxels > MAX_TAXELS {
             return None;
         }
@@ -95,7 +92,7 @@ impl TaxelPlan {
                 let angle = angle(f, pair as f64 + half);
                 forward.extend([splat(angle.cos()), splat(-angle.sin())]);
             }
-            for lag in 0..=reach {
+            for lag in 0..=pad {
                 kernel.push([
                     angle(f, lag as f64).cos() as f32,
                     -angle(f, lag as f64).sin() as f32,
@@ -109,7 +106,6 @@ impl TaxelPlan {
             inverse: Vec::new(),
             kernel,
             pad,
-            reach,
             scale: scale as f32,
         };
         let parts: [fn(f64) -> f64; 2] = [f64::cos, |angle| -angle.sin()];
@@ -278,7 +274,7 @@ impl TaxelPlan {
     }
 
     fn kernel_row(&self, frequency: usize) -> &[[f32; 2]] {
-        &self.kernel[frequency * (self.reach + 1)..(frequency + 1) * (self.reach + 1)]
+        &self.kernel[frequency * (self.pad + 1)..(frequency + 1) * (self.pad + 1)]
     }
 
     /// Frequency `f` of a kernel row, given as taps of a cross-correlation, a vector each: the convolution's lags are the taps reversed.
@@ -287,7 +283,7 @@ impl TaxelPlan {
         let table = self.kernel_row(frequency);
         let tap = |tap: usize| L::load(taps, tap * L::OCTETS);
         let (mut re, mut im) = (tap(self.pad), L::splat(0.0));
-        for lag in 1..=self.reach {
+        for lag in 1..=self.pad {
             let (plus, minus) = (tap(self.pad - lag), tap(self.pad + lag));
             re = plus.add(minus).mul_add(L::splat(table[lag][0]), re);
             im = plus.sub(minus).mul_add(L::splat(table[lag][1]), im);
@@ -311,7 +307,7 @@ impl TaxelPlan {
             L::load(taps, at).add(value).store(taps, at);
         };
         add(self.pad, re);
-        for lag in 1..=self.reach {
+        for lag in 1..=self.pad {
             let (even, odd) = (
                 re.mul(L::splat(table[lag][0])),
                 im.mul(L::splat(table[lag][1])),

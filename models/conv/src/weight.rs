@@ -1,8 +1,11 @@
 //! Weights, and spectra of weights that are kept as long as the weights stay the same.
 
 use std::any::Any;
+use std::borrow::Cow;
 use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+
+use super::trim::Trim;
 
 /// Identifies the memory that weights lie in.
 ///
@@ -16,7 +19,8 @@ pub type Identity = Weak<dyn Any + Send + Sync>;
 /// with frozen weights compute them once.
 #[derive(Clone)]
 pub struct Weight<'a> {
-    pub(super) values: &'a [f32],
+    values: &'a [f32],
+    trim: Option<Trim>,
     identity: Option<Identity>,
 }
 
@@ -27,8 +31,27 @@ impl<'a> Weight<'a> {
     pub fn known(values: &'a [f32], identity: Identity) -> Self {
         Self {
             values,
+            trim: None,
             identity: Some(identity),
         }
+    }
+
+    /// Returns the same weights, of whose taps only those of `trim` are wanted.
+    pub(super) fn of_taps(self, trim: Option<Trim>) -> Self {
+        Self { trim, ..self }
+    }
+
+    /// Returns the wanted taps, `[maps_out, maps_in, kernel steps, kernel taxels]`.
+    pub(super) fn values(&self) -> Cow<'a, [f32]> {
+        match &self.trim {
+            Some(trim) => Cow::Owned(trim.trimmed(self.values)),
+            None => Cow::Borrowed(self.values),
+        }
+    }
+
+    /// Number of all taps.
+    pub(super) fn len(&self) -> usize {
+        self.values.len()
     }
 }
 
@@ -36,6 +59,7 @@ impl<'a> From<&'a [f32]> for Weight<'a> {
     fn from(values: &'a [f32]) -> Self {
         Self {
             values,
+            trim: None,
             identity: None,
         }
     }

@@ -186,8 +186,11 @@ pub(super) trait NarrowKernel {
     fn run<L: Narrow>(self) -> Self::Output;
 }
 
+/// Most that [`Isa::detect`] returns.
+static LIMIT: std::sync::OnceLock<Isa> = std::sync::OnceLock::new();
+
 /// Instruction set of the vector kernels, chosen when a block is planned.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Isa {
     /// Plain arrays.
     Portable,
@@ -200,9 +203,17 @@ pub enum Isa {
 }
 
 impl Isa {
-    /// Returns the fastest that this processor has.
+    /// Returns the fastest that this processor has, up to the one that [`Isa::limit`] set.
     pub fn detect() -> Self {
-        Self::all().pop().unwrap_or(Self::Portable)
+        let limit = LIMIT.get().copied();
+        let mut fitting = Self::all();
+        fitting.retain(|isa| limit.is_none_or(|limit| *isa <= limit));
+        fitting.pop().unwrap_or(Self::Portable)
+    }
+
+    /// Plans no block for more than this from now on, in the whole process: to compare instruction sets. The first call counts.
+    pub fn limit(self) {
+        LIMIT.get_or_init(|| self);
     }
 
     /// Returns all that this processor has, the fastest last.
