@@ -1,7 +1,7 @@
-//! Reading data sets, with a word on the twin.
+//! Reading data sets, with a word on the twin and on rates that nobody named.
 
-use tactnet_data::{DataError, DataSource, Dataset, Seed};
-use tactnet_pipeline::{LabelOrder, read_sweeps};
+use tactnet_data::{DataError, DataSource, Dataset};
+use tactnet_pipeline::{LabelOrder, TrainSpec};
 
 /// The name that stands for the built-in synthetic data set.
 pub const TWIN: &str = DataSource::TWIN;
@@ -19,13 +19,17 @@ pub fn load(data: &str) -> Result<Dataset, DataError> {
     DataSource::named(data).read()
 }
 
-/// The same, with the first `steps` steps of every sweep, and with labels in `order`.
-pub fn load_part(
-    data: &str,
-    steps: Option<usize>,
-    order: LabelOrder,
-    seed: Seed,
-) -> Result<Dataset, DataError> {
+/// Reads `data` as the run of `spec` read its own, with labels in `order`.
+pub fn load_as(spec: &TrainSpec, data: &str, order: LabelOrder) -> Result<Dataset, DataError> {
     announce(data);
-    read_sweeps(data, steps, order, seed)
+    spec.read_sweeps_of(data, order)
+}
+
+/// Says so where the sample rate is assumed.
+pub fn warn_of_assumed_rate(assumed: bool, rate_hz: f64) {
+    if assumed {
+        eprintln!(
+            "warning: the data does not say its sample rate; {rate_hz} Hz is assumed, `--rate HZ` names it"
+        );
+    }
 }

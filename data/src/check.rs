@@ -5,12 +5,15 @@
 //! | [`NotFinite`](FindingKind::NotFinite) | error | a NaN or an infinity |
 //! | [`ConstantSweep`](FindingKind::ConstantSweep) | error | no taxel ever changes |
 //! | [`IdenticalSweeps`](FindingKind::IdenticalSweeps) | error | equal values in two sweeps: test data that training has seen |
-//! | [`FewSweeps`](FindingKind::FewSweeps) | error | fewer than two sweeps of a material |
+//! | [`FewSweeps`](FindingKind::FewSweeps) | error; warning below 5 | fewer than two sweeps of a material; fewer than the usual 5 folds |
 //! | [`DeadTaxel`](FindingKind::DeadTaxel) | warning | one value in all sweeps |
 //! | [`ConstantTaxel`](FindingKind::ConstantTaxel) | warning; note at 0 | one value throughout a sweep; 0 means no contact |
 //! | [`Saturation`](FindingKind::Saturation) | warning | 1 % of a sweep at the ceiling of the sensor |
 //! | [`OutOfRange`](FindingKind::OutOfRange) | warning | a sweep with values far beyond, or negative unlike, the others |
 //! | [`UnbalancedMaterials`](FindingKind::UnbalancedMaterials) | warning | unequal numbers of sweeps |
+//! | [`AssumedRate`](FindingKind::AssumedRate) | warning | the data does not say its sample rate |
+//! | [`AxisOrder`](FindingKind::AxisOrder) | warning | more than 32 taxels side by side, and more than time steps |
+//! | [`ShortSweeps`](FindingKind::ShortSweeps) | warning | sweeps under 50 ms |
 
 use crate::{DataError, Dataset, Finding, FindingKind, Place, Severity, SweepShape};
 use rayon::prelude::*;
@@ -29,6 +32,13 @@ const OUTLIER_FACTOR: f32 = 20.0;
 /// Negative values are odd in a sweep as long as no more than this share of the sweeps has some.
 const SIGNED_SHARE: f64 = 0.1;
 
+/// Sweeps of fewer seconds are short: a finger that slides at 50 mm/s has moved 2.5 mm.
+const SHORT_SECONDS: f64 = 0.05;
+/// A side of the patch with more taxels, and more than there are time steps, looks like time.
+const WIDE_PATCH: usize = 32;
+/// Folds of the published cross-validation.
+const USUAL_FOLDS: usize = 5;
+
 /// Everything suspicious about `dataset`, errors first, then in the order of the sweeps.
 pub fn check(dataset: &Dataset) -> Vec<Finding> {
     let sweeps: Vec<SweepRange> = (0..dataset.len())
@@ -43,6 +53,7 @@ pub fn check(dataset: &Dataset) -> Vec<Finding> {
     findings.extend(saturated(dataset, &sweeps));
     findings.extend(out_of_range(dataset, &sweeps));
     findings.extend(sweeps_per_material(dataset));
+    findings.extend(time_axis(dataset));
     findings.sort_by_key(|finding| (finding.severity, finding.kind, finding.at.sweep));
     findings
 }
@@ -414,6 +425,46 @@ fn out_of_range(dataset: &Dataset, sweeps: &[SweepRange]) -> Vec<Finding> {
     findings
 }
 
+/// What is odd about steps and rate.
+fn time_axis(dataset: &Dataset) -> Vec<Finding> {
+    let shape = dataset.shape();
+    let mut findings = Vec::new();
+    let mut warn = |kind, message| {
+        findings.push(finding(Severity::Warning, kind, Place::default(), message));
+    };
+    let rate = dataset.sample_rate_hz();
+    if dataset.is_rate_assumed() {
+        warn(
+            FindingKind::AssumedRate,
+            format!(
+                "the data does not say its sample rate, {rate} Hz is assumed; `--rate HZ` or an array `sample_rate_hz` names it"
+            ),
+        );
+    }
+    let side = shape.rows.max(shape.cols);
+    if side > WIDE_PATCH && side > shape.steps {
+        warn(
+            FindingKind::AxisOrder,
+            format!(
+                "{shape}: if {side} is the number of time steps, the axes are in another order than [sweeps][steps][rows][cols]; \
+                 `np.moveaxis(X, -1, 1)` moves a last axis of time to its place"
+            ),
+        );
+    }
+    let seconds = shape.steps as f64 / rate;
+    if seconds < SHORT_SECONDS {
+        warn(
+            FindingKind::ShortSweeps,
+            format!(
+                "a sweep of {} steps at {rate} Hz lasts {:.0} ms; textures need a finger that moves for longer",
+                shape.steps,
+                1e3 * seconds
+            ),
+        );
+    }
+    findings
+}
+
 fn sweeps_per_material(dataset: &Dataset) -> Vec<Finding> {
     let counts = dataset.sweeps_per_label();
     let mut findings = Vec::new();
@@ -439,6 +490,23 @@ fn sweeps_per_material(dataset: &Dataset) -> Vec<Finding> {
         };
         (1..counts.len()).fold(0, best)
     };
+    let few = counts
+        .iter()
+        .filter(|count| (2..USUAL_FOLDS).contains(*count));
+    if let Some(fewest) = few.clone().min() {
+        let message = format!(
+            "{} of {} materials have fewer than {USUAL_FOLDS} sweeps: `train` deals {fewest} folds instead of {USUAL_FOLDS} \
+             (`--folds N`, `--split hold-out`); studies of few sweeps refuse them",
+            few.count(),
+            counts.len()
+        );
+        findings.push(finding(
+            Severity::Warning,
+            FindingKind::FewSweeps,
+            nowhere,
+            message,
+        ));
+    }
     let (least, most) = (extreme(|a, b| a < b), extreme(|a, b| a > b));
     if counts[least] != counts[most] {
         let (few, many) = (dataset.labels().name(least), dataset.labels().name(most));

@@ -5,10 +5,7 @@ use std::path::Path;
 
 use crate::format::Format;
 use crate::twin::{self, TwinConfig};
-use crate::{DataError, Dataset, Fold, Scheme, Seed, SweepView, format, refuse_errors};
-
-/// Folds that a data set is dealt into where its materials have enough sweeps.
-const FOLDS: usize = 5;
+use crate::{DataError, Dataset, Fold, Scheme, Seed, format, refuse_errors};
 
 /// Sweeps with their materials, checked and ready to be split.
 ///
@@ -20,7 +17,7 @@ pub struct CheckedDataset {
 }
 
 impl CheckedDataset {
-    /// Reads a file: HDF5 in TactMat's layout, or npz.
+    /// Reads a file or folder in any of the formats of [`mod@crate::format`].
     ///
     /// # Errors
     /// No such file, or one that is damaged; values that cannot be trained on; a material with fewer than two sweeps.
@@ -62,25 +59,11 @@ impl TryFrom<Dataset> for CheckedDataset {
 
     fn try_from(sweeps: Dataset) -> Result<Self, DataError> {
         refuse_errors(&sweeps, sweeps.name())?;
-        let scheme = match Scheme::default_for(&sweeps) {
-            Scheme::StratifiedKFold { repeats, .. } => Scheme::StratifiedKFold {
-                folds: folds_of(&sweeps),
-                repeats,
-            },
-            scheme => scheme,
-        };
+        let scheme = Scheme::default_for(&sweeps);
         // What can be split once can be split by any seed: the number of sweeps decides.
         Fold::new(&sweeps, scheme, Seed(0), 0, 0)?;
         Ok(Self { sweeps, scheme })
     }
-}
-
-/// As many folds as every material has sweeps for; the check has refused materials with fewer than two.
-fn folds_of(sweeps: &Dataset) -> usize {
-    let counts = SweepView::all(sweeps).sweeps_per_label();
-    counts
-        .into_iter()
-        .fold(FOLDS, |folds, count| folds.min(count))
 }
 
 impl Deref for CheckedDataset {
@@ -108,7 +91,7 @@ impl<'a> Folds<'a> {
     pub fn count(&self) -> usize {
         match self.dataset.scheme {
             Scheme::StratifiedKFold { folds, .. } => folds,
-            Scheme::TestFlag | Scheme::LeaveBlockOut => 1,
+            Scheme::HoldOut { .. } | Scheme::TestFlag | Scheme::LeaveBlockOut => 1,
         }
     }
 

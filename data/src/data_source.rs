@@ -32,13 +32,40 @@ impl DataSource {
     /// # Errors
     /// No such file; one that cannot be read or is damaged.
     pub fn read(&self) -> Result<Dataset, DataError> {
+        self.read_at(None)
+    }
+
+    /// The same, recorded at `rate_hz` frames per second if the file does not say.
+    ///
+    /// # Errors
+    /// As [`DataSource::read`]; a file that says another rate.
+    pub fn read_at(&self, rate_hz: Option<f64>) -> Result<Dataset, DataError> {
+        let dataset = self.read_whole()?;
+        let Some(rate_hz) = rate_hz else {
+            return Ok(dataset);
+        };
+        if dataset.is_rate_assumed() {
+            return dataset.with_sample_rate(rate_hz);
+        }
+        let own = dataset.sample_rate_hz();
+        if (own - rate_hz).abs() > 1e-6 * own {
+            return Err(DataError::inconsistent(
+                "sample rate",
+                format!("{own} Hz, as data set `{}` says", dataset.name()),
+                format!("{rate_hz} Hz"),
+            ));
+        }
+        Ok(dataset)
+    }
+
+    fn read_whole(&self) -> Result<Dataset, DataError> {
         match self {
             Self::Twin => twin::generate(&TwinConfig::default()),
             Self::File(path) if path.exists() => format::read(path),
             Self::File(path) => Err(DataError::format(
                 path,
                 "file",
-                "a data set (.h5, .npz) or the word `twin`",
+                "a data set (.h5, .npz, .csv, a folder of .csv) or the word `twin`",
                 "no such file",
             )),
         }

@@ -4,6 +4,9 @@ use crate::{DataError, DataOrigin, LabelSet, Samples, Seed, hex, shuffle};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+/// Frames per second of a data set that does not say: the 4256E skin of TactMat.
+pub const ASSUMED_RATE_HZ: f64 = 750.0;
+
 /// The shape of every sweep of a data set: time steps by a `rows x cols` patch of taxels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SweepShape {
@@ -55,6 +58,7 @@ pub struct SweepRecord {
 pub struct Dataset {
     name: String,
     sample_rate_hz: f64,
+    rate_assumed: bool,
     shape: SweepShape,
     labels: LabelSet,
     records: Vec<SweepRecord>,
@@ -129,6 +133,7 @@ impl Dataset {
         Ok(Self {
             name: name.into(),
             sample_rate_hz,
+            rate_assumed: false,
             shape,
             labels,
             records,
@@ -136,6 +141,70 @@ impl Dataset {
             sha256,
             origin,
         })
+    }
+
+    /// Puts a data set together whose file may not say at what rate it was recorded: without one, [`ASSUMED_RATE_HZ`] is assumed.
+    ///
+    /// # Errors
+    /// As [`Dataset::new`].
+    pub fn at_rate(
+        name: impl Into<String>,
+        sample_rate_hz: Option<f64>,
+        shape: SweepShape,
+        labels: LabelSet,
+        records: Vec<SweepRecord>,
+        samples: Samples,
+    ) -> Result<Self, DataError> {
+        let rate = sample_rate_hz.unwrap_or(ASSUMED_RATE_HZ);
+        let dataset = Self::new(name, rate, shape, labels, records, samples)?;
+        Ok(Self {
+            // TactMat's rate is published.
+            rate_assumed: sample_rate_hz.is_none() && dataset.origin != DataOrigin::Tactmat,
+            ..dataset
+        })
+    }
+
+    /// Sets the rate at which the sweeps were recorded, frames per second.
+    ///
+    /// # Errors
+    /// A rate that is not a positive number.
+    pub fn with_sample_rate(self, sample_rate_hz: f64) -> Result<Self, DataError> {
+        let origin = self.origin;
+        let known = Self::new(
+            self.name,
+            sample_rate_hz,
+            self.shape,
+            self.labels,
+            self.records,
+            self.samples,
+        )?;
+        Ok(Self { origin, ..known })
+    }
+
+    /// Arranges the taxels in `rows` by `cols`, row by row.
+    ///
+    /// # Errors
+    /// Another number of taxels.
+    pub fn with_patch(self, rows: usize, cols: usize) -> Result<Self, DataError> {
+        if rows * cols != self.shape.taxels() {
+            return Err(DataError::inconsistent(
+                "shape",
+                format!("rows by columns of {} taxels", self.shape.taxels()),
+                format!("{rows}x{cols}"),
+            ));
+        }
+        let shape = SweepShape {
+            rows,
+            cols,
+            ..self.shape
+        };
+        let name = self.name.clone();
+        self.rebuilt(name, shape, |this| (this.records, this.samples))
+    }
+
+    /// Returns true if nobody said at what rate the sweeps were recorded, and [`ASSUMED_RATE_HZ`] stands in for it.
+    pub fn is_rate_assumed(&self) -> bool {
+        self.rate_assumed
     }
 
     /// Returns the data set's name.
@@ -233,6 +302,7 @@ impl Dataset {
         let part = Self::new(name, self.sample_rate_hz, self.shape, set, records, samples)?;
         Ok(Self {
             origin: self.origin,
+            rate_assumed: self.rate_assumed,
             ..part
         })
     }
@@ -244,9 +314,14 @@ impl Dataset {
         parts: impl FnOnce(Self) -> (Vec<SweepRecord>, Samples),
     ) -> Result<Self, DataError> {
         let (rate, labels, origin) = (self.sample_rate_hz, self.labels.clone(), self.origin);
+        let rate_assumed = self.rate_assumed;
         let (records, samples) = parts(self);
         let rebuilt = Self::new(name, rate, shape, labels, records, samples)?;
-        Ok(Self { origin, ..rebuilt })
+        Ok(Self {
+            origin,
+            rate_assumed,
+            ..rebuilt
+        })
     }
 
     /// Returns where the sweeps come from.
@@ -254,7 +329,7 @@ impl Dataset {
         self.origin
     }
 
-    /// Frames per second.
+    /// Frames per second; see [`Dataset::is_rate_assumed`].
     pub fn sample_rate_hz(&self) -> f64 {
         self.sample_rate_hz
     }

@@ -26,7 +26,7 @@ pub enum FindingKind {
     ConstantSweep,
     /// Two sweeps with the same values.
     IdenticalSweeps,
-    /// A material with fewer than two sweeps.
+    /// A material with fewer than two sweeps, or fewer than the usual folds.
     FewSweeps,
     /// A taxel that has one value in the whole data set.
     DeadTaxel,
@@ -38,6 +38,12 @@ pub enum FindingKind {
     OutOfRange,
     /// Materials with unequal numbers of sweeps.
     UnbalancedMaterials,
+    /// A sample rate that nobody named.
+    AssumedRate,
+    /// More taxels side by side than time steps.
+    AxisOrder,
+    /// Sweeps of less than a twentieth of a second.
+    ShortSweeps,
 }
 
 /// Where a finding is, as far as it has a place.
@@ -86,6 +92,9 @@ impl fmt::Display for FindingKind {
             Self::Saturation => "saturation",
             Self::OutOfRange => "values out of range",
             Self::UnbalancedMaterials => "unbalanced materials",
+            Self::AssumedRate => "assumed sample rate",
+            Self::AxisOrder => "suspicious order of axes",
+            Self::ShortSweeps => "short sweeps",
         })
     }
 }

@@ -69,6 +69,7 @@ impl<'a> Fold<'a> {
                 let parts = deal(dataset, &everything, folds, seed, "folds", repeat)?;
                 parts.into_iter().map(|part| part == fold).collect()
             }
+            Scheme::HoldOut { test_percent, .. } => held_out(dataset, test_percent, seed, repeat)?,
             Scheme::TestFlag => dataset
                 .records()
                 .iter()
@@ -211,6 +212,35 @@ impl<'a> Fold<'a> {
             ..self.clone()
         })
     }
+}
+
+/// Returns which sweeps are held out: `test_percent` of every material's, at least one and never all.
+fn held_out(
+    dataset: &Dataset,
+    test_percent: usize,
+    seed: Seed,
+    repeat: usize,
+) -> Result<Vec<bool>, DataError> {
+    let mut of_label = vec![Vec::new(); dataset.labels().len()];
+    for (index, record) in dataset.records().iter().enumerate() {
+        of_label[record.label].push(index);
+    }
+    let mut tested = vec![false; dataset.len()];
+    for (label, mut sweeps) in of_label.into_iter().enumerate() {
+        if sweeps.len() < 2 {
+            return Err(DataError::inconsistent(
+                format!("sweeps of `{}`", dataset.labels().name(label)),
+                "at least 2, one to train on and one to test on",
+                sweeps.len().to_string(),
+            ));
+        }
+        shuffle(&mut sweeps, &mut seed.rng(("hold-out", repeat, label)));
+        let share = (sweeps.len() * test_percent + 50) / 100;
+        for &sweep in &sweeps[..share.clamp(1, sweeps.len() - 1)] {
+            tested[sweep] = true;
+        }
+    }
+    Ok(tested)
 }
 
 /// Deals sweeps like cards, each label's in random order, one label after the other without

@@ -28,6 +28,8 @@ pub struct Info {
     pub memory_bytes: usize,
     /// Frames per second.
     pub sample_rate_hz: f64,
+    /// True if the data does not say, and the rate is assumed.
+    pub sample_rate_assumed: bool,
     /// Duration of a sweep, in seconds.
     pub sweep_seconds: f64,
     /// The materials in label order.
@@ -107,6 +109,7 @@ pub fn info(dataset: &Dataset) -> Info {
         element: dataset.samples().element(),
         memory_bytes: dataset.samples().bytes(),
         sample_rate_hz: dataset.sample_rate_hz(),
+        sample_rate_assumed: dataset.is_rate_assumed(),
         sweep_seconds: shape.steps as f64 / dataset.sample_rate_hz(),
         materials: materials.collect(),
         blocks: dataset.has_blocks().then_some(blocks.len()),
@@ -235,8 +238,13 @@ impl fmt::Display for Info {
         let rate = self.sample_rate_hz;
         writeln!(
             f,
-            "  duration     {:.3} s a sweep at {rate} Hz",
-            self.sweep_seconds
+            "  duration     {:.3} s a sweep at {rate} Hz{}",
+            self.sweep_seconds,
+            if self.sample_rate_assumed {
+                " (assumed: the data does not say)"
+            } else {
+                ""
+            }
         )?;
         writeln!(f, "  values       {}, {mebibytes:.1} MiB", self.element)?;
         write!(f, "  range        {:.4} to {:.4}, ", self.min, self.max)?;

@@ -33,7 +33,7 @@ pub use check::{check, refuse_errors};
 pub use checked_dataset::{CheckedDataset, Folds};
 pub use data_origin::DataOrigin;
 pub use data_source::DataSource;
-pub use dataset::{Dataset, SweepRecord, SweepShape};
+pub use dataset::{ASSUMED_RATE_HZ, Dataset, SweepRecord, SweepShape};
 pub use error::DataError;
 pub use fetch::{FetchError, Fetched, Origin, Progress, Source, fetch, git_blob_id};
 pub use finding::{Finding, FindingGroup, FindingKind, Place, Severity, group_findings};

@@ -23,6 +23,9 @@ pub struct TrainSpec {
     /// What happens to the mean of each taxel over a sweep; absent: as the recipe says.
     #[serde(rename = "levels", skip_serializing_if = "Option::is_none")]
     pub mean_removal: Option<MeanRemoval>,
+    /// Frames per second, for data that does not say; absent: what the data says, or assumed.
+    #[serde(rename = "rate", skip_serializing_if = "Option::is_none")]
+    pub rate_hz: Option<f64>,
     /// Time steps kept of every sweep, from its beginning; absent: all.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub steps: Option<usize>,
@@ -32,6 +35,9 @@ pub struct TrainSpec {
     /// How the sweeps are split; absent: k-fold if a fold is named, else the data set's own test sweeps, else k-fold.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub split: Option<SplitKind>,
+    /// Parts of a k-fold split; absent: 5, or as many as the material with the fewest sweeps has.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub folds: Option<usize>,
     /// Fold that is tested on, counted from 0; absent: 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fold: Option<usize>,
@@ -61,9 +67,11 @@ impl Default for TrainSpec {
             data: "twin".into(),
             recipe: "fast".into(),
             mean_removal: None,
+            rate_hz: None,
             steps: None,
             label_order: LabelOrder::default(),
             split: None,
+            folds: None,
             fold: None,
             repeat: 0,
             inner: None,
@@ -86,6 +94,8 @@ pub enum SplitKind {
     /// Stratified folds.
     #[default]
     KFold,
+    /// A fifth of every material's sweeps, drawn at random.
+    HoldOut,
     /// The author's own test sweeps.
     TestFlag,
     /// Fold k tests on the k-th recording block.
@@ -97,15 +107,17 @@ impl SplitKind {
     pub fn name(self) -> &'static str {
         match self {
             Self::KFold => "k-fold",
+            Self::HoldOut => "hold-out",
             Self::TestFlag => "test-flag",
             Self::LeaveBlockOut => "leave-block-out",
         }
     }
 
     /// Returns the scheme that it stands for.
-    pub fn scheme(self) -> Scheme {
+    fn scheme(self, dataset: &Dataset) -> Scheme {
         match self {
-            Self::KFold => Scheme::default(),
+            Self::KFold => Scheme::folds_for(dataset),
+            Self::HoldOut => Scheme::hold_out(),
             Self::TestFlag => Scheme::TestFlag,
             Self::LeaveBlockOut => Scheme::LeaveBlockOut,
         }
@@ -115,6 +127,7 @@ impl SplitKind {
     pub fn of(scheme: Scheme) -> Self {
         match scheme {
             Scheme::StratifiedKFold { .. } => Self::KFold,
+            Scheme::HoldOut { .. } => Self::HoldOut,
             Scheme::TestFlag => Self::TestFlag,
             Scheme::LeaveBlockOut => Self::LeaveBlockOut,
         }
@@ -124,10 +137,16 @@ impl SplitKind {
 impl TrainSpec {
     /// Returns the scheme by which `dataset` is split.
     pub fn scheme(&self, dataset: &Dataset) -> Scheme {
-        match (self.split, self.fold) {
-            (Some(split), _) => split.scheme(),
-            (None, Some(_)) => Scheme::default(),
-            (None, None) => Scheme::default_for(dataset),
+        let scheme = match (self.split, self.fold, self.folds) {
+            (Some(split), _, _) => split.scheme(dataset),
+            (None, None, None) => Scheme::default_for(dataset),
+            (None, _, _) => Scheme::folds_for(dataset),
+        };
+        match (scheme, self.folds) {
+            (Scheme::StratifiedKFold { repeats, .. }, Some(folds)) => {
+                Scheme::StratifiedKFold { folds, repeats }
+            }
+            (scheme, _) => scheme,
         }
     }
 
@@ -145,6 +164,9 @@ impl TrainSpec {
 impl fmt::Display for TrainSpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "tactnet train --data {}", quoted(&self.data))?;
+        if let Some(rate) = self.rate_hz {
+            write!(f, " --rate {rate}")?;
+        }
         if let Some(steps) = self.steps {
             write!(f, " --steps {steps}")?;
         }
@@ -160,6 +182,9 @@ impl fmt::Display for TrainSpec {
         }
         if let Some(split) = self.split {
             write!(f, " --split {}", split.name())?;
+        }
+        if let Some(folds) = self.folds {
+            write!(f, " --folds {folds}")?;
         }
         write!(f, " --repeat {}", self.repeat)?;
         if let Some(fold) = self.fold {
@@ -244,6 +269,20 @@ impl TryFrom<TrainSpec> for TrainJob {
                 return Err(refused("epochs", "the recipe of a network", found));
             }
         }
+        if let Some(rate) = spec
+            .rate_hz
+            .filter(|rate| !(rate.is_finite() && *rate > 0.0))
+        {
+            return Err(refused("rate", "a positive number of Hz", rate.to_string()));
+        }
+        if let Some(folds) = spec.folds.filter(|folds| *folds < 2) {
+            return Err(refused("folds", "at least 2", folds.to_string()));
+        }
+        let other = spec.split.filter(|split| *split != SplitKind::KFold);
+        if let (Some(_), Some(split)) = (spec.folds, other) {
+            let found = format!("`--split {}`", split.name());
+            return Err(refused("folds", "a k-fold split", found));
+        }
         if spec.steps == Some(0) {
             return Err(refused("steps", "at least 1", "0".into()));
         }
@@ -280,9 +319,11 @@ mod tests {
             data: "some where/wood, cork.h5".into(),
             recipe: "own.toml".into(),
             mean_removal: Some(MeanRemoval::PerSweep),
+            rate_hz: Some(100.0),
             steps: Some(250),
             label_order: LabelOrder::Permuted,
             split: Some(SplitKind::LeaveBlockOut),
+            folds: Some(4),
             fold: Some(3),
             repeat: 1,
             inner: Some(2),
@@ -301,8 +342,8 @@ mod tests {
         );
         assert_eq!(
             everything().to_string(),
-            "tactnet train --data 'some where/wood, cork.h5' --steps 250 --permute-labels --recipe own.toml --epochs 4 \
-             --levels removed --split leave-block-out --repeat 1 --fold 3 --inner 2 --calibrate --false-alarms 0.05 --coverage 0.9 \
+            "tactnet train --data 'some where/wood, cork.h5' --rate 100 --steps 250 --permute-labels --recipe own.toml --epochs 4 \
+             --levels removed --split leave-block-out --folds 4 --repeat 1 --fold 3 --inner 2 --calibrate --false-alarms 0.05 --coverage 0.9 \
              --seed 7 --device cuda"
         );
         assert_eq!(everything().without_folders().data, "wood, cork.h5");

@@ -50,6 +50,8 @@ pub struct Service {
     status: PutPort<TactileStatus>,
     model: PutPort<ModelNames>,
     names: Box<ModelNames>,
+    /// True if nobody said at what rate the first model's sweeps were recorded.
+    rate_assumed: bool,
     fingers: Vec<Finger>,
     waiting: WaitingCommands,
     counters: Counters,
@@ -99,6 +101,7 @@ impl Service {
         let measures = Arc::<Measures>::default();
         measures.serve(Some(&served.path().display().to_string()), version);
         let shape = served.classifier().config().shape;
+        let rate_assumed = served.classifier().config().sample_rate_assumed;
         let fingers = config.fingers.iter().map(|_| {
             Ok(Finger {
                 segmenter: SweepSegmenter::new(
@@ -134,6 +137,7 @@ impl Service {
             status: bus.put_port(config.status.as_str(), Priority::Normal)?,
             model: bus.put_port(config.model.as_str(), Priority::Normal)?,
             names,
+            rate_assumed,
             fingers,
             waiting: WaitingCommands::new(config.fingers.len()),
             counters: Counters::default(),
@@ -183,6 +187,11 @@ impl Service {
     /// Returns the names of the model that serves.
     pub fn names(&self) -> &ModelNames {
         &self.names
+    }
+
+    /// Returns true if the rate of the sweeps that the model was trained on is only assumed.
+    pub fn is_rate_assumed(&self) -> bool {
+        self.rate_assumed
     }
 
     /// Returns true if it can tell unknown materials.

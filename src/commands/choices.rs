@@ -62,8 +62,10 @@ impl From<LevelsChoice> for MeanRemoval {
 /// How to split.
 #[derive(Clone, Copy, ValueEnum)]
 pub enum SplitChoice {
-    /// Stratified 5-fold cross-validation, 2 runs
+    /// Stratified folds: 5, or as many as the material with the fewest sweeps has
     KFold,
+    /// A random fifth of every material's sweeps
+    HoldOut,
     /// The file's own test sweeps
     TestFlag,
     /// Fold k tests on the k-th recording block of every material
@@ -74,6 +76,7 @@ impl From<SplitChoice> for SplitKind {
     fn from(choice: SplitChoice) -> Self {
         match choice {
             SplitChoice::KFold => Self::KFold,
+            SplitChoice::HoldOut => Self::HoldOut,
             SplitChoice::TestFlag => Self::TestFlag,
             SplitChoice::LeaveBlockOut => Self::LeaveBlockOut,
         }
@@ -123,5 +126,15 @@ impl From<RuntimeChoice> for RuntimeKind {
             RuntimeChoice::Onnxruntime => Self::OnnxRuntime,
             RuntimeChoice::Candle => Self::Candle,
         }
+    }
+}
+
+/// Parses a share, a number between 0 and 1.
+pub fn share(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "not a number".to_string())?;
+    if value > 0.0 && value < 1.0 {
+        Ok(value)
+    } else {
+        Err("expected a number between 0 and 1".into())
     }
 }

@@ -34,12 +34,13 @@ pub enum DataCommand {
         tactnet data twin --materials 6 --sweeps 20 --out small.h5\n  \
         tactnet data twin --stats                compare its signal with the real one")]
     Twin(make_twin::TwinArgs),
-    /// Convert a recording into an HDF5 data set
+    /// Convert a recording, tables or arrays into a data set: .h5, .npz, .ts
     #[command(
-        after_help = "Examples:\n  tactnet data import sweeps.npz --out sweeps.h5\n  \
+        after_help = "Examples:\n  tactnet data import sweeps.npz --out sweeps.h5 --rate 100 --shape 4x4\n  \
+        tactnet data import folder/ --out sweeps.npz --rate 100             a .csv per sweep, see docs/data.md\n  \
         tactnet data import today.mcap --out today.h5                     sweeps labelled by their start commands\n  \
         tactnet data import felt.mcap --out felt.h5 --material felt       all of one material\n\n\
-        Where a recording has not equally many sweeps of every material, write .npz."
+        .h5 needs equally many sweeps of every material; .npz holds any number."
     )]
     Import(import::ImportArgs),
     /// Convert a data set for other programs: .npz (numpy), .ts (aeon), .h5
@@ -58,7 +59,7 @@ pub enum DataCommand {
 
 #[derive(Args)]
 pub struct FileArgs {
-    /// A data set (.h5, .npz), or `twin`
+    /// A data set (.h5, .npz, .csv, a folder of .csv), or `twin`
     #[arg(value_name = "FILE|twin")]
     data: String,
     /// Print one JSON document
@@ -77,7 +78,7 @@ pub struct CheckArgs {
 
 #[derive(Args)]
 pub struct ConvertArgs {
-    /// What to read (.h5, .npz), or `twin`
+    /// What to read: .h5, .npz, .csv, a folder of .csv, or `twin`
     #[arg(value_name = "FILE|twin")]
     data: String,
     /// What to write; the extension decides the format

@@ -67,7 +67,7 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
     let device = Compute::from(arguments.device).open()?;
     let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
     let spec = &config.spec;
-    let dataset = source::load_part(&arguments.data, spec.steps, LabelOrder::True, spec.seed)?;
+    let dataset = source::load_as(spec, &arguments.data, LabelOrder::True)?;
     refuse_errors(&dataset, &arguments.data)?;
     let Some(label) = dataset
         .labels()

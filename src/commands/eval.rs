@@ -123,7 +123,7 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
     let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
     let spec = &config.spec;
     let data = arguments.data.as_deref().unwrap_or(&spec.data);
-    let dataset = source::load_part(data, spec.steps, spec.label_order, spec.seed)?;
+    let dataset = source::load_as(spec, data, spec.label_order)?;
     let tested = TestSweeps::of_run(&run, &dataset)?;
     if !tested.training_sweeps_known {
         eprintln!("{}: {}", dataset.name(), tested.description);

@@ -108,6 +108,12 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
         names.sample_rate_hz,
         names.mc_samples
     );
+    if service.is_rate_assumed() {
+        eprintln!(
+            "warning: the rate of {} Hz is assumed, since the training data did not say; train with `--rate HZ`",
+            names.sample_rate_hz
+        );
+    }
     if !service.tells_unknown() {
         eprintln!(
             "unknown materials are not told: the run was trained without `--calibrate`, or there are no dropout masks"

@@ -69,7 +69,7 @@ fn answer(
         bail!("recipe `{}`: a question needs a network", spec.recipe);
     };
     let _lock = RunDir::lock(folder)?;
-    let dataset = source::load_part(&spec.data, spec.steps, LabelOrder::True, spec.seed)?;
+    let dataset = source::load_as(spec, &spec.data, LabelOrder::True)?;
     refuse_errors(&dataset, &spec.data)?;
     let told = Cell::new(Instant::now());
     let go_on = |what: &str, batch: Option<&BatchReport>| {

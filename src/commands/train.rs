@@ -15,7 +15,7 @@ use tactnet_pipeline::{
 };
 use tactnet_skin::packets::unfit;
 
-use super::choices::{DeviceChoice, LevelsChoice, ModelChoice, SplitChoice};
+use super::choices::{DeviceChoice, LevelsChoice, ModelChoice, SplitChoice, share};
 use crate::output::{self, OutputFormat};
 use crate::stop::Stop;
 use crate::{GIT, failure, source};
@@ -29,9 +29,9 @@ use progress::Progress;
     tactnet train --data sweeps.h5 --fold 3 --seed 7     the fourth of five folds\n  \
     tactnet train --calibrate                            can say that it does not know a material\n  \
     tactnet train --resume runs/thesis                   go on after Ctrl-C or a crash\n\n\
-    Without --fold the file's own `test_flag` decides what is tested, where it has one; else fold 0 of 5.")]
+    Without --fold the file's own `test_flag` decides what is tested, where it has one; else fold 0 of 5 (or of as many as every material has sweeps).")]
 pub struct TrainArgs {
-    /// A data set (.h5, .npz), or `twin` [default: twin]
+    /// A data set (.h5, .npz, .csv, a folder of .csv), or `twin` [default: twin]
     #[arg(long, value_name = "FILE|twin")]
     data: Option<String>,
     /// What to train [default: tactnet2]
@@ -43,6 +43,9 @@ pub struct TrainArgs {
     /// Whether a taxel's mean over the sweep may be used [default: the recipe's]
     #[arg(long, value_enum)]
     levels: Option<LevelsChoice>,
+    /// Frames per second, for data that does not say
+    #[arg(long, value_name = "HZ")]
+    rate: Option<f64>,
     /// Only the first N time steps of every sweep
     #[arg(long, value_name = "N")]
     steps: Option<usize>,
@@ -52,6 +55,9 @@ pub struct TrainArgs {
     /// How to split into training and test sweeps [default: the file's test flag, else k-fold]
     #[arg(long, value_enum)]
     split: Option<SplitChoice>,
+    /// Parts of a k-fold split [default: 5, or as many as the material with the fewest sweeps has]
+    #[arg(long, value_name = "N")]
+    folds: Option<usize>,
     /// Fold to test on, counted from 0 [default: 0]
     #[arg(long, value_name = "K")]
     fold: Option<usize>,
@@ -83,7 +89,7 @@ pub struct TrainArgs {
     #[arg(long, value_enum, default_value_t)]
     device: DeviceChoice,
     /// Continue an interrupted run with its own settings; --data says where its data set is now, if it was moved
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["model", "recipe", "levels", "steps", "permute_labels", "inner", "calibrate", "split", "fold", "repeat", "out", "seed", "epochs", "device"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["model", "recipe", "levels", "rate", "steps", "permute_labels", "inner", "calibrate", "split", "folds", "fold", "repeat", "out", "seed", "epochs", "device"])]
     resume: Option<PathBuf>,
     /// Print result.json instead of a table
     #[arg(long)]
@@ -99,6 +105,7 @@ impl TrainArgs {
             data: self.data.clone().unwrap_or(usual.data),
             recipe: self.recipe.clone().or(own).unwrap_or(usual.recipe),
             mean_removal: self.levels.map(Into::into),
+            rate_hz: self.rate,
             steps: self.steps,
             label_order: if self.permute_labels {
                 LabelOrder::Permuted
@@ -106,6 +113,7 @@ impl TrainArgs {
                 LabelOrder::True
             },
             split: self.split.map(Into::into),
+            folds: self.folds,
             fold: self.fold,
             repeat: self.repeat,
             inner: self.inner,
@@ -117,15 +125,6 @@ impl TrainArgs {
             epochs: self.epochs,
             device: self.device.into(),
         }
-    }
-}
-
-fn share(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| "not a number".to_string())?;
-    if value > 0.0 && value < 1.0 {
-        Ok(value)
-    } else {
-        Err("expected a number between 0 and 1".into())
     }
 }
 
@@ -150,6 +149,7 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
         }
     };
     let classifier = session.run().config()?.classifier;
+    source::warn_of_assumed_rate(classifier.sample_rate_assumed, classifier.sample_rate_hz);
     if let Some(reason) = unfit(classifier.shape.taxels(), classifier.labels.len()) {
         eprintln!("note: `tactnet serve` will not take this classifier: {reason}");
     }

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import pandas as pd
 
 ROOT = Path(__file__).resolve().parents[1] / "fixtures"
 OUT = ROOT / "read"
@@ -64,9 +65,12 @@ def main():
     with h5py.File(OUT / "bad_samples_is_a_group.h5", "w") as file:
         file.create_group("samples")
         file["materials"] = np.array(NAMES, "S")
-    with h5py.File(OUT / "bad_materials_are_numbers.h5", "w") as file:
+    with h5py.File(OUT / "materials_are_numbers.h5", "w") as file:
+        file["samples"] = SAMPLES
+        file["materials"] = np.array([7, 10, 200], "i4")
+    with h5py.File(OUT / "bad_materials_are_floats.h5", "w") as file:
         file["samples"] = SAMPLES[:, :1]
-        file["materials"] = np.arange(3)
+        file["materials"] = np.array([0.5, 1.5, 2.5])
 
     flat = SAMPLES.reshape(12, 60, 4, 4)
     label = np.repeat(np.arange(3), 4)
@@ -77,7 +81,16 @@ def main():
     np.savez_compressed(OUT / "big_endian.npz", samples=SAMPLES.astype(">u2"), materials=np.array(NAMES).astype(">U11"))
     np.savez_compressed(OUT / "text_labels.npz", samples=flat, labels=np.array(NAMES)[label])
     np.savez_compressed(OUT / "bad_pickled.npz", samples=SAMPLES, materials=np.array(NAMES, dtype=object))
-    np.savez_compressed(OUT / "bad_rank3.npz", samples=flat[0], **save)
+    # What people have at hand.
+    np.savez_compressed(OUT / "x_y_float16.npz", X=flat.reshape(12, 60, 16).astype("f2"), y=label.astype("f8"))
+    np.savez_compressed(OUT / "x_y_names.npz", X=flat, y=np.array(NAMES)[label][:, None], sample_rate_hz=100)
+    frames = pd.DataFrame(flat.reshape(720, 16), columns=[f"taxel{taxel}" for taxel in range(16)])
+    frames.insert(0, "sweep", np.repeat(np.arange(12), 60))
+    frames.insert(1, "material", np.array(NAMES)[np.repeat(label, 60)])
+    frames.insert(2, "time", pd.to_datetime(np.arange(720) * 10_000_000))
+    frames.to_parquet(OUT / "frames.parquet")
+    frames.assign(taxel3=frames["taxel3"].where(frames["taxel3"] < frames["taxel3"].max())).to_parquet(OUT / "bad_missing.parquet")
+    np.savez_compressed(OUT / "bad_rank2.npz", samples=flat[0, 0], **save)
     np.savez_compressed(OUT / "bad_no_samples.npz", x=flat[0])
     np.savez_compressed(OUT / "bad_label_range.npz", samples=flat, labels=label + 1, **save)
     np.savez_compressed(OUT / "bad_nan.npz", samples=np.where(SAMPLES == SAMPLES.max(), np.nan, SAMPLES), **save)

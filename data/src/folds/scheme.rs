@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 ///
 /// ```toml
 /// [split]
-/// kind = "stratified-k-fold"   # or "test-flag", "leave-block-out", which have no settings
+/// kind = "stratified-k-fold"   # or "hold-out" (test_percent, repeats); "test-flag", "leave-block-out" have no settings
 /// folds = 5
 /// repeats = 2
 /// ```
@@ -27,6 +27,14 @@ pub enum Scheme {
         /// Parts, at least 2.
         folds: usize,
         /// Repetitions with another random deal, at least 1.
+        repeats: usize,
+    },
+    /// A random share of every material's sweeps is tested on, at least one and never all, drawn afresh in each of `repeats` repeats; one
+    /// fold. For data sets with too few sweeps for folds.
+    HoldOut {
+        /// Share of the sweeps, 1 to 99.
+        test_percent: usize,
+        /// Repetitions with another draw, at least 1.
         repeats: usize,
     },
     /// The split that the author of the data set published; one fold.
@@ -49,6 +57,12 @@ enum SchemeConfig {
         #[serde(rename = "runs", alias = "repeats", default = "published_repeats")]
         repeats: usize,
     },
+    HoldOut {
+        #[serde(default = "usual_test_percent")]
+        test_percent: usize,
+        #[serde(default = "published_repeats")]
+        repeats: usize,
+    },
     TestFlag {},
     LeaveBlockOut {},
 }
@@ -59,6 +73,10 @@ fn published_folds() -> usize {
 
 fn published_repeats() -> usize {
     2
+}
+
+fn usual_test_percent() -> usize {
+    20
 }
 
 impl Default for Scheme {
@@ -72,19 +90,36 @@ impl Default for Scheme {
 }
 
 impl Scheme {
-    /// The author's own split where the data set has one, else the published 5 folds in 2 repeats.
+    /// The author's own split where the data set has one, else [`Scheme::folds_for`].
     pub fn default_for(dataset: &Dataset) -> Self {
         if dataset.has_test_flag() {
             Self::TestFlag
         } else {
-            Self::default()
+            Self::folds_for(dataset)
+        }
+    }
+
+    /// The published 5 folds in 2 repeats; where a material has fewer sweeps, as many folds as it has, at least 2.
+    pub fn folds_for(dataset: &Dataset) -> Self {
+        let fewest = dataset.sweeps_per_label().into_iter().min().unwrap_or(0);
+        Self::StratifiedKFold {
+            folds: published_folds().min(fewest).max(2),
+            repeats: published_repeats(),
+        }
+    }
+
+    /// A fifth of every material's sweeps, in 2 repeats.
+    pub fn hold_out() -> Self {
+        Self::HoldOut {
+            test_percent: usual_test_percent(),
+            repeats: published_repeats(),
         }
     }
 
     /// How often the whole data set is split anew; 1 where nothing is random.
     pub fn repeats(self) -> usize {
         match self {
-            Self::StratifiedKFold { repeats, .. } => repeats,
+            Self::StratifiedKFold { repeats, .. } | Self::HoldOut { repeats, .. } => repeats,
             Self::TestFlag | Self::LeaveBlockOut => 1,
         }
     }
@@ -98,6 +133,7 @@ impl Scheme {
     pub fn folds(self, dataset: &Dataset) -> Result<usize, DataError> {
         match self.checked()? {
             Self::StratifiedKFold { folds, .. } => Ok(folds),
+            Self::HoldOut { .. } => Ok(1),
             Self::TestFlag if dataset.has_test_flag() => Ok(1),
             Self::TestFlag => Err(self.missing(dataset, "test_flag")),
             Self::LeaveBlockOut if dataset.has_blocks() => {
@@ -116,24 +152,21 @@ impl Scheme {
     }
 
     fn checked(self) -> Result<Self, DataError> {
-        let Self::StratifiedKFold { folds, repeats } = self else {
-            return Ok(self);
+        let refused = |item: &str, expected: &str, found: usize| {
+            DataError::inconsistent(format!("`{item}`"), expected, found.to_string())
         };
-        if folds < 2 {
-            return Err(DataError::inconsistent(
-                "`folds`",
-                "at least 2",
-                folds.to_string(),
-            ));
+        match self {
+            Self::StratifiedKFold { folds, .. } if folds < 2 => {
+                Err(refused("folds", "at least 2", folds))
+            }
+            Self::HoldOut { test_percent, .. } if !(1..=99).contains(&test_percent) => {
+                Err(refused("test_percent", "1 to 99", test_percent))
+            }
+            Self::StratifiedKFold { repeats: 0, .. } | Self::HoldOut { repeats: 0, .. } => {
+                Err(refused("repeats", "at least 1", 0))
+            }
+            _ => Ok(self),
         }
-        if repeats < 1 {
-            return Err(DataError::inconsistent(
-                "`repeats`",
-                "at least 1",
-                repeats.to_string(),
-            ));
-        }
-        Ok(self)
     }
 
     fn missing(self, dataset: &Dataset, item: &str) -> DataError {
@@ -155,6 +188,13 @@ impl std::fmt::Display for Scheme {
                     "split into {folds} stratified folds in each of {repeats} repeats"
                 )
             }
+            Self::HoldOut {
+                test_percent,
+                repeats,
+            } => write!(
+                f,
+                "hold out {test_percent} % of the sweeps in each of {repeats} repeats"
+            ),
             Self::TestFlag => f.write_str("split by the author's test flag"),
             Self::LeaveBlockOut => f.write_str("leave one recording block out"),
         }
@@ -169,6 +209,14 @@ impl TryFrom<SchemeConfig> for Scheme {
             SchemeConfig::StratifiedKFold { folds, repeats } => {
                 Self::StratifiedKFold { folds, repeats }.checked()
             }
+            SchemeConfig::HoldOut {
+                test_percent,
+                repeats,
+            } => Self::HoldOut {
+                test_percent,
+                repeats,
+            }
+            .checked(),
             SchemeConfig::TestFlag {} => Ok(Self::TestFlag),
             SchemeConfig::LeaveBlockOut {} => Ok(Self::LeaveBlockOut),
         }
@@ -179,6 +227,13 @@ impl From<Scheme> for SchemeConfig {
     fn from(scheme: Scheme) -> Self {
         match scheme {
             Scheme::StratifiedKFold { folds, repeats } => Self::StratifiedKFold { folds, repeats },
+            Scheme::HoldOut {
+                test_percent,
+                repeats,
+            } => Self::HoldOut {
+                test_percent,
+                repeats,
+            },
             Scheme::TestFlag => Self::TestFlag {},
             Scheme::LeaveBlockOut => Self::LeaveBlockOut {},
         }
@@ -205,6 +260,7 @@ mod tests {
                 folds: 3,
                 repeats: 4,
             },
+            Scheme::hold_out(),
             Scheme::TestFlag,
             Scheme::LeaveBlockOut,
         ] {
@@ -253,6 +309,10 @@ mod tests {
             (
                 r#"{"kind": "stratified-k-fold", "repeats": 0}"#,
                 "`repeats`: expected at least 1, found 0",
+            ),
+            (
+                r#"{"kind": "hold-out", "test_percent": 100}"#,
+                "`test_percent`: expected 1 to 99, found 100",
             ),
         ] {
             let error = serde_json::from_str::<Scheme>(json)

@@ -88,6 +88,10 @@ pub(super) fn read_samples(
         } => values.read::<i64>(),
         Datatype::FloatingPoint { size: 4, .. } => values.read::<f32>(),
         Datatype::FloatingPoint { size: 8, .. } => values.read::<f64>(),
+        Datatype::FloatingPoint { size: 2, .. } => Err(Mismatch::new(
+            "numbers of 8, 16, 32 or 64 bits",
+            "float16; store it as float32: `samples.astype('f4')`",
+        )),
         ref other => Err(Mismatch::new(
             "integers of 8, 16, 32 or 64 bits or floats of 32 or 64 bits",
             type_name(other),

@@ -5,15 +5,22 @@
 //! | [`tactmat`] (HDF5) | `.h5`, `.hdf5` | yes | yes | `[materials][sweeps][steps][rows][cols]` |
 //! | [`npz`] (numpy) | `.npz` | yes | yes | the same, or `[sweeps][steps][rows][cols]` with labels |
 //! | [`ts`] (aeon, sktime, UEA archive) | `.ts` | no | yes | one line a sweep, one dimension a taxel |
+//! | [`csv`] (text tables) | a folder, or `.csv` | yes | no | a file a sweep and a table of labels, or a row per frame |
+//! | `parquet`, with that feature | `.parquet` | yes | no | a row per frame |
 //!
 //! A file is recognised by its first bytes, not by its name; what is written goes by the extension.
 
 mod chunk_grid;
 mod chunks;
+pub mod csv;
+mod frame_table;
 mod mismatch;
+mod named_sweeps;
 mod narrow;
 mod npy;
 pub mod npz;
+#[cfg(feature = "parquet")]
+pub mod parquet;
 pub mod tactmat;
 mod tactmat_write;
 mod tile;
@@ -78,19 +85,75 @@ impl Format {
 
 const EXTENSIONS: &str = "the extension .h5, .hdf5, .npz or .ts";
 
-/// Reads an HDF5 or npz file whose values are all finite.
+/// Reads a file or folder of any format whose values are all finite.
 ///
 /// # Errors
-/// A file of another kind, or what [`tactmat::read`] and [`npz::read`] refuse.
+/// A file of another kind, or what its format refuses.
 pub fn read(path: &Path) -> Result<Dataset, DataError> {
     refuse_non_finite(path, read_with_gaps(path)?)
 }
 
-/// Reads an HDF5 or npz file that may hold NaN or infinities, for a check that lists them all.
+/// Reads a file or folder of any format that may hold NaN or infinities, for a check that lists them all.
 ///
 /// # Errors
 /// As [`read`], except for values that are not finite.
 pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
+    read_beginning_with_gaps(path, None)
+}
+
+/// As [`read`], with no more than `steps` frames of every sweep; sweeps of tables may then differ in length.
+///
+/// # Errors
+/// As [`read`]; sweeps that are shorter.
+pub fn read_beginning(path: &Path, steps: Option<usize>) -> Result<Dataset, DataError> {
+    refuse_non_finite(path, read_beginning_with_gaps(path, steps)?)
+}
+
+fn read_beginning_with_gaps(path: &Path, steps: Option<usize>) -> Result<Dataset, DataError> {
+    let tables = table_with_gaps(path, steps);
+    if let Some(dataset) = tables {
+        return dataset;
+    }
+    let dataset = read_arrays(path)?;
+    match steps {
+        Some(steps) => dataset
+            .first_steps(steps)
+            .map_err(|error| in_file(path, error)),
+        None => Ok(dataset),
+    }
+}
+
+/// Reads a table; `None` for a file of another kind.
+fn table_with_gaps(path: &Path, steps: Option<usize>) -> Option<Result<Dataset, DataError>> {
+    if path.is_dir() && csv::is_folder_of_sweeps(path) {
+        return Some(csv::read_with_gaps(path, steps));
+    }
+    if path.is_dir() {
+        return Some(Err(DataError::format(
+            path,
+            "folder",
+            "labels.csv with columns file, material; or a folder of .csv files per material",
+            "neither",
+        )));
+    }
+    let extension = path.extension()?.to_ascii_lowercase();
+    match extension.to_str()? {
+        "csv" | "tsv" => Some(csv::read_with_gaps(path, steps)),
+        #[cfg(feature = "parquet")]
+        "parquet" | "pq" => Some(parquet::read_with_gaps(path, steps)),
+        #[cfg(not(feature = "parquet"))]
+        "parquet" | "pq" => Some(Err(DataError::format(
+            path,
+            "file",
+            "a build with `--features parquet`, or .npz or .csv",
+            "Parquet",
+        ))),
+        _ => None,
+    }
+}
+
+/// Reads HDF5 or npz, recognised by its first bytes.
+fn read_arrays(path: &Path) -> Result<Dataset, DataError> {
     let mut head = [0; 8];
     let mut file = std::fs::File::open(path).map_err(|e| DataError::io(path, "open", e))?;
     let mut filled = 0;
@@ -112,14 +175,15 @@ pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
         let found = match &head[..filled] {
             [] => "an empty file".to_owned(),
             head if head.starts_with(b"\x93NUMPY") => {
-                "a single numpy array; save it with numpy.savez".to_owned()
+                "a single numpy array; save it with its labels: np.savez_compressed(\"sweeps.npz\", X=X, y=y)"
+                    .to_owned()
             }
             head => format!("a file that begins with `{}`", head.escape_ascii()),
         };
         Err(DataError::format(
             path,
             "file",
-            "HDF5 or npz with data set `samples`",
+            "HDF5 (.h5), numpy (.npz), tables (.csv, .parquet) or a folder of .csv",
             found,
         ))
     }

@@ -5,6 +5,7 @@
 
 use super::narrow::{Stored, TooWide, join, narrow};
 use crate::Samples;
+use half::f16;
 use hdf5_reader::ByteOrder;
 use rayon::prelude::*;
 
@@ -131,10 +132,24 @@ impl Array {
             ('i', 2) => all::<i16>(self),
             ('i', 4) => all::<i32>(self),
             ('i', 8) => all::<i64>(self),
+            ('f', 2) => Some(narrow(&self.halves())),
             ('f', 4) => all::<f32>(self),
             ('f', 8) => all::<f64>(self),
             _ => None,
         }
+    }
+
+    /// The values of a `float16` array.
+    fn halves(&self) -> Vec<f32> {
+        let halves = u16::decode(self.values.clone(), self.order);
+        let widened = halves.into_iter().map(|bits| f16::from_bits(bits).to_f32());
+        widened.collect()
+    }
+
+    /// Whole numbers, also those that are stored as floats; none if the values are anything else.
+    pub(super) fn whole_numbers(&self) -> Option<Vec<i64>> {
+        let whole = |value: f64| (value.fract() == 0.0).then_some(value as i64);
+        self.floats()?.into_iter().map(whole).collect()
     }
 
     /// Numbers as `f64`; none if the values are not numbers or too large for an `f32`.

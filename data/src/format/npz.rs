@@ -2,25 +2,30 @@
 //!
 //! | array | shape | holds |
 //! |---|---|---|
-//! | `samples` | `[materials][sweeps][steps][rows][cols]` or `[n][steps][rows][cols]` | digits, any integer or float type |
-//! | `materials` | `[materials]` | names, bytes or text |
-//! | `labels`, with four dimensions | `[n]` | index into `materials`, or the name itself |
-//! | `blocks`, `test_flag`, optional | `[materials][sweeps]` or `[n]` | as in [`tactmat`](super::tactmat) |
-//! | `sample_rate_hz`, optional | a single number | frames per second; [`SAMPLE_RATE_HZ`] without it |
+//! | `samples`, or `X` | `[n][steps][taxels]`, `[n][steps][rows][cols]` or `[materials][sweeps][steps][rows][cols]` | digits, any integer or float type |
+//! | `labels`, or `y`; not with five dimensions | `[n]` | the material's name or number, or its index into `materials` |
+//! | `materials`; needed with five dimensions alone | `[materials]` | names or whole numbers |
+//! | `blocks`, `test_flag`, optional | `[n]` or `[materials][sweeps]` | as in [`tactmat`](super::tactmat) |
+//! | `sample_rate_hz`, optional | a single number | frames per second; without it [`ASSUMED_RATE_HZ`](crate::ASSUMED_RATE_HZ) is assumed |
 //! | `synthetic`, optional | a single number | not 0 where the sweeps were generated |
 //!
 //! Either byte order and either index order ("Fortran" too) are read. Pickled arrays are refused. What [`write()`] writes
 //! loads with `numpy.load` without pickle.
 
 use super::DEFLATE_LIMIT;
+use super::named_sweeps::{records, sorted_names};
 use super::npy::{self, Array};
-use super::tactmat::{RATE_ATTRIBUTE, SAMPLE_RATE_HZ, SYNTHETIC_ATTRIBUTE};
-use crate::{DataError, Dataset, LabelSet, Samples, SweepRecord, SweepShape, write_whole};
+use super::tactmat::{RATE_ATTRIBUTE, SYNTHETIC_ATTRIBUTE};
+use crate::{DataError, Dataset, LabelSet, Samples, SweepShape, write_whole};
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read, Write};
 use std::path::Path;
 use zip::CompressionMethod;
 use zip::write::{SimpleFileOptions, ZipWriter};
+
+/// Names of the sweeps' array, and of their materials'.
+const SAMPLES: &[&str] = &["samples", "X"];
+const LABELS: &[&str] = &["labels", "y"];
 
 /// Reads a data set whose values are all finite.
 ///
@@ -37,14 +42,22 @@ pub fn read(path: &Path) -> Result<Dataset, DataError> {
 /// As [`read`], except for values that are not finite.
 pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
     let arrays = Arrays::open(path)?;
-    let samples = arrays.required("samples")?;
+    let (samples_name, samples) = arrays.required(SAMPLES)?;
     let (sweeps, shape) = match *samples.shape {
         [_, sweeps, steps, rows, cols] => (Some(sweeps), SweepShape { steps, rows, cols }),
         [_, steps, rows, cols] => (None, SweepShape { steps, rows, cols }),
+        [_, steps, cols] => (
+            None,
+            SweepShape {
+                steps,
+                rows: 1,
+                cols,
+            },
+        ),
         _ => {
             return Err(arrays.error(
-                "samples",
-                "5 dimensions [materials][sweeps][steps][rows][cols] or 4 [n][steps][rows][cols]",
+                samples_name,
+                "3 dimensions [n][steps][taxels], 4 [n][steps][rows][cols] or 5 [materials][sweeps][steps][rows][cols]",
                 format!("{} dimensions {:?}", samples.shape.len(), samples.shape),
             ));
         }
@@ -54,7 +67,7 @@ pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
             let materials = samples.shape[0];
             let names = arrays.names("materials")?;
             if names.len() != materials {
-                let expected = format!("{materials} names, one per material of `samples`");
+                let expected = format!("{materials} names, one per material of `{samples_name}`");
                 return Err(arrays.error("materials", expected, format!("{} names", names.len())));
             }
             let of_sweep = (0..materials)
@@ -62,9 +75,12 @@ pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
                 .collect();
             (arrays.label_set(names)?, of_sweep)
         }
-        None => arrays.labels(samples.shape[0])?,
+        None => arrays.labels(samples.shape[0], samples_name)?,
     };
-    let leading = &samples.shape[..samples.shape.len() - 3];
+    let leading = match sweeps {
+        Some(_) => &samples.shape[..2],
+        None => &samples.shape[..1],
+    };
     let blocks = arrays.per_sweep("blocks", leading)?;
     let flags = arrays.per_sweep("test_flag", leading)?;
     if let Some(odd) = flags.iter().flatten().find(|&&flag| flag > 1) {
@@ -73,25 +89,13 @@ pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
     let values = match samples.numbers() {
         Some(Ok(values)) => values,
         Some(Err(value)) => {
-            return Err(arrays.error("samples", "values that a 32-bit float holds", value.0));
+            return Err(arrays.error(samples_name, "values that a 32-bit float holds", value.0));
         }
-        None => return Err(arrays.error("samples", "numbers", samples.type_name())),
+        None => return Err(arrays.error(samples_name, "numbers", samples.type_name())),
     };
-    let mut seen = vec![0; labels.len()];
-    let records = of_sweep
-        .into_iter()
-        .enumerate()
-        .map(|(index, label): (usize, usize)| {
-            seen[label] += 1;
-            SweepRecord {
-                label,
-                sweep: seen[label] - 1,
-                block: blocks.as_ref().map(|b| b[index]),
-                test: flags.as_ref().map(|f| f[index] == 1),
-            }
-        })
-        .collect();
-    let dataset = Dataset::new(
+    let flags = flags.map(|flags| flags.into_iter().map(|flag| flag == 1).collect());
+    let records = records(&of_sweep, labels.len(), blocks, flags);
+    let dataset = Dataset::at_rate(
         super::stem(path),
         arrays.rate()?,
         shape,
@@ -148,8 +152,14 @@ impl<'a> Arrays<'a> {
         }
     }
 
-    fn required(&self, name: &str) -> Result<&Array, DataError> {
-        self.optional(name)?.ok_or_else(|| {
+    /// The array that has one of `names`, and its name.
+    fn required(&self, names: &[&'static str]) -> Result<(&'static str, &Array), DataError> {
+        for &name in names {
+            if let Some(array) = self.optional(name)? {
+                return Ok((name, array));
+            }
+        }
+        Err({
             let there: Vec<String> = self
                 .by_name
                 .iter()
@@ -163,67 +173,73 @@ impl<'a> Arrays<'a> {
             } else {
                 there.join(", ")
             };
-            self.error(name, "to be in the archive", format!("only {found}"))
+            let expected = match names {
+                SAMPLES => "to be in the archive: np.savez_compressed(\"sweeps.npz\", X=X, y=y) \
+                    with X [n][steps][taxels] and y [n]"
+                    .to_owned(),
+                [_, other] => format!("to be in the archive (or `{other}`)"),
+                _ => "to be in the archive".to_owned(),
+            };
+            self.error(names[0], expected, format!("only {found}"))
         })
     }
 
-    fn names(&self, name: &str) -> Result<Vec<String>, DataError> {
-        let array = self.required(name)?;
+    fn names(&self, name: &'static str) -> Result<Vec<String>, DataError> {
+        let (name, array) = self.required(&[name])?;
         if array.shape.len() != 1 {
             return Err(self.error(name, "one dimension", format!("{:?}", array.shape)));
         }
         array
             .texts()
-            .ok_or_else(|| self.error(name, "bytes or text", array.type_name()))
+            .or_else(|| Some(array.whole_numbers()?.iter().map(i64::to_string).collect()))
+            .ok_or_else(|| self.error(name, "names or whole numbers", array.type_name()))
     }
 
     fn label_set(&self, names: Vec<String>) -> Result<LabelSet, DataError> {
         LabelSet::new(names).map_err(|error| super::in_file(self.path, error))
     }
 
-    /// The material of each of `count` sweeps.
-    fn labels(&self, count: usize) -> Result<(LabelSet, Vec<usize>), DataError> {
-        let labels = self.required("labels")?;
-        if labels.shape != [count] {
+    /// The material of each of the `count` sweeps of the array `samples`.
+    fn labels(&self, count: usize, samples: &str) -> Result<(LabelSet, Vec<usize>), DataError> {
+        let (name, labels) = self.required(LABELS)?;
+        // scikit-learn's column vectors are taken too.
+        if labels.shape != [count] && labels.shape != [count, 1] {
             let found = format!("shape {:?}", labels.shape);
-            return Err(self.error("labels", format!("shape [{count}], as `samples`"), found));
+            let expected = format!("shape [{count}], as `{samples}`");
+            return Err(self.error(name, expected, found));
         }
-        if let Some(texts) = labels.texts() {
-            let names = match self.optional("materials")? {
-                Some(_) => self.names("materials")?,
-                None => {
-                    let mut names = texts.clone();
-                    names.sort();
-                    names.dedup();
-                    names
-                }
-            };
-            let of_sweep: Result<Vec<usize>, DataError> = texts
-                .iter()
-                .map(|text| {
-                    names.iter().position(|name| name == text).ok_or_else(|| {
-                        self.error(
-                            "labels",
-                            "names that `materials` holds",
-                            format!("`{text}`"),
-                        )
-                    })
-                })
-                .collect();
-            return Ok((self.label_set(names)?, of_sweep?));
-        }
-        let Some(indices) = labels.indices() else {
-            return Err(self.error("labels", "whole numbers or names", labels.type_name()));
+        let materials = match self.optional("materials")? {
+            Some(_) => Some(self.names("materials")?),
+            None => None,
         };
-        let names = self.names("materials")?;
-        if let Some(odd) = indices.iter().find(|&&label| label as usize >= names.len()) {
-            let expected = format!("indices of the {} materials", names.len());
-            return Err(self.error("labels", expected, odd.to_string()));
+        let numbers = labels.whole_numbers();
+        if let (Some(materials), Some(numbers)) = (&materials, &numbers) {
+            let index = |label: &i64| {
+                let index = usize::try_from(*label).ok();
+                index.filter(|index| *index < materials.len())
+            };
+            if let Some(odd) = numbers.iter().find(|label| index(label).is_none()) {
+                let expected = format!("indices of the {} materials", materials.len());
+                return Err(self.error(name, expected, odd.to_string()));
+            }
+            let of_sweep = numbers.iter().filter_map(index).collect();
+            return Ok((self.label_set(materials.clone())?, of_sweep));
         }
-        Ok((
-            self.label_set(names)?,
-            indices.into_iter().map(|label| label as usize).collect(),
-        ))
+        let texts = labels
+            .texts()
+            .or_else(|| Some(numbers?.iter().map(i64::to_string).collect()))
+            .ok_or_else(|| self.error(name, "names or whole numbers", labels.type_name()))?;
+        let names = materials.unwrap_or_else(|| sorted_names(&texts));
+        let of_sweep: Result<Vec<usize>, DataError> = texts
+            .iter()
+            .map(|text| {
+                let place = names.iter().position(|name| name == text);
+                place.ok_or_else(|| {
+                    self.error(name, "names that `materials` holds", format!("`{text}`"))
+                })
+            })
+            .collect();
+        Ok((self.label_set(names)?, of_sweep?))
     }
 
     fn per_sweep(&self, name: &str, shape: &[usize]) -> Result<Option<Vec<u32>>, DataError> {
@@ -240,12 +256,12 @@ impl<'a> Arrays<'a> {
         }
     }
 
-    fn rate(&self) -> Result<f64, DataError> {
+    fn rate(&self) -> Result<Option<f64>, DataError> {
         let Some(array) = self.optional(RATE_ATTRIBUTE)? else {
-            return Ok(SAMPLE_RATE_HZ);
+            return Ok(None);
         };
         match array.floats().as_deref() {
-            Some(&[rate]) if rate.is_finite() && rate > 0.0 => Ok(rate),
+            Some(&[rate]) if rate.is_finite() && rate > 0.0 => Ok(Some(rate)),
             other => {
                 let found = other.map_or_else(|| array.type_name(), |rates| format!("{rates:?}"));
                 Err(self.error(RATE_ATTRIBUTE, "a single positive number of Hz", found))
@@ -364,11 +380,9 @@ fn archive(dataset: &Dataset) -> zip::result::ZipResult<Vec<u8>> {
     if dataset.origin().is_synthetic() {
         add(SYNTHETIC_ATTRIBUTE, "<f8", &[], &1.0_f64.to_le_bytes())?;
     }
-    add(
-        RATE_ATTRIBUTE,
-        "<f8",
-        &[],
-        &dataset.sample_rate_hz().to_le_bytes(),
-    )?;
+    if !dataset.is_rate_assumed() {
+        let rate = dataset.sample_rate_hz().to_le_bytes();
+        add(RATE_ATTRIBUTE, "<f8", &[], &rate)?;
+    }
     Ok(zip.finish()?.into_inner())
 }

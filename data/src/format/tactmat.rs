@@ -3,13 +3,13 @@
 //! | name | shape | holds |
 //! |---|---|---|
 //! | `samples` | `[materials][sweeps][steps][rows][cols]` | digits, any integer or float type |
-//! | `materials` (the page once spells it `maerials`) | `[materials]` | names, fixed or variable length |
+//! | `materials` (the page once spells it `maerials`) | `[materials]` | names, fixed or variable length, or whole numbers |
 //! | `blocks`, optional | `[materials][sweeps]` | number of the recording block |
 //! | `test_flag`, optional | `[materials][sweeps]` | 1 or true for the author's test sweeps |
 //! | attribute `sample_rate_hz`, optional | scalar, on the file or on `samples` | frames per second |
 //! | attribute `synthetic`, optional | scalar, on the file | not 0 where the sweeps were generated |
 //!
-//! Without the attribute a file counts as recorded at [`SAMPLE_RATE_HZ`], the rate of TactMat's sensor.
+//! Without the attribute [`ASSUMED_RATE_HZ`](crate::ASSUMED_RATE_HZ) is assumed, the rate of TactMat's sensor.
 //! Values are kept in the smallest of `u8`, `u16` and `f32` that holds them all; an `f64` that no `f32` equals is
 //! rounded to the nearest.
 //!
@@ -25,9 +25,6 @@ use crate::{DataError, Dataset, LabelSet, SweepRecord, SweepShape};
 use hdf5_reader::error::Error;
 use hdf5_reader::{Datatype, Hdf5File, OpenOptions};
 use std::path::Path;
-
-/// Frames per second of a file that does not say: the 4256E skin of TactMat.
-pub const SAMPLE_RATE_HZ: f64 = 750.0;
 
 /// Not zero where the sweeps were generated, not recorded.
 pub(super) const SYNTHETIC_ATTRIBUTE: &str = "synthetic";
@@ -94,7 +91,7 @@ pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
         })
         .collect();
     let name = super::stem(path);
-    let dataset = Dataset::new(
+    let dataset = Dataset::at_rate(
         name,
         rate,
         SweepShape { steps, rows, cols },
@@ -213,13 +210,33 @@ fn material_names(file: &Hdf5File, path: &Path, count: usize) -> Result<LabelSet
             },
         ));
     }
-    let names = dataset.read_strings().map_err(|error| {
-        let found = match root(error) {
-            Error::TypeMismatch { .. } => type_name(dataset.dtype()),
-            other => other.to_string(),
-        };
-        DataError::format(path, item, "strings", found)
-    })?;
+    let names = match dataset.read_strings() {
+        Ok(names) => names,
+        Err(error) => {
+            let numbers = dataset.read_native_bytes().ok();
+            let numbers = numbers.and_then(|bytes| whole_numbers(&bytes, dataset.dtype()));
+            match (numbers, root(error)) {
+                (Some(numbers), _) => numbers.iter().map(i64::to_string).collect(),
+                (None, Error::TypeMismatch { .. }) => {
+                    let found = type_name(dataset.dtype());
+                    return Err(DataError::format(
+                        path,
+                        item,
+                        "names or whole numbers",
+                        found,
+                    ));
+                }
+                (None, other) => {
+                    return Err(DataError::format(
+                        path,
+                        item,
+                        "names or whole numbers",
+                        other.to_string(),
+                    ));
+                }
+            }
+        }
+    };
     LabelSet::new(names.iter().map(|name| name.trim_end_matches(['\0', ' '])))
         .map_err(|error| super::in_file(path, error))
 }
@@ -330,13 +347,13 @@ fn sample_rate_hz(
     file: &Hdf5File,
     samples: &hdf5_reader::Dataset,
     path: &Path,
-) -> Result<f64, DataError> {
+) -> Result<Option<f64>, DataError> {
     let name = RATE_ATTRIBUTE;
     let at_root = file.root_group().and_then(|group| group.attribute(name));
     let attribute = match at_root.or_else(|_| samples.attribute(name)) {
         Ok(attribute) => attribute,
         Err(error) => match root(error) {
-            Error::AttributeNotFound(_) => return Ok(SAMPLE_RATE_HZ),
+            Error::AttributeNotFound(_) => return Ok(None),
             other => {
                 let item = format!("attribute `{name}`");
                 return Err(DataError::format(
@@ -350,7 +367,7 @@ fn sample_rate_hz(
     };
     let rate = attribute.read_as_f64();
     match rate {
-        Ok(rate) if rate.is_finite() && rate > 0.0 => Ok(rate),
+        Ok(rate) if rate.is_finite() && rate > 0.0 => Ok(Some(rate)),
         other => {
             let found = other.map_or_else(|error| error.to_string(), |rate| rate.to_string());
             let item = format!("attribute `{name}`");

@@ -58,16 +58,16 @@ fn plan(dataset: &Dataset, order: &[usize]) -> hdf5_writer::Result<Hdf5WritePlan
     }
     let names: Vec<&str> = labels.names().collect();
     let mut file = Hdf5Builder::new()
-        .attribute(AttributeBuilder::scalar(
-            tactmat::RATE_ATTRIBUTE,
-            dataset.sample_rate_hz(),
-        )?)
         .dataset(samples.filter(filter(FILTER_DEFLATE, GZIP_LEVEL)))
         .dataset(DatasetBuilder::fixed_string_data(
             "materials",
             [names.len() as u64],
             &names,
         )?);
+    if !dataset.is_rate_assumed() {
+        let rate = AttributeBuilder::scalar(tactmat::RATE_ATTRIBUTE, dataset.sample_rate_hz())?;
+        file = file.attribute(rate);
+    }
     if dataset.origin().is_synthetic() {
         let mark = AttributeBuilder::scalar(tactmat::SYNTHETIC_ATTRIBUTE, 1.0)?;
         file = file.attribute(mark);

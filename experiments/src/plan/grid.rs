@@ -176,6 +176,7 @@ impl GridPoint<'_> {
         let [data, rest] = self.parts();
         match split {
             SplitKind::KFold => format!("{data}-{model}{rest}-run{repeat}-fold{fold}"),
+            SplitKind::HoldOut => format!("{data}-{model}{rest}-holdout{repeat}"),
             SplitKind::TestFlag => format!("{data}-{model}{rest}-test_flag"),
             SplitKind::LeaveBlockOut => format!("{data}-{model}{rest}-block{fold}"),
         }

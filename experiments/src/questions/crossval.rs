@@ -94,9 +94,10 @@ impl Ask for Crossval {
             for fold in 0..self.folds {
                 for point in grid.points() {
                     for &split in &self.split {
-                        // Only random folds are dealt anew in every repeat, and the author's split has one fold.
-                        let once = repeat > 0 && split != SplitKind::KFold;
-                        if once || fold > 0 && split == SplitKind::TestFlag {
+                        // Only random splits are dealt anew in every repeat; the author's split and a hold-out have one fold.
+                        let random = matches!(split, SplitKind::KFold | SplitKind::HoldOut);
+                        let single = matches!(split, SplitKind::TestFlag | SplitKind::HoldOut);
+                        if repeat > 0 && !random || fold > 0 && single {
                             continue;
                         }
                         let place = (split, repeat, fold);

@@ -19,7 +19,7 @@ pub(super) fn network_setup(config: &ClassifierConfig) -> Result<&TactNetSetup, 
     }
 }
 
-/// Properties by name that a program needs besides the numbers: labels, rate, window, calibration and `about`. Lists are JSON.
+/// Properties by name that a program needs besides the numbers: labels, rate (and whether it is assumed), window, calibration and `about`. Lists are JSON.
 pub(super) fn properties(
     config: &ClassifierConfig,
     setup: &TactNetSetup,
@@ -30,6 +30,10 @@ pub(super) fn properties(
     let mut properties = BTreeMap::from([
         ("labels".to_owned(), serde_json::json!(labels).to_string()),
         ("sample_rate_hz".into(), config.sample_rate_hz.to_string()),
+        (
+            "sample_rate_assumed".into(),
+            config.sample_rate_assumed.to_string(),
+        ),
         ("window_steps".into(), config.shape.steps.to_string()),
         ("rows".into(), config.shape.rows.to_string()),
         ("cols".into(), config.shape.cols.to_string()),

@@ -24,6 +24,9 @@ pub struct ClassifierConfig {
     pub shape: SweepShape,
     /// Frames per second of the training sweeps.
     pub sample_rate_hz: f64,
+    /// True if the data did not say, and the rate is the usual one.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub sample_rate_assumed: bool,
     /// Names the Monte Carlo masks.
     pub seed: Seed,
 }
@@ -71,6 +74,7 @@ impl ClassifierConfig {
             labels: dataset.labels().clone(),
             shape: dataset.shape(),
             sample_rate_hz: dataset.sample_rate_hz(),
+            sample_rate_assumed: dataset.is_rate_assumed(),
             seed,
         }
     }

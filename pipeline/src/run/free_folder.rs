@@ -9,6 +9,7 @@ use crate::{MeanRemoval, RunConfig};
 /// `runs/DATA-RECIPE-FOLD-SEED`, or the first of `…-2`, `…-3` that is free.
 pub(crate) fn free_folder(dataset: &str, config: &RunConfig, fold: &Fold<'_>) -> PathBuf {
     let part = match fold.scheme() {
+        Scheme::HoldOut { .. } => format!("holdout{}", fold.repeat()),
         Scheme::TestFlag => "test_flag".to_string(),
         Scheme::LeaveBlockOut => format!("block{}", fold.fold()),
         Scheme::StratifiedKFold { .. } if fold.repeat() == 0 => format!("fold{}", fold.fold()),

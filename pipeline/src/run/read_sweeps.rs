@@ -1,28 +1,32 @@
 //! Sweeps as a training asks for them.
 
-use tactnet_data::{DataError, DataSource, Dataset, Seed};
+use tactnet_data::{DataError, DataSource, Dataset};
 
-use crate::LabelOrder;
+use crate::{LabelOrder, TrainSpec};
 
-/// Reads a data set or generates the twin, cut to the first `steps` time steps of every sweep, with labels in `order`.
-///
-/// - `data`: `twin`, or a file
-/// - `seed`: names the permutation of labels
-///
-/// # Errors
-/// No such file, one that is damaged; more steps than its sweeps have.
-pub fn read_sweeps(
-    data: &str,
-    steps: Option<usize>,
-    order: LabelOrder,
-    seed: Seed,
-) -> Result<Dataset, DataError> {
-    let mut dataset = DataSource::named(data).read()?;
-    if let Some(steps) = steps {
-        dataset = dataset.first_steps(steps)?;
+impl TrainSpec {
+    /// Reads the sweeps that are trained on and tested.
+    ///
+    /// # Errors
+    /// No such file, one that is damaged; a rate that contradicts the file's; more steps than its sweeps have.
+    pub fn read_sweeps(&self) -> Result<Dataset, DataError> {
+        self.read_sweeps_of(&self.data, self.label_order)
     }
-    match order {
-        LabelOrder::True => Ok(dataset),
-        LabelOrder::Permuted => dataset.permute_labels(seed),
+
+    /// Reads other sweeps in the same way, with labels in `order`.
+    ///
+    /// - `data`: `twin`, or a file
+    ///
+    /// # Errors
+    /// As [`TrainSpec::read_sweeps`].
+    pub fn read_sweeps_of(&self, data: &str, order: LabelOrder) -> Result<Dataset, DataError> {
+        let mut dataset = DataSource::named(data).read_at(self.rate_hz)?;
+        if let Some(steps) = self.steps {
+            dataset = dataset.first_steps(steps)?;
+        }
+        match order {
+            LabelOrder::True => Ok(dataset),
+            LabelOrder::Permuted => dataset.permute_labels(self.seed),
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! What a run decides before its first batch, and what it notes after every epoch.
 
 use serde::{Deserialize, Serialize};
-use tactnet_data::{Fold, Seed};
+use tactnet_data::{Fold, Scheme, Seed};
 use tactnet_models::Compute;
 
 use crate::{CalibrationTarget, ClassifierConfig, ModelRecipe, SplitKind, TrainSpec};
@@ -56,6 +56,12 @@ impl RunConfig {
         TrainSpec {
             mean_removal: Some(self.recipe.levels()),
             split: Some(SplitKind::of(fold.scheme())),
+            folds: match fold.scheme() {
+                Scheme::StratifiedKFold { folds, .. } if fold.scheme() != Scheme::default() => {
+                    Some(folds)
+                }
+                _ => None,
+            },
             fold: Some(fold.fold()),
             repeat: fold.repeat(),
             epochs: match &self.recipe {

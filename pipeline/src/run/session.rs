@@ -14,7 +14,7 @@ use crate::{
     BaselineRecipe, BatchReport, Calibration, CalibrationTarget, Classifier, ClassifierConfig,
     ModelConfig, ModelRecipe, NoveltyScore, NoveltyScorer, PipelineError, Provenance, Recipe,
     RunConfig, RunDir, RunResult, TactNetSetup, TrainEmbeddings, TrainJob, Training,
-    TrainingSummary, evaluate_run, fit_baseline, read_sweeps,
+    TrainingSummary, evaluate_run, fit_baseline,
 };
 
 /// What a session does, for whoever shows progress.
@@ -85,7 +85,7 @@ impl Session {
         program: Provenance,
     ) -> Result<Self, PipelineError> {
         let spec = job.spec();
-        let dataset = read_sweeps(&spec.data, spec.steps, spec.label_order, spec.seed)?;
+        let dataset = spec.read_sweeps()?;
         refuse_errors(&dataset, &spec.data)?;
         let number = spec.fold.unwrap_or(0);
         let fold = Fold::new(
@@ -154,7 +154,7 @@ impl Session {
         let config = run.config()?;
         let spec = &config.spec;
         let data = data.unwrap_or(&spec.data);
-        let dataset = read_sweeps(data, spec.steps, spec.label_order, spec.seed)?;
+        let dataset = spec.read_sweeps_of(data, spec.label_order)?;
         if dataset.sha256() != config.data_sha256 {
             let reason = format!(
                 "the data set has changed since the run began: expected SHA-256 {}, found {}; `--data FILE` names the right one",

@@ -2,7 +2,6 @@
 
 use tactnet_data::{Dataset, SplitManifest, SweepView};
 
-use super::read_sweeps::read_sweeps;
 use crate::{PipelineError, RunConfig, RunDir, without_sweeps_of};
 
 /// Sweeps of a data set without those that a classifier was trained on.
@@ -67,7 +66,8 @@ impl<'a> TestSweeps<'a> {
     ) -> Result<Self, PipelineError> {
         let all = SweepView::all(dataset);
         let spec = &config.spec;
-        let own = read_sweeps(&spec.data, spec.steps, spec.label_order, spec.seed)
+        let own = spec
+            .read_sweeps()
             .ok()
             .filter(|own| own.sha256() == config.data_sha256);
         let Some(own) = own else {

@@ -1,14 +1,15 @@
-//! `tactnet data import`: a recording or another program's data set becomes an HDF5 data set.
+//! `tactnet data import`: a recording or another program's data set becomes a data set of this one.
 
 use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::bail;
 use clap::Args;
-use tactnet_data::format::Format;
+use tactnet_data::format::{Format, read_beginning};
 use tactnet_recording::{Recording, SweepSettings, sweeps};
 
-use super::{ConvertArgs, convert, refuse_to_overwrite};
+use super::{ConvertArgs, refuse_to_overwrite};
+use crate::source;
 
 #[derive(Args)]
 pub struct ImportArgs {
@@ -17,13 +18,13 @@ pub struct ImportArgs {
     /// Of a recording: what was swept over, where start commands do not name it
     #[arg(long, value_name = "NAME")]
     material: Option<String>,
-    /// Of a recording: frames of a sweep [default: those of the recorded classifier, or 1000]
+    /// Frames of a sweep that are kept [default: all; of a recording those of the recorded classifier, or 1000]
     #[arg(long, value_name = "N")]
     steps: Option<usize>,
-    /// Of a recording: frames a second [default: the recorded classifier's, or by the frames' own clock]
+    /// Frames a second [default: what the data says; of a recording the recorded classifier's, or by the frames' own clock]
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
-    /// Of a recording: rows and columns of taxels [default: the recorded classifier's, or a square]
+    /// Rows and columns of taxels [default: what the data says; of a recording the recorded classifier's, or a square]
     #[arg(long, value_name = "RxC", value_parser = shape)]
     shape: Option<(usize, usize)>,
 }
@@ -44,6 +45,34 @@ impl ImportArgs {
     }
 }
 
+/// Another program's data set, in any format that is read.
+fn import_data_set(arguments: &ImportArgs, format: Format) -> anyhow::Result<ExitCode> {
+    let ConvertArgs { data, out, force } = &arguments.convert;
+    refuse_to_overwrite(out, *force)?;
+    let path = Path::new(data);
+    let mut dataset = match data.as_str() {
+        source::TWIN => source::load(data)?,
+        _ if !path.exists() => source::load(data)?,
+        _ => read_beginning(path, arguments.steps)?,
+    };
+    if let Some(rate) = arguments.rate {
+        dataset = dataset.with_sample_rate(rate)?;
+    }
+    if let Some((rows, cols)) = arguments.shape {
+        dataset = dataset.with_patch(rows, cols)?;
+    }
+    source::warn_of_assumed_rate(dataset.is_rate_assumed(), dataset.sample_rate_hz());
+    format.write(out, &dataset)?;
+    eprintln!(
+        "{}: {} sweeps of {} materials ({})",
+        out.display(),
+        dataset.len(),
+        dataset.labels().len(),
+        dataset.shape()
+    );
+    Ok(ExitCode::SUCCESS)
+}
+
 /// A recording of the channels, or another program's data set.
 ///
 /// # Errors
@@ -52,23 +81,11 @@ pub fn run(arguments: &ImportArgs) -> anyhow::Result<ExitCode> {
     let convert_arguments = &arguments.convert;
     let (path, out) = (Path::new(&convert_arguments.data), &convert_arguments.out);
     let format = Format::from_extension(out)?;
-    if format != Format::TactMat && !(arguments.is_recording() && format == Format::Npz) {
-        bail!(
-            "{}: `import` writes .h5 (of recordings also .npz); for other formats use `tactnet data export`",
-            out.display()
-        );
-    }
     if !arguments.is_recording() {
-        let of_a_recording = [
-            arguments.material.is_some(),
-            arguments.steps.is_some(),
-            arguments.rate.is_some(),
-            arguments.shape.is_some(),
-        ];
-        if of_a_recording.contains(&true) {
-            bail!("--material, --steps, --rate, --shape: only for recordings (.mcap)");
+        if arguments.material.is_some() {
+            bail!("--material: only for recordings (.mcap)");
         }
-        return convert(convert_arguments);
+        return import_data_set(arguments, format);
     }
     refuse_to_overwrite(out, convert_arguments.force)?;
     let recording = Recording::read(path)?;

@@ -2,13 +2,16 @@
 
 #![allow(clippy::unwrap_used)] // a test may panic; the lint spares only functions marked `#[test]`
 
+mod own_data;
+
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use tactnet_data::format::{self, Format, npz, tactmat, ts};
 use tactnet_data::twin::{self, TwinConfig};
 use tactnet_data::{
-    DataOrigin, Dataset, LabelSet, Samples, Severity, SweepRecord, SweepShape, check, sha256_hex,
+    ASSUMED_RATE_HZ, DataOrigin, Dataset, LabelSet, Samples, Severity, SweepRecord, SweepShape,
+    check, sha256_hex,
 };
 
 fn tests_dir() -> PathBuf {
@@ -64,6 +67,8 @@ fn every_good_file_holds_the_expected_values_and_names() {
             "names_",
             "f64_lzf",
             "text_labels",
+            "x_y_",
+            "materials_are_numbers",
         ];
         if special.iter().any(|prefix| file.starts_with(prefix)) {
             continue;
@@ -144,7 +149,8 @@ fn blocks_flags_and_rate_are_read_where_they_stand() {
     let on_samples = format::read(&fixture("read/big_endian_f4_contiguous.h5")).unwrap();
     assert_eq!(on_samples.sample_rate_hz(), 100.0);
     let silent = format::read(&fixture("read/btree_v2.h5")).unwrap();
-    assert_eq!(silent.sample_rate_hz(), tactmat::SAMPLE_RATE_HZ);
+    assert!(silent.is_rate_assumed());
+    assert_eq!(silent.sample_rate_hz(), ASSUMED_RATE_HZ);
 }
 
 #[test]
@@ -202,15 +208,15 @@ fn every_bad_file_is_refused_with_file_data_set_expected_and_found() {
         ),
         (
             "read/bad_float16.h5",
-            "data set `samples`: expected integers of 8, 16, 32 or 64 bits or floats of 32 or 64 bits, found f16",
+            "data set `samples`: expected numbers of 8, 16, 32 or 64 bits, found float16; store it as float32: `samples.astype('f4')`",
         ),
         (
             "read/bad_infinite.h5",
             "data set `samples`: expected finite numbers, found 1 that are not, the first inf in `denim` sweep 1 at step 12, taxel (2, 0)",
         ),
         (
-            "read/bad_materials_are_numbers.h5",
-            "data set `materials`: expected strings, found i64",
+            "read/bad_materials_are_floats.h5",
+            "data set `materials`: expected names or whole numbers, found f64",
         ),
         (
             "read/bad_rate.h5",
@@ -242,15 +248,15 @@ fn every_bad_file_is_refused_with_file_data_set_expected_and_found() {
         ),
         (
             "read/bad_no_samples.npz",
-            "array `samples`: expected to be in the archive, found only `x` [60, 4, 4]",
+            "array `samples`: expected to be in the archive: np.savez_compressed(\"sweeps.npz\", X=X, y=y) with X [n][steps][taxels] and y [n], found only `x` [60, 4, 4]",
         ),
         (
             "read/bad_pickled.npz",
             "array `materials`: expected numbers or text saved without pickle, found Python objects (pickled)",
         ),
         (
-            "read/bad_rank3.npz",
-            "array `samples`: expected 5 dimensions [materials][sweeps][steps][rows][cols] or 4 [n][steps][rows][cols], found 3 dimensions [60, 4, 4]",
+            "read/bad_rank2.npz",
+            "array `samples`: expected 3 dimensions [n][steps][taxels], 4 [n][steps][rows][cols] or 5 [materials][sweeps][steps][rows][cols], found 2 dimensions [4, 4]",
         ),
     ];
     for (file, message) in cases {
@@ -295,10 +301,11 @@ fn files_of_another_kind_are_refused_by_what_they_are() {
         std::fs::write(&path, content).unwrap();
         format::read(&path).unwrap_err().to_string()
     };
-    assert!(refusal("a.csv", b"1,2,3").ends_with("found a file that begins with `1,2,3`"));
+    assert!(refusal("a.txt", b"1,2,3").ends_with("found a file that begins with `1,2,3`"));
+    assert!(refusal("a.csv", b"1,2,3").contains("a table with columns `sweep`, `material`"));
     assert!(refusal("a.dat", b"").ends_with("found an empty file"));
     assert!(refusal("a.npz", b"").contains("expected a zip archive"));
-    assert!(refusal("a.npy", b"\x93NUMPY\x01\x00").contains("numpy.savez"));
+    assert!(refusal("a.npy", b"\x93NUMPY\x01\x00").contains("np.savez_compressed"));
     let missing = format::read(&dir.path().join("none.h5"))
         .unwrap_err()
         .to_string();

@@ -1,0 +1,340 @@
+//! Text tables: a folder of one `.csv` per sweep, or a single `.csv` with a row per frame of every sweep.
+//!
+//! | layout | material of a sweep |
+//! |---|---|
+//! | `FOLDER/labels.csv` with columns `file`, `material` (optional `block`, `test`) | as the table says |
+//! | `FOLDER/felt/*.csv`, `FOLDER/cork/*.csv` | the name of its folder |
+//! | `sweeps.csv` with columns `sweep`, `material` | see `frame_table.rs` |
+//!
+//! A sweep's file has a row per frame and a column per taxel, with or without a line of names; a column `time` (seconds) gives the sample
+//! rate. Commas, semicolons and tabs separate.
+
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+use super::frame_table::{
+    Column, FrameTable, TIME, common_length, is_one_of, may_hold_words, rate_of,
+};
+use super::named_sweeps::NamedSweeps;
+use super::narrow::{TooWide, narrow};
+use crate::{DataError, Dataset, SweepShape};
+
+/// The table of a folder's labels.
+const LABELS: &str = "labels.csv";
+
+/// Reads a folder or a file that may hold NaN or infinities.
+///
+/// - `steps`: frames of every sweep that are kept, from its beginning; `None`: all, and all sweeps must be equally long
+///
+/// # Errors
+/// What cannot be read; a row with more or fewer values than the first; a word where a number belongs, with file and line; sweeps of
+/// different lengths or numbers of taxels.
+pub fn read_with_gaps(path: &Path, steps: Option<usize>) -> Result<Dataset, DataError> {
+    let sweeps = if path.is_dir() {
+        read_folder(path, steps)?
+    } else {
+        read_table(path)?.into_sweeps(steps)?
+    };
+    sweeps
+        .into_dataset()
+        .map_err(|error| super::in_file(path, error))
+}
+
+/// Returns whether a folder looks like one of sweeps: it has a table of labels or folders with `.csv` files.
+pub(super) fn is_folder_of_sweeps(path: &Path) -> bool {
+    path.join(LABELS).is_file() || files_by_folder(path).is_ok_and(|files| !files.is_empty())
+}
+
+/// A sweep's file, and what is known of it.
+struct Entry {
+    file: PathBuf,
+    material: String,
+    block: Option<u32>,
+    test: Option<bool>,
+}
+
+fn read_folder(path: &Path, steps: Option<usize>) -> Result<NamedSweeps, DataError> {
+    let table = path.join(LABELS);
+    let entries = if table.is_file() {
+        listed(&table)?
+    } else {
+        files_by_folder(path)?
+    };
+    if entries.is_empty() {
+        let expected =
+            format!("{LABELS} with columns file, material; or a folder of .csv files per material");
+        return Err(DataError::format(path, "folder", expected, "neither"));
+    }
+    let sweeps: Vec<SweepFile> = entries
+        .par_iter()
+        .map(|entry| SweepFile::read(&entry.file))
+        .collect::<Result<_, _>>()?;
+    let taxels = sweeps[0].taxels;
+    if let Some(odd) = sweeps.iter().position(|sweep| sweep.taxels != taxels) {
+        return Err(DataError::format(
+            &entries[odd].file,
+            "columns",
+            format!("{taxels} taxels, as {}", entries[0].file.display()),
+            sweeps[odd].taxels.to_string(),
+        ));
+    }
+    let names: Vec<String> = entries
+        .iter()
+        .map(|entry| entry.file.display().to_string())
+        .collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let lengths: Vec<usize> = sweeps.iter().map(SweepFile::frames).collect();
+    let steps = common_length(path, &names, &lengths, steps)?;
+    let mut values = Vec::with_capacity(sweeps.len() * steps * taxels);
+    let mut between = Vec::new();
+    for sweep in &sweeps {
+        values.extend_from_slice(&sweep.values[..steps * taxels]);
+        between.extend(
+            sweep
+                .time
+                .array_windows()
+                .map(|&[before, after]| after - before),
+        );
+    }
+    let rate_hz = if between.is_empty() {
+        None
+    } else {
+        Some(rate_of(path, between)?)
+    };
+    let samples = narrow(&values).map_err(|TooWide(value)| {
+        DataError::format(path, "taxels", "values that a 32-bit float holds", value)
+    })?;
+    Ok(NamedSweeps {
+        name: path
+            .file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned(),
+        rate_hz,
+        shape: SweepShape {
+            steps,
+            rows: 1,
+            cols: taxels,
+        },
+        blocks: entries.iter().map(|entry| entry.block).collect(),
+        test: entries.iter().map(|entry| entry.test).collect(),
+        materials: entries.into_iter().map(|entry| entry.material).collect(),
+        samples,
+    })
+}
+
+/// The files that a table of labels lists, in its order.
+fn listed(table: &Path) -> Result<Vec<Entry>, DataError> {
+    let folder = table.parent().unwrap_or(Path::new("."));
+    let mut rows = Rows::open(table)?;
+    let header = rows.next()?.unwrap_or_default();
+    let column = |name: &str| header.iter().position(|found| is_one_of(found, &[name]));
+    let (Some(file), Some(material)) = (column("file"), column("material")) else {
+        return Err(DataError::format(
+            table,
+            "first line",
+            "the columns file, material",
+            header.join(","),
+        ));
+    };
+    let (block, test) = (column("block"), column("test"));
+    let mut entries = Vec::new();
+    while let Some(row) = rows.next()? {
+        let number = |at: Option<usize>| match at.map(|at| (at, row[at].trim().parse::<u32>())) {
+            None => Ok(None),
+            Some((_, Ok(value))) => Ok(Some(value)),
+            Some((at, Err(_))) => Err(rows.error("a whole number from 0", &row[at])),
+        };
+        entries.push(Entry {
+            file: folder.join(row[file].trim()),
+            material: row[material].trim().to_string(),
+            block: number(block)?,
+            test: number(test)?.map(|flag| flag != 0),
+        });
+    }
+    Ok(entries)
+}
+
+/// The `.csv` files of the folders in `path`, folder by folder in the order of their names.
+fn files_by_folder(path: &Path) -> Result<Vec<Entry>, DataError> {
+    let list = |folder: &Path| -> Result<Vec<PathBuf>, DataError> {
+        let io = |error| DataError::io(folder, "list", error);
+        let entries = std::fs::read_dir(folder).map_err(io)?;
+        let mut paths: Vec<PathBuf> = entries
+            .map(|entry| entry.map(|entry| entry.path()))
+            .collect::<Result<_, _>>()
+            .map_err(io)?;
+        paths.sort();
+        Ok(paths)
+    };
+    let mut entries = Vec::new();
+    for folder in list(path)?.into_iter().filter(|path| path.is_dir()) {
+        let material = folder.file_name().unwrap_or_default().to_string_lossy();
+        let files = list(&folder)?;
+        let tables = files
+            .into_iter()
+            .filter(|file| file.extension().is_some_and(|e| e == "csv") && !file.ends_with(LABELS));
+        entries.extend(tables.map(|file| Entry {
+            file,
+            material: material.to_string(),
+            block: None,
+            test: None,
+        }));
+    }
+    Ok(entries)
+}
+
+/// One sweep as its file has it.
+struct SweepFile {
+    taxels: usize,
+    /// `[frames][taxels]`
+    values: Vec<f32>,
+    /// `[frames]` seconds, empty without a column of them
+    time: Vec<f64>,
+}
+
+impl SweepFile {
+    fn frames(&self) -> usize {
+        self.values.len() / self.taxels.max(1)
+    }
+
+    fn read(path: &Path) -> Result<Self, DataError> {
+        let mut rows = Rows::open(path)?;
+        let mut sweep = Self {
+            taxels: 0,
+            values: Vec::new(),
+            time: Vec::new(),
+        };
+        let mut time = None;
+        let mut first = true;
+        while let Some(row) = rows.next()? {
+            let named = first && row.iter().any(|cell| cell.trim().parse::<f64>().is_err());
+            if first {
+                if named {
+                    time = row.iter().position(|name| is_one_of(name, TIME));
+                }
+                sweep.taxels = row.len() - usize::from(time.is_some());
+                first = false;
+            }
+            if named {
+                continue;
+            }
+            for (column, cell) in row.iter().enumerate() {
+                let value: f64 = cell
+                    .trim()
+                    .parse()
+                    .map_err(|_| rows.error("a number", cell))?;
+                if Some(column) == time {
+                    sweep.time.push(value);
+                } else {
+                    sweep.values.push(value as f32);
+                }
+            }
+        }
+        if sweep.values.is_empty() {
+            return Err(DataError::format(
+                path,
+                "file",
+                "a row per frame",
+                "no frame",
+            ));
+        }
+        Ok(sweep)
+    }
+}
+
+/// All frames of all sweeps in one file.
+fn read_table(path: &Path) -> Result<FrameTable<'_>, DataError> {
+    let mut rows = Rows::open(path)?;
+    let header = rows.next()?.unwrap_or_default();
+    let mut columns: Vec<(String, Column)> = header
+        .into_iter()
+        .map(|name| {
+            let column = if may_hold_words(&name) {
+                Column::Words(Vec::new())
+            } else {
+                Column::Numbers(Vec::new())
+            };
+            (name, column)
+        })
+        .collect();
+    while let Some(row) = rows.next()? {
+        for (cell, (_, column)) in row.into_iter().zip(&mut columns) {
+            match column {
+                Column::Words(words) => words.push(cell),
+                Column::Numbers(numbers) => {
+                    let number = cell.trim().parse();
+                    numbers.push(number.map_err(|_| rows.error("a number", &cell))?);
+                }
+            }
+        }
+    }
+    Ok(FrameTable { path, columns })
+}
+
+/// The rows of a file, all as long as the first.
+struct Rows<'a> {
+    path: &'a Path,
+    reader: csv::Reader<std::fs::File>,
+    record: csv::StringRecord,
+}
+
+impl<'a> Rows<'a> {
+    fn open(path: &'a Path) -> Result<Self, DataError> {
+        let open = || std::fs::File::open(path).map_err(|error| DataError::io(path, "open", error));
+        let mut head = [0; 4096];
+        let filled = std::io::Read::read(&mut open()?, &mut head)
+            .map_err(|error| DataError::io(path, "read", error))?;
+        let line = head[..filled].split(|&byte| byte == b'\n').next();
+        let line = line.unwrap_or_default();
+        let separators = *b";\t,";
+        let separator = separators.into_iter().find(|s| line.contains(s));
+        let reader = csv::ReaderBuilder::new()
+            .has_headers(false)
+            .delimiter(separator.unwrap_or(b','))
+            .comment(Some(b'#'))
+            .from_reader(open()?);
+        Ok(Self {
+            path,
+            reader,
+            record: csv::StringRecord::new(),
+        })
+    }
+
+    fn next(&mut self) -> Result<Option<Vec<String>>, DataError> {
+        match self.reader.read_record(&mut self.record) {
+            Ok(false) => Ok(None),
+            Ok(true) => Ok(Some(self.record.iter().map(str::to_string).collect())),
+            Err(error) => Err(self.refused(&error)),
+        }
+    }
+
+    /// The line that was read last.
+    fn line(&self) -> u64 {
+        self.record.position().map_or(0, csv::Position::line)
+    }
+
+    fn error(&self, expected: &str, found: &str) -> DataError {
+        let item = format!("line {}", self.line());
+        DataError::format(self.path, item, expected, format!("`{found}`"))
+    }
+
+    fn refused(&self, error: &csv::Error) -> DataError {
+        match error.kind() {
+            csv::ErrorKind::UnequalLengths {
+                pos,
+                expected_len,
+                len,
+            } => {
+                let line = pos.as_ref().map_or(0, csv::Position::line);
+                let expected = format!("{expected_len} values, as in the first line");
+                DataError::format(self.path, format!("line {line}"), expected, len.to_string())
+            }
+            csv::ErrorKind::Utf8 { .. } => {
+                DataError::format(self.path, "file", "a text table", "bytes that are no text")
+            }
+            _ => DataError::format(self.path, "file", "a text table", error.to_string()),
+        }
+    }
+}

@@ -1,0 +1,249 @@
+//! A table with a row per frame: which sweep it belongs to, over what, and a column per taxel.
+//!
+//! | column | holds |
+//! |---|---|
+//! | `sweep` | number or name of the sweep; its frames stand in their order |
+//! | `material` (or `y`, `label`, `class`) | what was swept over, the same in every frame of a sweep |
+//! | `time` (or `t`, `timestamp`), optional | seconds; gives the sample rate |
+//! | `step`, `block`, `test`, optional | step is not read; block and test as in [`tactmat`](super::tactmat) |
+//! | every other | one taxel, in the order of the columns |
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::named_sweeps::NamedSweeps;
+use super::narrow::{TooWide, narrow};
+use crate::{DataError, SweepShape};
+
+/// The columns of a table, by name; the values of a column are numbers or words.
+pub(super) struct FrameTable<'a> {
+    pub(super) path: &'a Path,
+    pub(super) columns: Vec<(String, Column)>,
+}
+
+/// One column.
+pub(super) enum Column {
+    Numbers(Vec<f64>),
+    Words(Vec<String>),
+}
+
+impl Column {
+    fn words(&self) -> Vec<String> {
+        match self {
+            Self::Numbers(numbers) => numbers.iter().map(f64::to_string).collect(),
+            Self::Words(words) => words.iter().map(|word| word.trim().to_string()).collect(),
+        }
+    }
+}
+
+/// Returns whether a column of this name holds words where its values are not numbers.
+pub(super) fn may_hold_words(name: &str) -> bool {
+    is_one_of(name, SWEEP) || is_one_of(name, MATERIAL)
+}
+
+pub(super) fn is_one_of(name: &str, names: &[&str]) -> bool {
+    names.contains(&name.trim().to_ascii_lowercase().as_str())
+}
+
+/// Names of the columns that are no taxels.
+const SWEEP: &[&str] = &["sweep", "sweep_id"];
+const MATERIAL: &[&str] = &["material", "y", "label", "class"];
+pub(super) const TIME: &[&str] = &["time", "t", "timestamp", "time_s"];
+const STEP: &[&str] = &["step", "frame"];
+const BLOCK: &[&str] = &["block"];
+const TEST: &[&str] = &["test", "test_flag"];
+
+impl FrameTable<'_> {
+    /// Returns the sweeps in the order of their first frames.
+    ///
+    /// - `steps`: frames of every sweep that are kept, from its beginning; `None`: all, and all sweeps must be equally long
+    ///
+    /// # Errors
+    /// A column that is missing or has words instead of numbers; a sweep of two materials; sweeps of different lengths.
+    pub(super) fn into_sweeps(self, steps: Option<usize>) -> Result<NamedSweeps, DataError> {
+        let sweep_of = self.required(SWEEP)?.words();
+        let material_of = self.required(MATERIAL)?.words();
+        let taxels = self.taxels()?;
+        let mut order: Vec<&str> = Vec::new();
+        let mut frames: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+        for (row, sweep) in sweep_of.iter().enumerate() {
+            let rows = frames.entry(sweep).or_insert_with(|| {
+                order.push(sweep);
+                Vec::new()
+            });
+            if let Some(&first) = rows.first()
+                && material_of[first] != material_of[row]
+            {
+                let found = format!("`{}` and `{}`", material_of[first], material_of[row]);
+                let item = format!("sweep `{sweep}`, row {}", row + 1);
+                return Err(self.error(item, "one material", found));
+            }
+            rows.push(row);
+        }
+        let lengths: Vec<usize> = order.iter().map(|sweep| frames[sweep].len()).collect();
+        let steps = common_length(self.path, &order, &lengths, steps)?;
+        let mut values = Vec::with_capacity(order.len() * steps * taxels.len());
+        for sweep in &order {
+            for &row in &frames[sweep][..steps] {
+                values.extend(taxels.iter().map(|column| column[row] as f32));
+            }
+        }
+        let firsts: Vec<usize> = order.iter().map(|sweep| frames[sweep][0]).collect();
+        Ok(NamedSweeps {
+            name: super::stem(self.path),
+            rate_hz: self.rate(&frames)?,
+            shape: SweepShape {
+                steps,
+                rows: 1,
+                cols: taxels.len(),
+            },
+            materials: firsts.iter().map(|&row| material_of[row].clone()).collect(),
+            blocks: self.per_sweep(BLOCK, &firsts, |value| value as u32)?,
+            test: self.per_sweep(TEST, &firsts, |value| value != 0.0)?,
+            samples: narrow(&values).map_err(|TooWide(value)| {
+                self.error("taxels", "values that a 32-bit float holds", value)
+            })?,
+        })
+    }
+
+    fn error(
+        &self,
+        item: impl Into<String>,
+        expected: impl Into<String>,
+        found: impl Into<String>,
+    ) -> DataError {
+        DataError::format(self.path, item, expected, found)
+    }
+
+    fn find(&self, names: &[&str]) -> Option<&Column> {
+        let found = self.columns.iter().find(|(name, _)| is_one_of(name, names));
+        found.map(|(_, column)| column)
+    }
+
+    fn required(&self, names: &[&str]) -> Result<&Column, DataError> {
+        self.find(names).ok_or_else(|| {
+            let there: Vec<&str> = self.columns.iter().map(|(name, _)| name.as_str()).collect();
+            self.error(
+                format!("column `{}`", names[0]),
+                "a table with columns `sweep`, `material` and one per taxel",
+                format!("only `{}`", there.join("`, `")),
+            )
+        })
+    }
+
+    /// Returns the columns of the taxels, `[taxels][frames]`.
+    fn taxels(&self) -> Result<Vec<&[f64]>, DataError> {
+        let known = [SWEEP, MATERIAL, TIME, STEP, BLOCK, TEST].concat();
+        let mut taxels = Vec::new();
+        for (name, column) in &self.columns {
+            if is_one_of(name, &known) {
+                continue;
+            }
+            match column {
+                Column::Numbers(numbers) => taxels.push(numbers.as_slice()),
+                Column::Words(_) => {
+                    let item = format!("column `{name}`");
+                    return Err(self.error(item, "a taxel's numbers", "words"));
+                }
+            }
+        }
+        if taxels.is_empty() {
+            return Err(self.error("columns", "one per taxel", "none"));
+        }
+        Ok(taxels)
+    }
+
+    /// One frame over the median time between two frames of a sweep.
+    fn rate(&self, frames: &BTreeMap<&str, Vec<usize>>) -> Result<Option<f64>, DataError> {
+        let Some(Column::Numbers(time)) = self.find(TIME) else {
+            return Ok(None);
+        };
+        let between = frames.values().flat_map(|rows| {
+            rows.array_windows()
+                .map(|&[before, after]| time[after] - time[before])
+        });
+        rate_of(self.path, between.collect()).map(Some)
+    }
+
+    /// One value for each sweep: that of its first frame.
+    fn per_sweep<T>(
+        &self,
+        names: &[&str],
+        firsts: &[usize],
+        convert: impl Fn(f64) -> T,
+    ) -> Result<Option<Vec<T>>, DataError> {
+        match self.find(names) {
+            None => Ok(None),
+            Some(Column::Numbers(numbers)) => {
+                let of_sweep = firsts.iter().map(|&row| numbers[row]);
+                if let Some(odd) = of_sweep.clone().find(|v| *v < 0.0 || v.fract() != 0.0) {
+                    let item = format!("column `{}`", names[0]);
+                    return Err(self.error(item, "whole numbers from 0", odd.to_string()));
+                }
+                Ok(Some(of_sweep.map(convert).collect()))
+            }
+            Some(Column::Words(_)) => {
+                let item = format!("column `{}`", names[0]);
+                Err(self.error(item, "whole numbers from 0", "words"))
+            }
+        }
+    }
+}
+
+/// Returns frames per second from the times between frames, in seconds.
+pub(super) fn rate_of(path: &Path, mut between: Vec<f64>) -> Result<f64, DataError> {
+    between.sort_by(f64::total_cmp);
+    match between.get(between.len() / 2) {
+        // Times are rounded in files: a rate within a thousandth of a whole number is that number.
+        Some(&period) if period.is_finite() && period > 0.0 => {
+            let rate = 1.0 / period;
+            let whole = rate.round();
+            Ok(if (rate - whole).abs() < 1e-3 * rate {
+                whole
+            } else {
+                rate
+            })
+        }
+        other => Err(DataError::format(
+            path,
+            "column `time`",
+            "seconds that grow from frame to frame",
+            other.map_or("a single frame".into(), |period| {
+                format!("{period} s between frames")
+            }),
+        )),
+    }
+}
+
+/// Returns the frames that every sweep has, of which `steps` are wanted.
+pub(super) fn common_length(
+    path: &Path,
+    sweeps: &[&str],
+    lengths: &[usize],
+    steps: Option<usize>,
+) -> Result<usize, DataError> {
+    let shortest = (0..lengths.len()).min_by_key(|&sweep| lengths[sweep]);
+    let Some(shortest) = shortest else {
+        return Err(DataError::format(path, "sweeps", "at least one", "none"));
+    };
+    let wanted = steps.unwrap_or(lengths[0]);
+    let odd = match steps {
+        Some(_) => (lengths[shortest] < wanted).then_some(shortest),
+        None => lengths.iter().position(|&length| length != wanted),
+    };
+    match odd {
+        None => Ok(wanted),
+        Some(odd) => Err(DataError::format(
+            path,
+            format!("sweep `{}`", sweeps[odd]),
+            match steps {
+                Some(_) => format!("at least the {wanted} frames asked for"),
+                None => format!("{wanted} frames, as `{}`", sweeps[0]),
+            },
+            format!(
+                "{}; `tactnet data import … --steps {}` keeps as many of each",
+                lengths[odd], lengths[shortest]
+            ),
+        )),
+    }
+}

@@ -1,0 +1,92 @@
+//! Sweeps in any order, each with the name of its material: what files of other programs hold.
+
+use std::collections::BTreeSet;
+
+use crate::{DataError, Dataset, LabelSet, Samples, SweepRecord, SweepShape};
+
+/// Sweeps of equal shape, each with its material.
+pub(super) struct NamedSweeps {
+    pub(super) name: String,
+    /// Frames per second; `None` where the file does not say.
+    pub(super) rate_hz: Option<f64>,
+    pub(super) shape: SweepShape,
+    /// `[sweeps]`
+    pub(super) materials: Vec<String>,
+    /// `[sweeps]`, where the file has them
+    pub(super) blocks: Option<Vec<u32>>,
+    /// `[sweeps]`, where the file has them
+    pub(super) test: Option<Vec<bool>>,
+    /// `[sweeps][steps][rows][cols]`
+    pub(super) samples: Samples,
+}
+
+impl NamedSweeps {
+    /// Labels the materials in the order of their names, whole numbers by their value.
+    ///
+    /// # Errors
+    /// As [`Dataset::new`].
+    pub(super) fn into_dataset(self) -> Result<Dataset, DataError> {
+        let names = sorted_names(&self.materials);
+        let place = |name: &String| names.iter().position(|other| other == name);
+        let of_sweep: Vec<usize> = self.materials.iter().filter_map(place).collect();
+        let labels = LabelSet::new(names)?;
+        let records = records(&of_sweep, labels.len(), self.blocks, self.test);
+        Dataset::at_rate(
+            self.name,
+            self.rate_hz,
+            self.shape,
+            labels,
+            records,
+            self.samples,
+        )
+    }
+}
+
+/// Returns every name once, in order; whole numbers by their value.
+pub(super) fn sorted_names(names: &[String]) -> Vec<String> {
+    let unique: BTreeSet<&String> = names.iter().collect();
+    let mut names: Vec<String> = unique.into_iter().cloned().collect();
+    let numbers: Option<Vec<i64>> = names.iter().map(|name| name.parse().ok()).collect();
+    if numbers.is_some() {
+        names.sort_by_key(|name| name.parse::<i64>().unwrap_or_default());
+    }
+    names
+}
+
+/// One record per sweep; the sweeps of a label are numbered in their order.
+pub(super) fn records(
+    labels: &[usize],
+    materials: usize,
+    blocks: Option<Vec<u32>>,
+    test: Option<Vec<bool>>,
+) -> Vec<SweepRecord> {
+    let mut seen = vec![0; materials];
+    labels
+        .iter()
+        .enumerate()
+        .map(|(index, &label)| {
+            seen[label] += 1;
+            SweepRecord {
+                label,
+                sweep: seen[label] - 1,
+                block: blocks.as_ref().map(|blocks| blocks[index]),
+                test: test.as_ref().map(|test| test[index]),
+            }
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_in_the_order_of_their_value_and_words_of_their_letters() {
+        let sorted = |names: &[&str]| {
+            let names: Vec<String> = names.iter().map(|name| name.to_string()).collect();
+            sorted_names(&names).join(" ")
+        };
+        assert_eq!(sorted(&["10", "2", "10", "-1"]), "-1 2 10");
+        assert_eq!(sorted(&["wood", "10", "2"]), "10 2 wood");
+    }
+}

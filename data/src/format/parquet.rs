@@ -1,0 +1,155 @@
+//! Parquet: a table with a row per frame, as `frame_table.rs` describes it. Behind the feature `parquet`.
+
+use std::fs::File;
+use std::path::Path;
+
+use parquet::basic::{LogicalType, TimeUnit};
+use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
+use parquet::data_type::{ByteArray, DataType};
+use parquet::errors::ParquetError;
+use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::schema::types::ColumnDescriptor;
+
+use super::frame_table::{Column, FrameTable, may_hold_words};
+use crate::{DataError, Dataset};
+
+/// Reads a file that may hold NaN or infinities.
+///
+/// - `steps`: frames of every sweep that are kept, from its beginning; `None`: all, and all sweeps must be equally long
+///
+/// # Errors
+/// What cannot be read; nested columns, missing values, words where numbers belong; sweeps of different lengths.
+pub fn read_with_gaps(path: &Path, steps: Option<usize>) -> Result<Dataset, DataError> {
+    let table = table(path)?;
+    let sweeps = table.into_sweeps(steps)?;
+    sweeps
+        .into_dataset()
+        .map_err(|error| super::in_file(path, error))
+}
+
+fn table(path: &Path) -> Result<FrameTable<'_>, DataError> {
+    let refused =
+        |error: ParquetError| DataError::format(path, "file", "a Parquet table", error.to_string());
+    let file = File::open(path).map_err(|error| DataError::io(path, "open", error))?;
+    let reader = SerializedFileReader::new(file).map_err(refused)?;
+    let schema = reader.metadata().file_metadata().schema_descr_ptr();
+    let mut columns = Vec::new();
+    for (index, descriptor) in schema.columns().iter().enumerate() {
+        let name = descriptor.path().string();
+        let item = || format!("column `{name}`");
+        if descriptor.max_rep_level() > 0 {
+            let expected = "a number or a word per frame (a row per frame, a column per taxel)";
+            return Err(DataError::format(path, item(), expected, "lists"));
+        }
+        // pandas keeps its index in the file.
+        if name.starts_with("__index_level_") {
+            continue;
+        }
+        let mut cells = Cells::default();
+        for group in 0..reader.num_row_groups() {
+            let group = reader.get_row_group(group).map_err(refused)?;
+            let rows = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
+            let before = cells.len();
+            let column = group.get_column_reader(index).map_err(refused)?;
+            if !cells.read(column, rows).map_err(refused)? {
+                let expected = "numbers or words; float16 as float32";
+                let found = format!("{:?}", descriptor.physical_type());
+                return Err(DataError::format(path, item(), expected, found));
+            }
+            if cells.len() != before + rows {
+                let found = format!("{} missing", rows + before - cells.len());
+                return Err(DataError::format(
+                    path,
+                    item(),
+                    "a value in every row",
+                    found,
+                ));
+            }
+        }
+        columns.push((name.clone(), cells.column(descriptor, &name)));
+    }
+    Ok(FrameTable { path, columns })
+}
+
+/// The values of a column, in whichever of the two they are.
+#[derive(Default)]
+struct Cells {
+    numbers: Vec<f64>,
+    words: Vec<String>,
+}
+
+impl Cells {
+    fn len(&self) -> usize {
+        self.numbers.len() + self.words.len()
+    }
+
+    /// Adds a row group's values; returns false for a type that is neither.
+    fn read(&mut self, column: ColumnReader, rows: usize) -> Result<bool, ParquetError> {
+        match column {
+            ColumnReader::BoolColumnReader(column) => self
+                .numbers
+                .extend(values(column, rows)?.into_iter().map(f64::from)),
+            ColumnReader::Int32ColumnReader(column) => self
+                .numbers
+                .extend(values(column, rows)?.into_iter().map(f64::from)),
+            ColumnReader::Int64ColumnReader(column) => self
+                .numbers
+                .extend(values(column, rows)?.into_iter().map(|value| value as f64)),
+            ColumnReader::FloatColumnReader(column) => self
+                .numbers
+                .extend(values(column, rows)?.into_iter().map(f64::from)),
+            ColumnReader::DoubleColumnReader(column) => self.numbers.extend(values(column, rows)?),
+            ColumnReader::ByteArrayColumnReader(column) => {
+                let found: Vec<ByteArray> = values(column, rows)?;
+                for word in found {
+                    self.words.push(word.as_utf8()?.to_string());
+                }
+            }
+            _ => return Ok(false),
+        }
+        Ok(true)
+    }
+
+    /// The column; times become seconds.
+    fn column(self, descriptor: &ColumnDescriptor, name: &str) -> Column {
+        if !self.words.is_empty() {
+            return Column::Words(self.words);
+        }
+        let per_second = match descriptor.logical_type_ref() {
+            Some(LogicalType::Timestamp { unit, .. } | LogicalType::Time { unit, .. }) => {
+                match unit {
+                    TimeUnit::MILLIS => 1e3,
+                    TimeUnit::MICROS => 1e6,
+                    TimeUnit::NANOS => 1e9,
+                }
+            }
+            _ => 1.0,
+        };
+        let numbers = self.numbers.into_iter().map(|value| value / per_second);
+        if may_hold_words(name) {
+            Column::Words(numbers.map(|number| number.to_string()).collect())
+        } else {
+            Column::Numbers(numbers.collect())
+        }
+    }
+}
+
+/// The values of a row group that are there.
+fn values<T: DataType>(
+    mut column: ColumnReaderImpl<T>,
+    rows: usize,
+) -> Result<Vec<T::T>, ParquetError> {
+    let (mut values, mut present) = (Vec::new(), Vec::new());
+    while present.len() < rows {
+        let left = rows - present.len();
+        let (read, _, levels) = column.read_records(left, Some(&mut present), None, &mut values)?;
+        if read == 0 {
+            break;
+        }
+        // A column in which nothing can be missing has no levels.
+        if levels == 0 {
+            present.resize(present.len() + read, 0);
+        }
+    }
+    Ok(values)
+}

@@ -1,0 +1,277 @@
+//! Files as people have them at hand: `X` and `y`, tables, folders.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use tactnet_data::format::{self, Format};
+use tactnet_data::{ASSUMED_RATE_HZ, DataSource, Dataset, FindingKind, Samples, SweepShape, check};
+
+use crate::{expected_materials, expected_samples, fixture, is_same, names};
+
+/// The twelve sweeps of the fixtures, as a line of taxels.
+fn assert_line(dataset: &Dataset) {
+    assert_eq!(dataset.samples(), &Samples::U8(expected_samples()));
+    let shape = SweepShape {
+        steps: 60,
+        rows: 1,
+        cols: 16,
+    };
+    assert_eq!(dataset.shape(), shape);
+}
+
+#[test]
+fn x_and_y_are_sweeps_and_their_materials() {
+    let numbers = format::read(&fixture("read/x_y_float16.npz")).unwrap();
+    assert_line(&numbers);
+    assert_eq!(names(&numbers), ["0", "1", "2"]);
+    assert!(numbers.is_rate_assumed());
+    assert_eq!(numbers.sample_rate_hz(), ASSUMED_RATE_HZ);
+
+    let words = format::read(&fixture("read/x_y_names.npz")).unwrap();
+    assert_eq!(words.samples(), &Samples::U8(expected_samples()));
+    assert_eq!(names(&words), expected_materials());
+    assert_eq!(
+        (words.is_rate_assumed(), words.sample_rate_hz()),
+        (false, 100.0)
+    );
+    assert_eq!((words.shape().rows, words.shape().cols), (4, 4));
+
+    let numbered = format::read(&fixture("read/materials_are_numbers.h5")).unwrap();
+    assert_eq!(names(&numbered), ["7", "10", "200"]);
+}
+
+#[test]
+fn an_assumed_rate_stays_assumed_until_somebody_names_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let assumed = format::read(&fixture("read/x_y_float16.npz")).unwrap();
+    let warned = |dataset: &Dataset| {
+        check(dataset)
+            .iter()
+            .any(|finding| finding.kind == FindingKind::AssumedRate)
+    };
+    assert!(warned(&assumed));
+    assert!(assumed.clone().first_steps(20).unwrap().is_rate_assumed());
+    assert!(assumed.of_materials(&[0, 2]).unwrap().is_rate_assumed());
+    for file in ["copy.h5", "copy.npz"] {
+        let path = dir.path().join(file);
+        Format::from_extension(&path)
+            .unwrap()
+            .write(&path, &assumed)
+            .unwrap();
+        let copy = format::read(&path).unwrap();
+        assert!(is_same(&copy, &assumed) && copy.is_rate_assumed(), "{file}");
+
+        let source = DataSource::File(path.clone());
+        let named = source.read_at(Some(100.0)).unwrap();
+        assert_eq!(
+            (named.sample_rate_hz(), named.is_rate_assumed()),
+            (100.0, false)
+        );
+        assert!(!warned(&named));
+        Format::from_extension(&path)
+            .unwrap()
+            .write(&path, &named)
+            .unwrap();
+        assert!(!format::read(&path).unwrap().is_rate_assumed());
+        assert_eq!(
+            source.read_at(Some(50.0)).unwrap_err().to_string(),
+            "sample rate: expected 100 Hz, as data set `copy` says, found 50 Hz"
+        );
+    }
+    let square = assumed.with_patch(4, 4).unwrap();
+    assert!(square.is_rate_assumed() && square.shape().rows == 4);
+    let odd = square.with_patch(4, 5).unwrap_err().to_string();
+    assert_eq!(
+        odd,
+        "shape: expected rows by columns of 16 taxels, found 4x5"
+    );
+}
+
+/// The frames of the fixtures' sweeps as lines of a table.
+fn frames(separator: char, first: impl Fn(usize, usize) -> String) -> Vec<String> {
+    let samples = expected_samples();
+    let sweeps = samples.chunks_exact(60 * 16).enumerate();
+    sweeps
+        .map(|(sweep, frames)| {
+            let mut text = String::new();
+            for (step, frame) in frames.chunks_exact(16).enumerate() {
+                let values: Vec<String> = frame.iter().map(u8::to_string).collect();
+                let values = values.join(&separator.to_string());
+                writeln!(text, "{}{values}", first(sweep, step)).unwrap();
+            }
+            text
+        })
+        .collect()
+}
+
+fn write(path: &Path, text: &str) {
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    std::fs::write(path, text).unwrap();
+}
+
+#[test]
+fn a_folder_of_tables_is_a_data_set() {
+    let dir = tempfile::tempdir().unwrap();
+    let materials = expected_materials();
+
+    // Listed, with a name for every column and times, separated by semicolons.
+    let listed = dir.path().join("listed");
+    let header = (0..16)
+        .map(|taxel| format!(";t{taxel}"))
+        .collect::<String>();
+    let mut labels = String::from("file,material,block,test\n");
+    for (sweep, text) in frames(';', |_, step| format!("{};", step as f64 / 100.0))
+        .iter()
+        .enumerate()
+    {
+        write(
+            &listed.join(format!("sweeps/{sweep}.csv")),
+            &format!("time{header}\n{text}"),
+        );
+        let material = &materials[sweep / 4];
+        writeln!(
+            labels,
+            "sweeps/{sweep}.csv, {material},{},{}",
+            sweep % 2,
+            sweep % 4 / 3
+        )
+        .unwrap();
+    }
+    write(&listed.join("labels.csv"), &labels);
+    let dataset = format::read(&listed).unwrap();
+    assert_line(&dataset);
+    assert_eq!(names(&dataset), materials);
+    assert_eq!(
+        (dataset.sample_rate_hz(), dataset.is_rate_assumed()),
+        (100.0, false)
+    );
+    assert_eq!(dataset.records()[7].block, Some(1));
+    assert_eq!(dataset.records()[7].test, Some(true));
+
+    // A folder for every material, without names or times.
+    let folders = dir.path().join("folders");
+    for (sweep, text) in frames(',', |_, _| String::new()).iter().enumerate() {
+        write(
+            &folders.join(format!("{}/{sweep:02}.csv", materials[sweep / 4])),
+            text,
+        );
+    }
+    let dataset = format::read(&folders).unwrap();
+    assert_line(&dataset);
+    assert_eq!(names(&dataset), materials);
+    assert!(dataset.is_rate_assumed());
+
+    // One shorter than the others.
+    let short = folders.join(format!("{}/00.csv", materials[0]));
+    let whole = frames(',', |_, _| String::new()).remove(0);
+    let text: String = whole.split_inclusive('\n').take(50).collect();
+    write(&short, &text);
+    let refused = format::read(&folders).unwrap_err().to_string();
+    assert!(refused.contains("50 frames, as"), "{refused}");
+    assert!(refused.contains("--steps 50"), "{refused}");
+    let cut = format::read_beginning(&folders, Some(50)).unwrap();
+    assert_eq!((cut.len(), cut.shape().steps), (12, 50));
+
+    let mistakes = [
+        ("1,2\n1,x\n", "line 2: expected a number, found `x`"),
+        (
+            "1,2\n1\n",
+            "line 2: expected 2 values, as in the first line, found 1",
+        ),
+        ("1,2\n3,4\n", "columns: expected 2 taxels"),
+        ("a,b\n", "file: expected a row per frame, found no frame"),
+    ];
+    for (text, complaint) in mistakes {
+        write(&short, text);
+        let refused = format::read(&folders).unwrap_err().to_string();
+        assert!(refused.contains(complaint), "{text}: {refused}");
+    }
+    let empty = format::read(dir.path()).unwrap_err().to_string();
+    assert!(
+        empty.contains("expected labels.csv with columns file, material"),
+        "{empty}"
+    );
+}
+
+#[test]
+fn a_table_with_a_row_per_frame_is_a_data_set() {
+    let dir = tempfile::tempdir().unwrap();
+    let materials = expected_materials();
+    let path = dir.path().join("frames.csv");
+    let header = (0..16)
+        .map(|taxel| format!(",taxel{taxel}"))
+        .collect::<String>();
+    let rows = frames(',', |sweep, step| {
+        format!("s{sweep},{},{},", materials[sweep / 4], step as f64 / 100.0)
+    });
+    write(
+        &path,
+        &format!("sweep,material,time{header}\n{}", rows.concat()),
+    );
+    let dataset = format::read(&path).unwrap();
+    assert_line(&dataset);
+    assert_eq!(names(&dataset), materials);
+    assert_eq!(dataset.sample_rate_hz(), 100.0);
+
+    write(&path, "sweep,taxel0\n1,2\n");
+    let refused = format::read(&path).unwrap_err().to_string();
+    assert!(
+        refused.contains("column `material`: expected a table with columns `sweep`, `material` and one per taxel, found only `sweep`, `taxel0`"),
+        "{refused}"
+    );
+    write(&path, "sweep,material,taxel0\n1,felt,2\n1,cork,2\n");
+    let refused = format::read(&path).unwrap_err().to_string();
+    assert!(
+        refused.contains("row 2: expected one material, found `felt` and `cork`"),
+        "{refused}"
+    );
+}
+
+#[cfg(feature = "parquet")]
+#[test]
+fn a_parquet_table_of_pandas_is_a_data_set() {
+    let dataset = format::read(&fixture("read/frames.parquet")).unwrap();
+    assert_line(&dataset);
+    assert_eq!(names(&dataset), expected_materials());
+    assert_eq!(
+        (dataset.sample_rate_hz(), dataset.is_rate_assumed()),
+        (100.0, false)
+    );
+    let refused = format::read(&fixture("read/bad_missing.parquet"))
+        .unwrap_err()
+        .to_string();
+    assert!(refused.contains("column `taxel3`: expected"), "{refused}");
+}
+
+#[test]
+fn axes_in_another_order_and_short_sweeps_are_suspicious() {
+    let shape = SweepShape {
+        steps: 8,
+        rows: 8,
+        cols: 300,
+    };
+    let dataset = format::read(&fixture("read/x_y_float16.npz")).unwrap();
+    let kinds = |dataset: &Dataset| -> Vec<FindingKind> {
+        check(dataset)
+            .into_iter()
+            .map(|finding| finding.kind)
+            .collect()
+    };
+    assert!(!kinds(&dataset).contains(&FindingKind::AxisOrder));
+    assert!(!kinds(&dataset).contains(&FindingKind::ShortSweeps));
+    let values = (0..6 * shape.values())
+        .map(|at| (at * 7919 % 251) as u8)
+        .collect();
+    let records = dataset.records()[..6].to_vec();
+    let turned = Dataset::new(
+        "turned",
+        750.0,
+        shape,
+        dataset.labels().clone(),
+        records,
+        Samples::U8(values),
+    )
+    .unwrap();
+    assert!(kinds(&turned).contains(&FindingKind::AxisOrder));
+    assert!(kinds(&turned).contains(&FindingKind::ShortSweeps));
+}
