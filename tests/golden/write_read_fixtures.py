@@ -11,6 +11,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pandas as pd
+import pyarrow
 
 ROOT = Path(__file__).resolve().parents[1] / "fixtures"
 OUT = ROOT / "read"
@@ -95,7 +96,7 @@ def main():
     np.savez_compressed(OUT / "bad_label_range.npz", samples=flat, labels=label + 1, **save)
     np.savez_compressed(OUT / "bad_nan.npz", samples=np.where(SAMPLES == SAMPLES.max(), np.nan, SAMPLES), **save)
     np.savez_compressed(OUT / "bad_complex.npz", samples=SAMPLES.astype("c8"), **save)
-    versions = {"h5py": h5py.__version__, "hdf5": h5py.version.hdf5_version, "numpy": np.__version__}
+    versions = {"h5py": h5py.__version__, "hdf5": h5py.version.hdf5_version, "numpy": np.__version__, "pandas": pd.__version__, "pyarrow": pyarrow.__version__}
     (OUT / "versions.json").write_text(json.dumps(versions, indent=2) + "\n")
 
 

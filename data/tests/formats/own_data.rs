@@ -104,6 +104,13 @@ fn frames(separator: char, first: impl Fn(usize, usize) -> String) -> Vec<String
         .collect()
 }
 
+/// Names of sixteen taxels, each behind a separator.
+fn columns(separator: char) -> String {
+    (0..16)
+        .map(|taxel| format!("{separator}taxel{taxel}"))
+        .collect()
+}
+
 fn write(path: &Path, text: &str) {
     std::fs::create_dir_all(path.parent().unwrap()).unwrap();
     std::fs::write(path, text).unwrap();
@@ -116,9 +123,7 @@ fn a_folder_of_tables_is_a_data_set() {
 
     // Listed, with a name for every column and times, separated by semicolons.
     let listed = dir.path().join("listed");
-    let header = (0..16)
-        .map(|taxel| format!(";t{taxel}"))
-        .collect::<String>();
+    let header = columns(';');
     let mut labels = String::from("file,material,block,test\n");
     for (sweep, text) in frames(';', |_, step| format!("{};", step as f64 / 100.0))
         .iter()
@@ -198,9 +203,7 @@ fn a_table_with_a_row_per_frame_is_a_data_set() {
     let dir = tempfile::tempdir().unwrap();
     let materials = expected_materials();
     let path = dir.path().join("frames.csv");
-    let header = (0..16)
-        .map(|taxel| format!(",taxel{taxel}"))
-        .collect::<String>();
+    let header = columns(',');
     let rows = frames(',', |sweep, step| {
         format!("s{sweep},{},{},", materials[sweep / 4], step as f64 / 100.0)
     });

@@ -183,11 +183,29 @@ impl GridPoint<'_> {
     }
 }
 
-/// A file by its whole path, since tasks may run elsewhere; a name stays.
+/// A file or folder by its whole path, since tasks may run elsewhere; a name stays.
 fn absolute(name: &str) -> String {
     let path = Path::new(name);
     path.canonicalize()
         .ok()
-        .filter(|_| name != "twin" && path.is_file())
+        .filter(|_| name != "twin")
         .map_or_else(|| name.to_string(), |path| path.display().to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn data_is_found_from_any_folder_whether_file_or_folder() {
+        let dir = tempfile::tempdir().unwrap();
+        let folder = dir.path().join("here/../sweeps");
+        std::fs::create_dir_all(dir.path().join("here")).unwrap();
+        std::fs::create_dir(dir.path().join("sweeps")).unwrap();
+        let found = absolute(&folder.display().to_string());
+        let expected = dir.path().canonicalize().unwrap().join("sweeps");
+        assert_eq!(found, expected.display().to_string());
+        assert_eq!(absolute("twin"), "twin");
+        assert_eq!(absolute("no/such/data.h5"), "no/such/data.h5");
+    }
 }
