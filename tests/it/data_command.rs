@@ -96,6 +96,86 @@ fn export_and_import_bring_the_same_sweeps_back() {
 }
 
 #[test]
+fn own_tables_are_checked_imported_and_trained_on() {
+    let lab = Lab::new();
+    for (material, swing) in [("cork", 3), ("felt", 7)] {
+        for sweep in 0..3 {
+            let rows: String = (0..120)
+                .map(|step| {
+                    let value = |taxel: usize| (step * swing + taxel * 5 + sweep * 11) % 40;
+                    format!("{},{},{},{}\n", value(0), value(1), value(2), value(3))
+                })
+                .collect();
+            let folder = lab.path("own").join(material);
+            std::fs::create_dir_all(&folder).unwrap();
+            std::fs::write(folder.join(format!("{sweep}.csv")), rows).unwrap();
+        }
+    }
+    let with = |verb: &[&str], options: &[&str]| {
+        let mut command = tactnet(verb.iter().copied());
+        command.arg(lab.path("own")).args(options);
+        command
+    };
+    let checked = stdout(&expect(0, with(&["data", "check"], &[])));
+    assert!(checked.contains("assumed sample rate"), "{checked}");
+    assert!(checked.contains("`train` deals 3 folds"), "{checked}");
+
+    let own = lab.path("own.npz").display().to_string();
+    let options = [
+        "--out", &own, "--steps", "100", "--rate", "200", "--shape", "2x2",
+    ];
+    expect(0, with(&["data", "import"], &options));
+    let info = stdout(&expect(0, tactnet(["data", "info", &own, "--json"])));
+    let info: serde_json::Value = serde_json::from_str(&info).unwrap();
+    assert_eq!(
+        info["shape"],
+        serde_json::json!({"steps": 100, "rows": 2, "cols": 2})
+    );
+    assert_eq!(
+        (&info["sample_rate_hz"], &info["sample_rate_assumed"]),
+        (&200.0.into(), &false.into())
+    );
+    let contradicted = ["train", "--data", &own, "--rate", "100"];
+    let message = stderr(&expect(2, tactnet(contradicted)));
+    assert!(message.contains("expected 200 Hz"), "{message}");
+
+    let recipe = lab.recipe(RecipeChange::default());
+    let train = |out: &str, options: &[&str]| {
+        let mut command = with(&["train", "--data"], options);
+        command
+            .arg("--recipe")
+            .arg(&recipe)
+            .arg("--out")
+            .arg(lab.path(out));
+        command
+    };
+    let message = stderr(&expect(0, train("assumed", &["--split", "hold-out"])));
+    assert!(message.contains("750 Hz is assumed"), "{message}");
+    assert_eq!(
+        lab.json("assumed/config.json")["classifier"]["sample_rate_assumed"],
+        true
+    );
+    assert_eq!(
+        lab.json("assumed/split.json")["test"]
+            .as_array()
+            .unwrap()
+            .len(),
+        2
+    );
+    let message = stderr(&expect(
+        0,
+        train("named", &["--folds", "3", "--rate", "200"]),
+    ));
+    assert!(!message.contains("assumed"), "{message}");
+    assert_eq!(lab.json("named/result.json")["n_train"], 4);
+    let message = stderr(&expect(2, train("many", &["--folds", "4"])));
+    assert!(
+        message.contains("at least 4, one for each fold, found 3"),
+        "{message}"
+    );
+}
+
+#[test]
 fn a_download_without_network_is_one_line_with_the_page_to_go_to() {
     let lab = Lab::new();
     let mut command = tactnet([

@@ -50,10 +50,12 @@ fn import_data_set(arguments: &ImportArgs, format: Format) -> anyhow::Result<Exi
     let ConvertArgs { data, out, force } = &arguments.convert;
     refuse_to_overwrite(out, *force)?;
     let path = Path::new(data);
-    let mut dataset = match data.as_str() {
-        source::TWIN => source::load(data)?,
-        _ if !path.exists() => source::load(data)?,
-        _ => read_beginning(path, arguments.steps)?,
+    let mut dataset = if data == source::TWIN || !path.exists() {
+        let twin = source::load(data)?;
+        let steps = arguments.steps.unwrap_or(twin.shape().steps);
+        twin.first_steps(steps)?
+    } else {
+        read_beginning(path, arguments.steps)?
     };
     if let Some(rate) = arguments.rate {
         dataset = dataset.with_sample_rate(rate)?;
