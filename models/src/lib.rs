@@ -30,7 +30,7 @@ mod tactnet;
 mod temperature;
 mod weights;
 
-pub use adam_update::{AdamStep, adam_update};
+pub use adam_update::adam_update;
 pub use belief::{
     Belief, argmax, entropy, log_mean_exp_into, log_softmax, log_softmax_into, majority_vote,
     mutual_information,
@@ -54,8 +54,8 @@ pub use svm::{Pair, PlattSigmoids, Svm, SvmSettings, fit_platt};
 pub use tactnet::{
     Architecture, InputShape, TactNet, TactNetConfig, TrainingForward, default_pools,
 };
-pub use tactnet_conv::Isa;
 pub use tactnet_conv::spare::take as spare_memory;
+pub use tactnet_conv::{AdamStep, Isa};
 pub use temperature::fit_inverse_temperature;
 pub use weights::{NamedTensor, Weights, values};
 

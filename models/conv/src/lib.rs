@@ -21,6 +21,7 @@
 //! | [`shared_block`] | the same from a process-wide cache of plans |
 //! | [`Weight`] | weights whose spectra are kept while they stay the same |
 //! | [`StreamBlock`], [`StreamHead`] | the network row by row, for one sweep as it is recorded; nothing allocates |
+//! | [`AdamStep`] | one step of the optimiser, in place |
 //! | [`Candidate`] | a tiling that the planner weighed, with its predicted time |
 //! | [`Isa`] | the instruction set, detected at run time |
 //! | [`spare`] | memory of earlier results, for later ones |
@@ -40,11 +41,13 @@
 //!        pooling  norm            winners of every window, batch statistics, their part of the gradients
 //!            simd                 vectors of maps
 //!        stream  stream_head      the network row by row
+//!        adam                     the optimiser's step
 //! ```
 
 // Kernels walk several register arrays by one index.
 #![allow(clippy::needless_range_loop)]
 
+mod adam;
 mod bands;
 mod batch_one;
 mod batch_one_stages;
@@ -80,6 +83,7 @@ pub mod timing;
 mod trim;
 mod weight;
 
+pub use adam::AdamStep;
 pub use block::{Block, Candidate, ForwardTrain, Gradients, Saved};
 pub use plans::shared_block;
 pub use shape::BlockShape;

@@ -4,6 +4,7 @@ pub(crate) mod adam;
 pub(crate) mod checkpoint;
 pub(crate) mod embedding;
 pub(crate) mod fit_mlp;
+pub(crate) mod in_pool;
 pub(crate) mod network_scorer;
 pub(crate) mod novelty;
 pub(crate) mod objective;

@@ -10,6 +10,7 @@ use tactnet_models::{
     log_softmax, log_softmax_into, matrix, mutual_information, spare_memory, values,
 };
 
+use crate::network::in_pool::in_pool;
 use crate::{Embedding, Normalizer, PipelineError, PredictionMethod, TactNetSetup};
 
 /// Sweeps that go through the network at once.
@@ -56,6 +57,10 @@ impl NetworkScorer {
         view: &SweepView<'_>,
         method: PredictionMethod,
     ) -> Vec<Vec<f64>> {
+        in_pool(|| self.score(view, method))
+    }
+
+    fn score(&self, view: &SweepView<'_>, method: PredictionMethod) -> Vec<Vec<f64>> {
         let masks = match method {
             PredictionMethod::Plain => None,
             PredictionMethod::McDropout { mc_samples } => Some(self.masks(mc_samples)),

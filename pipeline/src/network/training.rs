@@ -8,6 +8,7 @@ use tactnet_data::{Seed, TrainSplit, shuffle};
 use tactnet_models::{TactNet, TactNetConfig, Weights, dropout_masks, spare_memory};
 
 use crate::network::adam::FusedAdam;
+use crate::network::in_pool::in_pool;
 use crate::network::objective::{Perturbation, adversarial_pass, base_pass};
 use crate::{Normalizer, PipelineError, Recipe, TrainingMethod};
 
@@ -172,6 +173,10 @@ impl<'a> Training<'a> {
     /// # Errors
     /// A loss that is not finite, with its epoch and batch; the weights are then those before this batch.
     pub fn step(&mut self) -> Result<Option<BatchReport>, PipelineError> {
+        in_pool(|| self.take_step())
+    }
+
+    fn take_step(&mut self) -> Result<Option<BatchReport>, PipelineError> {
         let Position { epoch, batch, .. } = self.position;
         if epoch >= self.recipe.training.epochs {
             return Ok(None);
