@@ -39,11 +39,11 @@ pub struct Block {
 enum Route {
     /// Tap by tap: any shape.
     Direct,
-    /// Multiples of eight maps in and out, at most 32 taxels.
+    /// Multiples of eight maps in and out; bands of at most 32 taxels, kernels of at most as many.
     Spectral(Spectral),
     /// The same with maps of zeros added to the input.
     Padded(Spectral),
-    /// One map in, multiples of eight out, at most 16 taxels and a kernel of at most 15 x 5.
+    /// One map in, multiples of eight out; bands of at most 16 taxels and a kernel of at most 15 x 5.
     FirstLayer(FirstLayer),
 }
 
