@@ -1,4 +1,4 @@
-//! Cost of a frame during a sweep, and of the scores after the last one: `cargo bench --bench online`.
+//! Cost of a frame during a sweep, and of the scores after the last one, for arrays of 1 to 1024 taxels: `cargo bench --bench online`.
 //!
 //! A fresh full-size network: the work does not depend on the weights.
 
@@ -7,16 +7,16 @@ use rand_chacha::ChaCha8Rng;
 use tactnet_models::{Architecture, Compute, InputShape, StreamingNet, TactNet, TactNetConfig};
 
 const STEPS: usize = 1000;
-const TAXELS: usize = 16;
+const ARRAYS: [usize; 5] = [1, 16, 64, 256, 1024];
 
 fn main() {
     divan::main();
 }
 
-fn network(mc_samples: usize) -> StreamingNet {
+fn network(taxels: usize, mc_samples: usize) -> StreamingNet {
     let input = InputShape {
         steps: STEPS,
-        taxels: TAXELS,
+        taxels,
     };
     let config = TactNetConfig::new(Architecture::default(), input, 36)
         .unwrap_or_else(|error| panic!("{error}"));
@@ -27,7 +27,7 @@ fn network(mc_samples: usize) -> StreamingNet {
     let net = TactNet::init(&config, &device, &mut rng);
     // Four features kept, one dropped, as with a keep probability of 0.8.
     let mask = |i: usize| {
-        if (i * 2_654_435_761) >> 16 & 0xff < 205 {
+        if (i.wrapping_mul(2_654_435_761)) >> 16 & 0xff < 205 {
             1.25
         } else {
             0.0
@@ -37,47 +37,57 @@ fn network(mc_samples: usize) -> StreamingNet {
     StreamingNet::new(&net, &config, &masks)
 }
 
-fn frame(number: usize) -> [f32; TAXELS] {
-    std::array::from_fn(|taxel| ((number * 31 + taxel * 17) % 23) as f32 - 11.0)
+fn frame(taxels: usize, number: usize) -> Vec<f32> {
+    let value = |taxel| ((number * 31 + taxel * 17) % 23) as f32 - 11.0;
+    (0..taxels).map(value).collect()
 }
 
-/// A whole sweep, frame by frame, without scores: divide by 1000.
-#[divan::bench(sample_count = 50)]
-fn all_frames_of_a_sweep(bencher: Bencher) {
-    let mut net = network(0);
+/// A sweep but for its last frame.
+fn almost_whole(taxels: usize, mc_samples: usize) -> StreamingNet {
+    let mut net = network(taxels, mc_samples);
+    (0..STEPS - 1).for_each(|number| net.push(&frame(taxels, number)));
+    net
+}
+
+/// A whole sweep, frame by frame, without scores: divide by 1000. In real time a sweep lasts 1333 ms.
+#[divan::bench(args = ARRAYS, sample_count = 5, sample_size = 1)]
+fn all_frames_of_a_sweep(bencher: Bencher, taxels: usize) {
+    let mut net = network(taxels, 0);
+    let frames: Vec<Vec<f32>> = (0..STEPS).map(|number| frame(taxels, number)).collect();
     bencher.bench_local(|| {
         net.restart();
-        (0..STEPS).for_each(|number| net.push(&frame(number)));
+        frames.iter().for_each(|frame| net.push(frame));
     });
 }
 
 /// The frame that moves all three blocks.
-#[divan::bench(sample_count = 100)]
-fn heaviest_frame(bencher: Bencher) {
+#[divan::bench(args = ARRAYS, sample_count = 20, sample_size = 1)]
+fn heaviest_frame(bencher: Bencher, taxels: usize) {
     // Layer 1 closes its windows seven frames late, layer 2 seven rows late.
     let heaviest = 99 + 7 + 70 + 1;
+    let mut net = network(taxels, 0);
+    let last = frame(taxels, heaviest - 1);
+    (0..heaviest - 1).for_each(|number| net.push(&frame(taxels, number)));
     bencher
-        .with_inputs(|| {
-            let mut net = network(0);
-            (0..heaviest - 1).for_each(|number| net.push(&frame(number)));
-            net
-        })
-        .bench_local_refs(|net| net.push(&frame(heaviest - 1)));
+        .with_inputs(|| net.clone())
+        .bench_local_refs(|net| net.push(&last));
 }
 
-/// From the last frame to the scores; 0: plainly, else with so many dropout masks.
-#[divan::bench(args = [0, 100], sample_count = 200)]
-fn after_the_last_frame(bencher: Bencher, mc_samples: usize) {
-    let mut net = network(mc_samples);
-    (0..STEPS - 1).for_each(|number| net.push(&frame(number)));
-    net.push(&frame(STEPS - 1));
-    bencher.bench_local(|| {
-        let mut sum = 0.0;
-        if mc_samples == 0 {
-            net.scores(|scores| sum += scores[0]);
-        } else {
-            net.monte_carlo_scores(|scores| sum += scores[0]);
-        }
-        sum
-    });
+/// From the last frame to the scores, that frame included; with 0 or 100 dropout masks.
+#[divan::bench(args = [(1, 0), (16, 0), (64, 0), (256, 0), (1024, 0), (16, 100), (64, 100)], sample_count = 20, sample_size = 1)]
+fn after_the_last_frame(bencher: Bencher, (taxels, mc_samples): (usize, usize)) {
+    let begun = almost_whole(taxels, mc_samples);
+    let last = frame(taxels, STEPS - 1);
+    bencher
+        .with_inputs(|| begun.clone())
+        .bench_local_refs(|net| {
+            net.push(&last);
+            let mut sum = 0.0;
+            if mc_samples == 0 {
+                net.scores(|scores| sum += scores[0]);
+            } else {
+                net.monte_carlo_scores(|scores| sum += scores[0]);
+            }
+            sum
+        });
 }

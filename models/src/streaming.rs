@@ -10,14 +10,15 @@ use crate::{TactNet, TactNetConfig};
 /// The convolutions advance with every frame; after the last one only what SAME padding closes is left. At any time [`StreamingNet::features`]
 /// are those of the frames so far: the features that [`TactNet::features`] gives for a sweep of that many steps, with zeros for pooled steps that
 /// have not begun. Nothing allocates after [`StreamingNet::new`].
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct StreamingNet {
     blocks: Vec<StreamBlock>,
     /// Copies of `blocks` that are finished for the features so far.
     ends: Vec<StreamBlock>,
     features: FeatureRows,
-    /// As `features`, with what the ends add.
+    /// As `features`, with what the ends add after `ended_at` frames.
     ended: FeatureRows,
+    ended_at: Option<usize>,
     head: StreamHead,
     steps: usize,
     frames: usize,
@@ -96,6 +97,7 @@ impl StreamingNet {
             ends: blocks.clone(),
             blocks,
             ended: features.clone(),
+            ended_at: None,
             features,
             head: StreamHead::new(
                 [&hidden.weight, &hidden.bias],
@@ -116,6 +118,7 @@ impl StreamingNet {
         self.features.values.fill(0.0);
         self.features.filled = 0;
         self.frames = 0;
+        self.ended_at = None;
     }
 
     /// Returns the number of frames so far.
@@ -142,8 +145,17 @@ impl StreamingNet {
 
     /// Computes the inputs of the dense layer for the frames so far, `[maps x pooled steps x taxels]`.
     fn end(&mut self) {
-        for (end, block) in self.ends.iter_mut().zip(&self.blocks) {
-            end.copy_from(block);
+        if self.ended_at == Some(self.frames) {
+            return;
+        }
+        self.ended_at = Some(self.frames);
+        if self.is_complete() {
+            // The blocks take no further frame before they restart.
+            std::mem::swap(&mut self.ends, &mut self.blocks);
+        } else {
+            for (end, block) in self.ends.iter_mut().zip(&self.blocks) {
+                end.copy_from(block);
+            }
         }
         self.ended.values.copy_from_slice(&self.features.values);
         self.ended.filled = self.features.filled;
@@ -299,6 +311,9 @@ mod tests {
         let (mut plain, mut mc_samples) = (Vec::new(), Vec::new());
         streaming.scores(|scores| plain.extend_from_slice(scores));
         streaming.monte_carlo_scores(|scores| mc_samples.extend_from_slice(scores));
+        let before = plain.clone();
+        streaming.scores(|scores| plain.copy_from_slice(scores));
+        assert_eq!(plain, before, "asked again");
         close(&plain, &values(net.head(features.clone())));
         close(
             &mc_samples,

@@ -1,10 +1,11 @@
 //! Where a training step on an array of any shape goes, layer by layer of TactNet-II:
-//! `cargo bench -p tactnet-conv --bench layers -- 6x10x75 [BATCH]` (rows x columns x steps; batch 36).
+//! `cargo bench -p tactnet-conv --bench layers -- 6x10x75 [BATCH]` (rows x columns x steps; batch 36). The last line is the memory that
+//! all layers together leave behind for the next step.
 
 use std::hint::black_box;
 use std::time::Instant;
 
-use tactnet_conv::{Block, BlockShape, Candidate, Isa, spare};
+use tactnet_conv::{Block, BlockShape, Candidate, Isa, spare, workspace_bytes};
 
 const MAPS: [usize; 4] = [1, 32, 64, 128];
 const POOL: usize = 10;
@@ -104,4 +105,9 @@ fn run() {
         );
         steps = steps.div_ceil(POOL);
     }
+    println!(
+        "kept between passes: workspaces {} MiB, results {} MiB",
+        workspace_bytes() >> 20,
+        spare::bytes() >> 20
+    );
 }

@@ -22,6 +22,11 @@ pub(super) static BYTES: Buffers<Vec<u8>> = Buffers::at_most(MAX_KEPT);
 /// Lists of winners.
 pub(super) static WINNERS: Buffers<Vec<Winner>> = Buffers::at_most(MAX_KEPT);
 
+/// Returns the bytes that all pools of workspaces keep between passes, results that [`crate::spare`] keeps not counted.
+pub fn workspace_bytes() -> usize {
+    OCTETS.bytes() + VALUES.bytes() + BYTES.bytes() + WINNERS.bytes()
+}
+
 /// A pool of buffers, the one that has been unused longest first.
 #[derive(Debug)]
 pub(super) struct Buffers<B> {
@@ -112,6 +117,11 @@ impl<B: Buffer> Buffers<B> {
         let freed: Vec<B> = kept.drain(..oldest).collect();
         drop(kept);
         drop(freed);
+    }
+
+    /// Returns the bytes that the pool keeps now.
+    pub(super) fn bytes(&self) -> usize {
+        self.kept().iter().map(|kept| kept.room() * B::BYTES).sum()
     }
 
     fn kept(&self) -> MutexGuard<'_, Vec<B>> {

@@ -85,6 +85,7 @@ mod weight;
 
 pub use adam::AdamStep;
 pub use block::{Block, Candidate, ForwardTrain, Gradients, Saved};
+pub use buffers::workspace_bytes;
 pub use plans::shared_block;
 pub use shape::BlockShape;
 pub use simd::Isa;

@@ -21,6 +21,11 @@ pub fn take(len: usize) -> Vec<f32> {
     }
 }
 
+/// Returns the bytes that are kept now.
+pub fn bytes() -> usize {
+    SPARE.bytes()
+}
+
 /// Gives memory back for [`take`]; less than [`MIN_LEN`] values are freed.
 pub fn give(values: Vec<f32>) {
     if values.len() >= MIN_LEN {

@@ -12,7 +12,7 @@ const PANEL: usize = 8;
 /// The layers behind the convolutions: dense, ReLU, output.
 ///
 /// Only [`StreamHead::new`] allocates. All of it runs on the calling thread.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct StreamHead {
     isa: Isa,
     features: usize,
@@ -33,7 +33,7 @@ pub struct StreamHead {
 }
 
 /// One draw of the dropout.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Mask {
     /// The smaller of the two sets: features that are dropped, or kept.
     features: Vec<u32>,
