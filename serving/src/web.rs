@@ -1,6 +1,7 @@
 //! Answers to browsers and Prometheus: one thread with a small HTTP server.
 
 mod dashboard;
+mod listen;
 
 use std::convert::Infallible;
 use std::net::{SocketAddr, TcpListener};
@@ -18,6 +19,7 @@ use tokio::sync::{oneshot, watch};
 
 use crate::{Measures, ServeError};
 pub use dashboard::Dashboard;
+pub use listen::{Holder, listen};
 
 /// A server; it ends when this is dropped.
 #[derive(Debug)]
@@ -52,12 +54,13 @@ pub fn metrics(address: SocketAddr, measures: Arc<Measures>) -> Result<WebServer
         let text = measures.prometheus();
         async move { ([(CONTENT_TYPE, "text/plain; version=0.0.4")], text).into_response() }
     };
-    serve(address, Router::new().route("/metrics", get(answer)))
+    let router = Router::new().route("/metrics", get(answer));
+    serve(listen(address)?, router)
 }
 
 /// Answers `/` with a page and `/events` with a stream of `views`; `reset` is called when somebody asks for it.
 fn dashboard(
-    address: SocketAddr,
+    listener: TcpListener,
     page: &'static str,
     views: watch::Receiver<Arc<str>>,
     reset: impl Fn() + Clone + Send + Sync + 'static,
@@ -88,7 +91,7 @@ fn dashboard(
         }
     };
     serve(
-        address,
+        listener,
         Router::new()
             .route("/", get(move || async move { Html(page) }))
             .route("/events", get(events))
@@ -96,11 +99,10 @@ fn dashboard(
     )
 }
 
-fn serve(address: SocketAddr, router: Router) -> Result<WebServer, ServeError> {
+fn serve(listener: TcpListener, router: Router) -> Result<WebServer, ServeError> {
+    let address = listener.local_addr().map_err(ServeError::Web)?;
     let failed = |source| ServeError::Listen { address, source };
-    let listener = TcpListener::bind(address).map_err(failed)?;
     listener.set_nonblocking(true).map_err(failed)?;
-    let bound = listener.local_addr().map_err(failed)?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
@@ -122,7 +124,7 @@ fn serve(address: SocketAddr, router: Router) -> Result<WebServer, ServeError> {
     let thread = std::thread::Builder::new().name("web".into());
     let thread = thread.spawn(run).map_err(failed)?;
     Ok(WebServer {
-        address: bound,
+        address,
         stop: Some(stop),
         thread: Some(thread),
     })

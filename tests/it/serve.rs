@@ -173,6 +173,24 @@ fn wish(commands: &PutPort<SweepCommand>, kind: Wish, material: &str, sweeps: u3
 }
 
 #[test]
+fn a_taken_port_ends_the_demo_before_anything_is_trained() {
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = taken.local_addr().unwrap().to_string();
+    let begun = Instant::now();
+    let out = tactnet(["demo", "--listen", &address]).output().unwrap();
+    assert!(begun.elapsed() < Duration::from_secs(5));
+    expect(&out, 2);
+    let text = stderr(&out);
+    let begin = format!("error: cannot listen at {address}: ");
+    assert!(text.starts_with(&begin), "{text}");
+    assert!(text.trim_end().ends_with(" is free"), "{text}");
+    assert_eq!(
+        (text.lines().count(), text.matches("error:").count()),
+        (1, 1)
+    );
+}
+
+#[test]
 fn beliefs_of_live_sweeps_are_those_of_the_offline_classifier() {
     let robot = Robot::new("live");
     let _hub = robot.start(&["channel", "hub"]);

@@ -11,6 +11,9 @@ pub enum RehearsalError {
     /// The table's section of the classifier.
     #[error(transparent)]
     Skin(#[from] tactnet_skin::SkinError),
+    /// The page in the browser.
+    #[error(transparent)]
+    Serve(#[from] tactnet_serving::ServeError),
     /// A recording.
     #[error(transparent)]
     Recording(#[from] tactnet_recording::RecordingError),
@@ -70,6 +73,7 @@ impl RehearsalError {
         match self {
             Self::Channel(error) => error.is_usage(),
             Self::Skin(error) => error.is_usage(),
+            Self::Serve(error) => error.is_usage(),
             Self::Recording(error) => error.is_usage(),
             Self::NoMaterial { .. }
             | Self::NoSweep

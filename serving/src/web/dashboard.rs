@@ -1,7 +1,7 @@
 //! A live page in the browser. It only looks on: nobody notices when it ends.
 
 use std::collections::VecDeque;
-use std::net::SocketAddr;
+use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -79,9 +79,15 @@ pub struct Dashboard {
 impl Dashboard {
     /// Opens the channels and answers browsers.
     ///
+    /// - `listener`: see [`super::listen`]
+    ///
     /// # Errors
-    /// No hub; channels missing in the table; an address that cannot be had.
-    pub fn open(bus: &Bus, config: &ServeConfig, address: SocketAddr) -> Result<Self, ServeError> {
+    /// No hub; channels missing in the table; a system without threads or sockets to spare.
+    pub fn open(
+        bus: &Bus,
+        config: &ServeConfig,
+        listener: TcpListener,
+    ) -> Result<Self, ServeError> {
         let skin = bus.get_port(config.fingers[0].as_str(), Start::Now)?;
         let beliefs = bus.get_port(config.belief.as_str(), Start::Now)?;
         let status = bus.get_port(config.status.as_str(), Start::Now)?;
@@ -91,7 +97,7 @@ impl Dashboard {
         let (views, shown) = watch::channel::<Arc<str>>("{}".into());
         let now = Instant::now();
         Ok(Self {
-            web: super::dashboard(address, PAGE, shown, move || reset(&commands))?,
+            web: super::dashboard(listener, PAGE, shown, move || reset(&commands))?,
             skin,
             beliefs,
             status,
