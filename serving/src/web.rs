@@ -2,6 +2,8 @@
 
 mod dashboard;
 mod listen;
+mod objects;
+mod view;
 
 use std::convert::Infallible;
 use std::net::{SocketAddr, TcpListener};
@@ -11,8 +13,8 @@ use std::thread::JoinHandle;
 use axum::Router;
 use axum::http::StatusCode;
 use axum::http::header::{CONTENT_TYPE, HeaderMap};
+use axum::response::IntoResponse;
 use axum::response::sse::{Event, KeepAlive, Sse};
-use axum::response::{Html, IntoResponse};
 use axum::routing::{get, post};
 use futures_util::stream;
 use tokio::sync::{oneshot, watch};
@@ -58,10 +60,28 @@ pub fn metrics(address: SocketAddr, measures: Arc<Measures>) -> Result<WebServer
     serve(listen(address)?, router)
 }
 
-/// Answers `/` with a page and `/events` with a stream of `views`; `reset` is called when somebody asks for it.
+/// The page and what belongs to it: path, type and text. It needs nothing else.
+const PAGE: [(&str, &str, &str); 3] = [
+    (
+        "/",
+        "text/html; charset=utf-8",
+        include_str!("web/dashboard.html"),
+    ),
+    (
+        "/dashboard.css",
+        "text/css; charset=utf-8",
+        include_str!("web/dashboard.css"),
+    ),
+    (
+        "/dashboard.js",
+        "text/javascript; charset=utf-8",
+        include_str!("web/dashboard.js"),
+    ),
+];
+
+/// Answers with the page, and `/events` with a stream of `views`; `reset` is called when somebody asks for it.
 fn dashboard(
     listener: TcpListener,
-    page: &'static str,
     views: watch::Receiver<Arc<str>>,
     reset: impl Fn() + Clone + Send + Sync + 'static,
 ) -> Result<WebServer, ServeError> {
@@ -90,13 +110,14 @@ fn dashboard(
             }
         }
     };
-    serve(
-        listener,
-        Router::new()
-            .route("/", get(move || async move { Html(page) }))
-            .route("/events", get(events))
-            .route("/reset", post(reset)),
-    )
+    let mut router = Router::new()
+        .route("/events", get(events))
+        .route("/reset", post(reset));
+    for (path, kind, text) in PAGE {
+        let answer = move || async move { ([(CONTENT_TYPE, kind)], text) };
+        router = router.route(path, get(answer));
+    }
+    serve(listener, router)
 }
 
 fn serve(listener: TcpListener, router: Router) -> Result<WebServer, ServeError> {
