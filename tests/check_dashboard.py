@@ -34,7 +34,7 @@ OTHER_SKIN = """(() => {
   const names = Array.from({ length: Math.min(MATERIALS, 5) }, (_, i) => ['material ' + (i + 1) + ' with quite a long name, as people give them', (5 - i) / 20]);
   const next = { ...view, rows: ROWS, cols: COLS, materials: MATERIALS, frame: wave(0), trace: Array.from({ length: 750 }, (_, t) => wave(t)), alive: true };
   next.belief = { ...view.belief, stage: 'dropout', posterior: names, fused: names, fused_sweeps: 2 };
-  next.object = { number: 7, truth: names[1][0], several: false, sweeps: 2, answer: { material: names[0][0], nearest: names[0][0], probability: .25 }, right: false };
+  next.object = { number: 7, truth: names[1][0], taught: true, several: false, sweeps: 2, answer: { material: names[0][0], nearest: names[0][0], probability: .25 }, right: false };
   traces = []; source.close(); source.onmessage({ data: JSON.stringify(next) }); show();
 })()"""
 
@@ -102,11 +102,12 @@ def check_live(browser):
         "probabilities are shown": "document.querySelectorAll('#bars li').length === 6",
         "counters are shown": "document.querySelectorAll('#counters div').length >= 6",
         "no reading is lost": "view.counters.some(([name, n]) => name === 'lost readings' && n === 0)",
+        "sweeps are among the events, with their truth": "/sweep 1: .*, it was /.test(document.getElementById('events').innerText)",
         "the object is among the events, with its truth": "/\\d\\d:\\d\\d:\\d\\d.*object 1: said .*it was /.test(document.getElementById('events').innerText.replaceAll('\\n', ' '))",
         "the skin is drawn": PAINTED.format("heat"),
         "traces are drawn": PAINTED.format("traces"),
         "the scale has an end and a unit": "/^0\\d+raw sensor reading$/.test(document.getElementById('scale').textContent)",
-        "the answer is spoken": "document.querySelector('#said[aria-live=polite]').textContent.includes('it is ')||document.querySelector('#said').textContent.includes('It is ')",
+        "the answer is spoken": "document.querySelector('#said[aria-live=polite]').textContent.includes('. It is ')",
         "nothing is called old": "!document.body.classList.contains('stale') && !document.getElementById('age').textContent",
     }.items():
         if not browser.run(script):

@@ -32,7 +32,7 @@ function showAnswer() {
   truth.className = object.right === null ? "" : object.right ? "right" : "wrong";
   set("truth", object.several ? "Several materials were touched since the last new object."
     : object.truth === null ? "" : object.right === null ? "It is " + object.truth + "."
-    : (object.right ? "✓ Right" : "✗ Wrong") + ": it is " + object.truth + (answer.material === null ? (object.right ? ", which it was never taught." : ".") : "."));
+    : (object.right ? "✓ Right" : "✗ Wrong") + ": it is " + object.truth + (object.taught ? "." : ", which it was never taught."));
   if (belief) {
     const [name, p] = belief.posterior[0] || ["", 0], whole = belief.stage !== "anytime";
     set("sweep", "Sweep " + (object.sweeps + (whole ? 0 : 1)) + (whole ? " alone: " : " so far: ") + (belief.unknown ? "unknown, nearest " : "") + name + " " + percent(p));
@@ -41,7 +41,7 @@ function showAnswer() {
   const fused = belief && belief.fused_sweeps > 0 && object.sweeps > 0, rows = !belief ? [] : fused ? belief.fused : belief.posterior;
   set("bars-title", fused ? "Probabilities, all sweeps of this object" : "Probabilities, this sweep");
   showBars(rows);
-  const text = !answer ? "" : "Object " + object.number + ", after " + object.sweeps + " sweeps: " + el("answer").textContent + (object.truth && !object.several ? ". It is " + object.truth : "") + ".";
+  const text = !answer ? "" : "Object " + object.number + ", after " + object.sweeps + (object.sweeps === 1 ? " sweep: " : " sweeps: ") + el("answer").textContent + (object.truth && !object.several ? ". It is " + object.truth : "") + ".";
   if (text && text !== said) { said = text; el("said").textContent = text; }
 }
 function showBars(rows) {
@@ -92,6 +92,7 @@ function showAge() {
   el("state").className = old || !view ? "dead" : "alive";
   set("state", !view ? "connecting" : lost ? "connection lost, trying again" : dead ? "the classifier is silent" : "live");
   set("age", old && view ? "Old: this was the answer " + ago(view.heard_ms + silent) + " ago." : "");
+  el("reset").disabled = Boolean(old) || !view;
   set("rate", view && !old ? view.frames_per_s.toFixed(0) + " readings a second" : "");
 }
 
@@ -186,7 +187,8 @@ el("heat").addEventListener("keydown", event => {
 function show() {
   const most = Math.max(0, ...view.frame);
   if (most > top_) { top_ = Math.ceil(most / 20) * 20; }
-  set("scale-high", String(top_));
+  set("scale-high", String(top_)); set("trace-title", "The same sensors over the last " + SECONDS + " seconds, each from 0 to " + top_);
+  document.body.style.setProperty("--shape", skin()[1] + " / " + skin()[0]);
   showAnswer(); showScore(); showEvents(); showCounters(); showAge(); draw();
 }
 const source = new EventSource("events");

@@ -25,6 +25,8 @@ pub(super) struct Object {
     number: u64,
     /// Its material, where somebody says so.
     truth: Option<String>,
+    /// False if the network was not taught that material.
+    taught: bool,
     /// True if more than one material was swept over since the reset.
     several: bool,
     /// Whole sweeps that were judged.
@@ -56,7 +58,9 @@ pub(super) struct Objects {
 
 impl Objects {
     /// A sweep begins over a material that is known to whoever commands it.
-    pub(super) fn sweep_over(&mut self, material: &str) {
+    ///
+    /// - `taught`: materials of the network
+    pub(super) fn sweep_over(&mut self, material: &str, taught: &[String]) {
         let object = &mut self.object;
         if material.is_empty() {
             return;
@@ -67,13 +71,13 @@ impl Objects {
             .as_deref()
             .is_some_and(|truth| truth != material);
         object.truth = Some(material.into());
+        object.taught = taught.iter().any(|name| name == material);
     }
 
     /// A whole sweep was judged.
     ///
     /// - `answer`: given all sweeps of the object
-    /// - `taught`: materials of the network
-    pub(super) fn judge(&mut self, answer: Answer, taught: &[String]) {
+    pub(super) fn judge(&mut self, answer: Answer) {
         let object = &mut self.object;
         object.number = object.number.max(1);
         object.sweeps += 1;
@@ -83,15 +87,13 @@ impl Objects {
             .filter(|_| !object.several)
             .map(|truth| match &answer.material {
                 Some(material) => material == truth,
-                None => !taught.contains(truth),
+                None => !object.taught,
             });
         object.answer = Some(answer);
     }
 
     /// The next sweep is of another object. Returns the one before, if it was judged.
-    ///
-    /// - `taught`: materials of the network
-    pub(super) fn next(&mut self, taught: &[String]) -> Option<Object> {
+    pub(super) fn next(&mut self) -> Option<Object> {
         if self.object.sweeps == 0 {
             // What was touched without being judged is the same object as before.
             self.object.truth = None;
@@ -103,11 +105,11 @@ impl Objects {
             ..Object::default()
         };
         let object = std::mem::replace(&mut self.object, next);
-        if let (Some(right), Some(truth)) = (object.right, &object.truth) {
+        if let Some(right) = object.right {
             let score = &mut self.score;
             score.all += 1;
             score.right += u64::from(right);
-            if !taught.contains(truth) {
+            if !object.taught {
                 score.new_all += 1;
                 score.new_right += u64::from(right);
             }
@@ -124,6 +126,11 @@ impl Object {
     /// Returns whether the answer is the truth, where both are there.
     pub(super) fn right(&self) -> Option<bool> {
         self.right
+    }
+
+    /// Returns the material under the finger, where somebody says so.
+    pub(super) fn truth(&self) -> Option<&str> {
+        self.truth.as_deref()
     }
 
     /// Returns one line for people, such as `object 3: said cork (97 %) after 3 sweeps, it was wood`.
@@ -170,16 +177,16 @@ mod tests {
     fn touch(objects: &mut Objects, truth: &str, said: Option<&str>) -> Option<Object> {
         let taught = ["cork".to_string(), "wood".to_string()];
         for _ in 0..3 {
-            objects.sweep_over(truth);
-            objects.judge(says(said), &taught);
+            objects.sweep_over(truth, &taught);
+            objects.judge(says(said));
         }
-        objects.next(&taught)
+        objects.next()
     }
 
     #[test]
     fn an_object_counts_once_and_unknown_is_right_for_what_was_not_taught() {
         let mut objects = Objects::default();
-        assert_eq!(objects.next(&[]), None);
+        assert_eq!(objects.next(), None);
         let first = touch(&mut objects, "cork", Some("cork")).unwrap();
         assert_eq!(
             first.line(),
@@ -205,16 +212,16 @@ mod tests {
     fn without_one_truth_nothing_is_scored() {
         let mut objects = Objects::default();
         let taught = ["cork".to_string(), "wood".to_string()];
-        objects.judge(says(Some("cork")), &taught);
+        objects.judge(says(Some("cork")));
         assert_eq!(
-            objects.next(&taught).unwrap().line(),
+            objects.next().unwrap().line(),
             "object 1: said cork (97 %) after 1 sweep"
         );
         // Nobody said that the object is another one.
-        objects.sweep_over("cork");
-        objects.sweep_over("wood");
-        objects.judge(says(Some("wood")), &taught);
-        assert_eq!(objects.next(&taught).unwrap().right(), None);
+        objects.sweep_over("cork", &taught);
+        objects.sweep_over("wood", &taught);
+        objects.judge(says(Some("wood")));
+        assert_eq!(objects.next().unwrap().right(), None);
         assert_eq!(objects.score, Score::default());
     }
 }

@@ -85,10 +85,13 @@ pub(super) struct Seen {
 impl Seen {
     pub(super) fn take_command(&mut self, command: &SweepCommand) {
         match command.command() {
-            Some(Command::Start) => self.objects.sweep_over(command.material.as_str()),
+            Some(Command::Start) => {
+                let material = command.material.as_str();
+                self.objects.sweep_over(material, &self.names);
+            }
             Some(Command::Reset) => {
                 self.belief = None;
-                if let Some(object) = self.objects.next(&self.names) {
+                if let Some(object) = self.objects.next() {
                     self.add(object.line(), object.right());
                 }
             }
@@ -117,7 +120,7 @@ impl Seen {
         if stage == last
             && let Some(answer) = shown.answer()
         {
-            self.objects.judge(answer, &self.names);
+            self.objects.judge(answer);
         }
         self.belief = Some(shown);
     }
@@ -132,7 +135,9 @@ impl Seen {
                     Some((name, p)) => format!("{name} ({:.0} %)", 100.0 * p),
                     None => return,
                 };
-                self.add(format!("sweep {}: {said}", status.sweep), None);
+                let truth = self.objects.object.truth();
+                let was = truth.map_or(String::new(), |truth| format!(", it was {truth}"));
+                self.add(format!("sweep {}: {said}{was}", status.sweep), None);
             }
             _ if text.is_empty() || status.event == Event::Reset as u32 => {}
             _ => self.add(format!("sweep {}: {text}", status.sweep), None),
@@ -241,7 +246,7 @@ mod tests {
         let object = serde_json::to_value(&seen.objects.object).unwrap();
         assert_eq!(
             object,
-            serde_json::json!({ "number": 1, "truth": "wood", "several": false, "sweeps": 1, "right": true,
+            serde_json::json!({ "number": 1, "truth": "wood", "taught": true, "several": false, "sweeps": 1, "right": true,
                 "answer": { "material": "wood", "nearest": "wood", "probability": 0.8_f32 } })
         );
         seen.take_command(&command(Command::Reset, ""));
