@@ -32,7 +32,8 @@ CUT_OFF = """[...document.querySelectorAll('section:not([hidden]) *, header *')]
 OTHER_SKIN = """(() => {
   const n = ROWS * COLS, wave = t => Array.from({ length: n }, (_, i) => 60 + 50 * Math.sin(i / 3 + t / 20));
   const names = Array.from({ length: Math.min(MATERIALS, 5) }, (_, i) => ['material ' + (i + 1) + ' with quite a long name, as people give them', (5 - i) / 20]);
-  const next = { ...view, rows: ROWS, cols: COLS, materials: MATERIALS, frame: wave(0), trace: Array.from({ length: 750 }, (_, t) => wave(t)), alive: true };
+  const next = { ...view, rows: ROWS, cols: COLS, materials: MATERIALS, frame: wave(0), alive: true };
+  next.trace = Array.from({ length: 750 }, (_, t) => wave(t).filter((_, i) => i % Math.ceil(n / 64) === 0));
   next.belief = { ...view.belief, stage: 'dropout', posterior: names, fused: names, fused_sweeps: 2 };
   next.object = { number: 7, truth: names[1][0], taught: true, several: false, sweeps: 2, answer: { material: names[0][0], nearest: names[0][0], probability: .25 }, right: false };
   traces = []; source.close(); source.onmessage({ data: JSON.stringify(next) }); show();

@@ -128,6 +128,11 @@ impl Object {
         self.right
     }
 
+    /// Returns how many whole sweeps were judged.
+    pub(super) fn sweeps(&self) -> u32 {
+        self.sweeps
+    }
+
     /// Returns the material under the finger, where somebody says so.
     pub(super) fn truth(&self) -> Option<&str> {
         self.truth.as_deref()

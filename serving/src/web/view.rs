@@ -118,7 +118,7 @@ impl Seen {
         };
         let last = if self.by_dropout { "dropout" } else { "plain" };
         if stage == last
-            && let Some(answer) = shown.answer()
+            && let Some(answer) = shown.answer(self.objects.object.sweeps() + 1)
         {
             self.objects.judge(answer);
         }
@@ -153,13 +153,16 @@ impl Seen {
 }
 
 impl Shown {
-    /// Returns what all sweeps of the object say together.
-    fn answer(&self) -> Option<Answer> {
-        // Sweeps of unknown materials are not fused.
-        let (rows, known) = match self.fused_sweeps {
-            0 => (&self.posterior, !self.unknown),
-            _ => (&self.fused, true),
+    /// Returns what all sweeps of the object say together: unknown where most of them were called so.
+    ///
+    /// - `sweeps`: whole sweeps of the object
+    fn answer(&self, sweeps: u32) -> Option<Answer> {
+        let rows = match self.fused_sweeps {
+            0 => &self.posterior,
+            _ => &self.fused,
         };
+        // Sweeps that were called unknown are not fused.
+        let known = 2 * self.fused_sweeps >= sweeps;
         let (nearest, probability) = rows.first()?;
         Some(Answer {
             material: known.then(|| nearest.clone()),
@@ -258,6 +261,11 @@ mod tests {
         // A sweep that was called unknown is not fused: nothing else is said of the object.
         seen.take_command(&command(Command::Start, "metal"));
         seen.take_belief(&belief(Stage::Dropout, Verdict::Unknown, &[]));
+        assert_eq!(seen.objects.object.right(), Some(true));
+        // One of two, then one of three: most of them were called unknown.
+        seen.take_belief(&belief(Stage::Dropout, Verdict::Known, &[0.2, 0.8]));
+        assert_eq!(seen.objects.object.right(), Some(false));
+        seen.take_belief(&belief(Stage::Dropout, Verdict::Unknown, &[0.2, 0.8]));
         assert_eq!(seen.objects.object.right(), Some(true));
     }
 
