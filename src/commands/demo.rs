@@ -47,7 +47,7 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
     }
     let mut demo = Demo::start(&program, folder.path(), &run, materials, listener)?;
     eprintln!(
-        "a simulated fingertip sweeps over {materials} materials; open http://{address} in a browser; Ctrl-C ends"
+        "a simulated fingertip feels objects of {materials} materials, three sweeps each; open http://{address} in a browser; Ctrl-C ends"
     );
     output::print(format_args!("ready"))?;
     while !stop.asked() {

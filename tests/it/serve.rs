@@ -14,6 +14,7 @@ use tactnet_models::Compute;
 use tactnet_pipeline::{Classifier, PredictionMethod, RunDir};
 use tactnet_skin::packets::{
     Command as Wish, Event, ModelNames, Stage, SweepCommand, TactileBelief, TactileStatus, Text,
+    Verdict,
 };
 use tactnet_skin::{SegmenterConfig, ServeConfig};
 
@@ -256,6 +257,21 @@ fn beliefs_of_live_sweeps_are_those_of_the_offline_classifier() {
                 );
             }
         }
+    }
+    // Without a reset all sweeps are of one object.
+    let calibration = RunDir::open(&robot.lab.path("models/1")).unwrap();
+    let calibration = calibration.calibration().unwrap().unwrap();
+    let whole = seen.iter().filter(|b| b.stage == Stage::Dropout as u32);
+    let mut sum = 0.0;
+    for (sweeps, live) in (1..).zip(whole) {
+        sum += f64::from(live.strangeness);
+        let verdict = match calibration.object_is_unknown(sum / sweeps as f64, sweeps) {
+            None => Verdict::NotTold,
+            Some(false) => Verdict::Known,
+            Some(true) => Verdict::Unknown,
+        };
+        assert_ne!(verdict, Verdict::NotTold);
+        assert_eq!(live.fused_verdict, verdict as u32, "{sweeps} sweeps");
     }
     // 40 ms are 30 frames, so three of 120 frames' beliefs come before the last.
     let anytime = seen

@@ -8,12 +8,10 @@ use tactnet_serving::web::Dashboard;
 use tactnet_skin::ServeConfig;
 
 use crate::write_table::write_table;
-use crate::{ChildProcess, RehearsalError, make_twin};
+use crate::{ChildProcess, RehearsalError, SMALL_SWEEPS, make_twin};
 
 /// Sweeps of one object; then what was fused is forgotten.
 const OBJECT_SWEEPS: &str = "3";
-/// Sweeps of each material. Those that the network was trained on are left out.
-const SWEEPS: usize = 80;
 
 /// The processes of a demonstration, on a bus of their own, and the page; they are killed if this is dropped before [`Demo::end`].
 pub struct Demo {
@@ -42,7 +40,7 @@ impl Demo {
         listener: TcpListener,
     ) -> Result<Self, RehearsalError> {
         let sweeps = folder.join("sweeps.h5");
-        make_twin(program, &sweeps, materials, SWEEPS)?;
+        make_twin(program, &sweeps, materials, SMALL_SWEEPS)?;
         let config = ServeConfig::default();
         let table = config.table(&format!("demo{}", std::process::id()));
         let path = write_table(&table, folder)?;

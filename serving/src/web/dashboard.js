@@ -5,7 +5,7 @@ const SECONDS = 3;
 const PATIENCE = 1000;
 let view = null, traces = [], came = 0, pending = false, chosen = -1, top_ = 20, said = "", connected = true;
 
-const percent = p => p > .9995 && p < 1 ? "> 99.9 %" : (100 * p).toFixed(1) + " %";
+const percent = p => p > .9995 && p < 1 ? "> 99.9\u00a0%" : (100 * p).toFixed(1) + "\u00a0%";
 const color = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const node = (tag, text, name) => { const made = document.createElement(tag); if (text !== undefined) made.textContent = text; if (name) made.className = name; return made; };
 const set = (id, text) => { if (el(id).textContent !== text) el(id).textContent = text; };
@@ -76,13 +76,13 @@ function showEvents() {
   const items = view.events.map(event => {
     const item = node("li"), time = node("time", new Date(event.at_ms).toLocaleTimeString("en-GB"));
     const mark = event.right === null ? "" : event.right ? "✓ " : "✗ ";
-    item.append(time, node("span", mark + event.text, event.right === null ? (event.text.startsWith("object") ? "object" : "") : "object " + (event.right ? "right" : "wrong"))); return item;
+    item.append(time, node("span", mark + event.text.replaceAll(" %", "\u00a0%"), event.right === null ? (event.text.startsWith("object") ? "object" : "") : "object " + (event.right ? "right" : "wrong"))); return item;
   });
   el("events").replaceChildren(...(items.length ? items : [node("li", "Nothing yet.", "soft")]));
 }
 function showCounters() {
   const rows = view.counters.map(([name, n]) => [name, n.toLocaleString("en")]);
-  if (view.belief) rows.push(["from the last reading to the answer, ms", (view.belief.latency_us / 1000).toFixed(2)]);
+  if (view.belief) rows.push(["last reading to answer, ms", (view.belief.latency_us / 1000).toFixed(2)]);
   if (view.model_version) rows.push(["version of the network", String(view.model_version)]);
   el("counters").replaceChildren(...rows.map(([name, n]) => { const pair = node("div"); pair.append(node("dt", name), node("dd", n)); return pair; }));
 }

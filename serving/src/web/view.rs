@@ -64,6 +64,9 @@ pub(super) struct Shown {
     frames: u32,
     latency_us: f64,
     unknown: bool,
+    /// Whether the object is, where the classifier tells.
+    #[serde(skip)]
+    object_unknown: Option<bool>,
     posterior: Vec<(String, f32)>,
     fused: Vec<(String, f32)>,
     fused_sweeps: u32,
@@ -112,6 +115,11 @@ impl Seen {
             frames: belief.frames,
             latency_us: belief.latency_ns as f64 / 1e3,
             unknown: belief.verdict == Verdict::Unknown as u32,
+            object_unknown: match belief.fused_verdict {
+                verdict if verdict == Verdict::Known as u32 => Some(false),
+                verdict if verdict == Verdict::Unknown as u32 => Some(true),
+                _ => None,
+            },
             posterior: largest(&belief.posterior, &self.names),
             fused: largest(&belief.fused, &self.names),
             fused_sweeps: belief.fused_sweeps,
@@ -153,7 +161,7 @@ impl Seen {
 }
 
 impl Shown {
-    /// Returns what all sweeps of the object say together: unknown where most of them were called so.
+    /// Returns what all sweeps of the object say together. Where the classifier does not tell, it is unknown if most sweeps were called so.
     ///
     /// - `sweeps`: whole sweeps of the object
     fn answer(&self, sweeps: u32) -> Option<Answer> {
@@ -162,7 +170,8 @@ impl Shown {
             _ => &self.fused,
         };
         // Sweeps that were called unknown are not fused.
-        let known = 2 * self.fused_sweeps >= sweeps;
+        let most = || 2 * self.fused_sweeps < sweeps;
+        let known = !self.object_unknown.unwrap_or_else(most);
         let (nearest, probability) = rows.first()?;
         Some(Answer {
             material: known.then(|| nearest.clone()),
@@ -265,8 +274,13 @@ mod tests {
         // One of two, then one of three: most of them were called unknown.
         seen.take_belief(&belief(Stage::Dropout, Verdict::Known, &[0.2, 0.8]));
         assert_eq!(seen.objects.object.right(), Some(false));
-        seen.take_belief(&belief(Stage::Dropout, Verdict::Unknown, &[0.2, 0.8]));
+        let mut third = belief(Stage::Dropout, Verdict::Unknown, &[0.2, 0.8]);
+        seen.take_belief(&third);
         assert_eq!(seen.objects.object.right(), Some(true));
+        // What the classifier says of the object goes before.
+        third.fused_verdict = Verdict::Known as u32;
+        seen.take_belief(&third);
+        assert_eq!(seen.objects.object.right(), Some(false));
     }
 
     #[test]
