@@ -1,13 +1,15 @@
 #!/usr/bin/env python3
 """Runs `tactnet demo` and opens its page in a real headless Chromium. Usage: check_dashboard.py TACTNET SCREENSHOTS_FOLDER
 
-Fails on any console message, a request to anywhere else, a page without belief, skin, traces or counters, sideways scrolling, or a demo that
-does not end when asked to. Leaves screenshots: wide and narrow, light and dark.
+Fails on any console message, a request to anywhere else, a page without answer, truth, score, skin or traces, more than three sweeps fused,
+a stale page that looks live, anything cut off or scrolling sideways, or a demo that does not end when asked to. Leaves screenshots: a laptop and
+a phone, light and dark, without a connection, and other skins with other numbers of materials.
 """
 
 import base64
 import itertools
 import pathlib
+import re
 import signal
 import socket
 import subprocess
@@ -16,15 +18,125 @@ import time
 
 from browser import Browser
 
+SIZES = {"laptop": (1280, 800), "phone": (390, 844)}
+SWEEPS_OF_AN_OBJECT = 3
+PAINTED = "[...document.getElementById('{}').getContext('2d').getImageData(0, 0, 300, 200).data].some(v => v > 0)"
+# Elements whose text or picture leaves the window sideways or its card downwards.
+CUT_OFF = """[...document.querySelectorAll('section:not([hidden]) *, header *')].filter(e => {
+  if (e.closest('.spoken') || !e.getClientRects().length) return false;
+  const r = e.getBoundingClientRect(), card = e.closest('section'), box = card && card.getBoundingClientRect();
+  if (r.right > innerWidth + 1 || r.left < -1) return true;
+  return box && !e.closest('#events') && (r.bottom > box.bottom + 1 || r.right > box.right + 1);
+}).map(e => e.id || e.className || e.tagName).join(' ')"""
+# A view of another skin and another number of materials, made from the last one.
+OTHER_SKIN = """(() => {
+  const n = ROWS * COLS, wave = t => Array.from({ length: n }, (_, i) => 60 + 50 * Math.sin(i / 3 + t / 20));
+  const names = Array.from({ length: Math.min(MATERIALS, 5) }, (_, i) => ['material ' + (i + 1) + ' with quite a long name, as people give them', (5 - i) / 20]);
+  const next = { ...view, rows: ROWS, cols: COLS, materials: MATERIALS, frame: wave(0), alive: true };
+  next.trace = Array.from({ length: 750 }, (_, t) => wave(t).filter((_, i) => i % Math.ceil(n / 64) === 0));
+  next.belief = { ...view.belief, stage: 'dropout', posterior: names, fused: names, fused_sweeps: 2 };
+  next.object = { number: 7, truth: names[1][0], taught: true, several: false, sweeps: 2, answer: { material: names[0][0], nearest: names[0][0], probability: .25 }, right: false };
+  traces = []; source.close(); source.onmessage({ data: JSON.stringify(next) }); show();
+})()"""
+
 tactnet = pathlib.Path(sys.argv[1]).resolve()
 folder = pathlib.Path(sys.argv[2])
 folder.mkdir(parents=True, exist_ok=True)
 with socket.socket() as free:
     free.bind(("127.0.0.1", 0))
     address = f"127.0.0.1:{free.getsockname()[1]}"
-
-demo = subprocess.Popen([tactnet, "demo", "--listen", address], stdout=subprocess.PIPE, text=True)
 wrong = []
+demo = subprocess.Popen([tactnet, "demo", "--listen", address], stdout=subprocess.PIPE, text=True)
+
+
+def wait_for(browser, script, seconds, what):
+    for _ in range(int(10 * seconds)):
+        if browser.run(script):
+            return True
+        time.sleep(0.1)
+    wrong.append(f"not so: {what}")
+    return False
+
+
+def show_at(browser, size, scheme):
+    width, height = SIZES[size]
+    browser.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=size == "phone")
+    browser.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+    time.sleep(0.3)
+
+
+def check_frame(browser, where):
+    if not browser.run("document.documentElement.scrollWidth <= innerWidth"):
+        wrong.append(f"{where}: the page scrolls sideways")
+    if cut := browser.run(CUT_OFF):
+        wrong.append(f"{where}: cut off: {cut}")
+    if where.startswith("laptop") and not browser.run("document.documentElement.scrollHeight <= innerHeight"):
+        wrong.append(f"{where}: higher than the window")
+
+
+def shoot(browser, name):
+    shot = browser.call("Page.captureScreenshot", captureBeyondViewport=True, format="png")
+    (folder / f"{name}.png").write_bytes(base64.b64decode(shot["data"]))
+
+
+def check_live(browser):
+    # Until the first object is finished: its sweeps are counted, and forgotten afterwards.
+    seen = []
+    for _ in range(600):
+        state = browser.run("view && view.object ? [view.object.number, view.object.sweeps, view.belief ? view.belief.fused_sweeps : 0] : null")
+        if state and (not seen or seen[-1] != state):
+            seen.append(state)
+        if state and state[0] >= 2 and state[1] >= 1:
+            break
+        time.sleep(0.05)
+    for number, sweeps, fused in seen:
+        if max(sweeps, fused) > SWEEPS_OF_AN_OBJECT or fused > sweeps:
+            wrong.append(f"object {number}: {fused} fused of {sweeps} sweeps")
+    if [1, SWEEPS_OF_AN_OBJECT] not in [state[:2] for state in seen] or seen[-1][0] < 2:
+        wrong.append(f"no reset after three sweeps: {seen}")
+    for what, script in {
+        "the classifier is said to serve": "document.getElementById('state').className === 'alive'",
+        "a material is named": "document.getElementById('answer').textContent.length > 2",
+        "the truth is told": "/^(✓ Right|✗ Wrong): it is .+/.test(document.getElementById('truth').textContent)",
+        "the score counts the first object": "/^[01] of 1$/.test(document.getElementById('score').textContent)",
+        "its mark is there": "document.querySelectorAll('#marks li').length === 1",
+        "probabilities are shown": "document.querySelectorAll('#bars li').length === 6",
+        "counters are shown": "document.querySelectorAll('#counters div').length >= 6",
+        "no reading is lost": "view.counters.some(([name, n]) => name === 'lost readings' && n === 0)",
+        "sweeps are among the events, with their truth": "/sweep 1: .*, it was /.test(document.getElementById('events').innerText)",
+        "the object is among the events, with its truth": "/\\d\\d:\\d\\d:\\d\\d.*object 1: said .*it was /.test(document.getElementById('events').innerText.replaceAll('\\n', ' '))",
+        "the skin is drawn": PAINTED.format("heat"),
+        "traces are drawn": PAINTED.format("traces"),
+        "the scale has an end and a unit": "/^0\\d+raw sensor reading$/.test(document.getElementById('scale').textContent)",
+        "the answer is spoken": "document.querySelector('#said[aria-live=polite]').textContent.includes('. It is ')",
+        "nothing is called old": "!document.body.classList.contains('stale') && !document.getElementById('age').textContent",
+    }.items():
+        if not browser.run(script):
+            wrong.append(f"not so: {what}")
+
+
+def check_choice(browser):
+    """A sensor is found by mouse and by keyboard, which reaches everything."""
+    box = browser.run("(() => { const b = heatBox(), r = document.getElementById('heat').getBoundingClientRect(); return [r.left + b.left, r.top + b.top, b.side]; })()")
+    browser.call("Input.dispatchMouseEvent", type="mouseMoved", x=box[0] + 2.5 * box[2], y=box[1] + 1.5 * box[2])
+    if not browser.run("document.getElementById('chosen').textContent.startsWith('Sensor in row 2, column 3: now ')"):
+        wrong.append("the mouse does not find the sensor in row 2, column 3")
+    shoot(browser, "laptop_chosen")
+    reached = []
+    for _ in range(4):
+        browser.press("Tab", 9)
+        reached.append(browser.run("document.activeElement.id"))
+        if reached[-1] == "heat":
+            browser.press("Escape", 27)
+            browser.press("ArrowRight", 39)
+            browser.press("ArrowDown", 40)
+            if not browser.run("document.getElementById('chosen-said').textContent.startsWith('Sensor in row 2, column 1')"):
+                wrong.append("the arrow keys do not choose a sensor")
+            browser.press("Escape", 27)
+    if not {"reset", "heat", "events"} <= set(reached):
+        wrong.append(f"the keyboard reaches only {reached}")
+
+
 try:
     if demo.stdout.readline() != "ready\n":
         sys.exit("the demo did not start")
@@ -33,52 +145,51 @@ try:
         for domain in ("Page", "Runtime", "Log", "Network"):
             browser.call(f"{domain}.enable")
         browser.call("Page.navigate", url=f"http://{address}/")
-        # A belief of a whole sweep, so that the fused ones are there, too.
-        for _ in range(300):
-            time.sleep(0.1)
-            if browser.run("document.querySelectorAll('#fused .bar').length"):
-                break
-        for width, scheme in itertools.product((1280, 390), ("light", "dark")):
-            browser.call("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=width < 600)
-            browser.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
-            time.sleep(0.5)
-            for what, script in {
-                "the classifier is said to serve": "document.getElementById('state').className === 'alive'",
-                "a material is named": "document.getElementById('guess').textContent.length > 2",
-                "probabilities are shown": "document.querySelectorAll('#posterior .bar').length >= 5",
-                "fused probabilities are shown": "document.querySelectorAll('#fused .bar').length >= 5",
-                "counters are shown": "document.querySelectorAll('#counters tr').length >= 6",
-                "no frame is lost": "[...document.querySelectorAll('#counters tr')].some(r => r.innerText.includes('lost') && r.cells[1].innerText === '0')",
-                "the skin is drawn": "[...document.getElementById('heat').getContext('2d').getImageData(0, 0, 200, 200).data].some(v => v > 0)",
-                "traces are drawn": "[...document.getElementById('traces').getContext('2d').getImageData(0, 0, 300, 250).data].some(v => v > 0)",
-                "the page does not scroll sideways": "document.documentElement.scrollWidth <= innerWidth",
-                "the button has a name": "document.getElementById('reset').textContent.length > 0",
-            }.items():
-                if not browser.run(script):
-                    wrong.append(f"{width} {scheme}: not so: {what}")
-            shot = browser.call("Page.captureScreenshot", captureBeyondViewport=True, format="png")
-            (folder / f"{width}_{scheme}.png").write_bytes(base64.b64decode(shot["data"]))
+        wait_for(browser, "document.readyState === 'complete' && typeof view !== 'undefined'", 10, "the page comes")
+        show_at(browser, "laptop", "light")
+        check_live(browser)
+        for size, scheme in itertools.product(SIZES, ("light", "dark")):
+            show_at(browser, size, scheme)
+            check_frame(browser, f"{size} {scheme}")
+            shoot(browser, f"{size}_{scheme}")
+        show_at(browser, "laptop", "light")
+        check_choice(browser)
+        before = browser.run("view.object.number")
         browser.run("document.getElementById('reset').click()")
-        for _ in range(50):
-            time.sleep(0.1)
-            if browser.run("document.getElementById('events').innerText.includes('fused sweeps forgotten')"):
-                break
-        else:
-            wrong.append("the button does not reset the fused sweeps")
-        for event in browser.events:
+        wait_for(browser, f"view.object.number > {before}", 5, "the button begins a new object")
+        wait_for(browser, "view.object.answer", 10, "the new object is judged")
+        demo.send_signal(signal.SIGTERM)
+        if demo.wait(20) != 0:
+            wrong.append(f"the demo ended with {demo.returncode}")
+        events = list(browser.events)
+        if wait_for(browser, "document.body.classList.contains('stale')", 5, "a page without a connection is stale"):
+            time.sleep(1.2)
+            for name in ("answer", "bars", "truth", "heat"):
+                if browser.run(f"Number(getComputedStyle(document.getElementById('{name}')).opacity)") > 0.6:
+                    wrong.append(f"stale, but not greyed: {name}")
+            age = browser.run("document.getElementById('age').textContent")
+            if not re.fullmatch(r"Old: this was the answer [1-9]\d* s ago\.", age):
+                wrong.append(f"a stale answer without its age: `{age}`")
+            shoot(browser, "laptop_stale")
+        for rows, cols, materials in ((8, 8, 64), (6, 10, 2), (32, 32, 12)):
+            for size in SIZES:
+                show_at(browser, size, "dark" if materials == 2 else "light")
+                browser.run(OTHER_SKIN.replace("ROWS", str(rows)).replace("COLS", str(cols)).replace("MATERIALS", str(materials)))
+                check_frame(browser, f"{size} {rows}x{cols}, {materials} materials")
+                if browser.run("document.querySelectorAll('#bars li').length") != min(materials, 6):
+                    wrong.append(f"{materials} materials: wrong number of bars")
+                shoot(browser, f"{size}_{rows}x{cols}_{materials}")
+        for event in events:
             method, parameters = event.get("method"), event.get("params", {})
-            if method == "Network.requestWillBeSent" and not parameters["request"]["url"].startswith(f"http://{address}/"):
+            if method == "Network.requestWillBeSent" and not parameters["request"]["url"].startswith((f"http://{address}/", "data:")):
                 wrong.append(f"request to {parameters['request']['url']}")
             if method == "Runtime.consoleAPICalled" or method == "Runtime.exceptionThrown":
                 wrong.append(f"console: {parameters}")
-            # The second is about this script's own reading of pixels.
-            if method == "Log.entryAdded" and not any(word in str(parameters) for word in ("favicon", "willReadFrequently")):
+            # The second is about this script's own reading of pixels; the third about the end of the demo.
+            if method == "Log.entryAdded" and not any(word in str(parameters) for word in ("favicon", "willReadFrequently", "/events")):
                 wrong.append(f"log: {parameters}")
     finally:
         browser.close()
-    demo.send_signal(signal.SIGTERM)
-    if demo.wait(20) != 0:
-        wrong.append(f"the demo ended with {demo.returncode}")
 finally:
     # Killed at once it could not end its parts.
     demo.terminate()

@@ -6,6 +6,8 @@ use std::path::PathBuf;
 use tactnet_models::ModelError;
 use tactnet_pipeline::PipelineError;
 
+use crate::web::Holder;
+
 /// Errors of the service; each is one line for people.
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
@@ -53,6 +55,19 @@ pub enum ServeError {
         /// Answer of the system.
         source: std::io::Error,
     },
+    /// Another program listens at an address.
+    #[error("cannot listen at {address}: {holder} has that port{}", alternative(*free))]
+    Taken {
+        /// Where browsers or Prometheus were to be answered.
+        address: SocketAddr,
+        /// Who listens there.
+        holder: Holder,
+        /// The next port that nobody has.
+        free: Option<SocketAddr>,
+    },
+    /// The system tells nothing of a socket that listens.
+    #[error("a socket that listens: {0}")]
+    Web(#[source] std::io::Error),
     /// The system refused something.
     #[error("{}: {source}", path.display())]
     Io {
@@ -74,10 +89,16 @@ impl ServeError {
             Self::TooManyMaterials { .. }
             | Self::Unfit { .. }
             | Self::NoVersion { .. }
-            | Self::Listen { .. } => true,
+            | Self::Listen { .. }
+            | Self::Taken { .. } => true,
+            Self::Web(_) => false,
             Self::Io { source, .. } => tactnet_channel::is_wrong_path(source),
         }
     }
+}
+
+fn alternative(free: Option<SocketAddr>) -> String {
+    free.map_or(String::new(), |free| format!("; {free} is free"))
 }
 
 #[cfg(test)]

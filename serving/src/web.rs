@@ -1,6 +1,9 @@
 //! Answers to browsers and Prometheus: one thread with a small HTTP server.
 
 mod dashboard;
+mod listen;
+mod objects;
+mod view;
 
 use std::convert::Infallible;
 use std::net::{SocketAddr, TcpListener};
@@ -10,14 +13,15 @@ use std::thread::JoinHandle;
 use axum::Router;
 use axum::http::StatusCode;
 use axum::http::header::{CONTENT_TYPE, HeaderMap};
+use axum::response::IntoResponse;
 use axum::response::sse::{Event, KeepAlive, Sse};
-use axum::response::{Html, IntoResponse};
 use axum::routing::{get, post};
 use futures_util::stream;
 use tokio::sync::{oneshot, watch};
 
 use crate::{Measures, ServeError};
 pub use dashboard::Dashboard;
+pub use listen::{Holder, listen};
 
 /// A server; it ends when this is dropped.
 #[derive(Debug)]
@@ -52,13 +56,32 @@ pub fn metrics(address: SocketAddr, measures: Arc<Measures>) -> Result<WebServer
         let text = measures.prometheus();
         async move { ([(CONTENT_TYPE, "text/plain; version=0.0.4")], text).into_response() }
     };
-    serve(address, Router::new().route("/metrics", get(answer)))
+    let router = Router::new().route("/metrics", get(answer));
+    serve(listen(address)?, router)
 }
 
-/// Answers `/` with a page and `/events` with a stream of `views`; `reset` is called when somebody asks for it.
+/// The page and what belongs to it: path, type and text. It needs nothing else.
+const PAGE: [(&str, &str, &str); 3] = [
+    (
+        "/",
+        "text/html; charset=utf-8",
+        include_str!("web/dashboard.html"),
+    ),
+    (
+        "/dashboard.css",
+        "text/css; charset=utf-8",
+        include_str!("web/dashboard.css"),
+    ),
+    (
+        "/dashboard.js",
+        "text/javascript; charset=utf-8",
+        include_str!("web/dashboard.js"),
+    ),
+];
+
+/// Answers with the page, and `/events` with a stream of `views`; `reset` is called when somebody asks for it.
 fn dashboard(
-    address: SocketAddr,
-    page: &'static str,
+    listener: TcpListener,
     views: watch::Receiver<Arc<str>>,
     reset: impl Fn() + Clone + Send + Sync + 'static,
 ) -> Result<WebServer, ServeError> {
@@ -87,20 +110,20 @@ fn dashboard(
             }
         }
     };
-    serve(
-        address,
-        Router::new()
-            .route("/", get(move || async move { Html(page) }))
-            .route("/events", get(events))
-            .route("/reset", post(reset)),
-    )
+    let mut router = Router::new()
+        .route("/events", get(events))
+        .route("/reset", post(reset));
+    for (path, kind, text) in PAGE {
+        let answer = move || async move { ([(CONTENT_TYPE, kind)], text) };
+        router = router.route(path, get(answer));
+    }
+    serve(listener, router)
 }
 
-fn serve(address: SocketAddr, router: Router) -> Result<WebServer, ServeError> {
+fn serve(listener: TcpListener, router: Router) -> Result<WebServer, ServeError> {
+    let address = listener.local_addr().map_err(ServeError::Web)?;
     let failed = |source| ServeError::Listen { address, source };
-    let listener = TcpListener::bind(address).map_err(failed)?;
     listener.set_nonblocking(true).map_err(failed)?;
-    let bound = listener.local_addr().map_err(failed)?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
@@ -122,7 +145,7 @@ fn serve(address: SocketAddr, router: Router) -> Result<WebServer, ServeError> {
     let thread = std::thread::Builder::new().name("web".into());
     let thread = thread.spawn(run).map_err(failed)?;
     Ok(WebServer {
-        address: bound,
+        address,
         stop: Some(stop),
         thread: Some(thread),
     })

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use clap::Args;
 use tactnet_channel::{Bus, Domain, Table};
-use tactnet_serving::web::Dashboard;
+use tactnet_serving::web::{self, Dashboard};
 use tactnet_skin::ServeConfig;
 
 use crate::output;
@@ -28,10 +28,11 @@ pub struct DashboardArgs {
 /// Runs the command.
 pub fn run(arguments: &DashboardArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen_saying("stopping")?;
+    let listener = web::listen(arguments.listen)?;
     let table = Table::load(&arguments.table)?;
     let config = ServeConfig::of(&table)?;
     let bus = Bus::open(Domain::Host, &table)?;
-    let mut dashboard = Dashboard::open(&bus, &config, arguments.listen)?;
+    let mut dashboard = Dashboard::open(&bus, &config, listener)?;
     eprintln!(
         "open http://{} in a browser; Ctrl-C ends",
         dashboard.address()

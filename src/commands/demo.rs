@@ -3,10 +3,10 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::Duration;
 
 use clap::Args;
 use tactnet_rehearsal::{Demo, SMALL_MATERIALS, train_small_network};
+use tactnet_serving::web;
 
 use crate::output;
 use crate::stop::Stop;
@@ -28,6 +28,9 @@ pub struct DemoArgs {
 /// Runs the command.
 pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen_saying("stopping")?;
+    // Before anything is trained: a port that is taken is said at once.
+    let listener = web::listen(arguments.listen)?;
+    let address = listener.local_addr()?;
     let folder = tempfile::tempdir()?;
     let program = std::env::current_exe()?;
     let (run, materials) = match &arguments.run {
@@ -42,15 +45,13 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
     if stop.asked() {
         return Ok(ExitCode::SUCCESS);
     }
-    let mut demo = Demo::start(&program, folder.path(), &run, materials, arguments.listen)?;
+    let mut demo = Demo::start(&program, folder.path(), &run, materials, listener)?;
     eprintln!(
-        "a simulated fingertip sweeps over {materials} materials; open http://{} in a browser; Ctrl-C ends",
-        arguments.listen
+        "a simulated fingertip feels objects of {materials} materials, three sweeps each; open http://{address} in a browser; Ctrl-C ends"
     );
     output::print(format_args!("ready"))?;
     while !stop.asked() {
-        std::thread::sleep(Duration::from_millis(50));
-        demo.check()?;
+        demo.step()?;
     }
     demo.end()?;
     Ok(ExitCode::SUCCESS)

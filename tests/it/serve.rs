@@ -14,6 +14,7 @@ use tactnet_models::Compute;
 use tactnet_pipeline::{Classifier, PredictionMethod, RunDir};
 use tactnet_skin::packets::{
     Command as Wish, Event, ModelNames, Stage, SweepCommand, TactileBelief, TactileStatus, Text,
+    Verdict,
 };
 use tactnet_skin::{SegmenterConfig, ServeConfig};
 
@@ -173,6 +174,22 @@ fn wish(commands: &PutPort<SweepCommand>, kind: Wish, material: &str, sweeps: u3
 }
 
 #[test]
+fn a_taken_port_ends_the_demo_before_anything_is_trained() {
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = taken.local_addr().unwrap().to_string();
+    let out = expect(2, tactnet(["demo", "--listen", &address]));
+    // One line: nothing was trained before.
+    let text = stderr(&out);
+    let begin = format!("error: cannot listen at {address}: ");
+    assert!(text.starts_with(&begin), "{text}");
+    assert!(text.trim_end().ends_with(" is free"), "{text}");
+    assert_eq!(
+        (text.lines().count(), text.matches("error:").count()),
+        (1, 1)
+    );
+}
+
+#[test]
 fn beliefs_of_live_sweeps_are_those_of_the_offline_classifier() {
     let robot = Robot::new("live");
     let _hub = robot.start(&["channel", "hub"]);
@@ -240,6 +257,21 @@ fn beliefs_of_live_sweeps_are_those_of_the_offline_classifier() {
                 );
             }
         }
+    }
+    // Without a reset all sweeps are of one object.
+    let calibration = RunDir::open(&robot.lab.path("models/1")).unwrap();
+    let calibration = calibration.calibration().unwrap().unwrap();
+    let whole = seen.iter().filter(|b| b.stage == Stage::Dropout as u32);
+    let mut sum = 0.0;
+    for (sweeps, live) in (1..).zip(whole) {
+        sum += f64::from(live.strangeness);
+        let verdict = match calibration.object_is_unknown(sum / sweeps as f64, sweeps) {
+            None => Verdict::NotTold,
+            Some(false) => Verdict::Known,
+            Some(true) => Verdict::Unknown,
+        };
+        assert_ne!(verdict, Verdict::NotTold);
+        assert_eq!(live.fused_verdict, verdict as u32, "{sweeps} sweeps");
     }
     // 40 ms are 30 frames, so three of 120 frames' beliefs come before the last.
     let anytime = seen

@@ -3,10 +3,15 @@
 //! Both bounds are order statistics of scores of sweeps that nothing was fitted to (split conformal prediction: Vovk et al., 2005;
 //! Sadinle et al., 2019), so they hold for new sweeps of the same materials, whatever the network.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 use tactnet_models::argmax;
 
 use crate::{Embedding, NoveltyScore, NoveltyScorer, PipelineError};
+
+/// Sweeps of one object that have a threshold of their own.
+const OBJECT_SWEEPS: usize = 5;
 
 /// Error rates that a calibrated classifier is to keep.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -64,6 +69,10 @@ pub struct Calibration {
     pub score: NoveltyScore,
     /// A sweep with a larger score is unknown.
     pub threshold: f64,
+    /// An object of so many sweeps (1, 2, …) with a larger mean score is unknown; as many as there were sweeps for, none in files of
+    /// former versions.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub object_thresholds: Vec<f64>,
     /// Materials of at least this probability are in the prediction set.
     pub least_probability: f64,
     /// Number of sweeps behind the bounds.
@@ -96,7 +105,13 @@ impl Calibration {
         held_out: &Embedding,
     ) -> Result<Self, PipelineError> {
         target.check(held_out.len())?;
-        let threshold = upper_quantile(&strangeness.score(score, held_out)?, target.false_alarms);
+        let scores = strangeness.score(score, held_out)?;
+        let threshold = upper_quantile(&scores, target.false_alarms);
+        let object_thresholds = (1..=OBJECT_SWEEPS)
+            .map(|sweeps| object_means(&scores, &held_out.labels, sweeps))
+            .map(|means| upper_quantile(&means, target.false_alarms))
+            .take_while(|threshold| threshold.is_finite())
+            .collect();
         let least_probability = least_probability(
             &held_out.log_probabilities(),
             &held_out.labels,
@@ -107,9 +122,19 @@ impl Calibration {
             target,
             score,
             threshold,
+            object_thresholds,
             least_probability,
             sweeps: held_out.len(),
         })
+    }
+
+    /// Returns whether an object is none of the known materials; `None` without sweeps or thresholds.
+    ///
+    /// - `mean_score`: of its sweeps
+    /// - `sweeps`: how many they are; more than there are thresholds for are compared with the last
+    pub fn object_is_unknown(&self, mean_score: f64, sweeps: usize) -> Option<bool> {
+        let last = self.object_thresholds.len().min(sweeps).checked_sub(1)?;
+        Some(mean_score > self.object_thresholds[last])
     }
 
     /// Returns what to say of every sweep.
@@ -132,6 +157,18 @@ impl Calibration {
             })
             .collect())
     }
+}
+
+/// The mean scores of objects of so many sweeps of one material, each sweep in one object at most, in the order of the sweeps.
+fn object_means(scores: &[f64], labels: &[usize], sweeps: usize) -> Vec<f64> {
+    let mut materials: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
+    for (score, label) in scores.iter().zip(labels) {
+        materials.entry(*label).or_default().push(*score);
+    }
+    let objects = materials.values().flat_map(|own| own.chunks_exact(sweeps));
+    objects
+        .map(|object| object.iter().sum::<f64>() / sweeps as f64)
+        .collect()
 }
 
 /// The probability that the true materials of at least a share `coverage` of new sweeps reach, from sweeps that nothing was fitted to;
@@ -179,6 +216,32 @@ mod tests {
                        "threshold": 1.5, "least_probability": 0.1, "sweeps": 40}"#;
         let calibration: Calibration = serde_json::from_str(text).unwrap();
         assert_eq!(calibration.target, CalibrationTarget::default());
+        assert_eq!(calibration.object_is_unknown(9.0, 3), None);
+    }
+
+    #[test]
+    fn objects_are_of_one_material_and_have_thresholds_by_their_number_of_sweeps() {
+        let scores = [1.0, 10.0, 3.0, 20.0, 100.0];
+        let labels = [0, 1, 0, 1, 0];
+        assert_eq!(
+            object_means(&scores, &labels, 1),
+            [1.0, 3.0, 100.0, 10.0, 20.0]
+        );
+        assert_eq!(object_means(&scores, &labels, 2), [2.0, 15.0]);
+        assert!(object_means(&scores, &labels, 4).is_empty());
+        let calibration = Calibration {
+            schema_version: Calibration::SCHEMA_VERSION,
+            target: CalibrationTarget::default(),
+            score: NoveltyScore::BEST,
+            threshold: 5.0,
+            object_thresholds: vec![5.0, 4.0],
+            least_probability: 0.0,
+            sweeps: 5,
+        };
+        let unknown = [(4.5, 1), (4.5, 2), (4.5, 9), (4.0, 2)]
+            .map(|(mean, sweeps)| calibration.object_is_unknown(mean, sweeps));
+        assert_eq!(unknown, [Some(false), Some(true), Some(true), Some(false)]);
+        assert_eq!(calibration.object_is_unknown(9.0, 0), None);
     }
 
     #[test]

@@ -31,6 +31,10 @@ pub struct OnlineClassifier {
     log_total: f64,
     /// NoveltyScorer by the plain scores of this sweep.
     plain_strangeness: Option<f64>,
+    /// Of the newest belief.
+    strangeness: Option<f64>,
+    /// Sum over the whole sweeps of this object, and their number.
+    object_strangeness: (f64, usize),
     fused: Belief,
 }
 
@@ -101,6 +105,8 @@ impl OnlineClassifier {
             mc_samples: vec![0.0; mc_samples * materials],
             log_total: 0.0,
             plain_strangeness: None,
+            strangeness: None,
+            object_strangeness: (0.0, 0),
             fused: Belief::flat(materials),
             normalizer,
             calibration,
@@ -188,13 +194,14 @@ impl OnlineClassifier {
         self.belief(Some(information))
     }
 
-    fn belief(&self, information: Option<f64>) -> SweepBelief<'_> {
-        let log_p = &self.log_probability;
+    fn belief(&mut self, information: Option<f64>) -> SweepBelief<'_> {
         // All but the mutual information are defined on the plain scores, and hold for the sweep.
         let strangeness = match self.calibration.as_ref().map(|c| c.score) {
             Some(NoveltyScore::MutualInformation) => information,
             _ => self.plain_strangeness,
         };
+        self.strangeness = strangeness;
+        let log_p = &self.log_probability;
         let threshold = self.calibration.as_ref().map(|c| c.threshold);
         SweepBelief {
             log_probability: log_p,
@@ -205,6 +212,22 @@ impl OnlineClassifier {
                 .zip(threshold)
                 .map(|(strangeness, threshold)| strangeness > threshold),
         }
+    }
+
+    /// Counts the strangeness of the newest belief for the object; to be called once for every whole sweep, of unknown materials, too.
+    pub fn end_sweep(&mut self) {
+        if let Some(strangeness) = self.strangeness {
+            self.object_strangeness.0 += strangeness;
+            self.object_strangeness.1 += 1;
+        }
+    }
+
+    /// Returns whether the object is none of the materials, by the mean strangeness of its whole sweeps; `None` before the first, and
+    /// without thresholds for objects, see [`Calibration::object_thresholds`].
+    pub fn object_is_unknown(&self) -> Option<bool> {
+        let (sum, sweeps) = self.object_strangeness;
+        let calibration = self.calibration.as_ref()?;
+        calibration.object_is_unknown(sum / sweeps as f64, sweeps)
     }
 
     /// Adds the newest belief to what former sweeps of the same object said.
@@ -236,5 +259,6 @@ impl OnlineClassifier {
     /// The next sweep is of another object.
     pub fn reset(&mut self) {
         self.fused.reset();
+        self.object_strangeness = (0.0, 0);
     }
 }

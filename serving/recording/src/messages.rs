@@ -114,6 +114,7 @@ impl Recordable for TactileBelief {
             fused_entropy: self.fused_entropy,
             posterior: self.posterior[..materials].to_vec(),
             fused: self.fused[..materials].to_vec(),
+            fused_verdict: self.fused_verdict,
         }
         .encode_to_vec()
     }
@@ -139,7 +140,7 @@ impl Recordable for TactileBelief {
             fused_sweeps: message.fused_sweeps,
             fused_label: message.fused_label,
             fused_entropy: message.fused_entropy,
-            reserved: 0,
+            fused_verdict: message.fused_verdict,
             posterior: filled(&message.posterior)?,
             fused: filled(&message.fused)?,
             reserved_end: [0; 3],

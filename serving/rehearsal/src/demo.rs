@@ -1,16 +1,21 @@
 //! Hub, simulated skin, classifier and dashboard together.
 
-use std::net::SocketAddr;
+use std::net::TcpListener;
 use std::path::Path;
 
-use tactnet_channel::{Table, remove_bus};
+use tactnet_channel::{Bus, Domain, Table, remove_bus};
+use tactnet_serving::web::Dashboard;
 use tactnet_skin::ServeConfig;
 
 use crate::write_table::write_table;
 use crate::{ChildProcess, RehearsalError, SMALL_SWEEPS, make_twin};
 
-/// The processes of a demonstration, on a bus of their own; they are killed if this is dropped before [`Demo::end`].
+/// Sweeps of one object; then what was fused is forgotten.
+const OBJECT_SWEEPS: &str = "3";
+
+/// The processes of a demonstration, on a bus of their own, and the page; they are killed if this is dropped before [`Demo::end`].
 pub struct Demo {
+    page: Option<Dashboard>,
     /// In the order in which they were started, the hub first.
     processes: Vec<ChildProcess>,
     table: Table,
@@ -23,7 +28,7 @@ impl Demo {
     /// - `folder`: where the table and the sweeps are written
     /// - `run`: run directory of the network that serves
     /// - `materials`: of the twin that the skin touches
-    /// - `listen`: where browsers are answered
+    /// - `listener`: where browsers are answered
     ///
     /// # Errors
     /// A process that does not start; a folder that cannot be written.
@@ -32,54 +37,59 @@ impl Demo {
         folder: &Path,
         run: &Path,
         materials: usize,
-        listen: SocketAddr,
+        listener: TcpListener,
     ) -> Result<Self, RehearsalError> {
         let sweeps = folder.join("sweeps.h5");
         make_twin(program, &sweeps, materials, SMALL_SWEEPS)?;
-        let table = ServeConfig::default().table(&format!("demo{}", std::process::id()));
+        let config = ServeConfig::default();
+        let table = config.table(&format!("demo{}", std::process::id()));
         let path = write_table(&table, folder)?;
         let (run, sweeps) = (run.display().to_string(), sweeps.display().to_string());
-        let listen = listen.to_string();
         let mut demo = Self {
+            page: None,
             processes: Vec::new(),
             table,
         };
         let hub = ["channel", "hub", "--table"];
         let classifier = ["serve", "--metrics", "off", "--run", &run, "--table"];
-        let dashboard = ["dashboard", "--listen", &listen, "--table"];
         let skin = ["simulate", "skin", "--data", &sweeps, "--unseen-by", &run];
-        let skin = [&skin[..], &["--table"]].concat();
-        for (name, arguments) in [
-            ("hub", &hub[..]),
-            ("classifier", &classifier[..]),
-            ("dashboard", &dashboard[..]),
-            ("skin", &skin[..]),
-        ] {
+        let object = ["--sweeps-per-object", OBJECT_SWEEPS, "--table"];
+        let skin = [&skin[..], &object].concat();
+        let mut start = |name: &'static str, arguments: &[&str]| {
             let process = ChildProcess::start(program, name, arguments, &path)?;
             demo.processes.push(process);
-        }
+            Ok::<_, RehearsalError>(())
+        };
+        start("hub", &hub)?;
+        start("classifier", &classifier)?;
+        let bus = Bus::open(Domain::Host, &demo.table)?;
+        demo.page = Some(Dashboard::open(&bus, &config, listener)?);
+        start("skin", &skin)?;
         Ok(demo)
     }
 
-    /// Looks after all processes.
+    /// Waits for the next frame, brings the page up to date, and looks after all processes.
     ///
     /// # Errors
-    /// A process that has ended by itself.
-    pub fn check(&mut self) -> Result<(), RehearsalError> {
+    /// A process that has ended by itself; channels that have broken down.
+    pub fn step(&mut self) -> Result<(), RehearsalError> {
+        let shown = self.page.as_mut().map(Dashboard::step).transpose();
         for process in &mut self.processes {
             if let Some(status) = process.ended()? {
                 let reason = format!("ended: {status}");
                 return Err(RehearsalError::child(process.name(), reason));
             }
         }
+        shown?;
         Ok(())
     }
 
-    /// Ends all processes, the hub last.
+    /// Ends the page and all processes, the hub last.
     ///
     /// # Errors
     /// A process that ends with another status than success.
     pub fn end(mut self) -> Result<(), RehearsalError> {
+        self.page = None;
         while let Some(process) = self.processes.pop() {
             process.end()?;
         }
@@ -90,6 +100,7 @@ impl Demo {
 impl Drop for Demo {
     fn drop(&mut self) {
         // Their memory can only be removed after they have ended.
+        self.page = None;
         self.processes.clear();
         // Nothing depends on it.
         let _ = remove_bus(&self.table);

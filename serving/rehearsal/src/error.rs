@@ -11,6 +11,9 @@ pub enum RehearsalError {
     /// The table's section of the classifier.
     #[error(transparent)]
     Skin(#[from] tactnet_skin::SkinError),
+    /// The page in the browser.
+    #[error(transparent)]
+    Serve(#[from] tactnet_serving::ServeError),
     /// A recording.
     #[error(transparent)]
     Recording(#[from] tactnet_recording::RecordingError),
@@ -25,9 +28,12 @@ pub enum RehearsalError {
         /// Those of the data set.
         known: String,
     },
-    /// A material of which no sweep may be played.
-    #[error("a material without a sweep")]
-    NoSweep,
+    /// A material of which too few sweeps may be played.
+    #[error("a material has fewer than {in_a_row} sweeps that may be played")]
+    TooFewSweeps {
+        /// Sweeps of each material in a row.
+        in_a_row: usize,
+    },
     /// The network knows none of the data set's materials.
     #[error("{data}: no material that the network knows")]
     NothingKnown {
@@ -70,9 +76,10 @@ impl RehearsalError {
         match self {
             Self::Channel(error) => error.is_usage(),
             Self::Skin(error) => error.is_usage(),
+            Self::Serve(error) => error.is_usage(),
             Self::Recording(error) => error.is_usage(),
             Self::NoMaterial { .. }
-            | Self::NoSweep
+            | Self::TooFewSweeps { .. }
             | Self::NothingKnown { .. }
             | Self::NoFifo { .. } => true,
             Self::Table(_) | Self::Stopped | Self::Child { .. } | Self::Report { .. } => false,
@@ -96,7 +103,7 @@ mod tests {
     #[test]
     fn wrong_calls_are_usage_and_children_that_end_are_not() {
         let usage = [
-            RehearsalError::NoSweep,
+            RehearsalError::TooFewSweeps { in_a_row: 1 },
             RehearsalError::NoFifo {
                 reason: "not permitted".into(),
             },

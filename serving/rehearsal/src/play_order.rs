@@ -9,13 +9,15 @@ use crate::RehearsalError;
 ///
 /// - `sweeps`: numbers of those to choose from
 /// - `materials`: names; without any, all materials, in another order every round
+/// - `in_a_row`: sweeps of a material in each of its turns, at least one
 ///
 /// # Errors
-/// A material that the data set does not have, or without a sweep.
+/// A material that the data set does not have, or with fewer sweeps than a turn.
 pub fn play_order(
     dataset: &Dataset,
     sweeps: &[usize],
     materials: &[String],
+    in_a_row: usize,
     seed: Seed,
 ) -> Result<Vec<usize>, RehearsalError> {
     let names: Vec<&str> = dataset.labels().names().collect();
@@ -42,17 +44,21 @@ pub fn play_order(
     for (sweeps, label) in sweeps.iter_mut().zip(&labels) {
         sweeps.shuffle(&mut seed.rng(("simulated sweeps", *label)));
     }
-    let rounds = sweeps.iter().map(Vec::len).min().unwrap_or(0);
+    let in_a_row = in_a_row.max(1);
+    let rounds = sweeps.iter().map(Vec::len).min().unwrap_or(0) / in_a_row;
     if rounds == 0 {
-        return Err(RehearsalError::NoSweep);
+        return Err(RehearsalError::TooFewSweeps { in_a_row });
     }
-    let mut order = Vec::with_capacity(rounds * labels.len());
+    let mut order = Vec::with_capacity(rounds * in_a_row * labels.len());
     for round in 0..rounds {
-        let mut turn: Vec<usize> = sweeps.iter().map(|sweeps| sweeps[round]).collect();
+        let turns = sweeps
+            .iter()
+            .map(|sweeps| &sweeps[round * in_a_row..][..in_a_row]);
+        let mut turns: Vec<&[usize]> = turns.collect();
         if materials.is_empty() {
-            turn.shuffle(&mut seed.rng(("simulated round", round)));
+            turns.shuffle(&mut seed.rng(("simulated round", round)));
         }
-        order.extend(turn);
+        order.extend(turns.concat());
     }
     Ok(order)
 }
@@ -75,17 +81,31 @@ mod tests {
         let all: Vec<usize> = (0..twin.len()).collect();
         let names: Vec<String> = twin.labels().names().map(Into::into).collect();
         let wanted = [names[2].clone(), names[0].clone()];
-        let order = play_order(&twin, &all, &wanted, Seed(1)).unwrap();
+        let order = play_order(&twin, &all, &wanted, 1, Seed(1)).unwrap();
         let labels: Vec<usize> = order.iter().map(|s| twin.records()[*s].label).collect();
         assert_eq!(labels, [2, 0].repeat(4));
-        let every = play_order(&twin, &all, &[], Seed(1)).unwrap();
+        let every = play_order(&twin, &all, &[], 1, Seed(1)).unwrap();
         assert_eq!(every.len(), all.len());
-        let unknown = play_order(&twin, &all, &["kryptonite".into()], Seed(1)).unwrap_err();
+        // Three of each four, all of a material before the next.
+        let objects = play_order(&twin, &all, &[], 3, Seed(1)).unwrap();
+        let mut labels: Vec<usize> = objects.iter().map(|s| twin.records()[*s].label).collect();
+        labels.dedup();
+        assert_eq!((objects.len(), labels.len()), (9, 3));
+        let error = play_order(&twin, &all, &[], 5, Seed(1)).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "a material has fewer than 5 sweeps that may be played"
+        );
+        let unknown = play_order(&twin, &all, &["kryptonite".into()], 1, Seed(1)).unwrap_err();
         assert!(
             unknown
                 .to_string()
                 .contains("no material `kryptonite`; there are")
         );
-        assert!(play_order(&twin, &[], &[], Seed(1)).unwrap_err().is_usage());
+        assert!(
+            play_order(&twin, &[], &[], 1, Seed(1))
+                .unwrap_err()
+                .is_usage()
+        );
     }
 }

@@ -6,6 +6,8 @@ use tactnet_skin::packets::{Command, MAX_TAXELS, SkinFrame, SweepCommand, Text};
 
 /// Frames without contact between two motions, at 750 Hz half a second.
 pub const REST_FRAMES: usize = 375;
+/// How much longer the rest is before a new object.
+const OBJECT_REST: usize = 4;
 
 /// Plays sweeps one after the other: rest, start, lead-in, the sweep, lead-out, stop.
 ///
@@ -18,6 +20,10 @@ pub struct SkinSimulator<'a> {
     order: Vec<usize>,
     lead: usize,
     rest: usize,
+    /// Sweeps of one object; `None`: nobody says when the object is another one.
+    object_sweeps: Option<u64>,
+    /// Frames without contact before the motion that is next or going on.
+    pause: usize,
     finger: u32,
     /// `[steps][taxels]` of the sweep that plays
     sweep: Vec<f32>,
@@ -48,10 +54,13 @@ impl<'a> SkinSimulator<'a> {
         assert!(!order.is_empty(), "a sweep to play");
         let shape = dataset.shape();
         assert!(shape.taxels() <= MAX_TAXELS, "taxels of a frame");
+        let rest = rest.max(1);
         Self {
             order,
             lead,
-            rest: rest.max(1),
+            rest,
+            object_sweeps: None,
+            pause: rest,
             finger: 0,
             sweep: vec![0.0; shape.values()],
             motion: 0,
@@ -59,6 +68,17 @@ impl<'a> SkinSimulator<'a> {
             sequence: 0,
             dataset,
         }
+    }
+
+    /// Commands a reset, after a longer rest, before the first of every so many sweeps.
+    ///
+    /// # Panics
+    /// Without sweeps.
+    pub fn with_objects_of(mut self, sweeps: u64) -> Self {
+        assert!(sweeps > 0, "sweeps of an object");
+        self.object_sweeps = Some(sweeps);
+        self.pause = self.rest * OBJECT_REST;
+        self
     }
 
     /// The sweep that a motion plays.
@@ -71,9 +91,15 @@ impl<'a> SkinSimulator<'a> {
         self.motion
     }
 
-    /// Frames of one motion, rest included.
+    /// Frames of the motion that is next or going on, rest included.
     pub fn frames_of_a_motion(&self) -> usize {
-        self.rest + 2 * self.lead + self.dataset.shape().steps
+        self.pause + 2 * self.lead + self.dataset.shape().steps
+    }
+
+    /// Returns true if the next motion is the first of an object.
+    fn object_is_next(&self) -> bool {
+        let sweeps = self.object_sweeps;
+        sweeps.is_some_and(|sweeps| self.motion.is_multiple_of(sweeps))
     }
 
     /// Returns the frames per second.
@@ -86,18 +112,20 @@ impl<'a> SkinSimulator<'a> {
         let shape = self.dataset.shape();
         let taxels = shape.taxels();
         let mut command = None;
-        if self.at == self.rest {
+        if self.at == self.pause {
             self.motion += 1;
             self.dataset
                 .copy_sweep(self.sweep_of(self.motion), &mut self.sweep);
             command = Some(Command::Start);
         }
         let mut digits = [0.0; MAX_TAXELS];
-        if self.at >= self.rest {
-            let row = mirrored(self.at - self.rest, self.lead, shape.steps) * taxels;
+        if self.at >= self.pause {
+            let row = mirrored(self.at - self.pause, self.lead, shape.steps) * taxels;
             digits[..taxels].copy_from_slice(&self.sweep[row..row + taxels]);
         } else if self.at == 0 && self.motion > 0 {
             command = Some(Command::Stop);
+        } else if self.at + 1 == self.pause && self.object_is_next() {
+            command = Some(Command::Reset);
         }
         let frame = SkinFrame {
             sequence: self.sequence,
@@ -110,6 +138,10 @@ impl<'a> SkinSimulator<'a> {
         self.at += 1;
         if self.at == self.frames_of_a_motion() {
             self.at = 0;
+            self.pause = match self.object_is_next() {
+                true => self.rest * OBJECT_REST,
+                false => self.rest,
+            };
         }
         SkinStep {
             command: command.map(|command| SweepCommand {
@@ -186,6 +218,36 @@ mod tests {
             }
         }
         assert_eq!(found, [3, 1, 3]);
+    }
+
+    #[test]
+    fn every_object_begins_with_a_reset_and_has_as_many_sweeps_as_asked_for() {
+        let twin = generate(&TwinConfig {
+            materials: 2,
+            sweeps: 4,
+            steps: 60,
+            ..TwinConfig::default()
+        })
+        .unwrap();
+        let mut skin = SkinSimulator::new(&twin, vec![0, 1, 4, 5], 2, 1).with_objects_of(2);
+        let mut commands = Vec::new();
+        while skin.motions() < 5 {
+            commands.extend(skin.step().command);
+        }
+        let kinds: Vec<_> = commands.iter().filter_map(SweepCommand::command).collect();
+        use Command::{Reset, Start, Stop};
+        let object = [Reset, Start, Stop, Start, Stop];
+        assert_eq!(kinds, [&object[..], &object, &object[..2]].concat());
+        let materials: Vec<&str> = commands
+            .iter()
+            .filter(|command| command.command() == Some(Start))
+            .map(|command| command.material.as_str())
+            .collect();
+        let names: Vec<&str> = twin.labels().names().collect();
+        assert_eq!(
+            materials,
+            [names[0], names[0], names[1], names[1], names[0]]
+        );
     }
 
     #[test]

@@ -177,8 +177,8 @@ pub struct TactileBelief {
     pub fused_label: u32,
     /// 88: entropy of `fused`, nats.
     pub fused_entropy: f32,
-    /// 92: zero.
-    pub reserved: u32,
+    /// 92: whether the object is known, given the mean strangeness of its whole sweeps; see [`Verdict`].
+    pub fused_verdict: u32,
     /// 96: probabilities given this sweep alone; the rest is zero.
     pub posterior: [f32; MAX_MATERIALS],
     /// 352: probabilities given all fused sweeps; the rest is zero.
@@ -312,7 +312,7 @@ macro_rules! packets {
     )* };
 }
 // A packet's version goes up with its layout.
-packets!(SkinFrame 2, SweepCommand 1, TactileBelief 1, TactileStatus 1, ModelNames 1,);
+packets!(SkinFrame 2, SweepCommand 1, TactileBelief 2, TactileStatus 1, ModelNames 1,);
 
 #[cfg(test)]
 mod tests {
@@ -355,7 +355,7 @@ mod tests {
             SkinFrame { sequence sensor_time_ns taxels reserved digits }
             SweepCommand { kind finger motion sweeps reserved material }
             TactileBelief { sweep motion model_version last_frame latency_ns stage finger frames filled_in materials label verdict
-                entropy strangeness threshold fused_sweeps fused_label fused_entropy reserved posterior fused reserved_end }
+                entropy strangeness threshold fused_sweeps fused_label fused_entropy fused_verdict posterior fused reserved_end }
             TactileStatus { event finger sweep motion model_version counters text }
             Counters { frames dropped_frames beliefs sweeps rejected unknown deadline_misses worst_delay_ns allocations }
             ModelNames { version sample_rate_hz steps rows cols mc_samples materials reserved names }

@@ -30,11 +30,7 @@ impl Service {
             Stage::Anytime | Stage::Plain => finger.classifier.classify(),
         };
         let log_p = belief.log_probability;
-        let verdict = match belief.unknown {
-            None => Verdict::NotTold,
-            Some(false) => Verdict::Known,
-            Some(true) => Verdict::Unknown,
-        };
+        let verdict = verdict_of(belief.unknown);
         *out = bytemuck::Zeroable::zeroed();
         out.materials = log_p.len() as u32;
         out.label = argmax(log_p) as u32;
@@ -49,6 +45,10 @@ impl Service {
         if last && verdict != Verdict::Unknown {
             finger.classifier.fuse();
         }
+        if last {
+            finger.classifier.end_sweep();
+        }
+        out.fused_verdict = verdict_of(finger.classifier.object_is_unknown()) as u32;
         let fused = finger.classifier.fused();
         let mut probabilities = [0.0; MAX_MATERIALS];
         let probabilities = &mut probabilities[..out.materials as usize];
@@ -85,5 +85,13 @@ impl Service {
         }
         self.measures.count_prediction(stage, now - begun);
         Ok(())
+    }
+}
+
+fn verdict_of(unknown: Option<bool>) -> Verdict {
+    match unknown {
+        None => Verdict::NotTold,
+        Some(false) => Verdict::Known,
+        Some(true) => Verdict::Unknown,
     }
 }

@@ -27,6 +27,9 @@ pub struct SkinArgs {
     /// Only sweeps that this run was not trained on
     #[arg(long, value_name = "DIR")]
     unseen_by: Option<PathBuf>,
+    /// N sweeps in a row are of one object; a reset is commanded before the next [default: no resets]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1000))]
+    sweeps_per_object: Option<u64>,
     /// Only these materials, in turns
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     materials: Vec<String>,
@@ -52,11 +55,15 @@ pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
         &dataset,
         &sweeps,
         &arguments.materials,
+        arguments.sweeps_per_object.unwrap_or(1) as usize,
         Seed(arguments.seed),
     )?;
     let bus = Bus::open(Domain::Host, &table)?;
     let driver = SkinDriver::open(&bus, &config)?;
     let mut skin = SkinSimulator::new(&dataset, order, config.segmenter.skip, REST_FRAMES);
+    if let Some(sweeps) = arguments.sweeps_per_object {
+        skin = skin.with_objects_of(sweeps);
+    }
     eprintln!(
         "putting {} frames a second on {}; Ctrl-C ends",
         dataset.sample_rate_hz(),

@@ -44,7 +44,7 @@ impl<'a> Played<'a> {
             });
         }
         Ok(Self {
-            order: play_order(dataset, sweeps, &materials, Seed(1))?,
+            order: play_order(dataset, sweeps, &materials, 1, Seed(1))?,
             dataset,
             labels,
         })

@@ -1,0 +1,206 @@
+"use strict";
+const el = id => document.getElementById(id);
+const SECONDS = 3;
+/** Without a view for so long, what is shown is old; milliseconds. */
+const PATIENCE = 1000;
+let view = null, traces = [], came = 0, pending = false, chosen = -1, top_ = 20, said = "", connected = true;
+
+const percent = p => p > .9995 && p < 1 ? "> 99.9\u00a0%" : (100 * p).toFixed(1) + "\u00a0%";
+const color = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+const node = (tag, text, name) => { const made = document.createElement(tag); if (text !== undefined) made.textContent = text; if (name) made.className = name; return made; };
+const set = (id, text) => { if (el(id).textContent !== text) el(id).textContent = text; };
+const ago = ms => ms < 60000 ? Math.round(ms / 1000) + " s" : Math.round(ms / 60000) + " min";
+
+// ---- Answer, score, events, counters
+
+function showAnswer() {
+  const { belief, object } = view, answer = object.answer;
+  if (answer) {
+    set("answer", answer.material === null ? "unknown material" : answer.material);
+    el("answer").className = answer.material === null ? "unknown" : "";
+    set("answer-title", "After " + object.sweeps + (object.sweeps === 1 ? " sweep" : " sweeps") + ", it feels like");
+  } else if (belief && belief.posterior.length) {
+    set("answer", belief.posterior[0][0] + "?");
+    el("answer").className = "";
+    set("answer-title", "During the first sweep, it feels like");
+  } else {
+    set("answer", "waiting for a sweep");
+    el("answer").className = "soft";
+    set("answer-title", object.number > 1 ? "Next object" : "It feels like");
+  }
+  const truth = el("truth");
+  truth.className = object.right === null ? "" : object.right ? "right" : "wrong";
+  set("truth", object.several ? "Several materials were touched since the last new object."
+    : object.truth === null ? "" : object.right === null ? "It is " + object.truth + "."
+    : (object.right ? "✓ Right" : "✗ Wrong") + ": it is " + object.truth + (object.taught ? "." : ", which it was never taught."));
+  if (belief) {
+    const [name, p] = belief.posterior[0] || ["", 0], whole = belief.stage !== "anytime";
+    set("sweep", "Sweep " + (object.sweeps + (whole ? 0 : 1)) + (whole ? " alone: " : " so far: ") + (belief.unknown ? "unknown, nearest " : "") + name + " " + percent(p));
+    el("progress").value = view.steps ? belief.frames / view.steps : 0;
+  } else { set("sweep", "The finger is about to move."); el("progress").value = 0; }
+  const fused = belief && belief.fused_sweeps > 0 && object.sweeps > 0, rows = !belief ? [] : fused ? belief.fused : belief.posterior;
+  set("bars-title", fused ? "Probabilities, all sweeps of this object" : "Probabilities, this sweep");
+  showBars(rows);
+  const text = !answer ? "" : "Object " + object.number + ", after " + object.sweeps + (object.sweeps === 1 ? " sweep: " : " sweeps: ") + el("answer").textContent + (object.truth && !object.several ? ". It is " + object.truth : "") + ".";
+  if (text && text !== said) { said = text; el("said").textContent = text; }
+}
+function showBars(rows) {
+  const others = view.materials - rows.length, left = Math.max(0, 1 - rows.reduce((sum, row) => sum + row[1], 0));
+  const items = rows.map(([name, p]) => {
+    const bar = node("li"), label = node("span", name), track = node("i"), fill = node("b");
+    label.title = name; fill.style.width = 100 * p + "%"; track.append(fill);
+    bar.append(label, node("span", percent(p)), track); return bar;
+  });
+  if (rows.length && others > 0) {
+    const bar = node("li", undefined, "rest"); bar.append(node("span", others + (others === 1 ? " other" : " others")), node("span", percent(left))); items.push(bar);
+  }
+  if (!rows.length) items.push(node("li", view.materials ? "One of " + view.materials + " materials, or none of them." : "No network serves yet.", "rest"));
+  el("bars").replaceChildren(...items);
+}
+function showScore() {
+  const { right, all, new_right, new_all, marks } = view.score, truth = view.object.truth !== null || all > 0;
+  el("score-card").hidden = !truth; document.body.classList.toggle("unscored", !truth);
+  set("score", right + " of " + all);
+  set("score-note", all ? "right (" + Math.round(100 * right / all) + " %)" : "right; the first object is being felt");
+  set("score-taught", (right - new_right) + " of " + (all - new_all) + " right");
+  set("score-new", new_right + " of " + new_all + " called unknown");
+  const key = all + "/" + right;
+  if (el("marks").dataset.key === key) return;
+  el("marks").dataset.key = key;
+  el("marks").replaceChildren(...marks.map(good => { const mark = node("li", good ? "✓" : "✗", good ? "right" : "wrong"); mark.setAttribute("aria-label", good ? "right" : "wrong"); return mark; }));
+}
+function showEvents() {
+  const key = view.events.length ? view.events[0].at_ms + view.events[0].text : "";
+  if (el("events").dataset.key === key && key) return;
+  el("events").dataset.key = key;
+  const items = view.events.map(event => {
+    const item = node("li"), time = node("time", new Date(event.at_ms).toLocaleTimeString("en-GB"));
+    const mark = event.right === null ? "" : event.right ? "✓ " : "✗ ";
+    item.append(time, node("span", mark + event.text.replaceAll(" %", "\u00a0%"), event.right === null ? (event.text.startsWith("object") ? "object" : "") : "object " + (event.right ? "right" : "wrong"))); return item;
+  });
+  el("events").replaceChildren(...(items.length ? items : [node("li", "Nothing yet.", "soft")]));
+}
+function showCounters() {
+  const rows = view.counters.map(([name, n]) => [name, n.toLocaleString("en")]);
+  if (view.belief) rows.push(["last reading to answer, ms", (view.belief.latency_us / 1000).toFixed(2)]);
+  if (view.model_version) rows.push(["version of the network", String(view.model_version)]);
+  el("counters").replaceChildren(...rows.map(([name, n]) => { const pair = node("div"); pair.append(node("dt", name), node("dd", n)); return pair; }));
+}
+function showAge() {
+  const silent = performance.now() - came, lost = !connected || silent > PATIENCE, dead = view && !view.alive, old = lost || dead;
+  document.body.classList.toggle("stale", Boolean(old));
+  el("state").className = old || !view ? "dead" : "alive";
+  set("state", !view ? "connecting" : lost ? "connection lost, trying again" : dead ? "the classifier is silent" : "live");
+  set("age", old && view ? "Old: this was the answer " + ago(view.heard_ms + silent) + " ago." : "");
+  el("reset").disabled = Boolean(old) || !view;
+  set("rate", view && !old ? view.frames_per_s.toFixed(0) + " readings a second" : "");
+}
+
+// ---- Skin and traces
+
+function context(canvas) {
+  const scale = devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
+  if (canvas.width !== Math.round(width * scale) || canvas.height !== Math.round(height * scale)) { canvas.width = Math.round(width * scale); canvas.height = Math.round(height * scale); }
+  const c = canvas.getContext("2d"); c.setTransform(scale, 0, 0, scale, 0, 0); c.clearRect(0, 0, width, height); return [c, width, height];
+}
+// Viridis, five stops.
+const STOPS = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]];
+function heat(t) {
+  const x = Math.min(Math.max(t, 0), 1) * (STOPS.length - 1), i = Math.min(Math.floor(x), STOPS.length - 2), f = x - i;
+  return "rgb(" + STOPS[i].map((a, k) => Math.round(a + (STOPS[i + 1][k] - a) * f)).join() + ")";
+}
+/** Rows and columns of the skin. */
+const skin = () => { const n = view.frame.length, cols = view.cols || Math.ceil(Math.sqrt(n)) || 1; return [Math.ceil(n / cols) || 1, cols]; };
+/** Taxels of one trace, and rows and columns of the traces. */
+const layout = () => {
+  const n = view.frame.length, lines = traces.length ? traces[0].length : n, together = Math.ceil(n / Math.max(lines, 1)) || 1;
+  if (together === 1) return [1, ...skin()];
+  const cols = Math.ceil(Math.sqrt(lines)); return [together, Math.ceil(lines / cols), cols];
+};
+function heatBox() {
+  const [rows, cols] = skin(), w = el("heat").clientWidth, h = el("heat").clientHeight, side = Math.min(w / cols, h / rows);
+  return { rows, cols, side, left: (w - side * cols) / 2, top: (h - side * rows) / 2 };
+}
+function drawHeat() {
+  const [c] = context(el("heat")), { cols, side, left, top } = heatBox(), gap = side > 6 ? 1 : 0, high = top_;
+  c.textAlign = "center"; c.textBaseline = "middle"; c.font = Math.max(9, Math.min(18, Math.round(side / 3.4))) + "px system-ui";
+  view.frame.forEach((digit, i) => {
+    const x = left + i % cols * side, y = top + Math.floor(i / cols) * side;
+    c.fillStyle = heat(digit / high); c.fillRect(x + gap, y + gap, side - 2 * gap, side - 2 * gap);
+    if (side >= 24) { c.fillStyle = digit / high > .6 ? "#000" : "#fff"; c.fillText(Math.round(digit), x + side / 2, y + side / 2); }
+  });
+  if (chosen >= 0) {
+    c.strokeStyle = color("--pick"); c.lineWidth = Math.max(2, Math.min(4, side / 8));
+    c.strokeRect(left + chosen % cols * side + 1, top + Math.floor(chosen / cols) * side + 1, side - 2, side - 2);
+  }
+}
+function drawTraces() {
+  const [c, w, h] = context(el("traces")), [together, rows, cols] = layout(), cw = w / cols, ch = h / rows;
+  const kept = Math.max(2, Math.round(SECONDS * view.trace_hz)), mark = chosen < 0 ? -1 : Math.floor(chosen / together);
+  const lines = traces.length ? traces[0].length : 0, main = color("--main"), pick = color("--pick"), line = color("--line");
+  for (let k = 0; k < lines; k++) {
+    const x0 = k % cols * cw + 3, y0 = Math.floor(k / cols) * ch + 3, iw = cw - 6, ih = ch - 6, on = k === mark;
+    c.strokeStyle = on ? pick : line; c.lineWidth = on ? 2 : 1; c.strokeRect(x0, y0, iw, ih);
+    c.strokeStyle = on ? pick : main; c.globalAlpha = mark < 0 || on ? 1 : .45; c.lineWidth = on ? 2 : 1.2; c.beginPath();
+    const from = kept - traces.length;
+    traces.forEach((row, i) => c.lineTo(x0 + iw * (from + i) / (kept - 1), y0 + ih - 2 - (ih - 4) * Math.min(row[k] / top_, 1)));
+    c.stroke(); c.globalAlpha = 1;
+  }
+}
+const place = i => { const [, cols] = skin(); return "row " + (Math.floor(i / cols) + 1) + ", column " + (i % cols + 1); };
+function showChosen() {
+  if (chosen < 0 || !view || chosen >= view.frame.length) return set("chosen", "Point at a sensor, tap it, or choose one with the arrow keys.");
+  const [together] = layout(), k = Math.floor(chosen / together), values = traces.map(row => row[k]);
+  set("chosen", "Sensor in " + place(chosen) + ": now " + Math.round(view.frame[chosen]) + ", " + (together > 1 ? "mean of " + together + " neighbours " : "")
+    + "in these 3 seconds " + Math.round(Math.min(...values)) + " to " + Math.round(Math.max(...values)) + ".");
+}
+function choose(i) { if (i !== chosen) { chosen = i; draw(); } }
+function draw() { if (view && view.frame.length) { drawHeat(); drawTraces(); showChosen(); } }
+function underHeat(event) {
+  if (!view) return -1;
+  const { rows, cols, side, left, top } = heatBox(), x = Math.floor((event.offsetX - left) / side), y = Math.floor((event.offsetY - top) / side);
+  return x >= 0 && y >= 0 && x < cols && y < rows && y * cols + x < view.frame.length ? y * cols + x : -1;
+}
+function underTraces(event) {
+  if (!view) return -1;
+  const [together, rows, cols] = layout(), x = Math.floor(event.offsetX * cols / el("traces").clientWidth), y = Math.floor(event.offsetY * rows / el("traces").clientHeight);
+  const i = (y * cols + x) * together; return x < cols && i >= 0 && i < view.frame.length ? i : -1;
+}
+for (const [id, under] of [["heat", underHeat], ["traces", underTraces]]) {
+  el(id).addEventListener("pointermove", event => choose(under(event)));
+  el(id).addEventListener("pointerdown", event => choose(under(event)));
+  el(id).addEventListener("pointerleave", event => { if (event.pointerType === "mouse") choose(-1); });
+}
+el("heat").addEventListener("keydown", event => {
+  if (!view) return;
+  const [, cols] = skin(), step = { ArrowLeft: -1, ArrowRight: 1, ArrowUp: -cols, ArrowDown: cols }[event.key];
+  if (event.key === "Escape") choose(-1);
+  if (!step) return;
+  event.preventDefault();
+  const next = chosen < 0 ? 0 : chosen + step;
+  if (next >= 0 && next < view.frame.length) choose(next);
+  el("chosen-said").textContent = el("chosen").textContent;
+});
+
+// ---- Views
+
+function show() {
+  const most = Math.max(0, ...view.frame);
+  if (most > top_) { top_ = Math.ceil(most / 20) * 20; }
+  set("scale-high", String(top_)); set("trace-title", "The same sensors over the last " + SECONDS + " seconds, each from 0 to " + top_);
+  document.body.style.setProperty("--shape", skin()[1] + " / " + skin()[0]);
+  showAnswer(); showScore(); showEvents(); showCounters(); showAge(); draw();
+}
+const source = new EventSource("events");
+source.onmessage = message => {
+  const next = JSON.parse(message.data);
+  if (!next.frame) return;
+  view = next; came = performance.now(); connected = true;
+  traces = traces.length && traces[0].length !== (view.trace[0] || traces[0]).length ? view.trace : traces.concat(view.trace);
+  traces = traces.slice(-Math.max(2, Math.round(SECONDS * view.trace_hz)));
+  if (!pending) { pending = true; requestAnimationFrame(() => { pending = false; show(); }); }
+};
+source.onerror = () => { connected = false; showAge(); };
+setInterval(showAge, 500);
+addEventListener("resize", draw);
+el("reset").onclick = () => fetch("reset", { method: "POST", headers: { "x-tactnet": "1" } });
