@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Opens a recording with the mcap package, and an exported network with ONNX and its runtime. Usage: check_recording.py FILE.mcap FILE.onnx
+"""Opens a recording with the mcap package, and an exported network with ONNX and its runtime. Usage: check_recording.py FILE.mcap FILE.onnx FILE_WITH_MASKS.onnx
 
     pip install mcap mcap-protobuf-support numpy onnx onnxruntime
 
@@ -8,7 +8,11 @@ beliefs say, plainly to 1e-4.
 """
 
 import json
+import pathlib
+import shutil
+import subprocess
 import sys
+import tempfile
 
 import numpy
 import onnx
@@ -16,7 +20,7 @@ import onnxruntime
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-recording, network = sys.argv[1:3]
+recording, network, network_with_masks = sys.argv[1:4]
 frames, starts, beliefs, names = {}, [], [], None
 with open(recording, "rb") as file:
     reader = make_reader(file, decoder_factories=[DecoderFactory()])
@@ -40,16 +44,25 @@ onnx.checker.check_model(model, full_check=True)
 properties = {item.key: item.value for item in model.metadata_props}
 assert json.loads(properties["labels"]) == names
 steps = int(properties["window_steps"])
+# What the file says about its use runs as it stands, and ONNX Runtime has nothing to say about it.
+with tempfile.TemporaryDirectory() as folder:
+    shutil.copy(network, pathlib.Path(folder) / "model.onnx")
+    program = model.doc_string.split("\n\n")[1]
+    ran = subprocess.run([sys.executable, "-c", program], cwd=folder, capture_output=True, text=True)
+assert ran.stdout.strip() in names and not ran.stderr, (program, ran)
 session = onnxruntime.InferenceSession(network)
+with_masks = onnxruntime.InferenceSession(network_with_masks)
+features = with_masks.get_inputs()[1].shape[1]
 apart = 0.0
 for belief in beliefs:
     if belief.motion not in starts or belief.filled_in:
         continue
     window = range(belief.last_frame - steps + 1, belief.last_frame + 1)
     digits = numpy.stack([frames[sequence] for sequence in window])[None]
-    plain, mixed, information = session.run(None, {"digits": digits})
+    (plain,) = session.run(None, {"digits": digits})
+    _, mixed, information = with_masks.run(None, {"digits": digits, "masks": numpy.ones((2, features), numpy.float32)})
     apart = max(apart, float(numpy.abs(numpy.exp(plain[0]) - numpy.array(belief.posterior)).max()))
-    # Without masks there is nothing to mix.
+    # Masks that keep everything leave nothing to mix.
     assert numpy.allclose(plain, mixed, atol=1e-5) and abs(information[0]) < 1e-5
 assert apart < 1e-4, apart
 print(f"{counts}: fine; ONNX Runtime differs from {len(beliefs)} recorded beliefs by at most {apart:.1e}")

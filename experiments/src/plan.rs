@@ -90,12 +90,16 @@ impl Plan {
             origin: recipe.name.clone(),
             reason,
         };
-        if let Some(missing) = recipe
-            .data
-            .iter()
-            .find(|data| *data != "twin" && !Path::new(data).exists())
-        {
-            return Err(refused(format!("data `{missing}`: no such file")));
+        for data in recipe.data.iter().filter(|data| *data != "twin") {
+            let path = Path::new(data);
+            if !path.exists() {
+                return Err(refused(format!("data `{data}`: no such file")));
+            }
+            if path.is_dir() {
+                return Err(refused(format!(
+                    "data `{data}`: expected a file, found a folder"
+                )));
+            }
         }
         let mut recipes = BTreeMap::new();
         let models = models::models(recipe, &mut recipes)?;

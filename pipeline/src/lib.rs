@@ -32,7 +32,7 @@ pub use baseline::fit::{BaselineFit, fit_baseline};
 pub use baseline::recipe::{BaselineRecipe, ClassicalClassifier, FeatureScaling};
 pub use burn::tensor::Device;
 pub use error::PipelineError;
-pub use export::onnx::to_onnx;
+pub use export::onnx::{OnnxInputs, to_onnx};
 pub use export::safetensors::to_safetensors;
 pub use features::augment::Augmentation;
 pub use features::extractor::FeatureSet;

@@ -5,21 +5,32 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
-use tactnet_rehearsal::{Demo, SMALL_MATERIALS, train_small_network};
+use tactnet_data::DataSource;
+use tactnet_pipeline::RunDir;
+use tactnet_rehearsal::{Demo, SMALL_MATERIALS, SMALL_SWEEPS, make_twin, train_small_network};
 use tactnet_serving::web;
 
 use crate::output;
 use crate::stop::Stop;
 
+/// Materials of the whole twin.
+const ALL_MATERIALS: usize = 36;
+/// Materials that the small network was not taught and that the skin touches too.
+const UNTAUGHT: usize = 2;
+
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     tactnet demo                                     trains a small network first, half a minute\n  \
-    tactnet demo --run runs/twin-fast-fold0-1        with a trained one\n  \
+    tactnet demo --run runs/own                      your network, on sweeps of its data that it was not trained on\n  \
+    tactnet demo --run runs/own --data tuesday.h5    on other sweeps\n  \
     tactnet demo --listen 0.0.0.0:8750               to look from another machine")]
 pub struct DemoArgs {
-    /// Run directory of a network trained on the twin [default: a small one is trained]
+    /// Run directory of a trained network [default: a small one is trained on the twin]
     #[arg(long, value_name = "DIR")]
     run: Option<PathBuf>,
+    /// Whose sweeps the fingertip makes [default: those of the run's data that it was not trained on]
+    #[arg(long, value_name = "FILE|twin", requires = "run")]
+    data: Option<String>,
     /// Where to answer browsers
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8750")]
     listen: SocketAddr,
@@ -33,21 +44,33 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
     let address = listener.local_addr()?;
     let folder = tempfile::tempdir()?;
     let program = std::env::current_exe()?;
-    let (run, materials) = match &arguments.run {
-        Some(run) => (run.clone(), 36),
+    let made = folder.path().join("sweeps.h5");
+    let (run, sweeps) = match &arguments.run {
+        Some(run) => {
+            let config = RunDir::open(run)?.config()?;
+            let data = arguments.data.as_deref().unwrap_or(&config.spec.data);
+            let sweeps = match DataSource::named(data) {
+                DataSource::Twin => {
+                    make_twin(&program, &made, ALL_MATERIALS, SMALL_SWEEPS)?;
+                    made
+                }
+                DataSource::File(path) => path,
+            };
+            (run.clone(), sweeps)
+        }
         None => {
             eprintln!("training a small network on {SMALL_MATERIALS} materials of the twin …");
             let run = train_small_network(&program, folder.path())?;
-            // The skin touches two more, which are unknown to the network.
-            (run, SMALL_MATERIALS + 2)
+            make_twin(&program, &made, SMALL_MATERIALS + UNTAUGHT, SMALL_SWEEPS)?;
+            (run, made)
         }
     };
     if stop.asked() {
         return Ok(ExitCode::SUCCESS);
     }
-    let mut demo = Demo::start(&program, folder.path(), &run, materials, listener)?;
+    let mut demo = Demo::start(&program, folder.path(), &run, &sweeps, listener)?;
     eprintln!(
-        "a simulated fingertip feels objects of {materials} materials, three sweeps each; open http://{address} in a browser; Ctrl-C ends"
+        "a simulated fingertip feels one object after the other, three sweeps each; open http://{address} in a browser; Ctrl-C ends"
     );
     output::print(format_args!("ready"))?;
     while !stop.asked() {

@@ -6,16 +6,17 @@ use std::process::ExitCode;
 
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
-use tactnet_pipeline::{RunDir, to_onnx, to_safetensors, weights_sha256, write_whole};
+use tactnet_pipeline::{OnnxInputs, RunDir, to_onnx, to_safetensors, weights_sha256, write_whole};
 
 use crate::GIT;
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     tactnet export runs/a --out tactnet.onnx            digits in, log-probabilities out, for any ONNX runtime\n  \
+    tactnet export runs/a --out tactnet.onnx --masks    with dropout masks as a second input\n  \
     tactnet export runs/a --out tactnet.safetensors     weights and scaling by name\n\n\
-    The ONNX file takes `digits` [sweeps, steps, taxels] and, for Monte Carlo dropout, `masks` [runs, features]; labels, rate, window, \
-    thresholds and hashes are in its metadata_props.")]
+    The ONNX file takes `digits` [sweeps, steps, taxels] and, with `--masks`, `masks` [runs, features]; labels, rate, window, thresholds \
+    and hashes are in its metadata_props, and its doc_string is a Python program that uses it.")]
 pub struct ExportArgs {
     /// Run directory of a trained network
     #[arg(value_name = "RUN")]
@@ -26,6 +27,9 @@ pub struct ExportArgs {
     /// Which format [default: by the file's extension]
     #[arg(long, value_enum)]
     format: Option<Format>,
+    /// Take dropout masks too, for Monte Carlo prediction; an ONNX file that does cannot do without
+    #[arg(long)]
+    masks: bool,
     /// Overwrite the file
     #[arg(long)]
     force: bool,
@@ -52,6 +56,9 @@ pub fn run(arguments: &ExportArgs) -> anyhow::Result<ExitCode> {
             arguments.out.display()
         ),
     };
+    if arguments.masks && matches!(format, Format::Safetensors) {
+        bail!("--masks: safetensors hold weights, and no inputs; it goes with ONNX");
+    }
     if arguments.out.exists() && !arguments.force {
         bail!(
             "{}: exists already; overwrite it with `--force`",
@@ -70,7 +77,17 @@ pub fn run(arguments: &ExportArgs) -> anyhow::Result<ExitCode> {
     ]);
     let calibration = run.calibration()?;
     let bytes = match format {
-        Format::Onnx => to_onnx(&config.classifier, &weights, calibration.as_ref(), &about)?,
+        Format::Onnx => to_onnx(
+            &config.classifier,
+            &weights,
+            calibration.as_ref(),
+            if arguments.masks {
+                OnnxInputs::DigitsAndMasks
+            } else {
+                OnnxInputs::Digits
+            },
+            &about,
+        )?,
         Format::Safetensors => {
             to_safetensors(&config.classifier, &weights, calibration.as_ref(), &about)?
         }

@@ -198,15 +198,19 @@ fn python_opens_a_recording_and_runs_the_exported_network_on_it() {
     let python = std::env::var("TACTNET_PYTHON").expect("TACTNET_PYTHON names a Python");
     let robot = Robot::new("python");
     let (file, _) = recorded(&robot, "a.mcap", "4", &[]);
-    let network = robot.lab.path("a.onnx");
-    let mut export = tactnet(["export"]);
-    export
-        .arg(robot.lab.path("models/1"))
-        .arg("--out")
-        .arg(&network);
-    expect(0, export);
     let mut check = Command::new(python);
-    check.arg("tests/check_recording.py").arg(file).arg(network);
+    check.arg("tests/check_recording.py").arg(file);
+    for (name, options) in [("a.onnx", &[][..]), ("b.onnx", &["--masks"])] {
+        let network = robot.lab.path(name);
+        let mut export = tactnet(["export"]);
+        export
+            .arg(robot.lab.path("models/1"))
+            .args(options)
+            .arg("--out")
+            .arg(&network);
+        expect(0, export);
+        check.arg(network);
+    }
     let said = stdout(&expect(0, check));
     assert!(said.contains("fine"), "{said}");
 }

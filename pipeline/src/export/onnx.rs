@@ -2,11 +2,11 @@
 //!
 //! ```text
 //! digits [sweeps, steps, taxels] ─ levels, scaling ─ blocks ─ features ─┬─────────── head ─> log_probability    [sweeps, materials]
-//! masks  [runs, features] (optional: ones) ─────────────────────────────┴─ product ─ head ─> mc_log_probability [sweeps, materials]
+//! masks  [runs, features] ──────────────────────────────────────────────┴─ product ─ head ─> mc_log_probability [sweeps, materials]
 //!                                                                                         └> mutual_information [sweeps], nats
 //! ```
 //!
-//! Masks are those of inverted dropout: `1 / keep_probability` or 0. The mean over runs is that of probabilities (thesis, section 4.5.2).
+//! The second line only with [`OnnxInputs::DigitsAndMasks`]. Masks are those of inverted dropout: `1 / keep_probability` or 0. The mean over runs is that of probabilities (thesis, section 4.5.2).
 
 mod message;
 
@@ -20,6 +20,28 @@ use crate::{Calibration, ClassifierConfig, PipelineError};
 use message::{
     Attribute, Graph, IR_VERSION, Model, Node, OPSET, OperatorSet, Property, Size, Tensor, Value,
 };
+
+/// What an exported network takes. ONNX has no inputs that may be left out: one with a default is a warning of ONNX Runtime's at every load.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OnnxInputs {
+    /// Sweeps.
+    Digits,
+    /// Sweeps, and dropout masks for Monte Carlo prediction.
+    DigitsAndMasks,
+}
+
+/// What the file says about its use; a test runs the Python as it stands, with the file as `model.onnx`.
+const USE: &str = r#"Which material did the fingertip sweep over? In Python, with onnxruntime and numpy:
+
+import json, numpy, onnxruntime
+session = onnxruntime.InferenceSession("model.onnx")
+labels = json.loads(session.get_modelmeta().custom_metadata_map["labels"])
+digits = numpy.zeros((1, STEPS, TAXELS), numpy.float32)  # sweeps x steps x taxels, as the skin gives them
+print(labels[session.run(["log_probability"], {"digits": digits})[0][0].argmax()])"#;
+/// Appended where there are masks.
+const USE_OF_MASKS: &str = r#"
+
+With Monte Carlo dropout also give "masks", runs x FEATURES: in each place KEPT with probability KEEP, else 0; "mc_log_probability" is that of the mean over runs."#;
 
 /// Writes nodes and keeps count of their names.
 #[derive(Default)]
@@ -107,6 +129,43 @@ impl Builder {
         );
         self.node("Neg", &[&name("sum")], output, vec![]);
     }
+
+    /// From features and `masks` to the scores of Monte Carlo dropout.
+    fn monte_carlo(&mut self) {
+        self.node("Mul", &["one_run", "masks"], "dropped", vec![]);
+        let runs = self.head("mc", "dropped");
+        self.node(
+            "ReduceLogSumExp",
+            &[&runs],
+            "mc_sum",
+            vec![Attribute::ints("axes", &[1]), Attribute::int("keepdims", 0)],
+        );
+        self.node("Shape", &["masks"], "masks_shape", vec![]);
+        self.integers("first", &[0]);
+        self.node("Gather", &["masks_shape", "first"], "runs", vec![]);
+        self.node(
+            "Cast",
+            &["runs"],
+            "runs_float",
+            vec![Attribute::int("to", 1)],
+        );
+        self.node("Log", &["runs_float"], "log_runs", vec![]);
+        self.node("Sub", &["mc_sum", "log_runs"], "mc_log_probability", vec![]);
+        self.entropy("mc_log_probability", 1, "entropy_of_mean");
+        self.entropy(&runs, 2, "entropy_of_runs");
+        self.node(
+            "ReduceMean",
+            &["entropy_of_runs"],
+            "mean_entropy",
+            vec![Attribute::ints("axes", &[1]), Attribute::int("keepdims", 0)],
+        );
+        self.node(
+            "Sub",
+            &["entropy_of_mean", "mean_entropy"],
+            "mutual_information",
+            vec![],
+        );
+    }
 }
 
 /// The bytes of an ONNX file.
@@ -119,6 +178,7 @@ pub fn to_onnx(
     config: &ClassifierConfig,
     weights: &Weights,
     calibration: Option<&Calibration>,
+    inputs: OnnxInputs,
     about: &BTreeMap<String, String>,
 ) -> Result<Vec<u8>, PipelineError> {
     let setup = network_setup(config)?;
@@ -245,79 +305,56 @@ pub fn to_onnx(
     let plain = builder.head("plain", "one_run");
     builder.node("Squeeze", &[&plain, "run_axis"], "log_probability", vec![]);
 
-    // Whoever gives no masks gets one that keeps everything.
-    builder.floats("masks", &[1, features], &vec![1.0; features]);
-    builder.node("Mul", &["one_run", "masks"], "dropped", vec![]);
-    let runs = builder.head("mc", "dropped");
-    builder.node(
-        "ReduceLogSumExp",
-        &[&runs],
-        "mc_sum",
-        vec![Attribute::ints("axes", &[1]), Attribute::int("keepdims", 0)],
-    );
-    builder.node("Shape", &["masks"], "masks_shape", vec![]);
-    builder.integers("first", &[0]);
-    builder.node("Gather", &["masks_shape", "first"], "runs", vec![]);
-    builder.node(
-        "Cast",
-        &["runs"],
-        "runs_float",
-        vec![Attribute::int("to", 1)],
-    );
-    builder.node("Log", &["runs_float"], "log_runs", vec![]);
-    builder.node("Sub", &["mc_sum", "log_runs"], "mc_log_probability", vec![]);
-    builder.entropy("mc_log_probability", 1, "entropy_of_mean");
-    builder.entropy(&runs, 2, "entropy_of_runs");
-    builder.node(
-        "ReduceMean",
-        &["entropy_of_runs"],
-        "mean_entropy",
-        vec![Attribute::ints("axes", &[1]), Attribute::int("keepdims", 0)],
-    );
-    builder.node(
-        "Sub",
-        &["entropy_of_mean", "mean_entropy"],
-        "mutual_information",
-        vec![],
-    );
+    if inputs == OnnxInputs::DigitsAndMasks {
+        builder.monte_carlo();
+    }
 
     let sweeps = || Size::open("sweeps");
     builder.graph.name = "TactNet-II".into();
-    builder.graph.input = vec![
-        Value::floats(
-            "digits",
-            vec![sweeps(), Size::of(steps), Size::of(taxels)],
-            "digits, taxels row by row",
-        ),
-        Value::floats(
+    builder.graph.input = vec![Value::floats(
+        "digits",
+        vec![sweeps(), Size::of(steps), Size::of(taxels)],
+        "digits, taxels row by row",
+    )];
+    let scores = || vec![sweeps(), Size::of(materials)];
+    builder.graph.output = vec![Value::floats(
+        "log_probability",
+        scores(),
+        "without dropout, natural logarithm",
+    )];
+    let mut doc = USE
+        .replace("STEPS", &steps.to_string())
+        .replace("TAXELS", &taxels.to_string());
+    if inputs == OnnxInputs::DigitsAndMasks {
+        builder.graph.input.push(Value::floats(
             "masks",
             vec![Size::open("runs"), Size::of(features)],
-            "dropout: 1 / keep_probability or 0; may be left out",
-        ),
-    ];
-    let scores = || vec![sweeps(), Size::of(materials)];
-    builder.graph.output = vec![
-        Value::floats(
-            "log_probability",
-            scores(),
-            "without dropout, natural logarithm",
-        ),
-        Value::floats(
-            "mc_log_probability",
-            scores(),
-            "of the mean probability over masks, natural logarithm",
-        ),
-        Value::floats(
-            "mutual_information",
-            vec![sweeps()],
-            "between material and mask, nats",
-        ),
-    ];
+            "dropout: 1 / keep_probability or 0",
+        ));
+        builder.graph.output.extend([
+            Value::floats(
+                "mc_log_probability",
+                scores(),
+                "of the mean probability over masks, natural logarithm",
+            ),
+            Value::floats(
+                "mutual_information",
+                vec![sweeps()],
+                "between material and mask, nats",
+            ),
+        ]);
+        let keep = setup.network.keep_probability;
+        let masks = USE_OF_MASKS
+            .replace("FEATURES", &features.to_string())
+            .replace("KEPT", &(1.0 / keep).to_string())
+            .replace("KEEP", &keep.to_string());
+        doc.push_str(&masks);
+    }
     let model = Model {
         ir_version: IR_VERSION,
         producer_name: "tactnet".into(),
         producer_version: env!("CARGO_PKG_VERSION").into(),
-        doc_string: "Which material did the fingertip sweep over?".into(),
+        doc_string: doc,
         graph: Some(builder.graph),
         opset_import: vec![OperatorSet {
             domain: String::new(),

@@ -8,7 +8,7 @@ use tactnet_serving::web::Dashboard;
 use tactnet_skin::ServeConfig;
 
 use crate::write_table::write_table;
-use crate::{ChildProcess, RehearsalError, SMALL_SWEEPS, make_twin};
+use crate::{ChildProcess, RehearsalError};
 
 /// Sweeps of one object; then what was fused is forgotten.
 const OBJECT_SWEEPS: &str = "3";
@@ -25,9 +25,9 @@ impl Demo {
     /// Starts all processes and waits until each is ready.
     ///
     /// - `program`: the `tactnet` command
-    /// - `folder`: where the table and the sweeps are written
+    /// - `folder`: where the table is written
     /// - `run`: run directory of the network that serves
-    /// - `materials`: of the twin that the skin touches
+    /// - `sweeps`: data set whose sweeps the skin plays, but for those that the network was trained on
     /// - `listener`: where browsers are answered
     ///
     /// # Errors
@@ -36,11 +36,9 @@ impl Demo {
         program: &Path,
         folder: &Path,
         run: &Path,
-        materials: usize,
+        sweeps: &Path,
         listener: TcpListener,
     ) -> Result<Self, RehearsalError> {
-        let sweeps = folder.join("sweeps.h5");
-        make_twin(program, &sweeps, materials, SMALL_SWEEPS)?;
         let config = ServeConfig::default();
         let table = config.table(&format!("demo{}", std::process::id()));
         let path = write_table(&table, folder)?;

@@ -75,7 +75,8 @@ fn download_bar() -> ProgressBar {
         return ProgressBar::hidden();
     }
     let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
-    let template = "[{bar:30}] {bytes}/{total_bytes}, {bytes_per_sec}, {eta} to go";
+    // At most 48 columns before the bar: `999.99 MiB/999.99 MiB, 999.99 MiB/s, 59m to go`.
+    let template = "{bytes}/{total_bytes}, {bytes_per_sec}, {eta} to go {wide_bar}";
     if let Ok(style) = ProgressStyle::with_template(template) {
         bar.set_style(style.progress_chars("=> "));
     }

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use clap::Args;
 use tactnet_channel::{Bus, Domain, Table};
 use tactnet_data::Seed;
+use tactnet_pipeline::{LabelOrder, RunDir};
 use tactnet_rehearsal::{REST_FRAMES, SkinDriver, SkinSimulator, play_order};
 use tactnet_skin::ServeConfig;
 
@@ -24,7 +25,7 @@ pub struct SkinArgs {
     /// Whose sweeps
     #[arg(long, value_name = "FILE|twin", default_value = "twin")]
     data: String,
-    /// Only sweeps that this run was not trained on
+    /// Only sweeps that this run was not trained on, at its sample rate and of its number of steps
     #[arg(long, value_name = "DIR")]
     unseen_by: Option<PathBuf>,
     /// N sweeps in a row are of one object; a reset is commanded before the next [default: no resets]
@@ -46,10 +47,21 @@ pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen_saying("stopping")?;
     let table = Table::load(&arguments.table)?;
     let config = ServeConfig::of(&table)?;
-    let dataset = source::load(&arguments.data)?;
-    let sweeps = match &arguments.unseen_by {
-        Some(run) => unseen_by(&dataset, run)?,
-        None => (0..dataset.len()).collect(),
+    // Before sweeps are read or generated: without a hub that would be in vain.
+    let bus = Bus::open(Domain::Host, &table)?;
+    let (dataset, sweeps) = match &arguments.unseen_by {
+        Some(run) => {
+            // At the rate and with the steps of the run.
+            let spec = RunDir::open(run)?.config()?.spec;
+            let dataset = source::load_as(&spec, &arguments.data, LabelOrder::True)?;
+            let unseen = unseen_by(&dataset, run)?;
+            (dataset, unseen)
+        }
+        None => {
+            let dataset = source::load(&arguments.data)?;
+            let all = (0..dataset.len()).collect();
+            (dataset, all)
+        }
     };
     let order = play_order(
         &dataset,
@@ -58,7 +70,6 @@ pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
         arguments.sweeps_per_object.unwrap_or(1) as usize,
         Seed(arguments.seed),
     )?;
-    let bus = Bus::open(Domain::Host, &table)?;
     let driver = SkinDriver::open(&bus, &config)?;
     let mut skin = SkinSimulator::new(&dataset, order, config.segmenter.skip, REST_FRAMES);
     if let Some(sweeps) = arguments.sweeps_per_object {

@@ -137,7 +137,11 @@ fn compare_exported(
     let mut network: Box<dyn ExportedNetwork> = match kind {
         #[cfg(feature = "onnxruntime")]
         RuntimeKind::OnnxRuntime => {
-            let model = crate::to_onnx(config, &weights, None, &about)?;
+            let inputs = match mc_samples {
+                0 => crate::OnnxInputs::Digits,
+                _ => crate::OnnxInputs::DigitsAndMasks,
+            };
+            let model = crate::to_onnx(config, &weights, None, inputs, &about)?;
             let threads = std::thread::available_parallelism().map_or(1, usize::from);
             let features = weights.0["hidden.weight"].shape[1];
             let network =

@@ -1,0 +1,33 @@
+#!/usr/bin/env bash
+# Unpacks a release archive in a bare Debian, trains and runs the demo there. Usage: check_release.sh ARCHIVE FOLDER_OF_DEBIAN
+#
+# Needs root. The folder is filled by debootstrap where it is empty, and used again where it is not.
+set -euo pipefail
+archive=$(realpath "$1") debian=$2
+if [ ! -x "$debian/usr/bin/dpkg" ]; then
+  debootstrap --variant=minbase bookworm "$debian" >/dev/null
+fi
+debian=$(realpath "$debian")
+home=$debian/home/lab
+rm -rf "$home" "$debian/opt"
+mkdir -p "$home" "$debian/opt" "$debian/dev/shm"
+tar -xzf "$archive" -C "$debian/opt" --strip-components=1
+# Two materials that a vibration tells apart, in NumPy's own format.
+"${PYTHON:-python3}" - "$home/own.npz" <<'PY'
+import sys
+import numpy
+random = numpy.random.default_rng(1)
+time = numpy.arange(150)[None, :, None]
+X = [numpy.sin(time * (0.3 + 0.4 * (n % 2)) + random.uniform(0, 6, (1, 1, 16))) * 8 + 20 + random.normal(0, 1, (1, 150, 16)) for n in range(60)]
+numpy.savez(sys.argv[1], X=numpy.concatenate(X), y=["cork", "felt"] * 30, sample_rate_hz=200)
+PY
+inside() {
+  unshare --mount --pid --fork --mount-proc="$debian/proc" -- bash -c '
+    mount --rbind /dev "$0/dev"
+    exec chroot "$0" /usr/bin/env -i HOME=/home/lab PATH=/opt/bin:/usr/bin:/bin bash -ec "cd && $1"' "$debian" "$1"
+}
+inside 'tactnet version && tactnet train --data own.npz --epochs 4 --out own --json >own.json && tactnet train --data twin --steps 100 --epochs 1 --out twin >/dev/null'
+grep -q '"accuracy\|"one_sweep' "$home/own.json"
+inside 'tactnet demo --run own --listen 127.0.0.1:18750 >ready & for i in $(seq 300); do grep -q ready ready && break; sleep 0.1; done
+  exec 3<>/dev/tcp/127.0.0.1/18750; printf "GET / HTTP/1.0\r\n\r\n" >&3; timeout 5 cat <&3 | grep -q "fingertip"; kill -INT %1; wait %1'
+echo "fine: $(basename "$archive") in $(grep PRETTY_NAME "$debian/etc/os-release" | cut -d'"' -f2)"
