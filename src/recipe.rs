@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use tactnet_data::{Seed, TrainSplit};
+use tactnet_data::{Seed, TrainSplit, known_names};
 use tactnet_models::Compute;
 use tactnet_pipeline::{BatchReport, MeanRemoval, ModelRecipe, PipelineError, TrainJob, TrainSpec};
 
@@ -22,10 +22,9 @@ impl Recipe {
     /// Another name.
     pub fn named(name: &str) -> Result<Self, Error> {
         if !ModelRecipe::built_in_names().any(|known| known == name) {
-            let known: Vec<&str> = ModelRecipe::built_in_names().collect();
             return Err(Error::Pipeline(PipelineError::UnknownRecipe {
                 name: name.into(),
-                known: known.join(", "),
+                known: known_names(name, ModelRecipe::built_in_names()),
             }));
         }
         Self::of(name)

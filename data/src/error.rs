@@ -52,11 +52,11 @@ pub enum DataError {
 }
 
 impl DataError {
-    /// Returns true if the mistake is in what was handed over, false if the operating system refused.
+    /// Returns true if the mistake is in what was handed over, such as a folder for a file; false if the disk fails.
     pub fn is_usage(&self) -> bool {
         match self {
             Self::Format { .. } | Self::Inconsistent { .. } | Self::Unsound { .. } => true,
-            Self::Io { .. } => false,
+            Self::Io { source, .. } => is_wrong_path(source),
         }
     }
 
@@ -98,15 +98,34 @@ impl DataError {
     }
 }
 
+/// Returns true where a path is wrong (nothing there, not allowed, a folder for a file), which another call mends; false where the disk fails.
+pub fn is_wrong_path(error: &std::io::Error) -> bool {
+    use std::io::ErrorKind;
+    matches!(
+        error.kind(),
+        ErrorKind::NotFound
+            | ErrorKind::PermissionDenied
+            | ErrorKind::AlreadyExists
+            | ErrorKind::IsADirectory
+            | ErrorKind::NotADirectory
+            | ErrorKind::InvalidInput
+            | ErrorKind::InvalidFilename
+            // A file that is no text.
+            | ErrorKind::InvalidData
+    )
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn only_the_operating_system_is_to_blame_for_io() {
+    fn a_wrong_path_is_a_mistake_in_the_call_and_a_full_disk_is_none() {
         let path = Path::new("a.h5");
         let full = std::io::Error::from(std::io::ErrorKind::StorageFull);
         assert!(!DataError::io(path, "write", full).is_usage());
+        let folder = std::fs::read(std::env::temp_dir()).unwrap_err();
+        assert!(DataError::io(path, "read", folder).is_usage());
         assert!(DataError::format(path, "file", "HDF5", "text").is_usage());
         assert!(DataError::inconsistent("steps", "1 to 9", "10").is_usage());
         let unsound = DataError::Unsound {

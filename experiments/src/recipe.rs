@@ -5,12 +5,13 @@ mod search;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
+use tactnet_data::{known_names, near_name};
 use tactnet_models::Compute;
 use tactnet_pipeline::MeanRemoval;
 use toml::{Table, Value};
 
 use crate::one_or_many::one_or_many;
-use crate::settings::{current_shape, parse_value, set_field};
+use crate::settings::{FIELDS, current_shape, parse_value, set_field};
 use crate::{Crossval, ExperimentError, Question};
 pub use search::{Range, Search};
 
@@ -182,11 +183,12 @@ impl ExperimentRecipe {
             set_field(&mut table, path.trim(), value).map_err(refused)?;
         }
         if let Some(Value::Table(question)) = table.get("question") {
-            Question::check_fields(question).map_err(|e| refused(e.to_string()))?;
+            Question::check_fields(question)
+                .map_err(|e| refused(with_near_name(&e.to_string(), &FIELDS)))?;
         }
         let recipe: Self = Value::Table(table)
             .try_into()
-            .map_err(|e: toml::de::Error| refused(e.to_string()))?;
+            .map_err(|e: toml::de::Error| refused(with_near_name(&e.to_string(), &[])))?;
         recipe.validate().map_err(refused)?;
         Ok(recipe)
     }
@@ -238,8 +240,33 @@ impl ExperimentRecipe {
 fn unknown(name: &str) -> ExperimentError {
     ExperimentError::Unknown {
         name: name.into(),
-        known: BUILT_IN.map(|(name, _)| name).join(", "),
+        known: known_names(name, BUILT_IN.map(|(name, _)| name)),
     }
+}
+
+/// A message of serde about an unknown field or value, with the one that was meant.
+///
+/// - `beside`: further fields that may stand there
+fn with_near_name(message: &str, beside: &[&str]) -> String {
+    let mut message = one_line(message);
+    let Some((said, expected)) = message.split_once(", expected ") else {
+        return message;
+    };
+    let Some(typed) = said
+        .strip_prefix("unknown ")
+        .and_then(|said| said.split('`').nth(1))
+    else {
+        return message;
+    };
+    let names = expected.split('`').skip(1).step_by(2);
+    let meant = near_name(typed, names.chain(beside.iter().copied())).map(str::to_string);
+    if !beside.is_empty() {
+        message.push_str(&format!(", or of the recipe: {}", beside.join(", ")));
+    }
+    if let Some(meant) = meant {
+        message.push_str(&format!("; did you mean `{meant}`?"));
+    }
+    message
 }
 
 /// A message of several lines as one.
@@ -328,6 +355,37 @@ mod tests {
     }
 
     #[test]
+    fn a_mistyped_field_or_value_is_answered_with_the_one_that_was_meant() {
+        for (setting, meant) in [
+            ("splts=3", "splits"),
+            ("sed=3", "seed"),
+            ("modls=fast", "models"),
+            ("new_material=3", "new_materials"),
+            ("methods=ol-men", "ol-mean"),
+            ("question.shot=1", "shots"),
+            ("models=thsis", "thesis"),
+        ] {
+            let refused = ExperimentRecipe::load("nshot", &[setting.into()])
+                .and_then(|recipe| crate::Plan::new(&recipe, "").map(drop))
+                .unwrap_err()
+                .to_string();
+            let proposed = format!("; did you mean `{meant}`?");
+            assert!(refused.ends_with(&proposed), "{setting}: {refused}");
+        }
+        let refused = ExperimentRecipe::load("nshot", &["quux=1".into()]).unwrap_err();
+        assert!(!refused.to_string().contains("did you mean"), "{refused}");
+    }
+
+    #[test]
+    fn the_fields_of_a_recipe_are_those_that_serde_knows() {
+        let text = "nonsense = 1";
+        let refused = toml::from_str::<ExperimentRecipe>(text).unwrap_err();
+        let (_, expected) = refused.message().split_once("expected one of ").unwrap();
+        let known: Vec<&str> = expected.split('`').skip(1).step_by(2).collect();
+        assert_eq!(known, FIELDS);
+    }
+
+    #[test]
     fn mistakes_are_named_in_one_line() {
         for (setting, named) in [
             ("fold=3", "fold"),
@@ -390,5 +448,9 @@ mod tests {
             .unwrap_err()
             .to_string();
         assert!(unknown.contains("crossval_tactnet2"), "{unknown}");
+        assert!(
+            unknown.ends_with("did you mean `crossval_tactnet2`?"),
+            "{unknown}"
+        );
     }
 }

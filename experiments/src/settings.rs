@@ -2,7 +2,12 @@
 
 use toml::{Table, Value};
 
-/// Fields of the question that may stand beside it.
+/// Fields of a recipe beside its question's.
+pub(crate) const FIELDS: [&str; 14] = [
+    "name", "title", "expects", "takes", "data", "models", "levels", "steps", "seed", "epochs",
+    "device", "question", "variants", "search",
+];
+/// Fields of the question that stood beside it in older recipes.
 const OF_QUESTION: [&str; 8] = [
     "folds", "repeats", "split", "probes", "groups", "splits", "shots", "methods",
 ];
@@ -28,7 +33,7 @@ pub(crate) fn current_shape(recipe: &mut Table) {
     }
 }
 
-/// Sets a field of a recipe in its present shape, by its path or by its older name.
+/// Sets a field of a recipe in its present shape, by its path or by its older name; what is no field of the recipe is one of its question.
 ///
 /// # Errors
 /// A path that leads through something that is no table.
@@ -51,10 +56,8 @@ pub(crate) fn set_field(recipe: &mut Table, path: &str, value: Value) -> Result<
         (path, value) if path.starts_with("study.") => {
             set(recipe, &path.replacen("study", "question", 1), value)
         }
-        (path, value) if OF_QUESTION.contains(&first) => {
-            set(recipe, &format!("question.{path}"), value)
-        }
-        (path, value) => set(recipe, path, value),
+        (path, value) if FIELDS.contains(&first) || path.is_empty() => set(recipe, path, value),
+        (path, value) => set(recipe, &format!("question.{path}"), value),
     }
 }
 

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
+use tactnet_data::known_names;
 
 use crate::{BaselineRecipe, MeanRemoval, PipelineError, PredictionMethod, Recipe};
 
@@ -50,10 +51,9 @@ impl ModelRecipe {
         }
         let path = Path::new(name_or_path);
         if !path.exists() {
-            let known: Vec<&str> = Self::built_in_names().collect();
             return Err(PipelineError::UnknownRecipe {
                 name: name_or_path.into(),
-                known: known.join(", "),
+                known: known_names(name_or_path, Self::built_in_names()),
             });
         }
         let text = std::fs::read_to_string(path)
@@ -144,6 +144,13 @@ mod tests {
                 recipe
             );
         }
+    }
+
+    #[test]
+    fn a_mistyped_name_is_answered_with_the_one_that_was_meant() {
+        let refused = ModelRecipe::load("minirokt").unwrap_err().to_string();
+        assert!(refused.contains("ship with tactnet: fast, thesis, means"));
+        assert!(refused.ends_with("did you mean `minirocket`?"), "{refused}");
     }
 
     #[test]

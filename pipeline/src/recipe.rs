@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
+use tactnet_data::known_names;
 use tactnet_models::Architecture;
 
 use crate::error::InvalidSetting;
@@ -177,10 +178,9 @@ impl Recipe {
         }
         let path = Path::new(name_or_path);
         if !path.exists() {
-            let known: Vec<&str> = Self::built_in_names().collect();
             return Err(PipelineError::UnknownRecipe {
                 name: name_or_path.into(),
-                known: known.join(", "),
+                known: known_names(name_or_path, Self::built_in_names()),
             });
         }
         let text = std::fs::read_to_string(path)

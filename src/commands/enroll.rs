@@ -7,7 +7,7 @@ use std::time::Instant;
 use anyhow::{Context, bail};
 use clap::Args;
 use serde::Serialize;
-use tactnet_data::{SweepView, refuse_errors};
+use tactnet_data::{SweepView, known_names, refuse_errors};
 use tactnet_models::Compute;
 use tactnet_pipeline::{Classifier, EnrolledMaterial, LabelOrder, RunDir, enroll, weights_sha256};
 
@@ -74,12 +74,11 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
         .names()
         .position(|name| name == arguments.material)
     else {
-        let names: Vec<&str> = dataset.labels().names().collect();
         bail!(
             "{}: no material `{}`; it holds {}",
             arguments.data,
             arguments.material,
-            names.join(", ")
+            known_names(&arguments.material, dataset.labels().names())
         );
     };
     let own = (0..dataset.len()).filter(|index| dataset.records()[*index].label == label);

@@ -1,7 +1,7 @@
 //! The order in which a simulated skin plays sweeps.
 
 use rand::seq::SliceRandom;
-use tactnet_data::{Dataset, Seed};
+use tactnet_data::{Dataset, Seed, known_names};
 
 use crate::RehearsalError;
 
@@ -26,7 +26,7 @@ pub fn play_order(
             let found = names.iter().position(|name| name == material);
             found.ok_or_else(|| RehearsalError::NoMaterial {
                 material: material.clone(),
-                known: names.join(", "),
+                known: known_names(material, names.iter().copied()),
             })
         };
         materials.iter().map(label_of).collect::<Result<_, _>>()?
@@ -86,6 +86,10 @@ mod tests {
                 .to_string()
                 .contains("no material `kryptonite`; there are")
         );
+        let typed = [names[0].to_uppercase()];
+        let mistyped = play_order(&twin, &all, &typed, Seed(1)).unwrap_err();
+        let proposed = format!("did you mean `{}`?", names[0]);
+        assert!(mistyped.to_string().ends_with(&proposed), "{mistyped}");
         assert!(play_order(&twin, &[], &[], Seed(1)).unwrap_err().is_usage());
     }
 }

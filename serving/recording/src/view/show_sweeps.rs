@@ -1,6 +1,6 @@
 //! The sweeps of a data set, one after the other.
 
-use tactnet_data::Dataset;
+use tactnet_data::{Dataset, known_names};
 
 use super::{Play, Scene, Stretch, Target, TimeOrigin};
 use crate::RecordingError;
@@ -64,12 +64,9 @@ pub fn first_sweeps(
     } else {
         let number = |name: &String| {
             let found = dataset.labels().names().position(|known| known == name);
-            found.ok_or_else(|| {
-                let known: Vec<&str> = dataset.labels().names().collect();
-                RecordingError::NoMaterial {
-                    material: name.clone(),
-                    known: known.join(", "),
-                }
+            found.ok_or_else(|| RecordingError::NoMaterial {
+                material: name.clone(),
+                known: known_names(name, dataset.labels().names()),
             })
         };
         materials.iter().map(number).collect::<Result<_, _>>()?
