@@ -3,7 +3,7 @@
 use burn::tensor::Device;
 use serde::{Deserialize, Serialize};
 
-use crate::ModelError;
+use crate::{ModelError, left_out};
 
 /// The device a network runs on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -43,6 +43,6 @@ impl Compute {
 fn missing(feature: &'static str) -> ModelError {
     ModelError::Compute {
         device: feature,
-        reason: format!("this binary was built without it; build with `--features {feature}`"),
+        reason: left_out(feature),
     }
 }

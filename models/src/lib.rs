@@ -20,6 +20,7 @@ mod heads;
 mod initial;
 mod knn;
 mod lbfgs;
+mod left_out;
 mod loss;
 mod mlp;
 mod ridge;
@@ -45,6 +46,7 @@ pub use heads::{
     LinearHead, NearestMean, NewClass, SimpleShot, WeightPrior, Whitening, fit_new_class,
 };
 pub use knn::Knn;
+pub use left_out::left_out;
 pub use loss::cross_entropy;
 pub use mlp::{DenseWeights, Mlp, matrix};
 pub use ridge::{Gram, Ridge, default_penalties};

@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use tactnet_data::DataError;
-use tactnet_models::ModelError;
+use tactnet_data::{DataError, is_wrong_path};
+use tactnet_models::{ModelError, left_out};
 
 /// An error of training, prediction or a run directory.
 #[derive(Debug, thiserror::Error)]
@@ -79,7 +79,7 @@ pub enum PipelineError {
         reason: String,
     },
     /// A form of the network that this program was built without.
-    #[error("this program was built without `{runtime}`; build it with `--features {runtime}`")]
+    #[error("{}", left_out(runtime))]
     NoRuntime {
         /// Its name, which is that of the cargo feature.
         runtime: &'static str,
@@ -134,10 +134,8 @@ impl PipelineError {
             | Self::Incompatible { .. }
             | Self::Enroll { .. }
             | Self::NoRuntime { .. } => true,
-            Self::Io { .. }
-            | Self::Runtime { .. }
-            | Self::NotFinite { .. }
-            | Self::Optimizer(_) => false,
+            Self::Io { source, .. } => is_wrong_path(source),
+            Self::Runtime { .. } | Self::NotFinite { .. } | Self::Optimizer(_) => false,
         }
     }
 

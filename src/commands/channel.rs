@@ -11,6 +11,7 @@ use std::time::Duration;
 
 use clap::{Args, Subcommand};
 use tactnet_channel::{Hub, Table};
+use tactnet_models::left_out;
 
 use crate::output;
 use crate::stop::Stop;
@@ -74,8 +75,9 @@ fn hub(arguments: &HubArgs) -> anyhow::Result<ExitCode> {
     let endpoints = table.network.listen.len() + table.network.connect.len();
     if distributed && endpoints > 0 && !cfg!(feature = "zenoh") {
         anyhow::bail!(
-            "{}: it has channels between hosts, and this build cannot carry them; build with `--features zenoh`",
-            arguments.table.table.display()
+            "{}: it has channels between hosts, and {}",
+            arguments.table.table.display(),
+            left_out("zenoh")
         );
     }
     let mut hub = Hub::start(&table)?;

@@ -15,18 +15,18 @@ pub use {channels::run, sweeps::run as run_sweeps};
 mod left_out {
     use std::process::ExitCode;
 
-    use super::{SweepsArgs, ViewArgs};
+    use tactnet_models::left_out;
 
-    const WHY: &str = "this program was built without `rerun`; build it with `--features rerun`";
+    use super::{SweepsArgs, ViewArgs};
 
     /// Says why not.
     pub fn run(_: &ViewArgs) -> anyhow::Result<ExitCode> {
-        anyhow::bail!(WHY)
+        anyhow::bail!(left_out("rerun"))
     }
 
     /// Says why not.
     pub fn run_sweeps(_: &SweepsArgs) -> anyhow::Result<ExitCode> {
-        anyhow::bail!(WHY)
+        anyhow::bail!(left_out("rerun"))
     }
 }
 
