@@ -163,14 +163,59 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_cannot_be_read_fails_however_it_is_wrapped() {
-        let denied = || PipelineError::Io {
-            path: PathBuf::from("config.json"),
-            action: "read",
-            source: std::io::Error::from(std::io::ErrorKind::PermissionDenied),
-        };
-        assert!(broken(denied()));
-        assert!(broken(ExperimentError::from(denied())));
+    fn a_wrong_path_is_a_mistake_whichever_crate_finds_it() {
+        use std::io::ErrorKind;
+        let (path, action) = (PathBuf::from("sweeps.h5"), "read");
+        for (kind, fails) in [
+            (ErrorKind::IsADirectory, false),
+            (ErrorKind::NotADirectory, false),
+            (ErrorKind::NotFound, false),
+            (ErrorKind::PermissionDenied, false),
+            (ErrorKind::StorageFull, true),
+            (ErrorKind::ReadOnlyFilesystem, true),
+        ] {
+            let (path, source) = (|| path.clone(), || std::io::Error::from(kind));
+            let data = || DataError::io(&path(), action, source());
+            let pipeline = || PipelineError::Io {
+                path: path(),
+                action,
+                source: source(),
+            };
+            let errors: [anyhow::Error; 11] = [
+                source().into(),
+                data().into(),
+                FetchError::Disk(data()).into(),
+                pipeline().into(),
+                PipelineError::from(data()).into(),
+                ExperimentError::from(pipeline()).into(),
+                ExperimentError::Io {
+                    path: path(),
+                    action,
+                    source: source(),
+                }
+                .into(),
+                ChannelError::Io {
+                    path: path(),
+                    action,
+                    source: source(),
+                }
+                .into(),
+                RecordingError::Io {
+                    path: path(),
+                    source: source(),
+                }
+                .into(),
+                ServeError::Io {
+                    path: path(),
+                    source: source(),
+                }
+                .into(),
+                RehearsalError::from(data()).into(),
+            ];
+            for error in errors {
+                assert_eq!(broken(error), fails, "{kind:?}");
+            }
+        }
     }
 
     #[test]

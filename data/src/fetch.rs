@@ -162,8 +162,8 @@ impl FetchError {
             Self::Unreachable { .. }
             | Self::Refused { .. }
             | Self::Cut { .. }
-            | Self::WrongContent { .. }
-            | Self::Occupied { .. } => false,
+            | Self::WrongContent { .. } => false,
+            Self::Occupied { .. } => true,
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use tactnet_data::is_wrong_path;
 use tactnet_pipeline::PipelineError;
 
 /// An error of planning, running or reporting an experiment.
@@ -75,7 +76,8 @@ impl ExperimentError {
         match self {
             Self::Pipeline(error) => error.is_usage(),
             Self::Unknown { .. } | Self::Recipe { .. } | Self::Folder { .. } => true,
-            Self::Io { .. } | Self::Slurm { .. } | Self::Tasks { .. } => false,
+            Self::Io { source, .. } => is_wrong_path(source),
+            Self::Slurm { .. } | Self::Tasks { .. } => false,
         }
     }
 

@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
+use tactnet_data::format::csv::is_folder_of_sweeps;
 use tactnet_pipeline::TrainSpec;
 use toml::{Table, Value};
 
@@ -90,12 +91,16 @@ impl Plan {
             origin: recipe.name.clone(),
             reason,
         };
-        if let Some(missing) = recipe
-            .data
-            .iter()
-            .find(|data| *data != "twin" && !Path::new(data).exists())
-        {
-            return Err(refused(format!("data `{missing}`: no such file")));
+        for data in recipe.data.iter().filter(|data| *data != "twin") {
+            let path = Path::new(data);
+            if !path.exists() {
+                return Err(refused(format!("data `{data}`: no such file")));
+            }
+            if path.is_dir() && !is_folder_of_sweeps(path) {
+                return Err(refused(format!(
+                    "data `{data}`: expected a file or a folder of sweeps, found another folder"
+                )));
+            }
         }
         let mut recipes = BTreeMap::new();
         let models = models::models(recipe, &mut recipes)?;

@@ -6,6 +6,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use tactnet_pipeline::write_whole;
+use tactnet_process::without_prefix;
 
 use crate::local::failures;
 use crate::tasks::{ExperimentDir, TaskState};
@@ -206,7 +207,7 @@ fn why(dir: &ExperimentDir, task: &Task, logs: &Path, job: &str, index: usize) -
     let log = logs.join(format!("{id}.log"));
     let of_job = std::fs::read_to_string(&log).unwrap_or_default();
     let last = of_job.lines().rev().find(|line| !line.trim().is_empty());
-    let words = last.map_or_else(|| dir.last_words(task), str::to_string);
+    let words = last.map_or_else(|| dir.last_words(task), |line| without_prefix(line).into());
     format!("{state}{words} (log: {})", log.display())
 }
 

@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use tactnet_pipeline::RunDir;
+use tactnet_process::without_prefix;
 
 use crate::plan::{Plan, Task};
 use crate::{ExperimentError, ExperimentRecipe, Job, QuestionResult};
@@ -247,7 +248,7 @@ impl ExperimentDir {
     pub fn last_words(&self, task: &Task) -> String {
         let log = fs::read_to_string(self.log_file(task)).unwrap_or_default();
         let line = log.lines().rev().find(|line| !line.trim().is_empty());
-        line.unwrap_or("it said nothing").trim().into()
+        without_prefix(line.unwrap_or("it said nothing")).into()
     }
 
     /// Writes `value` into the folder as JSON, whole or not at all.

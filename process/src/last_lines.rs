@@ -6,7 +6,16 @@ use std::io::{BufRead, BufReader, Read};
 /// Lines that are kept.
 const KEPT: usize = 3;
 
-/// Reads to the end and returns the last lines that are not empty, as one line.
+/// Begins the line in which a command says why it failed.
+const PREFIX: &str = "error: ";
+
+/// Returns what a command said without its own `error: `, to be quoted in a message.
+pub fn without_prefix(line: &str) -> &str {
+    let line = line.trim();
+    line.strip_prefix(PREFIX).unwrap_or(line)
+}
+
+/// Reads to the end and returns the last lines that are not empty, as one line; of a command that says why it failed, only that line.
 pub(crate) fn last_lines(from: impl Read) -> String {
     let mut from = BufReader::new(from);
     let mut kept = VecDeque::new();
@@ -23,7 +32,10 @@ pub(crate) fn last_lines(from: impl Read) -> String {
         }
         kept.push_back(text);
     }
-    Vec::from(kept).join(" / ")
+    match kept.back() {
+        Some(last) if last.starts_with(PREFIX) => without_prefix(last).into(),
+        _ => Vec::from(kept).join(" / "),
+    }
 }
 
 #[cfg(test)]
@@ -35,5 +47,13 @@ mod tests {
         let text = b"one\n\ntwo\r\nthree \n\xff four".as_slice();
         assert_eq!(last_lines(text), "two / three / \u{fffd} four");
         assert_eq!(last_lines(b"\n".as_slice()), "");
+    }
+
+    #[test]
+    fn the_line_that_says_why_is_quoted_alone_and_without_its_prefix() {
+        let text = b"reading a.h5\nerror: no hub runs on this host\n".as_slice();
+        assert_eq!(last_lines(text), "no hub runs on this host");
+        assert_eq!(without_prefix(" error: no hub\n"), "no hub");
+        assert_eq!(without_prefix("no error: here"), "no error: here");
     }
 }

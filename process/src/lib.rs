@@ -17,5 +17,6 @@ mod run_to_end;
 
 pub use child_process::ChildProcess;
 pub use error::ProcessError;
+pub use last_lines::without_prefix;
 pub use ready_process::ReadyProcess;
 pub use run_to_end::run_to_end;

@@ -3,12 +3,17 @@
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
-use crate::last_lines::last_lines;
+use crate::last_lines::{last_lines, without_prefix};
 use crate::{ChildProcess, ProcessError};
 
 /// The first line of a process that is ready.
 const READY: &str = "ready";
+/// How long a process may take to end after it has closed its output.
+const ENDING: Duration = Duration::from_secs(1);
+/// How often it is looked at meanwhile.
+const POLL: Duration = Duration::from_millis(2);
 
 /// A process whose first line is `ready`. It gets SIGTERM when the thread that started it ends (on Linux), and is killed when this is
 /// dropped.
@@ -70,12 +75,11 @@ impl ReadyProcess {
         let mut line = String::new();
         output.read_line(&mut line)?;
         if line.trim_end() != READY {
-            self.process.kill();
-            let said = match line.trim() {
-                "" => self.last_lines(),
-                line => line.into(),
+            let (status, said) = match line.trim() {
+                "" => (self.ended_soon()?, self.last_lines()),
+                line => (None, without_prefix(line).into()),
             };
-            return Err(ProcessError::NotReady { said });
+            return Err(ProcessError::NotReady { status, said });
         }
         self.printed = Some(std::thread::spawn(move || {
             let mut printed = String::new();
@@ -84,6 +88,19 @@ impl ReadyProcess {
             printed
         }));
         Ok(())
+    }
+
+    /// Returns the status of a process that has closed its output, and kills it if it does not end within a second.
+    fn ended_soon(&mut self) -> Result<Option<ExitStatus>, ProcessError> {
+        let begun = Instant::now();
+        while begun.elapsed() < ENDING {
+            if let Some(status) = self.ended()? {
+                return Ok(Some(status));
+            }
+            std::thread::sleep(POLL);
+        }
+        self.process.kill();
+        Ok(None)
     }
 
     /// Returns its status if it has ended by itself.
@@ -171,10 +188,15 @@ mod tests {
 
     #[test]
     fn a_process_that_is_not_ready_says_why_on_either_stream() {
-        for text in ["echo 'no hub' >&2; exit 2", "echo 'no hub'; exec sleep 60"] {
+        for text in [
+            "echo 'error: no hub' >&2; exit 2",
+            "echo 'no hub' >&2; exit 1",
+            "echo 'error: no hub'; exec sleep 60",
+        ] {
             let mut process = ReadyProcess::start(&mut script(text)).unwrap();
-            let error = process.wait_until_ready().unwrap_err().to_string();
-            assert_eq!(error, "did not start: no hub");
+            let error = process.wait_until_ready().unwrap_err();
+            assert_eq!(error.to_string(), "did not start: no hub");
+            assert_eq!(error.is_usage(), text.ends_with("exit 2"));
         }
     }
 

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Args;
+use tactnet_pipeline::RunDir;
 use tactnet_rehearsal::{Demo, SMALL_MATERIALS, train_small_network};
 
 use crate::output;
@@ -31,7 +32,10 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
     let folder = tempfile::tempdir()?;
     let program = std::env::current_exe()?;
     let (run, materials) = match &arguments.run {
-        Some(run) => (run.clone(), 36),
+        Some(run) => {
+            RunDir::open(run)?.config()?;
+            (run.clone(), 36)
+        }
         None => {
             eprintln!("training a small network on {SMALL_MATERIALS} materials of the twin …");
             let run = train_small_network(&program, folder.path())?;

@@ -35,7 +35,7 @@ impl ChildProcess {
         });
         match started {
             Ok(process) => Ok(Self { name, process }),
-            Err(error) => Err(RehearsalError::child(name, error)),
+            Err(error) => Err(RehearsalError::process(name, &error)),
         }
     }
 
@@ -50,7 +50,7 @@ impl ChildProcess {
     /// The system does not tell.
     pub fn ended(&mut self) -> Result<Option<ExitStatus>, RehearsalError> {
         let ended = self.process.ended();
-        ended.map_err(|error| RehearsalError::child(self.name, error))
+        ended.map_err(|error| RehearsalError::process(self.name, &error))
     }
 
     /// Asks it to end and returns what it printed.
@@ -59,7 +59,7 @@ impl ChildProcess {
     /// It ended with another status than success.
     pub fn end(self) -> Result<String, RehearsalError> {
         let ended = self.process.end();
-        ended.map_err(|error| RehearsalError::child(self.name, error))
+        ended.map_err(|error| RehearsalError::process(self.name, &error))
     }
 
     /// Asks it to end and returns the report that it printed as one JSON document.
@@ -107,10 +107,15 @@ mod tests {
     }
 
     #[test]
-    fn a_child_that_does_not_get_ready_says_why() {
-        let arguments = ["-c", "echo 'no hub' >&2; exit 2"];
-        let started = ChildProcess::start(Path::new("/bin/sh"), "skin", &arguments, Path::new("t"));
-        let error = started.err().unwrap().to_string();
-        assert_eq!(error, "the skin did not start: no hub");
+    fn a_child_that_does_not_get_ready_says_why_and_whose_mistake_it_is() {
+        for (code, usage) in [(2, true), (1, false)] {
+            let script = format!("echo 'error: no hub' >&2; exit {code}");
+            let arguments = ["-c", script.as_str()];
+            let table = Path::new("table");
+            let started = ChildProcess::start(Path::new("/bin/sh"), "skin", &arguments, table);
+            let error = started.err().unwrap();
+            assert_eq!(error.to_string(), "the skin did not start: no hub");
+            assert_eq!(error.is_usage(), usage, "exit code {code}");
+        }
     }
 }

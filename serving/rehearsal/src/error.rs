@@ -1,6 +1,7 @@
 //! Errors of simulated robots.
 
 use tactnet_data::DataError;
+use tactnet_process::ProcessError;
 
 /// Errors of a rehearsal; each is one line for people.
 #[derive(Debug, thiserror::Error)]
@@ -51,6 +52,14 @@ pub enum RehearsalError {
         /// The verb and its reason.
         reason: String,
     },
+    /// A process beside this one says that its call must be corrected, and with it this one's.
+    #[error("the {name} {reason}")]
+    Refused {
+        /// Its role, such as `classifier`.
+        name: String,
+        /// The verb and its reason.
+        reason: String,
+    },
     /// A process ended with another report than this version reads.
     #[error("the {name} printed no report that this version reads: {source}")]
     Report {
@@ -74,9 +83,9 @@ impl RehearsalError {
             Self::NoMaterial { .. }
             | Self::NoSweep
             | Self::NothingKnown { .. }
+            | Self::Refused { .. }
             | Self::NoFifo { .. } => true,
             Self::Table(_) | Self::Stopped | Self::Child { .. } | Self::Report { .. } => false,
-            Self::Data(DataError::Io { source, .. }) => tactnet_channel::is_wrong_path(source),
             Self::Data(error) => error.is_usage(),
         }
     }
@@ -85,6 +94,18 @@ impl RehearsalError {
         Self::Child {
             name: name.into(),
             reason: reason.to_string(),
+        }
+    }
+
+    /// The error of the process with the role `name`.
+    pub(crate) fn process(name: &str, error: &ProcessError) -> Self {
+        if error.is_usage() {
+            Self::Refused {
+                name: name.into(),
+                reason: error.to_string(),
+            }
+        } else {
+            Self::child(name, error)
         }
     }
 }

@@ -50,6 +50,6 @@ pub fn make_twin(
 fn finish(mut command: Command, name: &str) -> Result<(), RehearsalError> {
     match run_to_end(&mut command) {
         Ok(_) => Ok(()),
-        Err(error) => Err(RehearsalError::child(name, error)),
+        Err(error) => Err(RehearsalError::process(name, &error)),
     }
 }

@@ -45,8 +45,8 @@ pub fn run(arguments: &CatchingArgs) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     };
     let stop = Stop::listen_saying("stopping")?;
+    let bus = Bus::open(Domain::Host, &Table::load(path)?)?;
     if let Some(role) = arguments.role {
-        let bus = Bus::open(Domain::Host, &Table::load(path)?)?;
         let realtime = Realtime {
             priority: arguments.priority,
             ..Realtime::default()
@@ -59,6 +59,8 @@ pub fn run(arguments: &CatchingArgs) -> anyhow::Result<ExitCode> {
         output::print_json(&report)?;
         return Ok(ExitCode::SUCCESS);
     }
+    // Only to see that there is a hub; every process of the stack opens its own.
+    drop(bus);
     let program = std::env::current_exe()?;
     let stack = CatchingStack::start(&program, path, Scheduling::Usual)?;
     let begun_ns = now_ns();

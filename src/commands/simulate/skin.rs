@@ -43,6 +43,8 @@ pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen_saying("stopping")?;
     let table = Table::load(&arguments.table)?;
     let config = ServeConfig::of(&table)?;
+    // Before sweeps are read or generated: without a hub that would be in vain.
+    let bus = Bus::open(Domain::Host, &table)?;
     let dataset = source::load(&arguments.data)?;
     let sweeps = match &arguments.unseen_by {
         Some(run) => unseen_by(&dataset, run)?,
@@ -54,7 +56,6 @@ pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
         &arguments.materials,
         Seed(arguments.seed),
     )?;
-    let bus = Bus::open(Domain::Host, &table)?;
     let driver = SkinDriver::open(&bus, &config)?;
     let mut skin = SkinSimulator::new(&dataset, order, config.segmenter.skip, REST_FRAMES);
     eprintln!(
