@@ -1,21 +1,22 @@
 //! `tactnet eval`: evaluates a trained classifier again, on its own test sweeps or on another data set.
 
+mod document;
+
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use anyhow::bail;
 use clap::Args;
-use serde::Serialize;
-use tactnet_channel::percentile;
-use tactnet_data::Seed;
 use tactnet_models::Compute;
 use tactnet_pipeline::{
-    Classifier, Evaluation, EvaluationTable, PredictionMethod, RunDir, RuntimeComparison,
-    RuntimeKind, TestSweeps, Verdicts, compare_runtime, evaluate_all_ways, serialize_by_method,
+    Classifier, Evaluation, EvaluationTable, ModelRecipe, RunDir, RuntimeKind, TestSweeps,
+    Verdicts, compare_runtime, evaluate_all_ways,
 };
 
 use super::choices::{DeviceChoice, RuntimeChoice};
 use crate::{GIT, output, source};
+use document::{EvalResult, RuntimeSummary};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
@@ -28,13 +29,13 @@ pub struct EvalArgs {
     #[arg(value_name = "DIR")]
     run: PathBuf,
     /// Another data set: all of its sweeps are tested, but for training and enrolled sweeps; after `train --calibrate` it may hold
-    /// unknown materials [default: the run's own test sweeps]
+    /// unknown materials. Or where the run's own data set is now, if it was moved [default: the run's own test sweeps]
     #[arg(long, value_name = "FILE|twin")]
     data: Option<String>,
     /// Sweeps of one material that are fused into one decision
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
     sweeps: u32,
-    /// Runs of Monte Carlo dropout [default: the recipe's, or 100]
+    /// Runs of Monte Carlo dropout, of a network [default: the recipe's, or 100]
     #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..))]
     mc: Option<u32>,
     /// What computes the scores; others than Burn are compared with it
@@ -48,72 +49,16 @@ pub struct EvalArgs {
     json: bool,
 }
 
-/// What `--json` prints.
-#[derive(Serialize)]
-struct EvalResult {
-    schema_version: u32,
-    run: String,
-    git: &'static str,
-    seed: Seed,
-    split_sha256: String,
-    /// False while the run has not ended; the weights are then those of its last checkpoint.
-    finished: bool,
-    data: String,
-    data_sha256: String,
-    tested: String,
-    n_test: usize,
-    #[serde(serialize_with = "serialize_by_method")]
-    evaluations: BTreeMap<PredictionMethod, Evaluation>,
-    /// By way of predicting; only with `--runtime`.
-    #[serde(
-        skip_serializing_if = "BTreeMap::is_empty",
-        serialize_with = "serialize_by_method"
-    )]
-    runtimes: BTreeMap<PredictionMethod, RuntimeSummary>,
-    /// Only after `train --calibrate`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    verdicts: Option<Verdicts>,
-}
-
-/// How another form compares with Burn's predictions of whole batches, and how fast it is.
-#[derive(Debug, Serialize)]
-struct RuntimeSummary {
-    runtime: &'static str,
-    /// Largest difference of a probability.
-    largest_difference: f64,
-    /// From the last frame to the probabilities of a sweep that comes alone, microseconds.
-    p50_us: f64,
-    p99_us: f64,
-    max_us: f64,
-}
-
-impl RuntimeSummary {
-    fn of(kind: RuntimeKind, compared: &RuntimeComparison) -> Self {
-        let at = |share| percentile(&compared.microseconds, share).unwrap_or(0.0);
-        Self {
-            runtime: kind.name(),
-            largest_difference: compared.largest_difference,
-            p50_us: at(0.5),
-            p99_us: at(0.99),
-            max_us: at(1.0),
-        }
-    }
-}
-
-impl std::fmt::Display for RuntimeSummary {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(
-            f,
-            "{}: probabilities differ from Burn's by at most {:.1e}; {:.0} us after the last frame, 99 % below {:.0}",
-            self.runtime, self.largest_difference, self.p50_us, self.p99_us
-        )
-    }
-}
-
 /// Runs the command.
 pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
     let run = RunDir::open(&arguments.run)?;
     let config = run.config()?;
+    if let (Some(_), ModelRecipe::Baseline(baseline)) = (arguments.mc, &config.recipe) {
+        bail!(
+            "--mc: `{}` is a baseline without dropout, and predicts one way only; leave out --mc",
+            baseline.name
+        );
+    }
     let device = Compute::from(arguments.device).open()?;
     let weights = run.weights()?;
     let finished = run.has_final_weights();
@@ -123,7 +68,8 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
     let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
     let spec = &config.spec;
     let data = arguments.data.as_deref().unwrap_or(&spec.data);
-    let dataset = source::load_as(spec, data, spec.label_order)?;
+    source::announce(data);
+    let dataset = spec.read_sweeps_of_run(arguments.data.as_deref())?;
     let tested = TestSweeps::of_run(&run, &dataset)?;
     if !tested.training_sweeps_known {
         eprintln!("{}: {}", dataset.name(), tested.description);

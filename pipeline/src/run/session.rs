@@ -8,12 +8,13 @@ use std::time::Instant;
 use tactnet_data::{Dataset, Fold, TrainSplit, ValidationSplit, refuse_errors};
 
 use super::free_folder::free_folder;
+use super::read_sweeps::from_anywhere;
 use super::training_record::TrainingRecord;
 use crate::network::train_network::train_batches;
 use crate::{
     BaselineRecipe, BatchReport, Calibration, CalibrationTarget, Classifier, ClassifierConfig,
     ModelConfig, ModelRecipe, NoveltyScore, NoveltyScorer, PipelineError, Provenance, Recipe,
-    RunConfig, RunDir, RunResult, TactNetSetup, TrainEmbeddings, TrainJob, Training,
+    RunConfig, RunDir, RunResult, TactNetSetup, TrainEmbeddings, TrainJob, TrainSpec, Training,
     TrainingSummary, evaluate_run, fit_baseline,
 };
 
@@ -113,7 +114,10 @@ impl Session {
         classifier.validate()?;
         let config = RunConfig {
             schema_version: RunConfig::SCHEMA_VERSION,
-            spec: spec.clone(),
+            spec: TrainSpec {
+                data: from_anywhere(&spec.data),
+                ..spec.clone()
+            },
             data_sha256: dataset.sha256().into(),
             recipe: job.recipe().clone(),
             classifier,
@@ -152,16 +156,21 @@ impl Session {
             return Err(refused(folder, reason.into()));
         }
         let config = run.config()?;
-        let spec = &config.spec;
-        let data = data.unwrap_or(&spec.data);
-        let dataset = spec.read_sweeps_of(data, spec.label_order)?;
+        let dataset = config.spec.read_sweeps_of_run(data)?;
         if dataset.sha256() != config.data_sha256 {
+            let what = match data {
+                None => "the data set has changed since the run began",
+                Some(_) => "another data set than the run began with",
+            };
             let reason = format!(
-                "the data set has changed since the run began: expected SHA-256 {}, found {}; `--data FILE` names the right one",
+                "{what}: expected SHA-256 {}, found {}; `--data FILE` names the right one",
                 config.data_sha256,
                 dataset.sha256()
             );
-            return Err(refused(Path::new(data), reason));
+            return Err(refused(
+                Path::new(data.unwrap_or(&config.spec.data)),
+                reason,
+            ));
         }
         Ok(Self {
             dataset,
@@ -343,7 +352,6 @@ mod tests {
     use tactnet_data::twin::{self, TwinConfig};
 
     use super::*;
-    use crate::TrainSpec;
 
     const RECIPE: &str = r#"
         name = "small"
@@ -416,6 +424,47 @@ mod tests {
         let note = |event: TrainEvent<'_>| ended.set(matches!(event, TrainEvent::AlreadyEnded));
         again.train(note, || false).unwrap();
         assert!(ended.get());
+    }
+
+    #[test]
+    fn a_run_names_its_data_from_anywhere_and_says_how_to_name_a_new_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let asked = spec(folder.path());
+        let job = TrainJob::try_from(asked.clone()).unwrap();
+        let run = folder.path().join("run");
+        let session = Session::begin(&job, Some(&run), program()).unwrap();
+        let named = session.run().config().unwrap().spec.data;
+        drop(session);
+        assert_eq!(named, asked.data, "an absolute path stays as it is");
+        let here = std::env::current_dir().unwrap().join("sweeps.h5");
+        assert_eq!(from_anywhere("sweeps.h5"), here.display().to_string());
+        assert_eq!(from_anywhere("twin"), "twin");
+
+        let moved = folder.path().join("moved.h5");
+        std::fs::rename(&named, &moved).unwrap();
+        let resume = |data: Option<&str>| Session::resume(&run, data, program()).map(drop);
+        let lost = resume(None).unwrap_err();
+        assert!(
+            lost.is_usage() && lost.to_string().contains(&named),
+            "{lost}"
+        );
+        assert!(lost.to_string().contains("`--data FILE`"), "{lost}");
+        let other = folder.path().join("other.h5");
+        let config = TwinConfig {
+            materials: 3,
+            sweeps: 10,
+            steps: 60,
+            seed: 2,
+            ..TwinConfig::default()
+        };
+        let twin = twin::generate(&config).unwrap();
+        Format::TactMat.write(&other, &twin).unwrap();
+        let refused = resume(other.to_str()).unwrap_err().to_string();
+        assert!(
+            refused.contains("another data set than the run began with"),
+            "{refused}"
+        );
+        resume(moved.to_str()).unwrap();
     }
 
     #[test]
