@@ -10,8 +10,8 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use commands::{
-    channel, dashboard, data, demo, enroll, eval, experiment, export, record, replay, serve,
-    simulate, task, train, view,
+    channel, completions, dashboard, data, demo, enroll, eval, experiment, export, man, record,
+    replay, serve, simulate, task, train, version, view,
 };
 
 #[global_allocator]
@@ -25,8 +25,7 @@ const GIT: &str = env!("TACTNET_GIT");
 #[command(
     name = "tactnet",
     bin_name = "tactnet",
-    version,
-    disable_help_subcommand = true,
+    version = version::text(),
     after_help = "Examples:\n  \
         tactnet train                                train on the synthetic TactMat twin\n  \
         tactnet demo                                 a simulated fingertip, classified live in the browser\n  \
@@ -35,7 +34,7 @@ const GIT: &str = env!("TACTNET_GIT");
         tactnet enroll runs/twin-fast-fold0-1 --data new.h5 --material felt --out runs/with-felt\n  \
         tactnet experiment run crossval_baselines    compare models over folds\n  \
         tactnet data info sweeps.h5                  look at a data set\n\n\
-        `tactnet COMMAND --help` says more about each command."
+        `tactnet COMMAND --help` or `tactnet help COMMAND` says more about each command."
 )]
 struct Cli {
     #[command(subcommand)]
@@ -79,12 +78,19 @@ enum Command {
     Simulate(simulate::SimulateCommand),
     /// Hub, simulated skin, classifier and dashboard together, for a first look
     Demo(demo::DemoArgs),
+    /// Print what bash, zsh, fish, elvish or PowerShell needs to complete commands and options
+    Completions(completions::CompletionsArgs),
+    /// Print or write manual pages
+    Man(man::ManArgs),
+    /// Print version, commit and the optional features of this build
+    Version(version::VersionArgs),
 }
 
 fn main() -> ExitCode {
     tracing_subscriber::fmt()
         .with_env_filter(tracing_subscriber::EnvFilter::from_default_env())
         .with_writer(std::io::stderr)
+        .with_ansi(false)
         .init();
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
@@ -106,6 +112,9 @@ fn main() -> ExitCode {
         Command::View(arguments) => view::run(&arguments),
         Command::Simulate(command) => simulate::run(command),
         Command::Demo(arguments) => demo::run(&arguments),
+        Command::Completions(arguments) => completions::run(&arguments),
+        Command::Man(arguments) => man::run(&arguments),
+        Command::Version(arguments) => version::run(&arguments),
     };
     outcome.unwrap_or_else(|error| failure::report(&error))
 }

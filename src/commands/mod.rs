@@ -2,6 +2,7 @@
 
 pub mod channel;
 pub mod choices;
+pub mod completions;
 pub mod dashboard;
 pub mod data;
 pub mod demo;
@@ -9,10 +10,13 @@ pub mod enroll;
 pub mod eval;
 pub mod experiment;
 pub mod export;
+pub mod man;
+pub mod progress_line;
 pub mod record;
 pub mod replay;
 pub mod serve;
 pub mod simulate;
 pub mod task;
 pub mod train;
+pub mod version;
 pub mod view;

@@ -7,6 +7,8 @@ use std::time::Instant;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use tactnet_pipeline::{BatchReport, TrainEvent};
 
+use crate::commands::progress_line::{about, in_five_columns};
+
 /// A bar on a terminal, a line per epoch elsewhere.
 #[derive(Default)]
 pub struct Progress {
@@ -51,13 +53,7 @@ impl Progress {
 impl NetworkProgress {
     fn new(batches_before: usize, batches: usize) -> Self {
         let bar = std::io::stderr().is_terminal().then(|| {
-            let target = ProgressDrawTarget::stderr();
-            let bar = ProgressBar::with_draw_target(Some(batches as u64), target);
-            if let Ok(style) = ProgressStyle::with_template(
-                "{msg} [{bar:30}] {percent:>3} %, {elapsed} gone, {eta} to go",
-            ) {
-                bar.set_style(style.progress_chars("=> "));
-            }
+            let bar = batch_bar(batches, ProgressDrawTarget::stderr());
             bar.set_position(batches_before as u64);
             bar.reset_eta();
             bar
@@ -70,12 +66,7 @@ impl NetworkProgress {
     }
 
     fn show(&self, batch: &BatchReport, epochs: usize) {
-        let text = format!(
-            "epoch {}/{epochs}: loss {:.3}, accuracy {:.1} %",
-            batch.epoch + 1,
-            batch.mean_loss,
-            100.0 * batch.accuracy
-        );
+        let text = epoch_text(batch, epochs);
         match &self.bar {
             Some(bar) => {
                 bar.set_message(text);
@@ -85,9 +76,65 @@ impl NetworkProgress {
                 let done = (batch.epoch + 1) * batch.batches - self.batches_before;
                 let left = (epochs - batch.epoch - 1) * batch.batches;
                 let eta = self.begun.elapsed().mul_f64(left as f64 / done as f64);
-                eprintln!("{text}, {} to go", indicatif::HumanDuration(eta));
+                eprintln!("{text}, {} to go", about(eta));
             }
             None => {}
         }
+    }
+}
+
+fn batch_bar(batches: usize, target: ProgressDrawTarget) -> ProgressBar {
+    let bar = ProgressBar::with_draw_target(Some(batches as u64), target);
+    if let Ok(style) = ProgressStyle::with_template("{msg}, {eta} to go {wide_bar}") {
+        bar.set_style(style.progress_chars("=> "));
+    }
+    bar
+}
+
+/// In at most 46 columns, so that the time left beside it fits.
+fn epoch_text(batch: &BatchReport, epochs: usize) -> String {
+    format!(
+        "epoch {}/{epochs}: loss {}, accuracy {:.1} %",
+        batch.epoch + 1,
+        in_five_columns(batch.mean_loss),
+        100.0 * batch.accuracy
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+    use crate::commands::progress_line::{COLUMNS, Screen};
+
+    #[test]
+    fn the_longest_line_of_a_training_fits_terminals_of_every_width() {
+        let batch = BatchReport {
+            epoch: 999,
+            batch: 0,
+            batches: 1,
+            mean_loss: 99_999.0,
+            accuracy: 1.0,
+            learning_rate: 1e-4,
+        };
+        let text = epoch_text(&batch, 1000);
+        let left = about(Duration::from_secs(99 * 86_400));
+        let line = format!("{text}, {left} to go");
+        assert!(line.len() <= COLUMNS, "{} columns: {line}", line.len());
+        let shown = Screen::shows(
+            |target| batch_bar(1000, target),
+            |bar| {
+                bar.set_message(text.clone());
+                bar.set_position(500);
+            },
+        );
+        for line in &shown {
+            assert!(line.starts_with(&text) && line.contains("to go"), "{line}");
+        }
+        assert!(
+            shown[3].contains("==>"),
+            "a wide terminal has a bar: {shown:?}"
+        );
     }
 }

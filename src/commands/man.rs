@@ -1,0 +1,37 @@
+//! `tactnet man`: manual pages.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::Context;
+use clap::{Args, CommandFactory};
+use clap_mangen::{Man, generate_to};
+
+use crate::{Cli, output};
+
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    tactnet man | man -l -                                  read the page of `tactnet`\n  \
+    tactnet man --out ~/.local/share/man/man1               a page for every command: `man tactnet-train`")]
+pub struct ManArgs {
+    /// Write a page for every command into this folder [default: print the page of `tactnet`]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+/// Runs the command.
+pub fn run(arguments: &ManArgs) -> anyhow::Result<ExitCode> {
+    // The commit and the features of a build are no part of a manual.
+    let command = Cli::command().version(env!("CARGO_PKG_VERSION"));
+    let Some(folder) = &arguments.out else {
+        let mut page = Vec::new();
+        Man::new(command).render(&mut page)?;
+        output::print(String::from_utf8_lossy(&page).trim_end())?;
+        return Ok(ExitCode::SUCCESS);
+    };
+    let refused = || format!("{}: cannot write manual pages", folder.display());
+    std::fs::create_dir_all(folder).with_context(refused)?;
+    generate_to(command, folder).with_context(refused)?;
+    eprintln!("{}: manual pages of section 1", folder.display());
+    Ok(ExitCode::SUCCESS)
+}
