@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
+use tactnet_data::format::csv::is_folder_of_sweeps;
 use tactnet_pipeline::TrainSpec;
 use toml::{Table, Value};
 
@@ -95,9 +96,9 @@ impl Plan {
             if !path.exists() {
                 return Err(refused(format!("data `{data}`: no such file")));
             }
-            if path.is_dir() {
+            if path.is_dir() && !is_folder_of_sweeps(path) {
                 return Err(refused(format!(
-                    "data `{data}`: expected a file, found a folder"
+                    "data `{data}`: expected a file or a folder of sweeps, found another folder"
                 )));
             }
         }

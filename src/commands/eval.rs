@@ -69,7 +69,7 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
     let spec = &config.spec;
     let data = arguments.data.as_deref().unwrap_or(&spec.data);
     source::announce(data);
-    let dataset = spec.read_sweeps_again(arguments.data.as_deref())?;
+    let dataset = spec.read_sweeps_of_run(arguments.data.as_deref())?;
     let tested = TestSweeps::of_run(&run, &dataset)?;
     if !tested.training_sweeps_known {
         eprintln!("{}: {}", dataset.name(), tested.description);

@@ -15,7 +15,7 @@ use crate::{Cli, output};
     tactnet man --out ~/.local/share/man/man1               a page for every command: `man tactnet-train`")]
 pub struct ManArgs {
     /// Write a page for every command into this folder [default: print the page of `tactnet`]
-    #[arg(long, value_name = "FOLDER")]
+    #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
 

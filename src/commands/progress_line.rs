@@ -41,6 +41,77 @@ pub fn end_of(name: &str, columns: usize) -> String {
     format!("…{end}")
 }
 
+/// A terminal of so many columns that keeps what is written to it.
+#[cfg(test)]
+#[derive(Debug, Clone)]
+pub struct Screen {
+    columns: u16,
+    written: std::sync::Arc<std::sync::Mutex<Vec<String>>>,
+}
+
+#[cfg(test)]
+impl Screen {
+    /// Draws a bar made by `make` at several widths, from the narrowest on, once `update` has changed it; returns what each terminal shows.
+    pub fn shows(
+        make: impl Fn(indicatif::ProgressDrawTarget) -> indicatif::ProgressBar,
+        update: impl Fn(&indicatif::ProgressBar),
+    ) -> Vec<String> {
+        let shown = [COLUMNS, 72, 80, 132].map(|columns| {
+            let screen = Self {
+                columns: columns as u16,
+                written: std::sync::Arc::default(),
+            };
+            let bar = make(indicatif::ProgressDrawTarget::term_like(Box::new(
+                screen.clone(),
+            )));
+            update(&bar);
+            bar.force_draw();
+            let written = screen.written.lock().unwrap();
+            for line in written.iter() {
+                assert!(line.chars().count() <= columns, "{columns} columns: {line}");
+            }
+            let last = written.iter().rfind(|line| !line.trim().is_empty());
+            last.unwrap().clone()
+        });
+        shown.into()
+    }
+}
+
+#[cfg(test)]
+impl indicatif::TermLike for Screen {
+    fn width(&self) -> u16 {
+        self.columns
+    }
+    fn move_cursor_up(&self, _: usize) -> std::io::Result<()> {
+        Ok(())
+    }
+    fn move_cursor_down(&self, _: usize) -> std::io::Result<()> {
+        Ok(())
+    }
+    fn move_cursor_right(&self, _: usize) -> std::io::Result<()> {
+        Ok(())
+    }
+    fn move_cursor_left(&self, _: usize) -> std::io::Result<()> {
+        Ok(())
+    }
+    fn write_line(&self, text: &str) -> std::io::Result<()> {
+        self.write_str(text)
+    }
+    fn write_str(&self, text: &str) -> std::io::Result<()> {
+        self.written
+            .lock()
+            .unwrap()
+            .push(text.trim_matches('\r').into());
+        Ok(())
+    }
+    fn clear_line(&self) -> std::io::Result<()> {
+        Ok(())
+    }
+    fn flush(&self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -60,6 +60,13 @@ fn every_baseline_leaves_a_run_that_eval_reads_again() {
             "{model}: eval finds what train found"
         );
     }
+    let mut eval = tactnet(["eval", "--mc", "5"]);
+    eval.arg(lab.path("knn-l"));
+    let refused = stderr(&expect(2, eval));
+    assert!(
+        refused.contains("--mc: `knn-l` is a baseline without dropout"),
+        "{refused}"
+    );
     let accuracy = |model: &str| {
         lab.json(&format!("{model}/result.json"))["accuracy_one_sweep"]["mean"]
             .as_f64()

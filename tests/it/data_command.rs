@@ -120,6 +120,20 @@ fn own_tables_are_checked_imported_and_trained_on() {
     assert!(checked.contains("assumed sample rate"), "{checked}");
     assert!(checked.contains("`train` deals 3 folds"), "{checked}");
 
+    std::fs::write(
+        lab.path("words.csv"),
+        "sweep,material,a\n1,cork,2\n1,cork,x\n",
+    )
+    .unwrap();
+    let mut words = tactnet(["data", "import", "--out"]);
+    words.arg(lab.path("z.npz")).arg(lab.path("words.csv"));
+    let message = stderr(&expect(2, words));
+    assert!(
+        message.contains("words.csv: line 3: expected a number, found `x`"),
+        "{message}"
+    );
+    assert!(!message.contains("z.npz"), "{message}");
+
     let own = lab.path("own.npz").display().to_string();
     let options = [
         "--out", &own, "--steps", "100", "--rate", "200", "--shape", "2x2",

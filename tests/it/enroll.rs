@@ -218,6 +218,8 @@ fn what_cannot_be_enrolled_is_refused_in_one_line_and_leaves_nothing() {
         .as_str()
         .unwrap()
         .to_string();
+    let typed = first.to_uppercase();
+    let meant = format!("did you mean `{first}`?");
     let nan = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixtures/h5/bad_nan.h5");
     std::fs::copy(nan, lab.path("nan.h5")).unwrap();
     let mut longer = tactnet([
@@ -248,6 +250,7 @@ fn what_cannot_be_enrolled_is_refused_in_one_line_and_leaves_nothing() {
             "knows a material of this name",
         ),
         ("run", "twin.h5", "velvet", &[], "no material `velvet`"),
+        ("run", "twin.h5", typed.as_str(), &[], meant.as_str()),
         (
             "run",
             "twin.h5",

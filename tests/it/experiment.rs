@@ -309,6 +309,11 @@ fn a_task_that_cannot_succeed_is_named_and_not_tried_again() {
         .arg(lab.path("out"));
     let said = stderr(&expect(1, command));
     assert_eq!(said.matches("failed (attempt").count(), 1, "{said}");
+    assert_eq!(
+        said.matches("error:").count(),
+        1,
+        "before the last line: {said}"
+    );
     assert!(
         said.contains("1 of 1 tasks failed") && said.contains("a window of 0.1 s"),
         "{said}"

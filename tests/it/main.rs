@@ -12,6 +12,7 @@ mod channel;
 #[cfg(feature = "zenoh")]
 mod channel_hosts;
 mod command;
+mod command_line;
 mod data_command;
 mod enroll;
 mod experiment;

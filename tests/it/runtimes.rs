@@ -66,5 +66,8 @@ fn a_runtime_that_was_left_out_is_named() {
     let mut eval = tactnet(["eval", "--runtime", "candle"]);
     eval.arg(lab.path("run"));
     let said = crate::command::stderr(&expect(2, eval));
-    assert!(said.contains("`--features candle`"), "{said}");
+    assert!(
+        said.contains("`cargo install --path . --features candle`"),
+        "{said}"
+    );
 }

@@ -389,25 +389,35 @@ fn a_copy_of_the_training_sweeps_is_recognised_in_any_format() {
 }
 
 #[test]
-fn a_moved_data_set_can_be_named_on_resume() {
+fn a_run_is_resumed_from_any_folder_and_a_moved_data_set_can_be_named() {
     let lab = Lab::new();
     let recipe = lab.recipe(RecipeChange {
         epochs: Some(60),
         ..RecipeChange::default()
     });
-    let mut child = start_and_wait_for_an_epoch(lab.train(&recipe, "run"));
+    let mut train = tactnet(["train", "--data", "twin.h5", "--out", "run", "--recipe"]);
+    train.arg(&recipe).current_dir(lab.folder.path());
+    let mut child = start_and_wait_for_an_epoch(train);
     signal(&child, "INT");
     child.wait().unwrap();
-    std::fs::rename(lab.path("twin.h5"), lab.path("moved.h5")).unwrap();
-    let mut resume = tactnet(["train", "--resume"]);
-    resume.arg(lab.path("run"));
-    expect(2, resume);
-    let mut resume = tactnet(["train", "--resume"]);
-    resume
-        .arg(lab.path("run"))
-        .arg("--data")
-        .arg(lab.path("moved.h5"));
-    expect(0, resume);
+    // From another folder than the one that it was begun in.
+    let resume = || {
+        let mut resume = tactnet(["train", "--resume"]);
+        resume.arg(lab.path("run"));
+        resume
+    };
+    let moved = lab.path("moved.h5");
+    std::fs::rename(lab.path("twin.h5"), &moved).unwrap();
+    let lost = stderr(&expect(2, resume()));
+    let before = lab.path("twin.h5").display().to_string();
+    assert!(lost.contains(&before), "{lost}");
+    assert!(lost.contains("`--data FILE`"), "{lost}");
+    let mut named = resume();
+    named.arg("--data").arg(&moved);
+    expect(0, named);
+    std::fs::rename(&moved, lab.path("twin.h5")).unwrap();
+    let ended = stderr(&expect(0, resume()));
+    assert!(ended.contains("has ended already"), "{ended}");
 }
 
 #[test]
@@ -417,7 +427,7 @@ fn mistakes_get_one_line_and_exit_code_two() {
     expect(0, lab.train(&recipe, "run"));
     let path = |name: &str| lab.path(name).display().to_string();
     let small = recipe.display().to_string();
-    let cases: [(&[&str], &[&str]); 10] = [
+    let cases: [(&[&str], &[&str]); 12] = [
         (
             &["data", "check"],
             &["<FILE|twin>", "`tactnet data check --help`"],
@@ -427,7 +437,18 @@ fn mistakes_get_one_line_and_exit_code_two() {
             &["train", "--data", "missing.h5"],
             &["missing.h5", "no such file"],
         ),
-        (&["train", "--recipe", "tesis"], &["tesis", "fast, thesis"]),
+        (
+            &["train", "--recipe", "tesis"],
+            &["tesis", "fast, thesis", "did you mean `thesis`?"],
+        ),
+        (
+            &["experiment", "run", "nsht"],
+            &["nsht", "did you mean `nshot`?"],
+        ),
+        (
+            &["experiment", "run", "nshot", "--set", "splts=3"],
+            &["splts", "did you mean `splits`?"],
+        ),
         (
             &["train", "--data", &path("twin.h5"), "--fold", "9"],
             &["fold", "9"],
@@ -446,11 +467,14 @@ fn mistakes_get_one_line_and_exit_code_two() {
         ),
         (&["train", "--resume", &path("nowhere")], &["no run here"]),
         (&["train", "--data", &path("small.toml")], &["small.toml"]),
-        (&["train", "--device", "vulkan"], &["vulkan"]),
+        (
+            &["train", "--data", &path("twin.h5"), "--device", "cuda"],
+            &["`cargo install --path . --features cuda`"],
+        ),
         (&["eval", &path("run"), "--sweeps", "0"], &["--sweeps"]),
     ];
     for (arguments, expected) in cases {
-        if cfg!(feature = "vulkan") && arguments.contains(&"vulkan") {
+        if cfg!(feature = "cuda") && arguments.contains(&"cuda") {
             continue;
         }
         let output = expect(2, tactnet(arguments));

@@ -8,7 +8,10 @@ fn a_build_without_the_viewer_names_what_is_missing() {
     let mut view = tactnet(["data", "view"]);
     view.arg(lab.path("twin.h5"));
     let said = stderr(&expect(2, view));
-    assert!(said.contains("build it with `--features rerun`"), "{said}");
+    assert!(
+        said.contains("`cargo install --path . --features rerun`"),
+        "{said}"
+    );
 }
 
 #[cfg(feature = "rerun")]

@@ -41,8 +41,8 @@ pub fn read_with_gaps(path: &Path, steps: Option<usize>) -> Result<Dataset, Data
         .map_err(|error| super::in_file(path, error))
 }
 
-/// Returns whether a folder looks like one of sweeps: it has a table of labels or folders with `.csv` files.
-pub(super) fn is_folder_of_sweeps(path: &Path) -> bool {
+/// Returns true if a folder looks like one of sweeps: it has a table of labels or folders with `.csv` files.
+pub fn is_folder_of_sweeps(path: &Path) -> bool {
     path.join(LABELS).is_file() || files_by_folder(path).is_ok_and(|files| !files.is_empty())
 }
 

@@ -36,7 +36,7 @@ impl TrainSpec {
     ///
     /// # Errors
     /// As [`TrainSpec::read_sweeps`]; where nothing is at the old place, the message says that `--data` names the new one.
-    pub fn read_sweeps_again(&self, moved_to: Option<&str>) -> Result<Dataset, PipelineError> {
+    pub fn read_sweeps_of_run(&self, moved_to: Option<&str>) -> Result<Dataset, PipelineError> {
         let place = moved_to.unwrap_or(&self.data);
         if moved_to.is_none() && place != DataSource::TWIN && !Path::new(place).exists() {
             return Err(PipelineError::Run {

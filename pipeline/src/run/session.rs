@@ -156,7 +156,7 @@ impl Session {
             return Err(refused(folder, reason.into()));
         }
         let config = run.config()?;
-        let dataset = config.spec.read_sweeps_again(data)?;
+        let dataset = config.spec.read_sweeps_of_run(data)?;
         if dataset.sha256() != config.data_sha256 {
             let what = match data {
                 None => "the data set has changed since the run began",

@@ -74,11 +74,31 @@ fn download_bar() -> ProgressBar {
     if !std::io::stderr().is_terminal() {
         return ProgressBar::hidden();
     }
-    let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
+    byte_bar(ProgressDrawTarget::stderr())
+}
+
+fn byte_bar(target: ProgressDrawTarget) -> ProgressBar {
+    let bar = ProgressBar::with_draw_target(None, target);
     // At most 48 columns before the bar: `999.99 MiB/999.99 MiB, 999.99 MiB/s, 59m to go`.
     let template = "{bytes}/{total_bytes}, {bytes_per_sec}, {eta} to go {wide_bar}";
     if let Ok(style) = ProgressStyle::with_template(template) {
         bar.set_style(style.progress_chars("=> "));
     }
     bar
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::commands::progress_line::Screen;
+
+    #[test]
+    fn the_line_of_a_download_fits_terminals_of_every_width() {
+        let megabyte = 1 << 20;
+        let shown = Screen::shows(byte_bar, |bar| {
+            bar.set_length(1000 * megabyte);
+            bar.set_position(999 * megabyte);
+        });
+        assert!(shown[0].starts_with("999.00 MiB/"), "{shown:?}");
+    }
 }

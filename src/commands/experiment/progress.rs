@@ -33,7 +33,9 @@ impl Progress {
         match event {
             Event::Begun { done, all } => {
                 (self.done_before, self.done, self.all) = (*done, *done, *all);
-                self.bar = std::io::stderr().is_terminal().then(|| bar(*done, *all));
+                self.bar = std::io::stderr()
+                    .is_terminal()
+                    .then(|| task_bar(*done, *all, ProgressDrawTarget::stderr()));
                 if self.bar.is_none() {
                     eprintln!("{all} tasks, {done} done");
                 }
@@ -86,8 +88,8 @@ fn done_text(counted: &str, task: &str, took: Duration, left: Duration) -> Strin
     format!("{counted} {} {times}", end_of(task, room))
 }
 
-fn bar(done: usize, all: usize) -> ProgressBar {
-    let bar = ProgressBar::with_draw_target(Some(all as u64), ProgressDrawTarget::stderr());
+fn task_bar(done: usize, all: usize, target: ProgressDrawTarget) -> ProgressBar {
+    let bar = ProgressBar::with_draw_target(Some(all as u64), target);
     if let Ok(style) =
         ProgressStyle::with_template("{pos}/{len} tasks [{bar:15}] {eta} to go, {wide_msg}")
     {
@@ -102,9 +104,10 @@ fn bar(done: usize, all: usize) -> ProgressBar {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::commands::progress_line::Screen;
 
     #[test]
-    fn the_longest_line_of_an_experiment_fits_a_narrow_terminal() {
+    fn the_longest_line_of_an_experiment_fits_terminals_of_every_width() {
         let long = "a_data_set_with_a_long_name-multirocket-hydra-removed-run1-fold4";
         let days = Duration::from_secs(99 * 86_400);
         let line = done_text("1000/1000", long, days, days);
@@ -123,5 +126,11 @@ mod tests {
             ),
             "3/8 twin-knn-l-run0-fold2 in 2 s, 60 s to go"
         );
+        let shown = Screen::shows(
+            |target| task_bar(500, 1000, target),
+            |bar| bar.set_message(long),
+        );
+        assert!(shown[0].starts_with("500/1000 tasks [==="), "{shown:?}");
+        assert!(shown[3].ends_with(long), "{shown:?}");
     }
 }

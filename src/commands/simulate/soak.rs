@@ -68,6 +68,15 @@ pub fn run(arguments: &SoakArgs) -> anyhow::Result<ExitCode> {
     if !(arguments.seconds > 0.0 && arguments.seconds <= 86_400.0) {
         bail!("--seconds: expected more than 0 and at most a day");
     }
+    // Before a network is trained: with data that cannot be read that would be in vain.
+    let dataset = if arguments.data == source::TWIN {
+        twin::generate(&TwinConfig {
+            sweeps: SMALL_SWEEPS,
+            ..TwinConfig::default()
+        })?
+    } else {
+        source::load(&arguments.data)?
+    };
     let scheduling = arguments.scheduling.scheduling()?;
     let folder = tempfile::tempdir()?;
     let program = std::env::current_exe()?;
@@ -77,14 +86,6 @@ pub fn run(arguments: &SoakArgs) -> anyhow::Result<ExitCode> {
             eprintln!("training a small network on {SMALL_MATERIALS} materials of the twin …");
             train_small_network(&program, folder.path())?
         }
-    };
-    let dataset = if arguments.data == source::TWIN {
-        twin::generate(&TwinConfig {
-            sweeps: SMALL_SWEEPS,
-            ..TwinConfig::default()
-        })?
-    } else {
-        source::load(&arguments.data)?
     };
     let known = RunDir::open(&run)?.config()?.classifier.labels;
     let sweeps = unseen_by(&dataset, &run)?;

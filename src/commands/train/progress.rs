@@ -53,11 +53,7 @@ impl Progress {
 impl NetworkProgress {
     fn new(batches_before: usize, batches: usize) -> Self {
         let bar = std::io::stderr().is_terminal().then(|| {
-            let target = ProgressDrawTarget::stderr();
-            let bar = ProgressBar::with_draw_target(Some(batches as u64), target);
-            if let Ok(style) = ProgressStyle::with_template("{msg}, {eta} to go {wide_bar}") {
-                bar.set_style(style.progress_chars("=> "));
-            }
+            let bar = batch_bar(batches, ProgressDrawTarget::stderr());
             bar.set_position(batches_before as u64);
             bar.reset_eta();
             bar
@@ -87,6 +83,14 @@ impl NetworkProgress {
     }
 }
 
+fn batch_bar(batches: usize, target: ProgressDrawTarget) -> ProgressBar {
+    let bar = ProgressBar::with_draw_target(Some(batches as u64), target);
+    if let Ok(style) = ProgressStyle::with_template("{msg}, {eta} to go {wide_bar}") {
+        bar.set_style(style.progress_chars("=> "));
+    }
+    bar
+}
+
 /// In at most 46 columns, so that the time left beside it fits.
 fn epoch_text(batch: &BatchReport, epochs: usize) -> String {
     format!(
@@ -102,10 +106,10 @@ mod tests {
     use std::time::Duration;
 
     use super::*;
-    use crate::commands::progress_line::COLUMNS;
+    use crate::commands::progress_line::{COLUMNS, Screen};
 
     #[test]
-    fn the_longest_line_of_a_training_fits_a_narrow_terminal() {
+    fn the_longest_line_of_a_training_fits_terminals_of_every_width() {
         let batch = BatchReport {
             epoch: 999,
             batch: 0,
@@ -118,8 +122,19 @@ mod tests {
         let left = about(Duration::from_secs(99 * 86_400));
         let line = format!("{text}, {left} to go");
         assert!(line.len() <= COLUMNS, "{} columns: {line}", line.len());
-        // The bar's own words for a time are at most `59m` or `99w`, and the bar takes what is left.
-        let bar = format!("{text}, 59m to go ");
-        assert!(bar.len() <= COLUMNS, "{} columns: {bar}", bar.len());
+        let shown = Screen::shows(
+            |target| batch_bar(1000, target),
+            |bar| {
+                bar.set_message(text.clone());
+                bar.set_position(500);
+            },
+        );
+        for line in &shown {
+            assert!(line.starts_with(&text) && line.contains("to go"), "{line}");
+        }
+        assert!(
+            shown[3].contains("==>"),
+            "a wide terminal has a bar: {shown:?}"
+        );
     }
 }
