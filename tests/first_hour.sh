@@ -76,12 +76,12 @@ time = numpy.arange(150)[:, None]
 names = ["cork", "felt", "steel"]
 def sweep(n):
     return numpy.sin(time * (0.2 + 0.3 * (n % 3)) + random.uniform(0, 6, 16)) * 8 + 20 + random.normal(0, 1, (150, 16))
-X = numpy.array([sweep(n) for n in range(90)])
-y = [names[n % 3] for n in range(90)]
+X = numpy.array([sweep(n) for n in range(300)])
+y = [names[n % 3] for n in range(300)]
 numpy.savez("own.npz", X=X.astype("f2"), y=y)
-numpy.savez("rated.npz", X=X.reshape(90, 150, 4, 4).astype("f4"), y=numpy.arange(90) % 3, sample_rate_hz=200)
+numpy.savez("rated.npz", X=X[:90].reshape(90, 150, 4, 4).astype("f4"), y=numpy.arange(90) % 3, sample_rate_hz=200)
 numpy.savez("few.npz", X=X[:9].astype("f4"), y=y[:9], sample_rate_hz=200)
-numpy.savez("axes.npz", X=X.reshape(90, 150, 4, 4).transpose(0, 2, 3, 1).astype("f4"), y=y, sample_rate_hz=200)
+numpy.savez("axes.npz", X=X[:90].reshape(90, 150, 4, 4).transpose(0, 2, 3, 1).astype("f4"), y=y[:90], sample_rate_hz=200)
 numpy.savez("nothing.npz", Z=X)
 for n in range(9):
     os.makedirs(f"table/{y[n]}", exist_ok=True)
@@ -104,7 +104,7 @@ from_elsewhere() { mkdir -p elsewhere && (cd elsewhere && "$tactnet" eval ../own
 step 'evaluate from any folder' from_elsewhere
 
 resumed() {
-  t train --data rated.npz --epochs 40 --out later >/dev/null 2>&1 &
+  "$tactnet" train --data rated.npz --epochs 40 --out later >/dev/null 2>&1 &
   local process=$!
   for _ in $(seq 200); do [ -s later/metrics.jsonl ] && break; sleep 0.05; done
   kill -INT $process
@@ -131,7 +131,7 @@ step 'a port that is taken: at once, its holder and a free one' port_taken
 live() {
   local port demo code=0
   port=$(free_port)
-  t demo --run own --listen "127.0.0.1:$port" >demo 2>demo.err &
+  "$tactnet" demo --run own --listen "127.0.0.1:$port" >demo 2>demo.err &
   demo=$!
   "$python" - "$port" <<'PY' || code=1
 import json, sys, time, urllib.request
