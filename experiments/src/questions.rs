@@ -6,6 +6,7 @@ mod crossval;
 mod differentiate;
 mod enrolment;
 mod feature_maps;
+mod headline;
 mod nshot;
 mod sequential;
 mod unknown;
@@ -26,7 +27,8 @@ pub use crossval::{
 pub use feature_maps::FeatureMap;
 pub use nshot::{SampleEfficiency, TransferMethod};
 
-pub(crate) use crossval::{Scored, read_training, scored};
+pub(crate) use crossval::{LevelShare, Scored, read_training, scored};
+pub(crate) use headline::{Headline, in_percent, interval};
 
 macro_rules! registry {
     ($($(#[$doc:meta])* $name:literal => $file:ident::$question:ident),+ $(,)?) => {
@@ -84,6 +86,25 @@ registry! {
     "feature-maps" => feature_maps::FeatureMaps,
 }
 
+impl Question {
+    /// Returns what is asked without how often: the fields but numbers of folds, repeats and draws, probes and groups.
+    pub(crate) fn subject(&self) -> Table {
+        let mut fields = Table::try_from(self)
+            .unwrap_or_else(|error| panic!("a question is always valid TOML: {error}"));
+        for often in [
+            "folds",
+            "repeats",
+            "splits",
+            "scratch_folds",
+            "probes",
+            "groups",
+        ] {
+            fields.remove(often);
+        }
+        fields
+    }
+}
+
 /// The name of a question in recipes, in names of tasks and on the command line.
 pub(crate) trait Named {
     /// Returns the name.
@@ -138,6 +159,14 @@ pub(crate) trait Ask: Named {
         _finished: &[FinishedTask<'_>],
     ) -> Result<(), ExperimentError> {
         Ok(())
+    }
+
+    /// Returns what its report says first of one data set and network; `None` before anything was measured, and of cross-validations,
+    /// whose contenders the report compares itself.
+    ///
+    /// - `rows`: all of the same data set, levels, steps and network
+    fn headline(&self, _rows: &[&Row]) -> Option<Headline> {
+        None
     }
 
     /// Returns the figures of its report.

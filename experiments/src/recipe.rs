@@ -193,6 +193,31 @@ impl ExperimentRecipe {
         Ok(recipe)
     }
 
+    /// Returns what its author expects, where the words speak of what was run; else an empty text. A recipe that ships with the binary
+    /// speaks of all its models, of its steps and levels, of its question, and of the twin beside TactMat.
+    ///
+    /// - `beside_tactmat`: whether every data set of the run is TactMat or its twin
+    pub(crate) fn expected_of_run(&self, beside_tactmat: bool) -> &str {
+        let Ok(shipped) = Self::load_shipped(&self.name) else {
+            return &self.expects;
+        };
+        let all_models = shipped
+            .models
+            .iter()
+            .all(|model| self.models.contains(model));
+        let same = (self.data == shipped.data || beside_tactmat)
+            && (&self.levels, &self.steps) == (&shipped.levels, &shipped.steps)
+            && self.question.subject() == shipped.question.subject();
+        if self.expects == shipped.expects && !(all_models && same) {
+            return "";
+        }
+        &self.expects
+    }
+
+    fn load_shipped(name: &str) -> Result<Self, ExperimentError> {
+        Self::parse(name, Self::built_in_text(name)?, &[])
+    }
+
     /// Checks what the types do not.
     fn validate(&self) -> Result<(), String> {
         let plain = |name: &str| {
@@ -288,6 +313,25 @@ mod tests {
                 "{name}"
             );
         }
+    }
+
+    #[test]
+    fn what_is_expected_of_other_models_or_data_is_not_said() {
+        let expected = |settings: &[&str], beside_tactmat: bool| {
+            let settings: Vec<String> = settings.iter().map(|text| text.to_string()).collect();
+            let recipe = ExperimentRecipe::load("crossval_baselines", &settings).unwrap();
+            recipe.expected_of_run(beside_tactmat).to_string()
+        };
+        assert!(expected(&[], true).contains("TactNet-II stands far above"));
+        assert!(expected(&["folds=2", "repeats=2", "probes=[]"], true).contains("far above"));
+        // The words speak of seven models, on the twin.
+        assert_eq!(expected(&["models=[\"knn-l\", \"fast\"]"], true), "");
+        assert_eq!(expected(&["levels=removed"], true), "");
+        assert_eq!(expected(&["split=leave-block-out"], true), "");
+        assert_eq!(expected(&["data=own.h5"], false), "");
+        assert!(expected(&["data=tactmat.h5"], true).contains("far above"));
+        // Those of a recipe of one's own are its own affair.
+        assert_eq!(expected(&["expects=more", "models=knn-l"], false), "more");
     }
 
     #[test]

@@ -10,9 +10,11 @@ mod data_set;
 #[cfg(test)]
 mod fake;
 mod header;
+mod headline;
 mod intervals;
 mod material_groups;
 mod paired;
+mod provenance;
 mod ranks;
 mod results;
 mod study;
@@ -28,8 +30,11 @@ use data_set::data_sets;
 const STYLE: &str = include_str!("report/report.css");
 const SCRIPT: &str = include_str!("report/report.js");
 
-/// Identifier and heading of every section, in the order of the page.
-const SECTIONS: [(&str, &str); 9] = [
+/// A section of the page: identifier, heading, content; one without content is left out.
+type Section = (&'static str, &'static str, Option<String>);
+
+/// Identifier and heading of every section of a cross-validation, in the order of the page.
+const SECTIONS: [(&str, &str); 10] = [
     ("results", "Results"),
     ("accuracy", "Accuracy at a glance"),
     ("comparisons", "Paired comparisons"),
@@ -38,18 +43,23 @@ const SECTIONS: [(&str, &str); 9] = [
     ("published", "Beside the published confusions"),
     ("groups", "Groups of materials"),
     ("ranks", "Mean ranks over data sets"),
+    ("provenance", PROVENANCE),
     ("glossary", "How to read this"),
 ];
+
+/// Heading over what repeats the numbers.
+const PROVENANCE: &str = "Where the numbers come from";
 
 /// One HTML page with everything that `summary` holds; it loads nothing and works, as plain tables, without JavaScript.
 pub fn to_html(summary: &Summary) -> String {
     if !matches!(summary.question, Question::Crossval(_)) {
-        return page(summary, &study::sections(summary));
+        let headline = headline::of_study(summary);
+        return page(summary, &headline, study::sections(summary));
     }
     let contenders = scored(summary);
     let sets = data_sets(&contenders);
     let bodies = [
-        results::section(summary, &contenders, &sets),
+        results::section(&contenders, &sets),
         intervals::section(&sets),
         paired::section(summary, &sets),
         audit::section(summary),
@@ -57,18 +67,25 @@ pub fn to_html(summary: &Summary) -> String {
         beside_published::section(&sets),
         material_groups::section(summary, &sets),
         ranks::section(&contenders),
-        terms::terms(summary.question.ask().terms()),
+        Some(provenance::section(summary, &contenders, &sets)),
+        Some(terms::terms(summary.question.ask().terms())),
     ];
-    let sections: Vec<(&str, &str, String)> = SECTIONS
+    let sections: Vec<Section> = SECTIONS
         .into_iter()
         .zip(bodies)
         .map(|((id, heading), body)| (id, heading, body))
         .collect();
-    page(summary, &sections)
+    page(summary, &headline::of_contenders(summary, &sets), sections)
 }
 
-/// The page around its sections: identifier, heading and content of each.
-fn page(summary: &Summary, sections: &[(&str, &str, String)]) -> String {
+/// The page around its sections.
+///
+/// - `headline`: HTML
+fn page(summary: &Summary, headline: &str, sections: Vec<Section>) -> String {
+    let sections: Vec<(&str, &str, String)> = sections
+        .into_iter()
+        .filter_map(|(id, heading, body)| Some((id, heading, body?)))
+        .collect();
     let contents: String = sections
         .iter()
         .map(|(id, heading, _)| format!("<li><a href=\"#{id}\">{heading}</a></li>"))
@@ -95,7 +112,7 @@ fn page(summary: &Summary, sections: &[(&str, &str, String)]) -> String {
          <main id=\"main\" tabindex=\"-1\">\n{sections}</main>\n<script>\n{SCRIPT}</script>\n</body>\n</html>\n",
         title = escape(&summary.title),
         theme = theme(),
-        header = header::header(summary),
+        header = header::header(summary, headline),
     )
 }
 
@@ -103,17 +120,64 @@ fn page(summary: &Summary, sections: &[(&str, &str, String)]) -> String {
 mod tests {
     use super::*;
 
+    /// Identifiers of the sections, in their order.
+    fn sections_of(page: &str) -> Vec<&str> {
+        let headings = page.split("<h2 id=\"").skip(1);
+        headings
+            .map(|rest| rest.split('"').next().unwrap())
+            .collect()
+    }
+
     #[test]
-    fn every_section_is_there_in_order_with_a_heading() {
-        for summary in [fake::summary(), fake::empty()] {
+    fn sections_are_in_order_and_those_without_content_are_left_out() {
+        let all: Vec<&str> = SECTIONS.iter().map(|(id, _)| *id).collect();
+        let without = |left_out: &[&str]| -> Vec<&str> {
+            let kept = all.iter().filter(|id| !left_out.contains(id));
+            kept.copied().collect()
+        };
+        assert_eq!(
+            sections_of(&to_html(&fake::summary())),
+            without(&["published", "ranks"])
+        );
+        assert_eq!(
+            sections_of(&to_html(&fake::tactmat())),
+            without(&["comparisons", "audit", "groups", "ranks"])
+        );
+        assert_eq!(
+            sections_of(&to_html(&fake::empty())),
+            ["provenance", "glossary"]
+        );
+    }
+
+    #[test]
+    fn the_headline_is_the_first_text_after_the_title() {
+        for summary in [
+            fake::summary(),
+            fake::tactmat(),
+            fake::empty(),
+            fake::study(),
+        ] {
             let page = to_html(&summary);
-            let mut rest = page.as_str();
-            for (id, heading) in SECTIONS {
-                let mark = format!("<h2 id=\"{id}\">{heading}</h2>");
-                let at = rest.find(&mark).unwrap_or_else(|| panic!("no {mark}"));
-                rest = &rest[at..];
-            }
+            let (_, after) = page.split_once("</h1>").unwrap();
+            assert!(after.trim_start().starts_with("<div class=\"headline"));
+            assert!(after.contains("<p class=\"lead\">"));
+            // What repeats the run comes last and is folded.
+            let (before, provenance) = page.split_once("id=\"provenance\"").unwrap();
+            assert!(provenance.contains("<dt>Seed</dt>") && !before.contains("<dt>"));
+            assert!(!provenance.contains("<details open"));
         }
+    }
+
+    #[test]
+    fn published_figures_stand_only_where_they_may_be_compared() {
+        let recorded = to_html(&fake::summary());
+        assert!(!recorded.contains("Published for TactMat"));
+        let mut alone = fake::tactmat();
+        for contender in &mut alone.contenders {
+            contender.published = None;
+        }
+        assert!(!to_html(&alone).contains("hollow diamond"));
+        assert!(to_html(&fake::tactmat()).contains("hollow diamond"));
     }
 
     #[test]
@@ -214,7 +278,7 @@ mod tests {
             "curves",
             "comparisons",
             "efficiency",
-            "tasks",
+            "provenance",
             "glossary",
         ] {
             assert!(page.contains(&format!("<h2 id=\"{id}\">")), "{id}");

@@ -7,6 +7,7 @@ use tactnet_pipeline::{LabelOrder, MeanRemoval};
 
 use crate::comparison::{RowOfTasks, comparisons};
 use crate::measure::Unit;
+use crate::published_confusion::TACTMAT_MATERIALS;
 use crate::tasks::{ExperimentDir, TaskState};
 use crate::{
     DataRecord, ExperimentError, FeatureMap, Measure, Measurement, Part, Row, Statistic, Summary,
@@ -114,7 +115,12 @@ pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
         schema_version: Summary::SCHEMA_VERSION,
         name: recipe.name.clone(),
         title: recipe.title.clone(),
-        expects: recipe.expects.clone(),
+        expects: recipe
+            .expected_of_run(finished.iter().all(|task| {
+                task.origin.is_comparable_to_published()
+                    && task.materials == TACTMAT_MATERIALS.len()
+            }))
+            .into(),
         command: dir.plan.command.clone(),
         question: recipe.question.clone(),
         git: set(&|task| task.record.git.clone()),

@@ -21,7 +21,7 @@ pub struct Summary {
     pub name: String,
     /// One line for people.
     pub title: String,
-    /// The result that the recipe's author expects.
+    /// The result that the recipe's author expects; empty where the words speak of models, data or questions that were not run.
     pub expects: String,
     /// The call that leads here.
     pub command: String,

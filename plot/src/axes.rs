@@ -79,15 +79,7 @@ impl Axes {
     /// - `points`: `(x, y)` in the units of the axes, in the order in which they are joined; those without a place on a scale are left out
     /// - `marker_every`: 1 marks every point, and so does 0
     pub fn line(&self, series: Series, points: &[(f64, f64)], marker_every: usize) -> String {
-        let places: Vec<(f64, f64)> = points
-            .iter()
-            .map(|&(x, y)| (self.x(x), self.y(y)))
-            .filter(|(x, y)| x.is_finite() && y.is_finite())
-            .collect();
-        let path: Vec<String> = places
-            .iter()
-            .map(|(x, y)| format!("{x:.1},{y:.1}"))
-            .collect();
+        let places = self.places(points);
         let markers: String = places
             .iter()
             .step_by(marker_every.max(1))
@@ -95,8 +87,25 @@ impl Axes {
             .collect();
         series.group(&format!(
             "<polyline points=\"{}\"/>{markers}",
-            path.join(" ")
+            joined(&places)
         ))
+    }
+
+    /// Returns a line through `points` without markers.
+    ///
+    /// - `points`: as in [`line`](Self::line)
+    pub fn path(&self, series: Series, points: &[(f64, f64)]) -> String {
+        let places = self.places(points);
+        series.group(&format!("<polyline points=\"{}\"/>", joined(&places)))
+    }
+
+    /// Positions of the points that have one.
+    fn places(&self, points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+        points
+            .iter()
+            .map(|&(x, y)| (self.x(x), self.y(y)))
+            .filter(|(x, y)| x.is_finite() && y.is_finite())
+            .collect()
     }
 
     /// Returns a vertical bar for each interval.
@@ -115,6 +124,15 @@ impl Axes {
             .collect();
         series.group(&bars)
     }
+}
+
+/// Positions as a polyline names them.
+fn joined(places: &[(f64, f64)]) -> String {
+    let places: Vec<String> = places
+        .iter()
+        .map(|(x, y)| format!("{x:.1},{y:.1}"))
+        .collect();
+    places.join(" ")
 }
 
 #[cfg(test)]
@@ -155,6 +173,9 @@ mod tests {
         assert_well_formed(&svg);
         assert!(svg.contains("points=\"50.0,210.0 450.0,10.0\""), "{svg}");
         assert_eq!(svg.matches("<circle").count(), 2);
+        let path = axes().path(Series::nth(0), &points);
+        assert_well_formed(&path);
+        assert!(path.contains("points=\"50.0,210.0 450.0,10.0\"") && !path.contains("<circle"));
     }
 
     #[test]

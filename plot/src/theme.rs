@@ -34,7 +34,10 @@ pub fn theme() -> String {
         .iter()
         .map(|(name, _, dark)| format!(" --{name}: {dark};"))
         .collect();
-    format!(":root {{{light} }}\n@media (prefers-color-scheme: dark) {{ :root {{{dark} }} }}\n")
+    // Paper is light.
+    format!(
+        ":root {{{light} }}\n@media screen and (prefers-color-scheme: dark) {{ :root {{{dark} }} }}\n"
+    )
 }
 
 /// The style of a file of its own: light, and without variables, which not every program that shows SVG knows.

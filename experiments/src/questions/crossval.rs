@@ -19,6 +19,7 @@ use crate::tasks::ExperimentDir;
 use crate::{ExperimentError, Measure, Part, Summary, Task, grouping_of_counts};
 
 pub use audit::Audit;
+pub(crate) use audit::LevelShare;
 pub use confidence::{ReliabilityBin, RiskCoverage};
 pub use contenders::{Contender, FoldRecord, PublishedContender};
 pub(crate) use scored::{Scored, scored};

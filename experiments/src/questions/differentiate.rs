@@ -12,6 +12,7 @@ use tactnet_data::{Fold, Scheme};
 use tactnet_models::{DenseWeights, Mlp};
 use tactnet_pipeline::{MlpTraining, SweepPair, fit_difference};
 
+use super::headline::{Headline, best, in_percent, sweeps};
 use super::{
     Ask, Compared, Figure, Published, check_counts, check_folds, five, folds, given_or, one,
 };
@@ -96,6 +97,29 @@ impl Ask for Differentiate {
             ("siamese", "hard pairs", Some(3)) => both(0.828, 0.785),
             _ => Published::default(),
         }
+    }
+
+    fn headline(&self, rows: &[&Row]) -> Option<Headline> {
+        let fewest = rows.iter().filter_map(|row| row.sweeps).min()?;
+        let of = |setting: &'static str| {
+            let rows = rows.iter().copied();
+            rows.filter(move |row| row.setting == setting && row.sweeps == Some(fewest))
+        };
+        let best = best(of("all pairs"))?;
+        let guessing = in_percent(0.5);
+        let qualifier = match of("hard pairs").find(|row| row.method == best.method) {
+            Some(hard) => format!(
+                "Of the pairs that are hardest to tell apart it answers {} rightly; guessing, {guessing}.",
+                in_percent(hard.statistic.mean)
+            ),
+            None => format!("Guessing answers {guessing} rightly."),
+        };
+        let says = format!(
+            "of pairs rightly called one material or two, from {} of each ({})",
+            sweeps(fewest),
+            best.method
+        );
+        Some(Headline::of(best, says, qualifier))
     }
 
     fn figures(&self) -> Vec<Figure> {

@@ -6,11 +6,12 @@ use serde::{Deserialize, Serialize};
 use tactnet_data::{Fold, MaterialSplit, Scheme, SweepView};
 use tactnet_models::{Features, LinearHead, WeightPrior, argmax, fit_new_class};
 
+use super::headline::{Headline, best, in_percent, sweeps};
 use super::{Ask, Compared, Figure, check_counts, draws, one, six, within};
 use crate::context::{Cancelled, StudyContext, embedded};
 use crate::one_or_many::one_or_many;
 use crate::result::Answer;
-use crate::{Measure, Measurement, Part};
+use crate::{Measure, Measurement, Part, Row};
 
 /// What does a material more cost a trained classifier?
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -51,6 +52,29 @@ impl Ask for Enrolment {
 
     fn compared(&self, _measure: Measure) -> Option<Compared> {
         None
+    }
+
+    fn headline(&self, rows: &[&Row]) -> Option<Headline> {
+        let most = rows.iter().filter_map(|row| row.shots).max()?;
+        let of = |measure: Measure| {
+            let rows = rows.iter().copied();
+            rows.filter(move |row| row.measure == measure && row.shots == Some(most))
+        };
+        let best = best(of(Measure::NewMaterial))?;
+        let known = |measure: Measure| {
+            of(measure)
+                .find(|row| row.method == best.method)
+                .map(|row| in_percent(row.statistic.mean))
+        };
+        let (before, after) = (known(Measure::KnownBefore)?, known(Measure::KnownAfter)?);
+        let says = format!(
+            "of sweeps of a new material recognised after {} of it ({})",
+            sweeps(most),
+            best.method
+        );
+        let qualifier =
+            format!("On the known materials accuracy goes from {before} to {after} by it.");
+        Some(Headline::of(best, says, qualifier))
     }
 
     fn figures(&self) -> Vec<Figure> {

@@ -11,13 +11,14 @@ use serde::{Deserialize, Serialize};
 use tactnet_data::{Fold, MaterialSplit, Scheme, SweepView};
 use tactnet_models::Features;
 
+use super::headline::{Headline, in_percent};
 use super::{Ask, Compared, Figure, draws, one, six, within};
 use crate::context::{Cancelled, StudyContext, embedded};
 use crate::published_confusion::{TACTMAT_MATERIALS, robot};
 use crate::result::Answer;
 use crate::summarise::FinishedTask;
 use crate::tasks::ExperimentDir;
-use crate::{ExperimentError, Measure, Measurement, Part, Summary};
+use crate::{ExperimentError, Measure, Measurement, Part, Row, Summary};
 
 /// Neighbours that should be of the same material.
 const NEIGHBOURS: usize = 5;
@@ -114,6 +115,35 @@ impl Ask for FeatureMaps {
     ) -> Result<(), ExperimentError> {
         summary.maps = finished.iter().flat_map(|task| task.maps.clone()).collect();
         Ok(())
+    }
+
+    fn headline(&self, rows: &[&Row]) -> Option<Headline> {
+        let of = |setting: &'static str, space: &'static str| {
+            rows.iter()
+                .copied()
+                .find(|row| row.setting == setting && row.method == space)
+        };
+        let settings = ["hard materials, whole space", "easy materials, whole space"];
+        let (setting, learnt) = settings
+            .into_iter()
+            .find_map(|setting| Some((setting, of(setting, "embedding")?)))?;
+        let choice = setting.split(',').next().unwrap_or_default();
+        let says = format!(
+            "of the nearest neighbours in the network's features are of the same material ({} new {choice})",
+            self.new_materials
+        );
+        let qualifier = match of(setting, "input") {
+            Some(input) => format!(
+                "Among the raw digits it is {}, by chance about {}.",
+                in_percent(input.statistic.mean),
+                in_percent(1.0 / self.new_materials as f64)
+            ),
+            None => format!(
+                "By chance it is about {}.",
+                in_percent(1.0 / self.new_materials as f64)
+            ),
+        };
+        Some(Headline::of(learnt, says, qualifier))
     }
 
     fn figures(&self) -> Vec<Figure> {

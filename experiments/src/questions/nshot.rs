@@ -15,6 +15,7 @@ mod tuning;
 use serde::{Deserialize, Serialize};
 use tactnet_data::Seed;
 
+use super::headline::{Headline, best, in_percent, sweeps};
 use super::{Ask, Compared, Figure, Published, check_counts, draws, one, six, within};
 use crate::context::{Cancelled, StudyContext};
 use crate::one_or_many::one_or_many;
@@ -109,6 +110,31 @@ impl Ask for Nshot {
     ) -> Result<(), ExperimentError> {
         summary.sample_efficiency = Some(sample_efficiency(&summary.rows, Seed(summary.seed)));
         Ok(())
+    }
+
+    fn headline(&self, rows: &[&Row]) -> Option<Headline> {
+        let fewest = rows.iter().filter_map(|row| row.shots).min()?;
+        let accuracies = || {
+            let rows = rows.iter().copied();
+            rows.filter(|row| row.measure == Measure::Accuracy && row.shots == Some(fewest))
+        };
+        let best = best(accuracies())?;
+        let guessing = in_percent(1.0 / self.new_materials as f64);
+        let scratch = accuracies().find(|row| row.method == "nk" && row.method != best.method);
+        let qualifier = match scratch {
+            Some(scratch) => format!(
+                "From the same sweeps a network without pre-knowledge reaches {}, guessing {guessing}.",
+                in_percent(scratch.statistic.mean)
+            ),
+            None => format!("Guessing reaches {guessing}."),
+        };
+        let says = format!(
+            "of sweeps recognised after {} of each of {} new materials, by {}",
+            sweeps(fewest),
+            self.new_materials,
+            best.method
+        );
+        Some(Headline::of(best, says, qualifier))
     }
 
     fn figures(&self) -> Vec<Figure> {

@@ -7,6 +7,7 @@ use tactnet_data::{Fold, Scheme, shuffle};
 use tactnet_models::Belief;
 use tactnet_pipeline::PredictionMethod;
 
+use super::headline::{Headline, best, in_percent};
 use super::{
     Ask, Compared, Figure, Published, check_counts, check_folds, five, folds, given_or, one,
 };
@@ -79,6 +80,46 @@ impl Ask for Sequential {
             (Measure::Accuracy, "plain", "fixed 3") => Published::robot(0.943),
             _ => Published::default(),
         }
+    }
+
+    fn headline(&self, rows: &[&Row]) -> Option<Headline> {
+        let accuracies = || {
+            let rows = rows.iter().copied();
+            rows.filter(|row| row.measure == Measure::Accuracy)
+        };
+        let until = || accuracies().filter(|row| row.setting.starts_with("until "));
+        let fixed = |count: usize, method: &str| {
+            let setting = format!("fixed {count}");
+            accuracies()
+                .find(|row| row.setting == setting && row.method == method)
+                .map(|row| row.statistic.mean)
+        };
+        let taken = |of: &Row| {
+            let same = |row: &&&Row| (&row.method, &row.setting) == (&of.method, &of.setting);
+            let mut sweeps = rows.iter().filter(|row| row.measure == Measure::MeanSweeps);
+            sweeps.find(same).map(|row| row.statistic.mean)
+        };
+        // The soonest that is as accurate as three sweeps in any case; if there is none, the most accurate.
+        let soonest = until()
+            .filter(|row| fixed(3, &row.method).is_some_and(|three| row.statistic.mean >= three))
+            .filter_map(|row| Some((row, taken(row)?)))
+            .min_by(|a, b| a.1.total_cmp(&b.1));
+        let chosen = soonest.map(|(row, _)| row).or_else(|| best(until()))?;
+        let qualifier = match (fixed(3, &chosen.method), fixed(1, &chosen.method)) {
+            (Some(three), Some(one)) => format!(
+                "Three sweeps in any case reach {}, one alone {}.",
+                in_percent(three),
+                in_percent(one)
+            ),
+            _ => format!("No decision takes more than {MAX_SWEEPS} sweeps."),
+        };
+        let says = format!(
+            "of decisions right after {:.1} sweeps on average, sweeping {} ({})",
+            taken(chosen)?,
+            chosen.setting,
+            chosen.method.replace('_', " ")
+        );
+        Some(Headline::of(chosen, says, qualifier))
     }
 
     fn figures(&self) -> Vec<Figure> {

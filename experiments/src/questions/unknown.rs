@@ -17,12 +17,13 @@ use tactnet_pipeline::{
     NoveltyScorer, TrainEmbeddings, least_probability, prediction_set, upper_quantile,
 };
 
+use super::headline::{Headline, best, in_percent, sweeps};
 use super::{Ask, Compared, Figure, check_counts, draws, given_or, one, six, within};
 use crate::context::{Cancelled, StudyContext, embedded};
 use crate::one_or_many::one_or_many;
 use crate::pairs::rows_of_label;
 use crate::result::Answer;
-use crate::{Measure, Measurement, Part};
+use crate::{Measure, Measurement, Part, Row};
 use roc::auroc;
 
 /// Sweeps whose scores are averaged.
@@ -73,6 +74,35 @@ impl Ask for Unknown {
 
     fn compared(&self, measure: Measure) -> Option<Compared> {
         (measure == Measure::Auroc).then_some(Compared::With("largest probability"))
+    }
+
+    fn headline(&self, rows: &[&Row]) -> Option<Headline> {
+        let of = |measure: Measure| {
+            rows.iter()
+                .copied()
+                .filter(move |row| row.measure == measure)
+        };
+        let fewest = of(Measure::Auroc).filter_map(|row| row.sweeps).min()?;
+        let best = best(of(Measure::Auroc).filter(|row| row.sweeps == Some(fewest)))?;
+        let beside = |measure: Measure| {
+            of(measure)
+                .find(|row| row.method == best.method && row.sweeps == best.sweeps)
+                .map(|row| in_percent(row.statistic.mean))
+        };
+        let qualifier = match (beside(Measure::Detected), beside(Measure::FalseAlarms)) {
+            (Some(detected), Some(false_alarms)) => format!(
+                "With its threshold set for {} false alarms it finds {detected} of the unknown sweeps and calls {false_alarms} of the \
+                 known ones unknown.",
+                in_percent(FALSE_ALARMS)
+            ),
+            _ => format!("Guessing reaches {}.", in_percent(0.5)),
+        };
+        let says = format!(
+            "AUROC of {} over {}: how often an unknown material looks stranger than a known one",
+            best.method,
+            sweeps(fewest)
+        );
+        Some(Headline::of(best, says, qualifier))
     }
 
     fn figures(&self) -> Vec<Figure> {

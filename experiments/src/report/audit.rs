@@ -5,15 +5,16 @@ use tactnet_plot::escape;
 use super::text::percent;
 use crate::{Audit, Summary};
 
-pub(super) fn section(summary: &Summary) -> String {
+/// Returns a table for each data set; `None` if none was probed.
+pub(super) fn section(summary: &Summary) -> Option<String> {
     if summary.audits.is_empty() {
-        return "<p>No data set was probed.</p>\n".to_string();
+        return None;
     }
     let audits: String = summary.audits.iter().map(audit).collect();
-    format!(
+    Some(format!(
         "<p>A classifier can score well without feeling texture: by the level of each taxel, or by recognising the recording \
          block. These probes show how far that would get it.</p>\n<div class=\"cards\">\n{audits}</div>\n"
-    )
+    ))
 }
 
 fn audit(audit: &Audit) -> String {
@@ -31,15 +32,17 @@ fn audit(audit: &Audit) -> String {
             audit.block_out,
         ),
         (
-            "Nearest neighbour on taxel means (says nothing without levels)",
+            "Nearest neighbour on taxel means (levels alone)",
             audit.means,
         ),
         ("MiniRocket on permuted labels", audit.permuted),
     ]
     .iter()
-    .map(|(measure, accuracy)| {
-        let shown = accuracy.map_or_else(|| "\u{2013}".to_string(), percent);
-        format!("<tr><th scope=\"row\">{measure}</th><td class=\"number\">{shown}</td></tr>\n")
+    .filter_map(|(measure, accuracy)| {
+        let shown = percent((*accuracy)?);
+        Some(format!(
+            "<tr><th scope=\"row\">{measure}</th><td class=\"number\">{shown}</td></tr>\n"
+        ))
     })
     .collect();
     format!(

@@ -12,7 +12,8 @@ use crate::questions::Scored;
 const SOURCE: &str = "Tulbure and B\u{e4}uml, Humanoids 2018; B\u{e4}uml's thesis, chapter 4; read off the figures' pixels, \
                       \u{b1}0.004";
 
-pub(super) fn section(sets: &[DataSet]) -> String {
+/// Returns the confusions; `None` if no data set has exactly TactMat's materials.
+pub(super) fn section(sets: &[DataSet]) -> Option<String> {
     let parts: String = sets
         .iter()
         .filter_map(|set| {
@@ -24,12 +25,7 @@ pub(super) fn section(sets: &[DataSet]) -> String {
             (best.confusion.len() == order.len()).then(|| beside(set, best, &order))
         })
         .collect();
-    if parts.is_empty() {
-        return "<p>No data set here has the 36 materials of TactMat, so there is nothing to set beside the published \
-                confusions.</p>\n"
-            .to_string();
-    }
-    parts
+    (!parts.is_empty()).then_some(parts)
 }
 
 /// For each material of TactMat, in the order of its id, its label here; `None` unless the materials are exactly those.

@@ -10,6 +10,9 @@ use crate::questions::Scored;
 /// Bins of confidence in a summary.
 const BINS: usize = 15;
 
+/// Sweeps below which the accuracy of a bin is faint: its standard deviation is then up to 10 points.
+const FEW: usize = 25;
+
 /// Points of a curve that are drawn at most.
 const POINTS: usize = 160;
 
@@ -32,19 +35,14 @@ pub(super) fn reliability(set: &DataSet) -> String {
         axes.y(1.0)
     ));
     for (series, row) in rows.iter().enumerate().rev() {
-        let points: Vec<(f64, f64)> = row
-            .reliability
-            .iter()
-            .map(|bin| (bin.confidence, bin.accuracy))
-            .collect();
-        content.push_str(&axes.line(Series::nth(series), &points, 1));
+        content.push_str(&bins(Series::nth(series), row.reliability, &axes));
     }
     content.push_str(&counts(best.reliability, &axes));
     let name = set.name(best);
     let title = format!("Reliability of {name} on {}", set.heading());
     format!(
         "<figure>\n{}{}<figcaption>Reliability: accuracy against mean confidence in {BINS} bins; on the dashed diagonal \
-         confidence is deserved, below it is overconfidence. Bars: sweeps of {} in each bin. ECE of {}: {}\u{a0}%.</figcaption>\n</figure>\n",
+         confidence is deserved, below it is overconfidence. Bins of fewer than {FEW} sweeps are faint. Bars: sweeps of {} in each bin. ECE of {}: {}\u{a0}%.</figcaption>\n</figure>\n",
         figure(400.0, 474.0, &title, &content),
         names(set, &rows),
         escape(&name),
@@ -126,6 +124,31 @@ fn names(set: &DataSet, rows: &[&Scored<'_>]) -> String {
     legend(&names)
 }
 
+/// Accuracy of the bins; those of few sweeps, and the lines that end there, are faint.
+fn bins(series: Series, bins: &[ReliabilityBin], axes: &Axes) -> String {
+    let mut svg = String::new();
+    let point = |bin: &ReliabilityBin| (bin.confidence, bin.accuracy);
+    let enough = |bin: &ReliabilityBin| bin.count >= FEW;
+    for pair in bins.windows(2) {
+        let line = axes.path(series, &[point(&pair[0]), point(&pair[1])]);
+        svg.push_str(&faint(!pair.iter().all(enough), line));
+    }
+    for bin in bins {
+        let (x, y) = point(bin);
+        let marker = series.group(&series.marker(axes.x(x), axes.y(y)));
+        svg.push_str(&faint(!enough(bin), marker));
+    }
+    svg
+}
+
+fn faint(is_faint: bool, content: String) -> String {
+    if is_faint {
+        format!("<g class=\"faint\">{content}</g>")
+    } else {
+        content
+    }
+}
+
 /// Bars below the horizontal axis: sweeps in each bin.
 fn counts(bins: &[ReliabilityBin], axes: &Axes) -> String {
     let (ground, tallest) = (axes.top + axes.height + 112.0, 56.0);
@@ -137,7 +160,8 @@ fn counts(bins: &[ReliabilityBin], axes: &Axes) -> String {
             let place = ((bin.confidence * BINS as f64) as usize).min(BINS - 1);
             let height = tallest * bin.count as f64 / largest as f64;
             format!(
-                "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{height:.1}\"><title>{} sweeps</title></rect>\n",
+                "<rect{} x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{height:.1}\"><title>{} sweeps</title></rect>\n",
+                if bin.count < FEW { " class=\"faint\"" } else { "" },
                 axes.left + width * place as f64 + 1.0,
                 ground - height,
                 width - 2.0,
@@ -156,4 +180,33 @@ fn counts(bins: &[ReliabilityBin], axes: &Axes) -> String {
         axes.left - 6.0,
         ground - tallest / 2.0
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bins_of_few_sweeps_are_faint() {
+        let axes = square(Axis::percent("x", 1.0, 0.2), Axis::percent("y", 1.0, 0.2));
+        let bin = |confidence, count| ReliabilityBin {
+            confidence,
+            accuracy: 0.5,
+            count,
+        };
+        let svg = bins(
+            Series::nth(0),
+            &[
+                bin(0.3, FEW - 1),
+                bin(0.5, FEW),
+                bin(0.7, FEW),
+                bin(0.9, 900),
+            ],
+            &axes,
+        );
+        // One marker and the line that leads to it.
+        assert_eq!(svg.matches("class=\"faint\"").count(), 2);
+        assert_eq!(svg.matches("<polyline").count(), 3);
+        assert_eq!(svg.matches("<circle").count(), 4);
+    }
 }

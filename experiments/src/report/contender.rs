@@ -9,18 +9,18 @@ use super::text::{percent, percent_and_sd, scroll};
 use crate::Summary;
 use crate::questions::Scored;
 
-pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> String {
+/// Returns the best model of each data set; `None` before one has ended.
+pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> Option<String> {
     let parts: String = sets
         .iter()
         .filter_map(|set| set.best().map(|best| contender(summary, set, best)))
         .collect();
-    if parts.is_empty() {
-        return "<p>No contender has ended yet.</p>\n".to_string();
-    }
-    format!(
-        "<p>For each data set, the model with the highest accuracy of single sweeps. It was chosen by that number, so the number \
-         flatters it a little.</p>\n{parts}"
-    )
+    (!parts.is_empty()).then(|| {
+        format!(
+            "<p>For each data set, the model with the highest accuracy of single sweeps. It was chosen by that number, so the number \
+             flatters it a little.</p>\n{parts}"
+        )
+    })
 }
 
 fn contender(summary: &Summary, set: &DataSet, best: &Scored<'_>) -> String {

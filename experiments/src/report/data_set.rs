@@ -22,8 +22,17 @@ impl<'a> DataSet<'a> {
 
     /// Rows that are not probes, most accurate first.
     pub fn contenders(&self) -> Vec<&'a Scored<'a>> {
-        let mut rows: Vec<&'a Scored<'a>> =
-            self.rows.iter().copied().filter(|row| !row.probe).collect();
+        self.most_accurate_first(false)
+    }
+
+    /// Rows that are probes, most accurate first.
+    pub fn probes(&self) -> Vec<&'a Scored<'a>> {
+        self.most_accurate_first(true)
+    }
+
+    fn most_accurate_first(&self, probe: bool) -> Vec<&'a Scored<'a>> {
+        let own = self.rows.iter().copied();
+        let mut rows: Vec<&'a Scored<'a>> = own.filter(|row| row.probe == probe).collect();
         rows.sort_by(|a, b| b.one_sweep.mean.total_cmp(&a.one_sweep.mean));
         rows
     }

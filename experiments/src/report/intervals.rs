@@ -14,11 +14,10 @@ const LINE: f64 = 40.0;
 /// Ranges above this have a grid line at every second tenth only.
 const WIDE: f64 = 0.65;
 
-pub(super) fn section(sets: &[DataSet]) -> String {
+/// Returns the figure; `None` before anything has ended.
+pub(super) fn section(sets: &[DataSet]) -> Option<String> {
     let rows = || sets.iter().flat_map(|set| set.rows.iter().copied());
-    let Some(range) = Range::over(rows().flat_map(values)) else {
-        return "<p>No task has ended yet.</p>\n".to_string();
-    };
+    let range = Range::over(rows().flat_map(values))?;
     let mut y = 0.0;
     let mut content = String::new();
     for set in sets {
@@ -34,14 +33,18 @@ pub(super) fn section(sets: &[DataSet]) -> String {
         }
     }
     let axis = range.axis(y);
-    format!(
+    let diamond = if rows().any(|row| row.published.is_some()) {
+        "; hollow diamond: published for TactMat"
+    } else {
+        ""
+    };
+    Some(format!(
         "<figure>\n<svg class=\"figure fluid\" role=\"img\" width=\"100%\" height=\"{:.0}\"><title>Accuracy of single sweeps, \
          percent, one line for each of {} rows</title>\n{axis}{content}</svg>\n\
-         <figcaption>Accuracy of single sweeps, %. Dot: mean; bar: 95\u{a0}% interval of the mean; small rings: folds; hollow \
-         diamond: published for TactMat. The numbers are those of the table above.</figcaption>\n</figure>\n",
+         <figcaption>Accuracy of single sweeps, %. Dot: mean; bar: 95\u{a0}% interval of the mean; small rings: folds{diamond}. The numbers are those of the table above.</figcaption>\n</figure>\n",
         y + 24.0,
         rows().count()
-    )
+    ))
 }
 
 /// Everything of a row that has to fit into the figure.

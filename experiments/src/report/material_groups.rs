@@ -4,28 +4,43 @@ use tactnet_plot::escape;
 
 use super::data_set::DataSet;
 use super::text::{decimal, percent, scroll};
+use crate::published_confusion::TACTMAT_MATERIALS;
 use crate::questions::Scored;
 use crate::{Grouping, Summary};
 
-pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> String {
-    let mut html = "<p>Spectral clustering of the confusion matrix: materials in one group are confused with each other more than \
-                    with the rest. Accuracy of groups is the share of sweeps whose predicted material lies in the true one's \
-                    group. Published for TactMat: 94.7\u{a0}% with one sweep on six groups; humans 52.6\u{a0}%, on groups that each \
-                    subject formed for themselves.</p>\n"
-        .to_string();
-    let before = html.len();
-    for set in sets {
-        let best = set.best().map(|row| row.key);
-        for row in &set.rows {
-            if let Some(grouping) = summary.groups.get(row.key) {
-                html.push_str(&groups(set, row, grouping, best == Some(row.key)));
-            }
-        }
-    }
-    if html.len() == before {
-        html.push_str("<p>No groups were formed here.</p>\n");
-    }
-    html
+const PUBLISHED: &str = " Published for TactMat: 94.7\u{a0}% with one sweep on six groups; humans 52.6\u{a0}%, on groups that each \
+                         subject formed for themselves.";
+
+/// Returns the groups; `None` if none were formed.
+pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> Option<String> {
+    let in_six_groups = |row: &&Scored<'_>| {
+        let grouping = summary.groups.get(row.key);
+        grouping.is_some_and(|grouping| grouping.group_of.iter().max() == Some(&5))
+    };
+    let beside_published = sets
+        .iter()
+        .flat_map(|set| set.rows.iter())
+        .filter(|row| in_six_groups(row))
+        .any(|row| {
+            row.origin.is_comparable_to_published()
+                && row.materials.len() == TACTMAT_MATERIALS.len()
+        });
+    let published = if beside_published { PUBLISHED } else { "" };
+    let groups: String = sets
+        .iter()
+        .flat_map(|set| set.rows.iter().map(move |row| (set, row)))
+        .filter_map(|(set, row)| {
+            let open = set.best().is_some_and(|best| best.key == row.key);
+            Some(groups(set, row, summary.groups.get(row.key)?, open))
+        })
+        .collect();
+    (!groups.is_empty()).then(|| {
+        format!(
+            "<p>Spectral clustering of the confusion matrix: materials in one group are confused with each other more than \
+             with the rest. Accuracy of groups is the share of sweeps whose predicted material lies in the true one's \
+             group.{published}</p>\n{groups}"
+        )
+    })
 }
 
 fn groups(set: &DataSet, row: &Scored<'_>, grouping: &Grouping, open: bool) -> String {

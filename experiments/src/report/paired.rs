@@ -8,9 +8,10 @@ use super::results::{number, sortable};
 use super::text::{decimal, p_value, scroll};
 use crate::Summary;
 
-pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> String {
+/// Returns the table; `None` if no two rows share folds.
+pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> Option<String> {
     if summary.comparisons.is_empty() {
-        return "<p>No two rows share folds, so nothing is compared.</p>\n".to_string();
+        return None;
     }
     let name = |key: &str| -> String {
         sets.iter()
@@ -47,9 +48,9 @@ pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> String {
             Number("Folds"),
         ])
     );
-    format!(
+    Some(format!(
         "<p>Difference of single-sweep accuracy, in percentage points, on the folds that both have. p is from the corrected \
          resampled t-test (Nadeau and Bengio, 2003), two-sided, and is not adjusted for the number of comparisons.</p>\n{}",
         scroll("Paired comparisons", &table)
-    )
+    ))
 }

@@ -16,7 +16,8 @@ const Q: [f64; 9] = [
 /// Fewest models and fewest data sets for which ranks say anything.
 const FEWEST: usize = 3;
 
-pub(super) fn section(contenders: &[Scored<'_>]) -> String {
+/// Returns the ranks; `None` without the same three or more models (at most ten) on three or more data sets, treated and split alike.
+pub(super) fn section(contenders: &[Scored<'_>]) -> Option<String> {
     let mut found = String::new();
     for (variant, accuracies) in variants(contenders) {
         if let Some(ranking) = Ranking::of(&accuracies) {
@@ -27,12 +28,7 @@ pub(super) fn section(contenders: &[Scored<'_>]) -> String {
             )));
         }
     }
-    if found.is_empty() {
-        return "<p>Not shown: ranks need the same three or more models (at most ten) on three or more data sets, treated and split \
-                alike.</p>\n"
-            .to_string();
-    }
-    found
+    (!found.is_empty()).then_some(found)
 }
 
 /// Accuracy by data set and contender.

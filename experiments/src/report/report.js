@@ -40,6 +40,30 @@
   addEventListener("hashchange", reveal);
   reveal();
 
+  // What is wider than its frame says that it scrolls; a shadow at the edge shows it, too.
+  for (const frame of document.querySelectorAll(".scroll")) {
+    const hint = document.createElement("p");
+    hint.className = "hint";
+    hint.textContent = "Scrolls sideways \u2192";
+    hint.setAttribute("aria-hidden", "true");
+    hint.hidden = true;
+    frame.before(hint);
+    const measure = () => (hint.hidden = frame.scrollWidth <= frame.clientWidth + 1);
+    new ResizeObserver(measure).observe(frame);
+  }
+
+  // Paper cannot unfold.
+  const unfolded = [];
+  addEventListener("beforeprint", () => {
+    for (const folded of document.querySelectorAll("details:not([open])")) {
+      folded.open = true;
+      unfolded.push(folded);
+    }
+  });
+  addEventListener("afterprint", () => {
+    for (const folded of unfolded.splice(0)) folded.open = false;
+  });
+
   // Matrices: pointing at a cell, or walking to it with the arrow keys, says what it holds.
   const tip = document.createElement("div");
   tip.className = "tip";

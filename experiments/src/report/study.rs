@@ -7,11 +7,12 @@ mod tasks;
 
 use tactnet_plot::escape;
 
-use super::results::Heading::{Number, Text};
-use super::results::{number, sortable};
+use super::results::Heading::{Number, Score, Text};
+use super::results::{body, number, sortable};
 use super::terms::terms;
 use super::text::{ABSENT, decimal, percent, scroll};
-use crate::{Measure, Summary};
+use super::{PROVENANCE, Section, provenance};
+use crate::{Measure, Row, Summary, Unit};
 
 /// Words of every page.
 const TERMS: [(&str, &str); 2] = [
@@ -25,40 +26,41 @@ const TERMS: [(&str, &str); 2] = [
     ),
 ];
 
-/// Sections of the page: identifier, heading, content.
-pub(super) fn sections(summary: &Summary) -> Vec<(&'static str, &'static str, String)> {
-    let mut sections = vec![("results", "Results", results(summary))];
-    sections.push(("curves", "At a glance", curves::curves(summary)));
-    if !summary.maps.is_empty() {
+/// Sections of the page.
+pub(super) fn sections(summary: &Summary) -> Vec<Section> {
+    let maps = (!summary.maps.is_empty()).then(|| {
         let maps: String = summary.maps.iter().map(maps::map).collect();
-        sections.push((
-            "maps",
-            "Feature maps",
-            format!("<div class=\"panels\">\n{maps}</div>\n"),
-        ));
-    }
-    if !summary.comparisons.is_empty() {
-        sections.push((
+        format!("<div class=\"panels\">\n{maps}</div>\n")
+    });
+    let compared = !summary.comparisons.is_empty();
+    let saved = summary.sample_efficiency.as_deref();
+    let saved = saved.filter(|saved| !saved.is_empty());
+    let words = [&TERMS, summary.question.ask().terms()].concat();
+    vec![
+        ("results", "Results", results(summary)),
+        ("curves", "At a glance", curves::curves(summary)),
+        ("maps", "Feature maps", maps),
+        (
             "comparisons",
             "Paired comparisons",
-            comparisons::comparisons(summary),
-        ));
-    }
-    if let Some(efficiency) = &summary.sample_efficiency {
-        sections.push((
+            compared.then(|| comparisons::comparisons(summary)),
+        ),
+        (
             "efficiency",
             "Sweeps saved",
-            comparisons::efficiency(efficiency),
-        ));
-    }
-    sections.push((
-        "tasks",
-        "Where the numbers come from",
-        tasks::tasks(&summary.records),
-    ));
-    let words = [&TERMS, summary.question.ask().terms()].concat();
-    sections.push(("glossary", "How to read this", terms(&words)));
-    sections
+            saved.map(comparisons::efficiency),
+        ),
+        (
+            "provenance",
+            PROVENANCE,
+            Some(format!(
+                "{}{}",
+                provenance::run(summary),
+                tasks::tasks(&summary.records)
+            )),
+        ),
+        ("glossary", "How to read this", Some(terms(&words))),
+    ]
 }
 
 fn shown(measure: Measure, value: f64) -> String {
@@ -83,56 +85,151 @@ fn interval(measure: Measure, ci95: Option<[f64; 2]>) -> String {
     }
 }
 
-fn results(study: &Summary) -> String {
-    if study.rows.is_empty() {
-        return "<p>No task has ended yet.</p>\n".to_string();
+/// What the rows of one part of the table share: data set, levels, networks and measure.
+type Part<'a> = (&'a str, &'a str, &'a str, Measure);
+
+fn part_of(row: &Row) -> Part<'_> {
+    (&row.data, row.levels.name(), &row.model, row.measure)
+}
+
+/// Columns that some row of a study has something for.
+#[derive(Clone, Copy)]
+struct Columns {
+    setting: bool,
+    shots: bool,
+    sweeps: bool,
+    published: bool,
+    humans: bool,
+}
+
+impl Columns {
+    fn of(rows: &[Row]) -> Self {
+        let any = |has: &dyn Fn(&Row) -> bool| rows.iter().any(has);
+        Self {
+            setting: any(&|row| !row.setting.is_empty()),
+            shots: any(&|row| row.shots.is_some()),
+            sweeps: any(&|row| row.sweeps.is_some()),
+            published: any(&|row| row.published.is_some()),
+            humans: any(&|row| row.humans.is_some()),
+        }
     }
-    let lines: String = study
-        .rows
-        .iter()
-        .map(|row| {
-            let published = |value: Option<f64>| {
-                number(value, &value.map(|value| shown(row.measure, value)).unwrap_or_default())
-            };
-            format!(
-                "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><th scope=\"row\">{}</th><td>{}</td>{}{}{}{}{}{}{}</tr>\n",
-                escape(&row.data),
-                escape(row.levels.name()),
-                escape(&row.model),
-                escape(row.measure.name()),
-                escape(&row.method),
-                escape(&row.setting),
-                count(row.shots),
-                count(row.sweeps),
-                number(Some(row.statistic.mean), &shown(row.measure, row.statistic.mean)),
-                number(row.statistic.ci95.map(|ends| ends[0]), &interval(row.measure, row.statistic.ci95)),
-                number(Some(row.n as f64), &row.n.to_string()),
-                published(row.published),
-                published(row.humans),
+
+    fn headings(self) -> Vec<super::results::Heading> {
+        let mut headings = vec![Text("Method")];
+        for (there, heading) in [
+            (self.setting, Text("Setting")),
+            (self.shots, Number("Shots")),
+            (self.sweeps, Number("Sweeps")),
+            (true, Score("Mean")),
+            (true, Number("95 % interval")),
+            (
+                self.published,
+                Number("Published<br><small>TactMat</small>"),
+            ),
+            (self.humans, Number("Humans<br><small>published</small>")),
+            (true, Number("Tasks")),
+        ] {
+            if there {
+                headings.push(heading);
+            }
+        }
+        headings
+    }
+
+    fn line(self, row: &Row) -> String {
+        let published = |value: Option<f64>| {
+            number(
+                value,
+                &value
+                    .map(|value| shown(row.measure, value))
+                    .unwrap_or_default(),
             )
+        };
+        let mean = row.statistic.mean;
+        let mut cells = format!("<th scope=\"row\">{}</th>", escape(&row.method));
+        for (there, cell) in [
+            (
+                self.setting,
+                format!("<td class=\"wraps\">{}</td>", escape(&row.setting)),
+            ),
+            (self.shots, count(row.shots)),
+            (self.sweeps, count(row.sweeps)),
+            (true, number(Some(mean), &shown(row.measure, mean))),
+            (
+                true,
+                number(
+                    row.statistic.ci95.map(|ends| ends[0]),
+                    &interval(row.measure, row.statistic.ci95),
+                ),
+            ),
+            (self.published, published(row.published)),
+            (self.humans, published(row.humans)),
+            (true, number(Some(row.n as f64), &row.n.to_string())),
+        ] {
+            if there {
+                cells.push_str(&cell);
+            }
+        }
+        format!("<tr>{cells}</tr>\n")
+    }
+}
+
+/// The unit of a measure as it stands over its numbers.
+fn unit(measure: Measure) -> &'static str {
+    match measure.unit() {
+        Unit::Share | Unit::ShareDifference => "%",
+        Unit::Nats => "nats",
+        Unit::Seconds => "s",
+        Unit::Squared => "0 to 2",
+        Unit::Materials => "materials",
+        Unit::Sweeps => "sweeps",
+    }
+}
+
+fn results(study: &Summary) -> Option<String> {
+    let mut parts: Vec<Part> = Vec::new();
+    for part in study.rows.iter().map(part_of) {
+        if !parts.contains(&part) {
+            parts.push(part);
+        }
+    }
+    let first = *parts.first()?;
+    let columns = Columns::of(&study.rows);
+    let headings = columns.headings();
+    let one_set = parts
+        .iter()
+        .all(|part| (part.0, part.1, part.2) == (first.0, first.1, first.2));
+    let bodies: String = parts
+        .iter()
+        .map(|part| {
+            let own = study.rows.iter().filter(|row| part_of(row) == *part);
+            let lines: String = own.map(|row| columns.line(row)).collect();
+            let (data, levels, networks, measure) = part;
+            let heading = if one_set {
+                format!("{measure}, {}", unit(*measure))
+            } else {
+                format!(
+                    "{data}, levels {levels}, networks by {networks}: {measure}, {}",
+                    unit(*measure)
+                )
+            };
+            body(Some(&heading), headings.len(), &lines)
         })
         .collect();
     let table = format!(
         "<table class=\"sortable results\">\n<caption class=\"hidden\">What was measured</caption>\n<thead><tr>{}</tr></thead>\n\
-         <tbody>\n{lines}</tbody>\n</table>\n",
-        sortable(&[
-            Text("Data"),
-            Text("Levels"),
-            Text("Networks"),
-            Text("Measure"),
-            Text("Method"),
-            Text("Setting"),
-            Number("Shots"),
-            Number("Sweeps"),
-            Number("Mean<br><small>%, or a number</small>"),
-            Number("95 % interval"),
-            Number("Tasks"),
-            Number("Published<br><small>TactMat</small>"),
-            Number("Humans<br><small>published</small>"),
-        ])
+         {bodies}</table>\n",
+        sortable(&headings)
     );
-    format!(
-        "<p>Means over tasks. Shares are in percent; set sizes and numbers of sweeps are numbers.</p>\n{}",
+    let of = if one_set {
+        let (data, levels, networks, _) = first;
+        format!("All rows: {data}, levels {levels}, networks by {networks}. ")
+    } else {
+        String::new()
+    };
+    Some(format!(
+        "<p>{}Means over tasks.</p>\n{}",
+        escape(&of),
         scroll("Results table", &table)
-    )
+    ))
 }

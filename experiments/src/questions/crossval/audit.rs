@@ -26,6 +26,40 @@ pub struct Audit {
     pub verdict: String,
 }
 
+/// Share of the lead over guessing from which on a score is mostly, and partly, level.
+const MOSTLY_LEVEL: f64 = 0.8;
+const PARTLY_LEVEL: f64 = 0.3;
+/// Deviations of guessing from which on permuted labels score too well.
+const TOO_WELL: f64 = 2.0;
+
+/// How much of a score levels explain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum LevelShare {
+    Mostly,
+    Partly,
+    Little,
+}
+
+impl Audit {
+    /// Returns how much of an accuracy taxel means alone explain; `None` without that probe.
+    pub(crate) fn level_share(&self, accuracy: f64) -> Option<LevelShare> {
+        let share = (self.means? - self.chance) / (accuracy - self.chance).max(1e-9);
+        Some(if share > MOSTLY_LEVEL {
+            LevelShare::Mostly
+        } else if share > PARTLY_LEVEL {
+            LevelShare::Partly
+        } else {
+            LevelShare::Little
+        })
+    }
+
+    /// Returns the accuracy with permuted labels if it is so far above chance that labels of test sweeps seem to reach training.
+    pub(crate) fn leak(&self) -> Option<f64> {
+        let away = |permuted: f64| (permuted - self.chance) / self.chance_sigma;
+        self.permuted.filter(|permuted| away(*permuted) > TOO_WELL)
+    }
+}
+
 /// One audit for each data set and treatment of levels.
 pub(crate) fn audits(rows: &[Scored<'_>]) -> Vec<Audit> {
     let mut keys: Vec<(&str, MeanRemoval, usize)> = rows
@@ -115,13 +149,13 @@ fn verdict(audit: &Audit) -> String {
     let mut sentences = Vec::new();
     if let Some(permuted) = audit.permuted {
         let away = (permuted - audit.chance) / audit.chance_sigma;
-        sentences.push(if away <= 2.0 {
+        sentences.push(if audit.leak().is_none() {
             format!(
                 "With permuted labels MiniRocket scores chance ({} against {}, {away:+.1} sigma): no sign that labels of test sweeps reach \
                  training; {} would have been one.",
                 percent(permuted),
                 percent(audit.chance),
-                percent(audit.chance + 2.0 * audit.chance_sigma)
+                percent(audit.chance + TOO_WELL * audit.chance_sigma)
             )
         } else {
             format!(
@@ -133,13 +167,10 @@ fn verdict(audit: &Audit) -> String {
         });
     }
     if let (Some(means), Some((model, best))) = (audit.means, &audit.best) {
-        let share = (means - audit.chance) / (best - audit.chance).max(1e-9);
-        let judged = if share > 0.8 {
-            "so a high score here says little about texture"
-        } else if share > 0.3 {
-            "so part of every score here is level, not texture"
-        } else {
-            "so levels alone explain little"
+        let judged = match audit.level_share(*best) {
+            Some(LevelShare::Mostly) => "so a high score here says little about texture",
+            Some(LevelShare::Partly) => "so part of every score here is level, not texture",
+            _ => "so levels alone explain little",
         };
         sentences.push(format!(
             "Taxel means alone recognise {}, {model} {}: {judged}.",

@@ -62,16 +62,16 @@ pub(super) fn comparisons(study: &Summary) -> String {
 }
 
 pub(super) fn efficiency(efficiency: &[SampleEfficiency]) -> String {
-    if efficiency.is_empty() {
-        return "<p>Needs the methods <code>nk</code> and <code>ol-mean</code> with one or ten shots among several.</p>\n".to_string();
-    }
+    let published = efficiency
+        .iter()
+        .any(|found| found.published_ratio.is_some());
     let lines: String = efficiency
         .iter()
         .map(|found| {
             let shots = |value: Option<f64>| value.map_or("more than tried".to_string(), |value| decimal(value, 1));
             format!(
                 "<tr><td>{}</td><td>{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td>\
-                 <td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td></tr>\n",
+                 <td class=\"number\">{}</td><td class=\"number\">{}</td>{}</tr>\n",
                 escape(&format!("{}, networks by {}", found.data, found.model)),
                 escape(found.levels.name()),
                 found.transfer_shots,
@@ -83,9 +83,14 @@ pub(super) fn efficiency(efficiency: &[SampleEfficiency]) -> String {
                 found
                     .shots
                     .map_or(ABSENT.to_string(), |shots| decimal(shots / found.transfer_shots as f64, 1)),
-                found
-                    .published_ratio
-                    .map_or(ABSENT.to_string(), |ratio| decimal(ratio, 0))
+                if published {
+                    number(
+                        found.published_ratio,
+                        &found.published_ratio.map(|ratio| decimal(ratio, 0)).unwrap_or_default(),
+                    )
+                } else {
+                    String::new()
+                }
             )
         })
         .collect();
@@ -93,7 +98,12 @@ pub(super) fn efficiency(efficiency: &[SampleEfficiency]) -> String {
         "<table>\n<caption class=\"hidden\">Sweeps saved by transfer</caption>\n<thead><tr><th scope=\"col\">Data</th><th scope=\"col\">Levels</th>\
          <th scope=\"col\" class=\"number\">Shots of transfer</th><th scope=\"col\" class=\"number\">Its accuracy, %</th>\
          <th scope=\"col\" class=\"number\">Shots without pre-knowledge</th><th scope=\"col\" class=\"number\">95 % interval</th>\
-         <th scope=\"col\" class=\"number\">Ratio</th><th scope=\"col\" class=\"number\">Published ratio</th></tr></thead>\n<tbody>\n{lines}</tbody>\n</table>\n"
+         <th scope=\"col\" class=\"number\">Ratio</th>{}</tr></thead>\n<tbody>\n{lines}</tbody>\n</table>\n",
+        if published {
+            "<th scope=\"col\" class=\"number\">Published ratio</th>"
+        } else {
+            ""
+        }
     );
     format!(
         "<p>Sweeps of every new material that a network without pre-knowledge needs to be as good as OL-mean. Between tested numbers a straight \

@@ -7,8 +7,8 @@ use super::super::text::percent;
 use crate::questions::Figure;
 use crate::{Measure, Row, Summary};
 
-/// A figure for every data set.
-pub(super) fn curves(study: &Summary) -> String {
+/// Figures for every data set; `None` if there is nothing to draw.
+pub(super) fn curves(study: &Summary) -> Option<String> {
     let mut sets: Vec<(&str, MeanRemoval, usize, &str)> = Vec::new();
     for row in &study.rows {
         let set = set_of(row);
@@ -29,11 +29,7 @@ pub(super) fn curves(study: &Summary) -> String {
             })
         })
         .collect();
-    if html.is_empty() {
-        "<p>Nothing to draw yet.</p>\n".into()
-    } else {
-        html
-    }
+    (!html.is_empty()).then_some(html)
 }
 
 /// Data set, levels, steps and networks.
@@ -90,7 +86,7 @@ fn accuracy_by_shots(name: &str, what: &str, rows: &[&Row], methods: &[&str]) ->
     }
     let title = format!("{what}: accuracy against shots on {name}");
     format!(
-        "<figure>\n{}{}<figcaption>{}. Six new materials unless the command says otherwise; the axis of shots is logarithmic.</figcaption>\n</figure>\n",
+        "<figure>\n{}{}<figcaption>{}. The axis of shots is logarithmic.</figcaption>\n</figure>\n",
         figure(510.0, 360.0, &title, &content),
         legend(&names),
         escape(&title)
@@ -115,6 +111,9 @@ fn accuracy_by_sweeps(name: &str, rows: &[&Row]) -> String {
             Some((_, points)) => points.push(point),
             None => series.push((label, vec![point])),
         }
+    }
+    if series.is_empty() {
+        return String::new();
     }
     let most = series
         .iter()
@@ -181,9 +180,17 @@ fn bars(name: &str, rows: &[&Row], measure: Measure) -> String {
             content.push_str(&theirs.group(&theirs.marker(at(published), y)));
         }
     }
+    if rows.is_empty() {
+        return String::new();
+    }
+    let squares = if rows.iter().any(|row| row.published.is_some()) {
+        " Squares: published for TactMat."
+    } else {
+        ""
+    };
     let title = format!("{measure} on {name}");
     format!(
-        "<figure>\n{}<figcaption>{}, %, with 95 % intervals; from 0 to 100. Squares: published for TactMat.</figcaption>\n</figure>\n",
+        "<figure>\n{}<figcaption>{}, %, with 95 % intervals; from 0 to 100.{squares}</figcaption>\n</figure>\n",
         figure(560.0, 16.0 + STEP * rows.len() as f64, &title, &content),
         escape(&title)
     )
