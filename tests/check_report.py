@@ -44,7 +44,7 @@ IN_VIEW = """(() => {
   return {rows: rows.length, left: Math.min(...ends.map((e) => e.left)), right: Math.max(...ends.map((e) => e.right)), apart};
 })()"""
 # Frames that hide a part of what they hold without saying so.
-SILENT = """[...document.querySelectorAll('.scroll')].filter((frame) => frame.offsetParent
+SILENT = """[...document.querySelectorAll('.scroll')].filter((frame) => frame.checkVisibility()
   && frame.scrollWidth > frame.clientWidth + 1 && (frame.previousElementSibling?.className !== 'hint' || frame.previousElementSibling.hidden))
   .map((frame) => frame.getAttribute('aria-label'))"""
 # Details of the provenance that are open, and whether it comes after the results.

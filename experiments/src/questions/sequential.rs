@@ -117,7 +117,10 @@ impl Ask for Sequential {
             "of decisions right after {:.1} sweeps on average, sweeping {} ({})",
             taken(chosen)?,
             chosen.setting,
-            chosen.method.replace('_', " ")
+            match chosen.method.as_str() {
+                "mc_dropout" => "MC dropout",
+                method => method,
+            }
         );
         Some(Headline::of(chosen, says, qualifier))
     }

@@ -59,13 +59,13 @@ fn drawn(summary: &Summary, headlines: &[Placed], none: &str) -> String {
     let parts: String = headlines
         .iter()
         .map(|(place, headline)| {
-            let interval = match &headline.interval {
-                Some(interval) => format!("95\u{a0}% interval {interval}"),
-                None => "one task, so no interval".into(),
+            let (interval, meaning) = match &headline.interval {
+                Some(interval) => (format!(" {interval}"), "in brackets the 95\u{a0}% interval"),
+                None => (String::new(), "one task, so no interval"),
             };
             format!(
-                "<div>\n<p class=\"lead\"><strong>{}</strong> {}</p>\n<p class=\"qualifier\">{}</p>\n\
-                 <p class=\"where\">{}; {interval}</p>\n</div>\n",
+                "<div>\n<p class=\"lead\"><span class=\"result\"><strong>{}</strong>{interval}</span> {}</p>\n<p class=\"qualifier\">{}</p>\n\
+                 <p class=\"where\">{}; {meaning}</p>\n</div>\n",
                 headline.value,
                 escape(&headline.says),
                 escape(&headline.qualifier),
@@ -92,7 +92,7 @@ fn contender(summary: &Summary, set: &DataSet, best: &Scored<'_>) -> Headline {
     let split = if set.rows.iter().any(|row| row.split != best.split) {
         String::new()
     } else {
-        format!(", split {}", split_name(best.split))
+        format!(" ({})", split_name(best.split))
     };
     Headline {
         value: in_percent(best.one_sweep.mean),
@@ -175,10 +175,14 @@ mod tests {
     #[test]
     fn the_best_result_comes_with_its_interval() {
         let page = page(&fake::tactmat());
-        assert!(page.contains("<strong>80.0\u{a0}%</strong> of single sweeps of 36 materials recognised by net, MC dropout"));
+        assert!(
+            page.contains(
+                "of single sweeps of 36 materials recognised by net, MC dropout (k-fold)"
+            )
+        );
         let [low, high] = fake::tactmat().rows[0].statistic.ci95.unwrap();
         let ends = format!(
-            "95\u{a0}% interval [{:.1}, {:.1}]",
+            "<strong>80.0\u{a0}%</strong> [{:.1}, {:.1}]",
             100.0 * low,
             100.0 * high
         );
@@ -263,11 +267,13 @@ mod tests {
                 let mut row = template.clone();
                 (row.measure, row.shots, row.sweeps) = (measure, shots, sweeps);
                 (row.method, row.setting) = (method.into(), setting.into());
-                row.statistic = crate::Statistic::of(vec![mean - 0.01, mean + 0.01], 0.0);
+                row.statistic = crate::Statistic::of(vec![mean], 0.0);
                 row
             })
             .collect();
-        of_study(&summary).replace('\u{a0}', " ")
+        let page = of_study(&summary);
+        assert!(page.contains("one task, so no interval"), "{page}");
+        page.replace('\u{a0}', " ").replace("</span>", "")
     }
 
     #[test]
@@ -385,7 +391,7 @@ mod tests {
         );
         assert!(
             maps.contains(
-                "<strong>80.0 %</strong> of the nearest neighbours in the network's features"
+                "<strong>80.0 %</strong> of the nearest neighbours in the network&#39;s features"
             ),
             "{maps}"
         );

@@ -27,7 +27,7 @@ pub(super) fn section(sets: &[DataSet]) -> Option<String> {
             y - 10.0,
             escape(&set.heading())
         ));
-        for row in &set.rows {
+        for row in set.contenders().into_iter().chain(set.probes()) {
             content.push_str(&line(&set.name(row), row, y, &range));
             y += LINE;
         }

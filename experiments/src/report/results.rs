@@ -80,7 +80,7 @@ fn alike(contenders: &[Scored<'_>], sets: &[DataSet]) -> String {
     }
     if let [first, rest @ ..] = contenders {
         if rest.iter().all(|row| row.split == first.split) {
-            common.push(format!("split {}", split_name(first.split)));
+            common.push(split_name(first.split));
         }
         if rest.iter().all(|row| row.steps == first.steps) {
             common.push(format!("{} time steps", first.steps));
