@@ -24,10 +24,11 @@ PY
 inside() {
   unshare --mount --pid --fork --mount-proc="$debian/proc" -- bash -c '
     mount --rbind /dev "$0/dev"
-    exec chroot "$0" /usr/bin/env -i HOME=/home/lab PATH=/opt/bin:/usr/bin:/bin bash -ec "cd && $1"' "$debian" "$1"
+    exec chroot "$0" /usr/bin/env -i HOME=/home/lab PATH=/opt/bin:/usr/bin:/bin bash -ec "cd; $1"' "$debian" "$1"
 }
 inside 'tactnet version && tactnet train --data own.npz --epochs 4 --out own --json >own.json && tactnet train --data twin --steps 100 --epochs 1 --out twin >/dev/null'
 grep -q '"accuracy\|"one_sweep' "$home/own.json"
-inside 'tactnet demo --run own --listen 127.0.0.1:18750 >ready & for i in $(seq 300); do grep -q ready ready && break; sleep 0.1; done
-  exec 3<>/dev/tcp/127.0.0.1/18750; printf "GET / HTTP/1.0\r\n\r\n" >&3; timeout 5 cat <&3 | grep -q "fingertip"; kill -INT %1; wait %1'
+inside 'tactnet demo --run own --listen 127.0.0.1:18750 >ready & demo=$!
+  for i in $(seq 300); do grep -q ready ready && break; sleep 0.1; done
+  exec 3<>/dev/tcp/127.0.0.1/18750; printf "GET / HTTP/1.0\r\n\r\n" >&3; timeout 5 cat <&3 | grep -q "fingertip"; kill -INT $demo; wait $demo'
 echo "fine: $(basename "$archive") in $(grep PRETTY_NAME "$debian/etc/os-release" | cut -d'"' -f2)"

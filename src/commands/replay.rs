@@ -1,11 +1,12 @@
 //! `tactnet replay`: a recording back onto channels, and whether the classifier says the same again.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::bail;
 use clap::Args;
 use tactnet_channel::{Bus, Domain, Table};
+use tactnet_pipeline::{RunDir, weights_sha256};
 use tactnet_recording::{FrameLosses, Recording, ReplayReport, play, unpack_run};
 use tactnet_rehearsal::replay_alone;
 
@@ -36,6 +37,11 @@ pub struct ReplayArgs {
     json: bool,
 }
 
+/// Returns the hash of a run's weights.
+fn weights_of(run: &Path) -> anyhow::Result<String> {
+    Ok(weights_sha256(&RunDir::open(run)?.weights()?)?)
+}
+
 /// Runs the command.
 pub fn run(arguments: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen_saying("stopping")?;
@@ -52,6 +58,7 @@ pub fn run(arguments: &ReplayArgs) -> anyhow::Result<ExitCode> {
     }
     let folder = tempfile::tempdir()?;
     let (speed, stopped) = (arguments.speed, || stop.asked());
+    let mut another_asked = false;
     let (played, frames_lost) = match &arguments.table {
         Some(path) => {
             let table = Table::load(path)?;
@@ -61,11 +68,11 @@ pub fn run(arguments: &ReplayArgs) -> anyhow::Result<ExitCode> {
             (played, losses.since()?)
         }
         None => {
-            let kept = match &arguments.run {
-                Some(run) => Some(run.clone()),
-                None => unpack_run(&recording, folder.path())?,
-            };
-            let Some(run) = kept else {
+            let kept = unpack_run(&recording, folder.path())?;
+            if let (Some(asked), Some(kept)) = (&arguments.run, &kept) {
+                another_asked = weights_of(asked)? != weights_of(kept)?;
+            }
+            let Some(run) = arguments.run.clone().or(kept) else {
                 bail!(
                     "{}: which classifier: name a run with `--run`, or channels where one serves with `--table`; `tactnet record --run` keeps it in the recording",
                     arguments.file.display()
@@ -75,7 +82,7 @@ pub fn run(arguments: &ReplayArgs) -> anyhow::Result<ExitCode> {
             replay_alone(&program, &run, folder.path(), &recording, speed, &stopped)?
         }
     };
-    let report = ReplayReport::new(GIT, &recording, played, frames_lost, speed)?;
+    let report = ReplayReport::new(GIT, &recording, played, frames_lost, speed, another_asked)?;
     if stop.asked() {
         eprintln!("stopped before the end");
     }

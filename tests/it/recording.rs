@@ -81,6 +81,7 @@ fn what_was_recorded_is_believed_again_bit_by_bit_and_becomes_a_data_set() {
         "{fast}"
     );
     assert_eq!(fast["frames_lost"], 0, "{fast}");
+    assert_eq!(fast["another_asked"], false, "{fast}");
     assert!(fast["seconds"].as_f64().unwrap() < again["seconds"].as_f64().unwrap());
 
     // Another classifier says other things, which is told.
@@ -92,6 +93,7 @@ fn what_was_recorded_is_believed_again_bit_by_bit_and_becomes_a_data_set() {
     let other = robot.lab.path("other").display().to_string();
     let unlike = replay(&file, &["--run", &other, "--speed", "3"]);
     assert_eq!(unlike["identical"], false, "{unlike}");
+    assert_eq!(unlike["another_asked"], true, "{unlike}");
     assert_eq!(unlike["sweeps"], 6, "{unlike}");
 
     // The sweeps are those that were played, digit by digit.

@@ -38,21 +38,26 @@ impl CalibrationTarget {
     /// # Errors
     /// Too few of them.
     pub fn check(self, sweeps: usize) -> Result<(), PipelineError> {
-        let values = vec![0.0; sweeps];
-        let bounds =
-            [self.false_alarms, 1.0 - self.coverage].map(|share| upper_quantile(&values, share));
-        if bounds.iter().all(|bound| bound.is_finite()) {
+        let needed = self.least_sweeps();
+        if sweeps >= needed {
             return Ok(());
         }
+        let percent = |share: f64| (1e6 * share).round() / 1e4;
         Err(PipelineError::Incompatible {
             item: "calibration",
             expected: format!(
-                "enough sweeps for {} % false alarms and {} % coverage",
-                100.0 * self.false_alarms,
-                100.0 * self.coverage
+                "at least {needed} sweeps set aside, for {} % false alarms and {} % coverage (`--false-alarms`, `--coverage`)",
+                percent(self.false_alarms),
+                percent(self.coverage)
             ),
-            found: format!("{sweeps} sweeps set aside"),
+            found: format!("{sweeps}, a fifth of the training sweeps"),
         })
+    }
+
+    /// Returns how many sweeps keep both rates at least: the smallest n with `ceil((n + 1)(1 - share)) <= n`.
+    fn least_sweeps(self) -> usize {
+        let share = self.false_alarms.min(1.0 - self.coverage);
+        (1.0 / share - 1.0 - 1e-9).ceil().max(1.0) as usize
     }
 }
 
@@ -250,6 +255,25 @@ mod tests {
         assert_eq!(upper_quantile(&values, 0.05), 95.0);
         assert_eq!(upper_quantile(&values, 0.1), 90.0);
         assert_eq!(upper_quantile(&values[..9], 0.05), f64::INFINITY);
+    }
+
+    #[test]
+    fn as_many_sweeps_are_asked_for_as_make_the_bounds_finite() {
+        for (false_alarms, coverage) in [(0.05, 0.9), (0.2, 0.99), (0.5, 0.5), (0.01, 0.7)] {
+            let target = CalibrationTarget {
+                false_alarms,
+                coverage,
+            };
+            for sweeps in 0..=120 {
+                let values = vec![0.0; sweeps];
+                let finite = [false_alarms, 1.0 - coverage]
+                    .iter()
+                    .all(|share| upper_quantile(&values, *share).is_finite());
+                assert_eq!(target.check(sweeps).is_ok(), finite, "{target:?} {sweeps}");
+            }
+        }
+        let refused = CalibrationTarget::default().check(15).unwrap_err();
+        assert!(refused.to_string().contains("at least 19"), "{refused}");
     }
 
     #[test]

@@ -59,6 +59,10 @@ pub struct ReplayReport {
     pub recorded: SweepBeliefs,
     /// Every recorded belief came again, bit by bit, with label, verdict and strangeness; `null`: there was none to compare.
     pub identical: Option<bool>,
+    /// Recorded beliefs that did not come again.
+    pub differing: usize,
+    /// Another network than the one that the recording keeps was asked for.
+    pub another_asked: bool,
     /// Why the recording's end is missing, if it is.
     pub cut: Option<String>,
 }
@@ -67,6 +71,7 @@ impl ReplayReport {
     /// Compares what came with what was recorded.
     ///
     /// - `git`: commit of the program
+    /// - `another_asked`: another network than the one that the recording keeps was asked for
     ///
     /// # Errors
     /// A wrong section of the classifier in the recorded table.
@@ -76,6 +81,7 @@ impl ReplayReport {
         played: Played,
         frames_lost: u64,
         speed: f64,
+        another_asked: bool,
     ) -> Result<Self, RecordingError> {
         let mut recorded = SweepBeliefs::recorded(recording)?;
         let replayed = SweepBeliefs::of(&played.beliefs);
@@ -86,6 +92,7 @@ impl ReplayReport {
                 .get(&belief.finger)
                 .is_some_and(|last| belief.last_frame <= *last)
         });
+        let differing = recorded.missing_in(&replayed);
         Ok(Self {
             schema_version: 1,
             git,
@@ -94,7 +101,9 @@ impl ReplayReport {
             frames: played.frames,
             frames_lost,
             commands: played.commands,
-            identical: (!recorded.about.is_empty()).then(|| recorded.came_again_in(&replayed)),
+            identical: (!recorded.about.is_empty()).then_some(differing == 0),
+            differing,
+            another_asked,
             replayed,
             recorded,
             cut: recording.cut.clone(),
@@ -104,10 +113,19 @@ impl ReplayReport {
 
 impl fmt::Display for ReplayReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let alike = match self.identical {
-            None => "the recording has none to compare",
-            Some(true) => "bit by bit as recorded",
-            Some(false) => "not what was recorded (another classifier?)",
+        let alike: String = match self.identical {
+            None => "the recording has none to compare".into(),
+            Some(true) => "bit by bit as recorded".into(),
+            Some(false) => format!(
+                "{} of {} recorded ones differ{}",
+                self.differing,
+                self.recorded.beliefs,
+                if self.another_asked {
+                    ": another network, as asked"
+                } else {
+                    " (another network, or another version?)"
+                }
+            ),
         };
         write!(
             f,

@@ -70,12 +70,12 @@ impl SweepBeliefs {
         }
     }
 
-    /// Returns true if each of these is among `others`, bit by bit, with label, verdict and strangeness.
-    pub fn came_again_in(&self, others: &Self) -> bool {
+    /// Returns how many of these are not among `others`, bit by bit, with label, verdict and strangeness.
+    pub fn missing_in(&self, others: &Self) -> usize {
         let key = |b: &TactileBelief| (b.finger, b.last_frame, b.stage);
         let others: BTreeMap<_, _> = others.about.iter().map(|b| (key(b), b)).collect();
-        self.about.iter().all(|belief| {
-            others.get(&key(belief)).is_some_and(|other| {
+        let missing = self.about.iter().filter(|belief| {
+            !others.get(&key(belief)).is_some_and(|other| {
                 let numbers = |b: &TactileBelief| (b.frames, b.filled_in, b.label, b.verdict);
                 let floats =
                     |b: &TactileBelief| [b.entropy, b.strangeness, b.threshold].map(f32::to_bits);
@@ -86,7 +86,8 @@ impl SweepBeliefs {
                     && floats(belief) == floats(other)
                     && bits(belief) == bits(other)
             })
-        })
+        });
+        missing.count()
     }
 
     /// Those of a recording about sweeps whose beginning was recorded, too.
@@ -144,14 +145,17 @@ mod tests {
         ];
         let beliefs = SweepBeliefs::of(&came);
         assert_eq!((beliefs.sweeps, beliefs.beliefs), (1, 3));
-        assert!(beliefs.came_again_in(&SweepBeliefs::of(&came)));
+        assert_eq!(beliefs.missing_in(&SweepBeliefs::of(&came)), 0);
         let mut changed = came;
         changed[3].posterior[1] = f32::MIN_POSITIVE;
         let changed = SweepBeliefs::of(&changed);
-        assert!(!beliefs.came_again_in(&changed));
+        assert_eq!(beliefs.missing_in(&changed), 1);
         assert_ne!(beliefs.posterior_sha256, changed.posterior_sha256);
         // Fewer come again in more, not the other way round.
         let fewer = SweepBeliefs::of(&[]);
-        assert!(fewer.came_again_in(&beliefs) && !beliefs.came_again_in(&fewer));
+        assert_eq!(
+            (fewer.missing_in(&beliefs), beliefs.missing_in(&fewer)),
+            (0, beliefs.beliefs - fewer.beliefs)
+        );
     }
 }
