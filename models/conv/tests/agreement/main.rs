@@ -69,6 +69,12 @@ fn a_gradient_that_cancels_is_within_the_rounding_of_its_terms() {
     for seed in [80, 81, 82] {
         holds(shape(2, 94, 7, [1, 64], [1, 1], 30), seed);
     }
+    for seed in [316, 1380, 1700] {
+        holds(
+            shape(1, 2 + seed as usize % 128, 14, [1, 32], [1, 1], 10),
+            seed,
+        );
+    }
 }
 
 /// Rows of taxels that are cut into bands, and sweeps that are cut into ranges of steps.
