@@ -77,11 +77,7 @@ impl Classifier {
     pub fn load(folder: impl AsRef<Path>) -> Result<Self, Error> {
         let run = RunDir::open(folder.as_ref())?;
         let (config, weights) = (run.config()?, run.final_weights()?);
-        let device = config
-            .spec
-            .device
-            .open()
-            .map_err(tactnet_pipeline::PipelineError::from)?;
+        let device = config.spec.device.open()?;
         let fitted =
             tactnet_pipeline::Classifier::new(config.classifier.clone(), &weights, &device)?;
         let embeddings = match &config.classifier.model {
@@ -128,7 +124,7 @@ impl Classifier {
     /// # Errors
     /// Sweeps of another shape or rate, or of a material that the classifier does not know.
     pub fn predict(&self, view: &SweepView<'_>) -> Result<Predictions, Error> {
-        Ok(self.fitted.predict(view, self.config.recipe.method())?)
+        self.fitted.predict(view, self.config.recipe.method())
     }
 
     /// Returns the same classifier for one sweep as it happens, frame by frame, with as many Monte Carlo samples as the recipe asks for.
@@ -141,10 +137,6 @@ impl Classifier {
             PredictionMethod::McDropout { mc_samples } => mc_samples,
         };
         let calibration = self.calibration.clone();
-        Ok(OnlineClassifier::new(
-            &self.fitted,
-            calibration,
-            mc_samples,
-        )?)
+        OnlineClassifier::new(&self.fitted, calibration, mc_samples)
     }
 }

@@ -23,11 +23,9 @@
 //! The crates behind it have the parts: `tactnet_data`, `tactnet_models`, `tactnet_pipeline`.
 
 mod classifier;
-mod error;
 mod recipe;
 
 pub use classifier::Classifier;
-pub use error::Error;
 pub use recipe::Recipe;
 pub use tactnet_data::twin::TwinConfig;
 pub use tactnet_data::{
@@ -35,5 +33,6 @@ pub use tactnet_data::{
 };
 pub use tactnet_models::{Belief, Compute};
 pub use tactnet_pipeline::{
-    BatchReport, MeanRemoval, OnlineClassifier, PredictionMethod, Predictions, SweepBelief,
+    BatchReport, MeanRemoval, OnlineClassifier, PipelineError as Error, PredictionMethod,
+    Predictions, SweepBelief,
 };

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use tactnet_data::{Seed, TrainSplit, known_names};
 use tactnet_models::Compute;
-use tactnet_pipeline::{BatchReport, MeanRemoval, ModelRecipe, PipelineError, TrainJob, TrainSpec};
+use tactnet_pipeline::{BatchReport, MeanRemoval, ModelRecipe, TrainJob, TrainSpec};
 
 use crate::{Classifier, Error};
 
@@ -22,10 +22,10 @@ impl Recipe {
     /// Another name.
     pub fn named(name: &str) -> Result<Self, Error> {
         if !ModelRecipe::built_in_names().any(|known| known == name) {
-            return Err(Error::Pipeline(PipelineError::UnknownRecipe {
+            return Err(Error::UnknownRecipe {
                 name: name.into(),
                 known: known_names(name, ModelRecipe::built_in_names()),
-            }));
+            });
         }
         Self::of(name)
     }

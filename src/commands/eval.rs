@@ -1,22 +1,15 @@
 //! `tactnet eval`: evaluates a trained classifier again, on its own test sweeps or on another data set.
 
-mod document;
-
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::bail;
 use clap::Args;
 use tactnet_models::Compute;
-use tactnet_pipeline::{
-    Classifier, Evaluation, EvaluationTable, ModelRecipe, RunDir, RuntimeKind, TestSweeps,
-    Verdicts, compare_runtime, evaluate_all_ways,
-};
+use tactnet_pipeline::{Classifier, ModelRecipe, Reevaluation, RunDir, RuntimeKind, TestSweeps};
 
 use super::choices::{DeviceChoice, RuntimeChoice};
 use crate::{GIT, output, source};
-use document::{EvalResult, RuntimeSummary};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
@@ -61,8 +54,7 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
     }
     let device = Compute::from(arguments.device).open()?;
     let weights = run.weights()?;
-    let finished = run.has_final_weights();
-    if !finished {
+    if !run.has_final_weights() {
         eprintln!("this run has not ended: judging the weights of its last checkpoint");
     }
     let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
@@ -74,68 +66,16 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
     if !tested.training_sweeps_known {
         eprintln!("{}: {}", dataset.name(), tested.description);
     }
-    let mc_samples = arguments
-        .mc
-        .map_or(config.recipe.method().mc_samples_or(100), |mc| mc as usize);
-    let fused = arguments.sweeps as usize;
-    let (known, unknown) = classifier.by_known_material(&tested.view);
-    let verdicts = match run.calibration()? {
-        None => None,
-        Some(calibration) => Some(Verdicts::of(
-            &calibration,
-            &run.train_embeddings()?,
-            &classifier,
-            &known,
-            &unknown,
-        )?),
+    let how = Reevaluation {
+        fused: arguments.sweeps as usize,
+        mc_samples: arguments.mc.map(|mc| mc as usize),
+        runtime: arguments.runtime.map(RuntimeKind::from),
     };
-    // Materials that it does not know are an error unless it can say so.
-    let view = if verdicts.is_some() {
-        &known
-    } else {
-        &tested.view
-    };
-    let (mut evaluations, mut runtimes) = (BTreeMap::new(), BTreeMap::new());
-    if !view.is_empty() {
-        let ways = evaluate_all_ways(&classifier, view, mc_samples, fused, spec.seed)?;
-        for (burn, mut evaluation) in ways {
-            if let Some(kind) = arguments.runtime.map(RuntimeKind::from) {
-                let compared = compare_runtime(kind, &classifier, view, &burn)?;
-                evaluation = Evaluation::of(&compared.predictions, fused, spec.seed);
-                runtimes.insert(burn.method, RuntimeSummary::of(kind, &compared));
-            }
-            evaluations.insert(burn.method, evaluation);
-        }
-    }
-    let result = EvalResult {
-        schema_version: 1,
-        run: arguments.run.display().to_string(),
-        git: GIT,
-        seed: spec.seed,
-        split_sha256: run.split()?.sha256,
-        finished,
-        data: dataset.name().into(),
-        data_sha256: dataset.sha256().into(),
-        n_test: tested.view.len(),
-        tested: tested.description,
-        evaluations,
-        runtimes,
-        verdicts,
-    };
+    let result = how.of(&run, &classifier, &dataset, tested, GIT)?;
     if arguments.json {
         output::print_json(&result)?;
-        return Ok(ExitCode::SUCCESS);
-    }
-    output::print(format_args!(
-        "{}: {} ({} sweeps)",
-        result.data, result.tested, result.n_test
-    ))?;
-    output::print(EvaluationTable(&result.evaluations))?;
-    for (method, compared) in &result.runtimes {
-        output::print(format_args!("{}: {compared}", method.name()))?;
-    }
-    if let Some(verdicts) = &result.verdicts {
-        output::print(verdicts)?;
+    } else {
+        output::print(result)?;
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -6,6 +6,7 @@ mod folder_lock;
 mod free_folder;
 pub(crate) mod provenance;
 pub(crate) mod read_sweeps;
+pub(crate) mod reevaluate;
 pub(crate) mod result;
 pub(crate) mod run_config;
 pub(crate) mod run_dir;

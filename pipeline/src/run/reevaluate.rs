@@ -1,0 +1,172 @@
+//! A trained classifier, evaluated again: `tactnet eval`.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+use tactnet_data::{Dataset, Seed};
+
+use crate::{
+    Classifier, Evaluation, EvaluationTable, PipelineError, PredictionMethod, RunDir,
+    RuntimeComparison, RuntimeKind, TestSweeps, Verdicts, compare_runtime, evaluate_all_ways,
+    serialize_by_method,
+};
+
+/// How a classifier is evaluated again.
+#[derive(Debug, Clone, Copy)]
+pub struct Reevaluation {
+    /// Sweeps of one material that are fused into one decision.
+    pub fused: usize,
+    /// Samples of Monte Carlo dropout; `None` for the recipe's number, or 100.
+    pub mc_samples: Option<usize>,
+    /// What computes the scores; `None` for Burn in whole batches.
+    pub runtime: Option<RuntimeKind>,
+}
+
+/// What `tactnet eval --json` prints; as text, a table.
+#[derive(Debug, Serialize)]
+pub struct EvalResult {
+    schema_version: u32,
+    run: String,
+    git: &'static str,
+    seed: Seed,
+    split_sha256: String,
+    /// False while the run has not ended; the weights are then those of its last checkpoint.
+    finished: bool,
+    data: String,
+    data_sha256: String,
+    tested: String,
+    n_test: usize,
+    #[serde(serialize_with = "serialize_by_method")]
+    evaluations: BTreeMap<PredictionMethod, Evaluation>,
+    /// By way of predicting; only of other runtimes.
+    #[serde(
+        skip_serializing_if = "BTreeMap::is_empty",
+        serialize_with = "serialize_by_method"
+    )]
+    runtimes: BTreeMap<PredictionMethod, RuntimeSummary>,
+    /// Only after `train --calibrate`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    verdicts: Option<Verdicts>,
+}
+
+/// How another form compares with Burn's predictions of whole batches, and how fast it is.
+#[derive(Debug, Serialize)]
+struct RuntimeSummary {
+    runtime: &'static str,
+    /// Largest difference of a probability.
+    largest_difference: f64,
+    /// From the last frame to the probabilities of a sweep that comes alone, microseconds.
+    p50_us: f64,
+    p99_us: f64,
+    max_us: f64,
+}
+
+impl Reevaluation {
+    /// Predicts the `tested` sweeps of `dataset` with the classifier of `run`.
+    ///
+    /// - `git`: the commit of this program
+    ///
+    /// # Errors
+    /// A damaged run; sweeps of another shape, or of an unknown material where the classifier has not been calibrated; a runtime that this
+    /// program was built without.
+    pub fn of(
+        self,
+        run: &RunDir,
+        classifier: &Classifier,
+        dataset: &Dataset,
+        tested: TestSweeps<'_>,
+        git: &'static str,
+    ) -> Result<EvalResult, PipelineError> {
+        let config = run.config()?;
+        let seed = config.spec.seed;
+        let mc_samples = self
+            .mc_samples
+            .unwrap_or(config.recipe.method().mc_samples_or(100));
+        let (known, unknown) = classifier.by_known_material(&tested.view);
+        let verdicts = match run.calibration()? {
+            None => None,
+            Some(calibration) => Some(Verdicts::of(
+                &calibration,
+                &run.train_embeddings()?,
+                classifier,
+                &known,
+                &unknown,
+            )?),
+        };
+        // Materials that it does not know are an error unless it can say so.
+        let view = if verdicts.is_some() {
+            &known
+        } else {
+            &tested.view
+        };
+        let (mut evaluations, mut runtimes) = (BTreeMap::new(), BTreeMap::new());
+        if !view.is_empty() {
+            let ways = evaluate_all_ways(classifier, view, mc_samples, self.fused, seed)?;
+            for (burn, mut evaluation) in ways {
+                if let Some(kind) = self.runtime {
+                    let compared = compare_runtime(kind, classifier, view, &burn)?;
+                    evaluation = Evaluation::of(&compared.predictions, self.fused, seed);
+                    runtimes.insert(burn.method, RuntimeSummary::of(kind, &compared));
+                }
+                evaluations.insert(burn.method, evaluation);
+            }
+        }
+        Ok(EvalResult {
+            schema_version: 1,
+            run: run.path().display().to_string(),
+            git,
+            seed,
+            split_sha256: run.split()?.sha256,
+            finished: run.has_final_weights(),
+            data: dataset.name().into(),
+            data_sha256: dataset.sha256().into(),
+            n_test: tested.view.len(),
+            tested: tested.description,
+            evaluations,
+            runtimes,
+            verdicts,
+        })
+    }
+}
+
+impl RuntimeSummary {
+    fn of(kind: RuntimeKind, compared: &RuntimeComparison) -> Self {
+        let sorted = &compared.microseconds;
+        // Nearest rank, so always one that was measured.
+        let at = |share: f64| {
+            let rank = (sorted.len() as f64 * share).ceil() as usize;
+            sorted.get(rank.max(1) - 1).copied().unwrap_or(0.0)
+        };
+        Self {
+            runtime: kind.name(),
+            largest_difference: compared.largest_difference,
+            p50_us: at(0.5),
+            p99_us: at(0.99),
+            max_us: at(1.0),
+        }
+    }
+}
+
+impl std::fmt::Display for EvalResult {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        writeln!(f, "{}: {} ({} sweeps)", self.data, self.tested, self.n_test)?;
+        write!(f, "{}", EvaluationTable(&self.evaluations))?;
+        for (method, compared) in &self.runtimes {
+            write!(f, "\n{}: {compared}", method.name())?;
+        }
+        match &self.verdicts {
+            Some(verdicts) => write!(f, "\n{verdicts}"),
+            None => Ok(()),
+        }
+    }
+}
+
+impl std::fmt::Display for RuntimeSummary {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "{}: probabilities differ from Burn's by at most {:.1e}; {:.0} us after the last frame, 99 % below {:.0}",
+            self.runtime, self.largest_difference, self.p50_us, self.p99_us
+        )
+    }
+}
