@@ -16,7 +16,7 @@ pub struct Recipe {
 
 impl Recipe {
     /// Returns a recipe that comes with the library: `fast`, `thesis`, `knn-l`, `knn-h`, `svm-l`, `svm-h`, `minirocket`,
-    /// `multirocket-hydra`, `means`.
+    /// `multirocket-hydra`, `lda`, `svm-spectra`, `means`.
     ///
     /// # Errors
     /// Another name.

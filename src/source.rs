@@ -3,12 +3,9 @@
 use tactnet_data::{DataError, DataSource, Dataset};
 use tactnet_pipeline::{LabelOrder, TrainSpec};
 
-/// The name that stands for the built-in synthetic data set.
-pub const TWIN: &str = DataSource::TWIN;
-
 /// Says so where the twin is about to be generated, which takes a moment and is no recording.
 pub fn announce(data: &str) {
-    if data == TWIN {
+    if DataSource::is_twin(data) {
         eprintln!("generating the twin (synthetic sweeps, not TactMat) …");
     }
 }

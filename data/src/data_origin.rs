@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::twin::TwinVersion;
 use crate::{LabelSet, SweepShape, twin};
 
 /// Where sweeps come from. Decided once, when a data set is read or made, and carried into every result.
@@ -13,8 +14,12 @@ pub enum DataOrigin {
     Recorded,
     /// The recordings that the thesis reports on: its 36 materials, a 4x4 skin.
     Tactmat,
-    /// The synthetic stand-in for TactMat; the file or the generator says so.
-    Twin,
+    /// Version 1 of the synthetic stand-in for TactMat; the file or the generator says so.
+    #[serde(rename = "twin")]
+    Twin1,
+    /// Version 2.
+    #[serde(rename = "twin-2")]
+    Twin2,
 }
 
 impl DataOrigin {
@@ -37,9 +42,27 @@ impl DataOrigin {
         self != Self::Recorded
     }
 
+    /// Returns the twin's version if a generator made the sweeps.
+    pub fn twin_version(self) -> Option<TwinVersion> {
+        match self {
+            Self::Twin1 => Some(TwinVersion::One),
+            Self::Twin2 => Some(TwinVersion::Two),
+            Self::Recorded | Self::Tactmat => None,
+        }
+    }
+
     /// True if a generator made the sweeps.
     pub fn is_synthetic(self) -> bool {
-        self == Self::Twin
+        self.twin_version().is_some()
+    }
+}
+
+impl From<TwinVersion> for DataOrigin {
+    fn from(version: TwinVersion) -> Self {
+        match version {
+            TwinVersion::One => Self::Twin1,
+            TwinVersion::Two => Self::Twin2,
+        }
     }
 }
 

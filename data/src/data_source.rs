@@ -2,29 +2,33 @@
 
 use std::path::PathBuf;
 
-use crate::twin::{self, TwinConfig};
+use crate::twin::{self, TwinConfig, TwinVersion};
 use crate::{DataError, Dataset, format};
 
 /// What a command line or a recipe names as data.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum DataSource {
     /// The synthetic stand-in for TactMat with its default settings; nothing is read.
-    Twin,
+    Twin(TwinVersion),
     /// A file in any of the formats of [`mod@crate::format`].
     File(PathBuf),
 }
 
 impl DataSource {
-    /// The name that stands for the twin.
-    pub const TWIN: &str = "twin";
-
-    /// The source called `name`: `twin`, or else a path.
+    /// The source called `name`: `twin`, `twin1`, or else a path.
     pub fn named(name: &str) -> Self {
-        if name == Self::TWIN {
-            Self::Twin
-        } else {
-            Self::File(name.into())
+        let twin = [TwinVersion::One, TwinVersion::Two]
+            .into_iter()
+            .find(|version| version.name() == name);
+        match twin {
+            Some(version) => Self::Twin(version),
+            None => Self::File(name.into()),
         }
+    }
+
+    /// True if `name` stands for a twin, which no file has to be read for.
+    pub fn is_twin(name: &str) -> bool {
+        matches!(Self::named(name), Self::Twin(_))
     }
 
     /// Reads the file or generates the twin.
@@ -60,7 +64,10 @@ impl DataSource {
 
     fn read_whole(&self) -> Result<Dataset, DataError> {
         match self {
-            Self::Twin => twin::generate(&TwinConfig::default()),
+            Self::Twin(version) => twin::generate(&TwinConfig {
+                version: *version,
+                ..TwinConfig::default()
+            }),
             Self::File(path) if path.exists() => format::read(path),
             Self::File(path) => Err(DataError::format(
                 path,
@@ -78,7 +85,10 @@ mod tests {
 
     #[test]
     fn a_missing_file_is_named() {
-        assert_eq!(DataSource::named("twin"), DataSource::Twin);
+        for version in [TwinVersion::One, TwinVersion::Two] {
+            let named = DataSource::named(version.name());
+            assert_eq!(named, DataSource::Twin(version));
+        }
         let refused = DataSource::named("no/such.h5").read().unwrap_err();
         assert!(refused.to_string().contains("no/such.h5"), "{refused}");
         assert!(refused.is_usage());

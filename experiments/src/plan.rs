@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
+use tactnet_data::DataSource;
 use tactnet_data::format::csv::is_folder_of_sweeps;
 use tactnet_pipeline::TrainSpec;
 use toml::{Table, Value};
@@ -91,7 +92,7 @@ impl Plan {
             origin: recipe.name.clone(),
             reason,
         };
-        for data in recipe.data.iter().filter(|data| *data != "twin") {
+        for data in recipe.data.iter().filter(|data| !DataSource::is_twin(data)) {
             let path = Path::new(data);
             if !path.exists() {
                 return Err(refused(format!("data `{data}`: no such file")));

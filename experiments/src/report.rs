@@ -309,7 +309,7 @@ mod tests {
         let recorded = record(tactnet_data::DataOrigin::Recorded);
         summary.data.insert("twin".into(), recorded);
         assert!(!to_html(&summary).contains("are synthetic"));
-        let twin = record(tactnet_data::DataOrigin::Twin);
+        let twin = record(tactnet_data::DataOrigin::Twin2);
         summary.data.insert("my-copy".into(), twin);
         assert!(to_html(&summary).contains("are synthetic"));
     }

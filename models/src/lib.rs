@@ -20,6 +20,7 @@ mod heads;
 mod initial;
 mod knn;
 mod lbfgs;
+mod lda;
 mod left_out;
 mod loss;
 mod mlp;
@@ -46,6 +47,7 @@ pub use heads::{
     LinearHead, NearestMean, NewClass, SimpleShot, WeightPrior, Whitening, fit_new_class,
 };
 pub use knn::Knn;
+pub use lda::Lda;
 pub use left_out::left_out;
 pub use loss::cross_entropy;
 pub use mlp::{DenseWeights, Mlp, matrix};

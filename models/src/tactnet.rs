@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::block::{BatchStatistics, BlockConfig, ConvBlock};
 use crate::dense::NormalizedDense;
-use crate::initial::{constant_parameter, uniform_parameter};
+use crate::initial::uniform_parameter;
 use crate::{DenseWeights, LinearHead, ModelError};
 
 /// Ids of parameters are spaced so that every layer keeps its own, whatever the others hold.
@@ -244,7 +244,13 @@ impl TactNet {
                 device,
                 rng,
             ),
-            output_bias: constant_parameter(output_id + 1, 0.0, [config.materials], device),
+            output_bias: uniform_parameter(
+                output_id + 1,
+                [config.materials],
+                architecture.hidden,
+                device,
+                rng,
+            ),
         }
     }
 

@@ -46,7 +46,7 @@ pub use network::fit_mlp::{
     MlpTraining, SweepPair, fit_difference, fit_embedding, fit_labels, predict_difference,
 };
 pub use network::novelty::{NoveltyScore, NoveltyScorer};
-pub use network::objective::{Pass, Perturbation, adversarial_pass, base_pass};
+pub use network::objective::{AdversarialOutcome, Pass, Perturbation, adversarial_pass, base_pass};
 pub use network::train_embeddings::TrainEmbeddings;
 pub use network::train_network::train_network;
 pub use network::training::{BatchReport, Position, Training, TrainingState};
@@ -65,8 +65,8 @@ pub use predict::predictions::{PredictionSource, Predictions, SweepScore};
 pub use predict::runtime::{RuntimeComparison, RuntimeKind, compare_runtime};
 pub use predict::verdicts::Verdicts;
 pub use recipe::{
-    Input, LearningRateDrop, OneCycle, Prediction, PredictionMethod, Recipe, TrainingMethod,
-    TrainingSettings,
+    AdversarialMask, AdversarialStatistics, AttackedLabel, Input, LearningRateDrop, OneCycle,
+    PenalizedParameters, Prediction, PredictionMethod, Recipe, TrainingMethod, TrainingSettings,
 };
 pub use run::evaluate_run::{TrainingSummary, evaluate_run};
 pub use run::provenance::{Provenance, peak_rss_mib};

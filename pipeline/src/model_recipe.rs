@@ -8,12 +8,14 @@ use tactnet_data::known_names;
 use crate::{BaselineRecipe, MeanRemoval, PipelineError, PredictionMethod, Recipe};
 
 /// Recipes of baselines that ship with the binary, by name.
-const BASELINES: [(&str, &str); 7] = [
+const BASELINES: [(&str, &str); 9] = [
     ("means", include_str!("../recipes/means.toml")),
     ("knn-l", include_str!("../recipes/knn-l.toml")),
     ("knn-h", include_str!("../recipes/knn-h.toml")),
     ("svm-l", include_str!("../recipes/svm-l.toml")),
     ("svm-h", include_str!("../recipes/svm-h.toml")),
+    ("lda", include_str!("../recipes/lda.toml")),
+    ("svm-spectra", include_str!("../recipes/svm-spectra.toml")),
     ("minirocket", include_str!("../recipes/minirocket.toml")),
     (
         "multirocket-hydra",

@@ -61,9 +61,12 @@ pub struct TrainingSettings {
     /// Lets the learning rate rise and fall once over the whole training instead.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub one_cycle: Option<OneCycle>,
-    /// L2 penalty on every parameter: `l2 * parameter` is added to its gradient, before Adam.
+    /// L2 penalty: `l2 * parameter` is added to a parameter's gradient, before Adam.
     #[serde(default)]
     pub l2: f64,
+    /// Which parameters it is on.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub l2_on: PenalizedParameters,
     /// Changes the training sweeps anew in every epoch.
     #[serde(default, skip_serializing_if = "Augmentation::is_none")]
     pub augmentation: Augmentation,
@@ -116,9 +119,66 @@ pub enum TrainingMethod {
     Adversarial {
         /// Weight of the clean loss, 0 to 1.
         alpha: f64,
-        /// Size of the perturbation, in the units the network sees (digits, or deviations where scaled).
+        /// Size of the perturbation, digits: what the sensor would have to read differently, however sweeps are scaled.
         epsilon: f64,
+        /// See [`AdversarialStatistics`].
+        #[serde(default, skip_serializing_if = "is_default")]
+        statistics: AdversarialStatistics,
+        /// See [`AdversarialMask`].
+        #[serde(default, skip_serializing_if = "is_default")]
+        mask: AdversarialMask,
+        /// See [`AttackedLabel`].
+        #[serde(default, skip_serializing_if = "is_default")]
+        attack: AttackedLabel,
     },
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
+/// Which parameters an L2 penalty is on. The papers do not say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PenalizedParameters {
+    /// All, as PyTorch's optimisers do.
+    #[default]
+    All,
+    /// Weights of convolutions and dense layers; neither biases nor batch normalisation.
+    Weights,
+}
+
+/// Which passes the running statistics of batch normalisation follow. The papers do not say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum AdversarialStatistics {
+    /// The clean one: prediction sees clean sweeps.
+    #[default]
+    Clean,
+    /// The clean one, then the adversarial one, as where both are run through one layer.
+    Both,
+}
+
+/// Which units the adversarial pass drops. The papers do not say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum AdversarialMask {
+    /// Others than the clean pass.
+    #[default]
+    Own,
+    /// The same.
+    Shared,
+}
+
+/// Whose loss the perturbation raises.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum AttackedLabel {
+    /// The sweep's own material, as published. The network may learn to read the label off the perturbation (Kurakin et al., 2017).
+    #[default]
+    True,
+    /// The material that the network takes for the most probable; costs another forward and backward pass.
+    Predicted,
 }
 
 /// How the trained network is asked.
@@ -287,7 +347,7 @@ impl Recipe {
             }
         }
         training.augmentation.validate()?;
-        if let TrainingMethod::Adversarial { alpha, epsilon } = training.method {
+        if let TrainingMethod::Adversarial { alpha, epsilon, .. } = training.method {
             if !(0.0..=1.0).contains(&alpha) {
                 return wrong("training.method.alpha", "0 to 1", alpha.to_string());
             }
@@ -326,6 +386,9 @@ mod tests {
         let adversarial = TrainingMethod::Adversarial {
             alpha: 0.5,
             epsilon: 0.1,
+            statistics: AdversarialStatistics::Clean,
+            mask: AdversarialMask::Own,
+            attack: AttackedLabel::True,
         };
         assert_eq!(recipe.training.method, adversarial);
         assert_eq!(

@@ -17,6 +17,10 @@ pub enum ModelChoice {
     SvmL,
     /// Support vector machine on the short-time spectrum
     SvmH,
+    /// Linear discriminant on levels and logarithmic spectra
+    Lda,
+    /// Support vector machine on levels and logarithmic spectra
+    SvmSpectra,
     /// MiniRocket and a ridge classifier
     Minirocket,
     /// MultiRocket and Hydra and a ridge classifier
@@ -34,6 +38,8 @@ impl ModelChoice {
             Self::KnnH => "knn-h",
             Self::SvmL => "svm-l",
             Self::SvmH => "svm-h",
+            Self::Lda => "lda",
+            Self::SvmSpectra => "svm-spectra",
             Self::Minirocket => "minirocket",
             Self::MultirocketHydra => "multirocket-hydra",
             Self::Means => "means",

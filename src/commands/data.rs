@@ -10,7 +10,7 @@ use std::process::ExitCode;
 use anyhow::bail;
 use clap::{Args, Subcommand};
 use tactnet_data::format::{self, Format};
-use tactnet_data::{Dataset, Finding, Severity, check, group_findings, info};
+use tactnet_data::{DataSource, Dataset, Finding, Severity, check, group_findings, info};
 use tactnet_skin::packets::unfit;
 
 use crate::{failure, output, source, view};
@@ -104,7 +104,7 @@ pub fn run(command: DataCommand) -> anyhow::Result<ExitCode> {
 
 /// Reads a data set even if some of its values are no numbers.
 fn load_with_gaps(data: &str) -> anyhow::Result<Dataset> {
-    if data == source::TWIN || !Path::new(data).exists() {
+    if DataSource::is_twin(data) || !Path::new(data).exists() {
         return Ok(source::load(data)?);
     }
     Ok(format::read_with_gaps(Path::new(data))?)

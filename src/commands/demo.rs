@@ -50,7 +50,7 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
             let config = RunDir::open(run)?.config()?;
             let data = arguments.data.as_deref().unwrap_or(&config.spec.data);
             let sweeps = match DataSource::named(data) {
-                DataSource::Twin => {
+                DataSource::Twin(_) => {
                     make_twin(&program, &made, ALL_MATERIALS, SMALL_SWEEPS)?;
                     made
                 }

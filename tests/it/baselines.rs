@@ -2,12 +2,14 @@
 
 use crate::command::{Lab, expect, stderr, stdout, tactnet};
 
-const MODELS: [&str; 7] = [
+const MODELS: [&str; 9] = [
     "means",
     "knn-l",
     "knn-h",
     "svm-l",
     "svm-h",
+    "lda",
+    "svm-spectra",
     "minirocket",
     "multirocket-hydra",
 ];

@@ -14,7 +14,7 @@ use safetensors::SafeTensors;
 use tactnet_models::{
     Architecture, InputShape, NamedTensor, TactNet, TactNetConfig, Weights, cross_entropy,
 };
-use tactnet_pipeline::{Perturbation, adversarial_pass, base_pass};
+use tactnet_pipeline::{AttackedLabel, Perturbation, adversarial_pass, base_pass};
 
 struct Golden {
     tensors: BTreeMap<String, NamedTensor>,
@@ -152,7 +152,8 @@ fn check_against_pytorch(name: &str) {
         .init();
     let perturbation = Perturbation {
         alpha: 0.3,
-        epsilon: 0.1,
+        epsilon: vec![0.1; sweeps.dims()[3]],
+        attack: AttackedLabel::True,
     };
     for step in 0..10 {
         let masks = ["clean", "adversarial"]
@@ -162,7 +163,7 @@ fn check_against_pytorch(name: &str) {
             sweeps.clone(),
             labels(&golden, &device),
             masks,
-            perturbation,
+            &perturbation,
         );
         let [clean, adversarial] = [0, 1].map(|i| golden.tensors["losses"].values[2 * step + i]);
         let expected = f64::from(0.3 * clean + 0.7 * adversarial);

@@ -7,7 +7,7 @@
 //! | `materials`; needed with five dimensions alone | `[materials]` | names or whole numbers |
 //! | `blocks`, `test_flag`, optional | `[n]` or `[materials][sweeps]` | as in [`tactmat`](super::tactmat) |
 //! | `sample_rate_hz`, optional | a single number | frames per second; without it [`ASSUMED_RATE_HZ`](crate::ASSUMED_RATE_HZ) is assumed |
-//! | `synthetic`, optional | a single number | not 0 where the sweeps were generated |
+//! | `synthetic`, optional | a single number | version of the twin that generated the sweeps; 0 for recorded ones |
 //!
 //! Either byte order and either index order ("Fortran" too) are read. Pickled arrays are refused. What [`write()`] writes
 //! loads with `numpy.load` without pickle.
@@ -16,6 +16,7 @@ use super::DEFLATE_LIMIT;
 use super::named_sweeps::{records, sorted_names};
 use super::npy::{self, Array};
 use super::tactmat::{RATE_ATTRIBUTE, SYNTHETIC_ATTRIBUTE};
+use crate::twin::TwinVersion;
 use crate::{DataError, Dataset, LabelSet, Samples, SweepShape, write_whole};
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read, Write};
@@ -107,10 +108,12 @@ pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
     let mark = arrays
         .optional(SYNTHETIC_ATTRIBUTE)?
         .and_then(Array::floats);
-    Ok(if mark.is_some_and(|mark| mark != [0.0]) {
-        dataset.into_synthetic()
-    } else {
-        dataset
+    let version = mark
+        .and_then(|mark| mark.first().copied())
+        .and_then(TwinVersion::of_mark);
+    Ok(match version {
+        Some(version) => dataset.into_twin(version),
+        None => dataset,
     })
 }
 
@@ -377,8 +380,9 @@ fn archive(dataset: &Dataset) -> zip::result::ZipResult<Vec<u8>> {
             .collect();
         add("test_flag", "|b1", &leading, &flags)?;
     }
-    if dataset.origin().is_synthetic() {
-        add(SYNTHETIC_ATTRIBUTE, "<f8", &[], &1.0_f64.to_le_bytes())?;
+    if let Some(version) = dataset.origin().twin_version() {
+        let mark = f64::from(version.number()).to_le_bytes();
+        add(SYNTHETIC_ATTRIBUTE, "<f8", &[], &mark)?;
     }
     if !dataset.is_rate_assumed() {
         let rate = dataset.sample_rate_hz().to_le_bytes();

@@ -7,7 +7,7 @@
 //! | `blocks`, optional | `[materials][sweeps]` | number of the recording block |
 //! | `test_flag`, optional | `[materials][sweeps]` | 1 or true for the author's test sweeps |
 //! | attribute `sample_rate_hz`, optional | scalar, on the file or on `samples` | frames per second |
-//! | attribute `synthetic`, optional | scalar, on the file | not 0 where the sweeps were generated |
+//! | attribute `synthetic`, optional | scalar, on the file | version of the twin that generated the sweeps; 0 for recorded ones |
 //!
 //! Without the attribute [`ASSUMED_RATE_HZ`](crate::ASSUMED_RATE_HZ) is assumed, the rate of TactMat's sensor.
 //! Values are kept in the smallest of `u8`, `u16` and `f32` that holds them all; an `f64` that no `f32` equals is
@@ -21,6 +21,7 @@ use super::DEFLATE_LIMIT;
 use super::chunk_grid::RANK;
 use super::chunks::read_samples;
 use super::mismatch::{Mismatch, type_name};
+use crate::twin::TwinVersion;
 use crate::{DataError, Dataset, LabelSet, SweepRecord, SweepShape};
 use hdf5_reader::error::Error;
 use hdf5_reader::{Datatype, Hdf5File, OpenOptions};
@@ -100,19 +101,20 @@ pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
         values,
     )
     .map_err(|error| super::in_file(path, error))?;
-    Ok(if is_synthetic(&file) {
-        dataset.into_synthetic()
-    } else {
-        dataset
+    Ok(match twin_version(&file) {
+        Some(version) => dataset.into_twin(version),
+        None => dataset,
     })
 }
 
-/// Returns true if the file carries the mark of generated sweeps.
-fn is_synthetic(file: &Hdf5File) -> bool {
-    file.root_group()
+/// Returns the version of the twin that generated the sweeps, if the file carries the mark.
+fn twin_version(file: &Hdf5File) -> Option<TwinVersion> {
+    let mark = file
+        .root_group()
         .and_then(|group| group.attribute(SYNTHETIC_ATTRIBUTE))
         .and_then(|mark| mark.read_as_f64())
-        .is_ok_and(|mark| mark != 0.0)
+        .ok()?;
+    TwinVersion::of_mark(mark)
 }
 
 fn open(path: &Path) -> Result<Hdf5File, DataError> {

@@ -68,8 +68,9 @@ fn plan(dataset: &Dataset, order: &[usize]) -> hdf5_writer::Result<Hdf5WritePlan
         let rate = AttributeBuilder::scalar(tactmat::RATE_ATTRIBUTE, dataset.sample_rate_hz())?;
         file = file.attribute(rate);
     }
-    if dataset.origin().is_synthetic() {
-        let mark = AttributeBuilder::scalar(tactmat::SYNTHETIC_ATTRIBUTE, 1.0)?;
+    if let Some(version) = dataset.origin().twin_version() {
+        let mark = f64::from(version.number());
+        let mark = AttributeBuilder::scalar(tactmat::SYNTHETIC_ATTRIBUTE, mark)?;
         file = file.attribute(mark);
     }
     let records = || order.iter().map(|&index| &dataset.records()[index]);

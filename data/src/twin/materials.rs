@@ -1,5 +1,6 @@
 //! From a point of the latent space to the physical parameters of a surface.
 
+use super::construction::Construction;
 use super::embedding::{DIMENSIONS, Latent, MATERIALS};
 
 /// The materials in the order of their label (names: Tulbure and Bäuml, Humanoids 2018).
@@ -66,7 +67,21 @@ pub(super) struct Surface {
     pub(super) column_levels: [f64; 4],
     /// Ridges across the stroke, where there are any.
     pub(super) ridges: Option<Ridges>,
+    /// How its texture rises and falls, where it is not steady.
+    pub(super) envelope: Option<SurfaceEnvelope>,
 }
+
+/// The rise and fall of a surface's texture.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SurfaceEnvelope {
+    /// Standard deviation of the logarithm.
+    pub(super) depth: f64,
+    /// Correlation time at 3 cm/s, steps.
+    pub(super) steps: f64,
+}
+
+/// The mixed coordinate of the fine bands; it also says how unsteady a texture is.
+const FINE: usize = 2;
 
 /// The weak periodic part of a surface with a pitch.
 #[derive(Debug, Clone, Copy)]
@@ -77,25 +92,12 @@ pub(super) struct Ridges {
     pub(super) amplitude: f64,
 }
 
-// The material at the origin of the latent space: fitted so that the whole twin, with its spread of materials, shows
-// the figures of the four published sweeps (`statistics::REAL`).
-const AMPLITUDES: [f64; BANDS] = [0.108, 0.035, 0.028, 0.0040];
-const CORRELATION_STEPS: [f64; BANDS] = [110.0, 25.0, 5.0, 1.5];
-const GRAIN_VARIANCE: f64 = 0.026 * 0.026;
-
-/// Change of the logarithm of a parameter per latent unit, in the order of [`parameters`]: chosen so that one unit is
-/// about as hard to read from one sweep whichever parameter carries it.
-const GAINS: [f64; DIMENSIONS] = [0.125, 0.21, 0.20, 0.20, 0.045, 0.045];
-
-/// `ln` parameter deviations of a latent point: undulation, coarse and fine band, correlation time, gains
-/// along the rows and along the columns.
-///
-/// An orthonormal matrix (the type-II cosine transform) stands between axes and parameters, so that every axis shows
-/// in every parameter and distances survive.
-fn parameters(latent: &Latent) -> [f64; DIMENSIONS] {
+/// The coordinates of a latent point, mixed by an orthonormal matrix (the type-II cosine transform), so that every axis shows in every
+/// parameter and distances survive.
+fn mixture(latent: &Latent) -> [f64; DIMENSIONS] {
     std::array::from_fn(|k| {
         let norm = (if k == 0 { 1.0 } else { 2.0 } / DIMENSIONS as f64).sqrt();
-        let mixed: f64 = latent
+        latent
             .iter()
             .enumerate()
             .map(|(axis, z)| {
@@ -103,28 +105,43 @@ fn parameters(latent: &Latent) -> [f64; DIMENSIONS] {
                     std::f64::consts::PI * (axis as f64 + 0.5) * k as f64 / DIMENSIONS as f64;
                 norm * angle.cos() * z
             })
-            .sum();
-        GAINS[k] * mixed
+            .sum()
     })
 }
 
 /// The surface at `latent`; `label` decides on ridges alone.
-pub(super) fn surface(label: usize, latent: &Latent) -> Surface {
-    let [undulation, coarse, fine, length, rows, columns] = parameters(latent);
-    let factor = [undulation, coarse, (coarse + fine) / 2.0, fine].map(f64::exp);
+pub(super) fn surface(label: usize, latent: &Latent, construction: &Construction) -> Surface {
+    let c = construction;
+    let mixed = match c.bound {
+        None => mixture(latent),
+        Some(bound) => mixture(latent).map(|x| bound * (x / bound).tanh()),
+    };
+    let [undulation, coarse, fine, length, rows, columns]: Latent =
+        std::array::from_fn(|k| c.gains[k] * mixed[k]);
+    let medium = if c.grain_follows {
+        (coarse + fine) / 2.0
+    } else {
+        fine
+    };
+    let factor = [undulation, coarse, medium, fine].map(f64::exp);
+    let grain = if c.grain_follows { factor[3] } else { 1.0 };
     Surface {
-        amplitudes: std::array::from_fn(|band| AMPLITUDES[band] * factor[band]),
+        amplitudes: std::array::from_fn(|band| c.amplitudes[band] * factor[band]),
         correlation_steps: std::array::from_fn(|band| match band {
-            0 => CORRELATION_STEPS[0],
-            _ => CORRELATION_STEPS[band] * length.exp(),
+            0 => c.correlation_steps[0],
+            _ => c.correlation_steps[band] * length.exp(),
         }),
-        grain_variance: GRAIN_VARIANCE * factor[3] * factor[3],
+        grain_variance: (c.grain * c.grain) * grain * grain,
         row_gains: ramp(rows),
         column_gains: ramp(columns),
-        slip_ratio: (0.2 * (coarse - undulation)).exp(),
-        slip_slowness: (0.5 * length).exp(),
-        column_levels: ramp(0.1 * length),
+        slip_ratio: (c.slip_ratio * (coarse - undulation)).exp(),
+        slip_slowness: (c.slip_duration * length).exp(),
+        column_levels: ramp(c.column_levels * length),
         ridges: ridges(label),
+        envelope: (c.envelope.depth > 0.0).then(|| SurfaceEnvelope {
+            depth: c.envelope.depth * (c.envelope.gain * mixed[FINE]).exp(),
+            steps: c.envelope.steps,
+        }),
     }
 }
 
@@ -161,11 +178,7 @@ mod tests {
         for axis in 0..DIMENSIONS {
             let mut latent = [0.0; DIMENSIONS];
             latent[axis] = 1.0;
-            let squares: f64 = parameters(&latent)
-                .iter()
-                .zip(GAINS)
-                .map(|(p, gain)| (p / gain).powi(2))
-                .sum();
+            let squares: f64 = mixture(&latent).iter().map(|x| x * x).sum();
             assert!((squares - 1.0).abs() < 1e-12);
         }
     }

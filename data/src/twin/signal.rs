@@ -1,5 +1,6 @@
 //! One sweep: what 16 taxels read while a surface slides under them.
 
+use super::envelope::Envelopes;
 use super::gaussian::{innovation, normal, unit};
 use super::materials::{BANDS, Surface};
 use rand_chacha::ChaCha8Rng;
@@ -193,6 +194,9 @@ pub(super) fn record(surface: &Surface, contact: &Contact, rng: &mut ChaCha8Rng,
             )
         })
     });
+    let mut envelopes = surface
+        .envelope
+        .map(|envelope| Envelopes::new(envelope, speed, rng));
     let mut force = Process::new(FORCE_AMPLITUDE, FORCE_STEPS, rng);
     let decay = Slip {
         fast: (-1.0 / (FAST_SLIP_STEPS * surface.slip_slowness)).exp(),
@@ -208,17 +212,24 @@ pub(super) fn record(surface: &Surface, contact: &Contact, rng: &mut ChaCha8Rng,
 
     for (step, frame) in out.chunks_exact_mut(TAXELS).enumerate() {
         let common = force.step(rng);
+        if let Some(envelopes) = &mut envelopes {
+            envelopes.step(rng);
+        }
         for (i, digit) in frame.iter_mut().enumerate() {
             if step as f64 >= contact.onset[i] {
                 slip[i].step(&decay);
             }
             let rest = FAST_SLIP_SHARE * slip[i].fast + (1.0 - FAST_SLIP_SHARE) * slip[i].slow;
             let level = sliding[i] + (resting[i] - sliding[i]) * rest;
+            let bands = texture[i].iter_mut().map(|band| band.step(rng));
             let mut relative = common
-                + texture[i]
-                    .iter_mut()
-                    .map(|band| band.step(rng))
-                    .sum::<f64>();
+                + match &envelopes {
+                    None => bands.sum::<f64>(),
+                    Some(envelopes) => {
+                        let factors = envelopes.factors(i);
+                        bands.zip(factors).map(|(x, factor)| x * factor).sum()
+                    }
+                };
             if let Some(ridges) = surface.ridges {
                 let travelled_mm = SPEED_MM_PER_S * speed * step as f64 / SAMPLE_RATE_HZ;
                 let along = (travelled_mm - TAXEL_PITCH_MM * (i / 4) as f64) / ridges.pitch_mm;

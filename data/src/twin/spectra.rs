@@ -7,6 +7,10 @@ use rustfft::{FftPlanner, num_complex::Complex};
 const LEVEL_BANDS_HZ: [[f64; 2]; 2] = [[2.0, 60.0], [150.0, 375.0]];
 /// Bands of the correlation between taxels, Hz.
 const CORRELATION_BANDS_HZ: [[f64; 2]; 2] = [[2.0, 20.0], [20.0, 200.0]];
+/// Band of the intermittency, Hz.
+const INTERMITTENCY_HZ: [f64; 2] = [20.0, 60.0];
+/// Windows of the intermittency: 100 steps of a sweep of 1000.
+const WINDOWS: usize = 8;
 /// Range of the slope, Hz.
 const SLOPE_HZ: [f64; 2] = [5.0, 100.0];
 /// Taxels with a lower mean level say nothing about the power law: the dead zone cuts them, digits.
@@ -22,6 +26,8 @@ pub(super) struct SweepSpectra {
     autocorrelation: Vec<[f64; 4]>,
     /// Per taxel, in each band: logarithms of the level and of the rms fluctuation.
     fluctuation: [Vec<[f64; 2]>; 2],
+    /// Per taxel with a level: standard deviation of the logarithm of a window's power.
+    intermittency: Vec<f64>,
     /// In each band: sum of the correlations of taxel pairs, and number of pairs.
     correlation: [(f64, f64); 2],
 }
@@ -36,9 +42,10 @@ impl SweepSpectra {
             (low..high).contains(&frequency)
         };
         let mut planner = FftPlanner::new();
-        let (fft, tail_fft) = (
+        let (fft, tail_fft, tail_back) = (
             planner.plan_fft_forward(steps),
             planner.plan_fft_forward(steps - tail_start),
+            planner.plan_fft_inverse(steps - tail_start),
         );
         let bins = steps / 2 + 1;
         let mut found = Self {
@@ -46,6 +53,7 @@ impl SweepSpectra {
             moving: 0,
             autocorrelation: Vec::new(),
             fluctuation: [Vec::new(), Vec::new()],
+            intermittency: Vec::new(),
             correlation: [(0.0, 0.0); 2],
         };
         let mut directions = [0, 1].map(|_| (vec![Complex::new(0.0, 0.0); bins], 0.0));
@@ -99,7 +107,15 @@ impl SweepSpectra {
                     / energy
             }));
             if level >= LEAST_LEVEL {
-                let powers = one_sided(&transform(&*tail_fft, &detrended), tail.len());
+                let spectrum = transform(&*tail_fft, &detrended);
+                let band = spectrum.iter().enumerate().map(|(bin, &value)| {
+                    let inside = in_band(bin.min(tail.len() - bin), tail.len(), INTERMITTENCY_HZ);
+                    if inside { value } else { Complex::default() }
+                });
+                found
+                    .intermittency
+                    .extend(unsteadiness(&*tail_back, band.collect()));
+                let powers = one_sided(&spectrum, tail.len());
                 for (band, points) in LEVEL_BANDS_HZ.into_iter().zip(&mut found.fluctuation) {
                     let power: f64 = powers
                         .iter()
@@ -161,15 +177,10 @@ impl SweepSpectra {
 
     pub(super) fn autocorrelation(sweeps: &[&Self]) -> [f64; 4] {
         std::array::from_fn(|lag| {
-            let mut values: Vec<f64> = sweeps
+            let values = sweeps
                 .iter()
-                .flat_map(|s| s.autocorrelation.iter().map(|r| r[lag]))
-                .collect();
-            if values.is_empty() {
-                return f64::NAN;
-            }
-            let middle = values.len() / 2;
-            *values.select_nth_unstable_by(middle, f64::total_cmp).1
+                .flat_map(|s| s.autocorrelation.iter().map(|r| r[lag]));
+            median(values.collect())
         })
     }
 
@@ -184,6 +195,27 @@ impl SweepSpectra {
         })
     }
 
+    /// Standard deviation of the logarithms of the fluctuation about the power law.
+    pub(super) fn level_residuals(sweeps: &[&Self]) -> [f64; 2] {
+        [0, 1].map(|band| {
+            let points: Vec<[f64; 2]> = sweeps
+                .iter()
+                .flat_map(|s| s.fluctuation[band].iter().copied())
+                .collect();
+            let rest: Vec<f64> = points
+                .iter()
+                .map(|[level, fluctuation]| fluctuation - slope(&points) * level)
+                .collect();
+            let centred = without_mean(&rest);
+            (centred.iter().map(|x| x * x).sum::<f64>() / centred.len() as f64).sqrt()
+        })
+    }
+
+    pub(super) fn intermittency(sweeps: &[&Self]) -> f64 {
+        let all = sweeps.iter().flat_map(|s| s.intermittency.iter().copied());
+        median(all.collect())
+    }
+
     pub(super) fn taxel_correlation(sweeps: &[&Self]) -> [f64; 2] {
         [0, 1].map(|band| {
             let (sum, pairs) = sweeps
@@ -193,6 +225,39 @@ impl SweepSpectra {
             sum / pairs
         })
     }
+}
+
+/// The upper median; not a number of nothing.
+fn median(mut values: Vec<f64>) -> f64 {
+    if values.is_empty() {
+        return f64::NAN;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// Standard deviation over the windows of the logarithm of a window's power; `None` of a sweep that is too short.
+///
+/// - `band`: the spectrum, two-sided, of what is looked at
+fn unsteadiness(back: &dyn rustfft::Fft<f64>, mut band: Vec<Complex<f64>>) -> Option<f64> {
+    // Below what 8-bit digits show: a window in which nothing moves.
+    const LEAST_POWER: f64 = 1e-6;
+    let n = band.len();
+    back.process(&mut band);
+    let width = n / WINDOWS;
+    if width < 2 {
+        return None;
+    }
+    let logs: Vec<f64> = band
+        .chunks_exact(width)
+        .take(WINDOWS)
+        .map(|window| {
+            let sum: f64 = window.iter().map(|x| (x.re / n as f64).powi(2)).sum();
+            (sum / width as f64).max(LEAST_POWER).ln()
+        })
+        .collect();
+    let centred = without_mean(&logs);
+    Some((centred.iter().map(|x| x * x).sum::<f64>() / (WINDOWS - 1) as f64).sqrt())
 }
 
 fn without_mean(series: &[f64]) -> Vec<f64> {
@@ -288,6 +353,19 @@ mod tests {
         for exponent in SweepSpectra::level_exponents(&[&spectra]) {
             assert!((exponent - 1.0).abs() < 1e-3, "{exponent}");
         }
+    }
+
+    #[test]
+    fn a_texture_that_comes_and_goes_is_intermittent() {
+        let tau = std::f64::consts::TAU;
+        let measured = |strength: fn(f64) -> f64| {
+            let x = |_, t: f64| 20.0 + strength(t) * (tau * 37.5 * t).sin();
+            SweepSpectra::intermittency(&[&SweepSpectra::measure(&sweep(x), 2, RATE_HZ)])
+        };
+        assert!(measured(|_| 2.0) < 0.01);
+        // Two of eight windows with a tenth of the amplitude: ln of the power is lower by 4.6; cut at a band's edges, a little less.
+        let found = measured(|t| if t < 400.0 / RATE_HZ { 0.2 } else { 2.0 });
+        assert!((found - 2.1).abs() < 0.3, "{found}");
     }
 
     #[test]

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use tactnet_data::format::{self, Format, npz, tactmat, ts};
-use tactnet_data::twin::{self, TwinConfig};
+use tactnet_data::twin::{self, TwinConfig, TwinVersion};
 use tactnet_data::{
     ASSUMED_RATE_HZ, DataOrigin, Dataset, LabelSet, Samples, Severity, SweepRecord, SweepShape,
     check, sha256_hex,
@@ -552,15 +552,22 @@ proptest! {
 #[test]
 fn files_keep_where_their_sweeps_come_from() {
     let directory = tempfile::tempdir().unwrap();
-    let twin = twin::generate(&TwinConfig {
-        materials: 3,
-        sweeps: 4,
-        steps: 40,
-        ..TwinConfig::default()
-    })
-    .unwrap();
+    let twin = |version| {
+        let config = TwinConfig {
+            version,
+            materials: 3,
+            sweeps: 4,
+            steps: 40,
+            ..TwinConfig::default()
+        };
+        twin::generate(&config).unwrap()
+    };
     let recorded = format::read(&fixture("read/edge_chunks.h5")).unwrap();
-    for (dataset, origin) in [(twin, DataOrigin::Twin), (recorded, DataOrigin::Recorded)] {
+    for (dataset, origin) in [
+        (twin(TwinVersion::One), DataOrigin::Twin1),
+        (twin(TwinVersion::Two), DataOrigin::Twin2),
+        (recorded, DataOrigin::Recorded),
+    ] {
         assert_eq!(dataset.origin(), origin);
         for file in ["a.h5", "a.npz"] {
             let path = directory.path().join(file);

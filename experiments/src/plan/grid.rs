@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use tactnet_data::Seed;
+use tactnet_data::{DataSource, Seed};
 use tactnet_pipeline::{LabelOrder, MeanRemoval, SplitKind, TrainSpec};
 
 use super::models::Model;
@@ -188,7 +188,7 @@ fn absolute(name: &str) -> String {
     let path = Path::new(name);
     path.canonicalize()
         .ok()
-        .filter(|_| name != "twin")
+        .filter(|_| !DataSource::is_twin(name))
         .map_or_else(|| name.to_string(), |path| path.display().to_string())
 }
 

@@ -61,7 +61,7 @@ mod tests {
         for name in ["twin", "twin, labels permuted", "twins"] {
             let twin = crate::DataRecord {
                 sha256: "00".into(),
-                origin: tactnet_data::DataOrigin::Twin,
+                origin: tactnet_data::DataOrigin::Twin2,
             };
             summary.data.insert(name.into(), twin);
         }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use tactnet_data::{Fold, Seed, TrainSplit};
 use tactnet_models::{
-    Features, Gram, Knn, Ridge, Svm, Weights, argmax, fit_inverse_temperature, fit_platt,
+    Features, Gram, Knn, Lda, Ridge, Svm, Weights, argmax, fit_inverse_temperature, fit_platt,
 };
 
 use crate::baseline::fitted::{Baseline, FittedClassifier, svm_grid};
@@ -141,6 +141,11 @@ pub fn fit_baseline(
             let (features, _, scaler) = train.part(&everything, &[]);
             let svm = Svm::fit(&features, &train.labels, train.materials, settings)?;
             (FittedClassifier::Svm(svm, sigmoids), scaler)
+        }
+        ClassicalClassifier::Lda => {
+            let (features, _, scaler) = train.part(&everything, &[]);
+            let lda = Lda::fit(&features, &train.labels, train.materials)?;
+            (FittedClassifier::Lda(lda), scaler)
         }
         ClassicalClassifier::Ridge { penalties } => {
             let Train {

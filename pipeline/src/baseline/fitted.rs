@@ -2,7 +2,7 @@
 
 use tactnet_data::SweepView;
 use tactnet_models::{
-    Knn, ModelError, PlattSigmoids, Ridge, Svm, SvmSettings, Weights, log_softmax,
+    Knn, Lda, ModelError, PlattSigmoids, Ridge, Svm, SvmSettings, Weights, log_softmax,
 };
 
 use crate::features::arrays::{get, get_doubles, get_indices, put, put_doubles, put_indices};
@@ -14,6 +14,7 @@ use crate::{BaselineRecipe, ClassicalClassifier, ClassifierConfig, FeatureScalin
 pub(crate) enum FittedClassifier {
     Knn(Knn),
     Svm(Svm, PlattSigmoids),
+    Lda(Lda),
     /// With the inverse temperature of its scores.
     Ridge(Ridge, f64),
 }
@@ -37,6 +38,7 @@ impl Baseline {
             FittedClassifier::Svm(svm, sigmoids) => {
                 svm.log_probabilities(&svm.decisions(&features), sigmoids)
             }
+            FittedClassifier::Lda(lda) => lda.log_probabilities(&features),
             FittedClassifier::Ridge(ridge, inverse_temperature) => ridge
                 .scores(&features)
                 .iter()
@@ -78,6 +80,10 @@ impl Baseline {
                 let rho: Vec<f64> = pairs().map(|pair| pair.rho).collect();
                 put_doubles(w, "svm.rho", &rho);
                 put_doubles(w, "svm.platt", sigmoids.0.as_flattened());
+            }
+            FittedClassifier::Lda(lda) => {
+                put_doubles(w, "lda.coefficients", &lda.coefficients);
+                put_doubles(w, "lda.intercepts", &lda.intercepts);
             }
             FittedClassifier::Ridge(ridge, inverse_temperature) => {
                 put(w, "ridge.coefficients", ridge.coefficients.clone());
@@ -147,6 +153,19 @@ impl Baseline {
                 );
                 let sigmoids = platt.chunks_exact(2).map(|s| [s[0], s[1]]).collect();
                 FittedClassifier::Svm(svm, PlattSigmoids(sigmoids))
+            }
+            ClassicalClassifier::Lda => {
+                let lda = Lda {
+                    coefficients: get_doubles(weights, "lda.coefficients")?,
+                    intercepts: get_doubles(weights, "lda.intercepts")?,
+                };
+                of_length(
+                    "lda.coefficients",
+                    lda.coefficients.len(),
+                    width * materials,
+                )?;
+                of_length("lda.intercepts", lda.intercepts.len(), materials)?;
+                FittedClassifier::Lda(lda)
             }
             ClassicalClassifier::Ridge { .. } => {
                 let ridge = Ridge {

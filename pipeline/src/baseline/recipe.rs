@@ -51,6 +51,8 @@ pub enum ClassicalClassifier {
         /// Values of gamma, in units of one over the number of features.
         gamma: Vec<f64>,
     },
+    /// Linear discriminant analysis with the shrinkage of Ledoit and Wolf.
+    Lda,
     /// Ridge regression on +1 and -1.
     Ridge {
         /// Penalties to choose from by leave-one-out.

@@ -7,6 +7,7 @@ use tactnet_models::{Features, Weights};
 
 use crate::features::arrays::{get, put, put_indices};
 use crate::features::hydra::Hydra;
+use crate::features::log_spectra::LogSpectra;
 use crate::features::rocket::{Kernels, Order, Pooling, WAYS, Workspace};
 use crate::features::series::Series;
 use crate::features::spectrum::{HighFeatures, LowFeatures};
@@ -27,6 +28,8 @@ pub enum FeatureSet {
     L,
     /// Short-time spectrum.
     H,
+    /// Mean digit and logarithmic power spectrum of every taxel.
+    LogSpectra,
     /// MiniRocket.
     MiniRocket,
     /// MultiRocket, then Hydra.
@@ -43,6 +46,7 @@ impl FeatureSet {
             Self::Means => Ok(()),
             Self::L => LowFeatures::new(shape, rate, MeanRemoval::None).map(|_| ()),
             Self::H => HighFeatures::new(shape, rate, MeanRemoval::None).map(|_| ()),
+            Self::LogSpectra => LogSpectra::new(shape, rate).map(|_| ()),
             Self::MiniRocket | Self::MultiRocketHydra => enough_steps(shape),
         }
     }
@@ -59,6 +63,7 @@ enum Kind {
     Means,
     Low(LowFeatures),
     High(HighFeatures),
+    LogSpectra(LogSpectra),
     MiniRocket(Kernels),
     MultiRocketHydra {
         base: Kernels,
@@ -112,7 +117,7 @@ impl Extractor {
                 ),
                 hydra: Hydra::draw(extents, &mut seed.rng("hydra")),
             },
-            FeatureSet::Means | FeatureSet::L | FeatureSet::H => {
+            FeatureSet::Means | FeatureSet::L | FeatureSet::H | FeatureSet::LogSpectra => {
                 return Self::unfitted(set, levels, shape, train.dataset().sample_rate_hz());
             }
         };
@@ -132,6 +137,7 @@ impl Extractor {
         let kind = match set {
             FeatureSet::L => Kind::Low(LowFeatures::new(shape, rate, levels)?),
             FeatureSet::H => Kind::High(HighFeatures::new(shape, rate, levels)?),
+            FeatureSet::LogSpectra => Kind::LogSpectra(LogSpectra::new(shape, rate)?),
             _ => Kind::Means,
         };
         Ok(Self {
@@ -163,7 +169,7 @@ impl Extractor {
                     taxels: load_lists(weights, "hydra")?,
                 },
             },
-            FeatureSet::Means | FeatureSet::L | FeatureSet::H => {
+            FeatureSet::Means | FeatureSet::L | FeatureSet::H | FeatureSet::LogSpectra => {
                 return Self::unfitted(set, levels, shape, rate);
             }
         };
@@ -177,7 +183,7 @@ impl Extractor {
     /// Writes what was fitted into `weights`.
     pub fn save(&self, weights: &mut Weights) {
         match &self.kind {
-            Kind::Means | Kind::Low(_) | Kind::High(_) => {}
+            Kind::Means | Kind::Low(_) | Kind::High(_) | Kind::LogSpectra(_) => {}
             Kind::MiniRocket(kernels) => save_kernels(weights, "minirocket", kernels),
             Kind::MultiRocketHydra {
                 base,
@@ -198,6 +204,7 @@ impl Extractor {
             Kind::Means => self.shape.taxels(),
             Kind::Low(_) => LowFeatures::WIDTH,
             Kind::High(features) => features.width(),
+            Kind::LogSpectra(features) => features.width(),
             Kind::MiniRocket(kernels) => kernels.len(),
             Kind::MultiRocketHydra {
                 base,
@@ -237,6 +244,11 @@ impl Extractor {
             Kind::Means => write_means(sweep, self.levels, out),
             Kind::Low(features) => out.copy_from_slice(&features.of(sweep)),
             Kind::High(features) => features.write(sweep, out),
+            Kind::LogSpectra(features) => {
+                let (means, spectra) = out.split_at_mut(taxels);
+                write_means(sweep, self.levels, means);
+                features.write(sweep, spectra);
+            }
             Kind::MiniRocket(kernels) => {
                 let series = Series::from_frames(sweep, taxels);
                 kernels.transform(&series, Order::Base, Pooling::Share, workspace, out);

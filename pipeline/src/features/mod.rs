@@ -7,6 +7,7 @@ pub(crate) mod feature_timing;
 #[cfg(test)]
 pub(crate) mod golden;
 pub(crate) mod hydra;
+pub(crate) mod log_spectra;
 pub(crate) mod mean_removal;
 pub(crate) mod normalize;
 pub(crate) mod rocket;

@@ -52,6 +52,12 @@ impl Normalizer {
         &self.gain
     }
 
+    /// Returns a difference of so many digits as the network sees it: `[taxels]`.
+    pub fn scaled(&self, digits: f64) -> Vec<f32> {
+        let scaled = self.gain.iter().map(|gain| digits as f32 * gain);
+        scaled.collect()
+    }
+
     /// Number of taxels it was fitted to.
     pub fn taxels(&self) -> usize {
         self.offset.len()

@@ -11,6 +11,8 @@ use burn::optim::{
 use burn::tensor::{Device, Tensor};
 use tactnet_models::{AdamStep, adam_update, is_cpu};
 
+use crate::PenalizedParameters;
+
 const BETA: [f32; 2] = [0.9, 0.999];
 const EPSILON: f32 = 1e-8;
 
@@ -18,20 +20,36 @@ const EPSILON: f32 = 1e-8;
 #[derive(Clone)]
 pub(crate) struct FusedAdam {
     l2: f32,
-    composed: Adam,
+    l2_on: PenalizedParameters,
+    /// With the penalty, and without.
+    composed: [Adam; 2],
 }
 
 impl FusedAdam {
     /// An optimiser for a whole module.
-    pub(crate) fn for_module(l2: f64) -> ModuleOptimizer {
-        let l2 = l2 as f32;
-        let composed = AdamConfig::new()
-            .with_beta_1(BETA[0])
-            .with_beta_2(BETA[1])
-            .with_epsilon(EPSILON)
-            .with_weight_decay((l2 > 0.0).then(|| WeightDecayConfig::new(l2)))
-            .build();
-        ModuleOptimizer::from(Self { l2, composed })
+    pub(crate) fn for_module(l2: f64, l2_on: PenalizedParameters) -> ModuleOptimizer {
+        ModuleOptimizer::from(Self::new(l2 as f32, l2_on))
+    }
+
+    fn new(l2: f32, l2_on: PenalizedParameters) -> Self {
+        let composed = [l2, 0.0].map(|l2| {
+            AdamConfig::new()
+                .with_beta_1(BETA[0])
+                .with_beta_2(BETA[1])
+                .with_epsilon(EPSILON)
+                .with_weight_decay((l2 > 0.0).then(|| WeightDecayConfig::new(l2)))
+                .build()
+        });
+        Self {
+            l2,
+            l2_on,
+            composed,
+        }
+    }
+
+    /// True if parameters of `dimensions` dimensions are penalised: one dimension have biases and batch normalisation.
+    fn penalizes(&self, dimensions: usize) -> bool {
+        self.l2_on == PenalizedParameters::All || dimensions > 1
     }
 }
 
@@ -46,7 +64,8 @@ impl Optimizer for FusedAdam {
         state: Option<AdamState<D>>,
     ) -> (Tensor<D>, Option<AdamState<D>>) {
         if !is_cpu(&tensor.device()) {
-            return self.composed.step(learning_rate, tensor, gradient, state);
+            let composed = &self.composed[usize::from(!self.penalizes(D))];
+            return composed.step(learning_rate, tensor, gradient, state);
         }
         let (time, first, second) = match state.map(|state| state.momentum) {
             None => (1, tensor.zeros_like(), tensor.zeros_like()),
@@ -56,7 +75,7 @@ impl Optimizer for FusedAdam {
         let correction = BETA.map(|beta| 1.0 - f64::from(beta).powi(power));
         let root = correction[1].sqrt();
         let step = AdamStep {
-            l2: self.l2,
+            l2: if self.penalizes(D) { self.l2 } else { 0.0 },
             beta: BETA,
             rate: (learning_rate * root / correction[0]) as f32,
             epsilon: (f64::from(EPSILON) * root) as f32,
@@ -80,13 +99,7 @@ mod tests {
     #[test]
     fn one_pass_does_what_the_composed_operations_do() {
         let device = Device::flex();
-        let fused = FusedAdam {
-            l2: 1e-2,
-            composed: AdamConfig::new()
-                .with_epsilon(EPSILON)
-                .with_weight_decay(Some(WeightDecayConfig::new(1e-2)))
-                .build(),
-        };
+        let fused = FusedAdam::new(1e-2, PenalizedParameters::All);
         let values: Vec<f32> = (0..40_000).map(|i| ((i * 7919) % 1013) as f32).collect();
         let start: Tensor<2> = Tensor::from_data(TensorData::new(values, [200, 200]), &device);
         let start = (start - 500.0) / 500.0;
@@ -94,7 +107,7 @@ mod tests {
         for step in 0..5 {
             let gradient = (start.clone() * 3.0 + step).sin();
             ours = fused.step(1e-2, ours.0, gradient.clone(), ours.1);
-            theirs = fused.composed.step(1e-2, theirs.0, gradient, theirs.1);
+            theirs = fused.composed[0].step(1e-2, theirs.0, gradient, theirs.1);
         }
         let worst = (ours.0 - theirs.0).abs().max().into_scalar::<f32>();
         assert!(worst < 1e-6, "{worst}");
@@ -102,5 +115,23 @@ mod tests {
         assert_eq!(ours.time, theirs.time);
         let worst = (ours.moment_2 - theirs.moment_2).abs().max();
         assert!(worst.into_scalar::<f32>() < 1e-6);
+    }
+
+    /// With a gradient of zero only the penalty moves a parameter.
+    #[test]
+    fn biases_and_normalisation_can_be_left_without_penalty() {
+        let device = Device::flex();
+        fn moved<const D: usize>(l2_on: PenalizedParameters, one: Tensor<D>) -> f32 {
+            let fused = FusedAdam::new(1e-2, l2_on);
+            let (after, _) = fused.step(1e-2, one.clone(), one.zeros_like(), None);
+            (after - one).abs().max().into_scalar::<f32>()
+        }
+        let (vector, matrix) = (
+            Tensor::<1>::ones([4], &device),
+            Tensor::<2>::ones([2, 2], &device),
+        );
+        assert!(moved(PenalizedParameters::All, vector.clone()) > 5e-3);
+        assert!(moved(PenalizedParameters::Weights, matrix) > 5e-3);
+        assert_eq!(moved(PenalizedParameters::Weights, vector), 0.0);
     }
 }

@@ -109,6 +109,7 @@ mod tests {
                 batch: 7,
                 loss_sum: 0.1 + 0.2,
                 correct: 5,
+                adversarial_correct: 0,
                 sweeps: 9,
             },
             weights: Weights([("a".to_string(), tensor)].into()),

@@ -9,8 +9,8 @@ use tactnet_models::{
     probability_of_difference,
 };
 
-use crate::PipelineError;
 use crate::network::adam::FusedAdam;
+use crate::{PenalizedParameters, PipelineError};
 
 /// How a small network is trained (Adam, beta 0.9 and 0.999).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -168,7 +168,7 @@ fn fit(
 ) -> Result<Mlp, PipelineError> {
     let autodiff = device.clone().autodiff();
     let mut mlp = Mlp::from_layers(layers, &autodiff);
-    let mut optimizer = FusedAdam::for_module(training.l2);
+    let mut optimizer = FusedAdam::for_module(training.l2, PenalizedParameters::All);
     let batches = examples.div_ceil(training.batch);
     for epoch in 0..training.epochs {
         let mut order: Vec<usize> = (0..examples).collect();

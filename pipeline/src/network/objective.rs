@@ -1,5 +1,6 @@
 //! The loss and its gradients: plain cross entropy, and the adversarial objective of the thesis.
 
+use crate::AttackedLabel;
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::GradientsParams;
 use burn::tensor::{Gradients, Int, Tensor, TensorData};
@@ -15,19 +16,31 @@ pub struct Pass {
     pub gradients: GradientsParams,
     /// Batch statistics of the clean sweeps.
     pub statistics: Vec<BatchStatistics>,
+    /// What the adversarial sweeps gave, where there were any.
+    pub adversarial: Option<AdversarialOutcome>,
     /// The objective, nats per sweep.
     pub loss: f64,
     /// Clean sweeps whose largest logit is their label's, with dropout on.
     pub correct: usize,
 }
 
+/// What the adversarial half of a batch gave.
+pub struct AdversarialOutcome {
+    /// Its batch statistics.
+    pub statistics: Vec<BatchStatistics>,
+    /// Its sweeps whose largest logit is their label's, with dropout on.
+    pub correct: usize,
+}
+
 /// Settings of the adversarial objective.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Perturbation {
     /// Weight of the clean loss.
     pub alpha: f64,
-    /// Size of the step along the sign of the input gradient, in the units of `sweeps`.
-    pub epsilon: f64,
+    /// Size of the step along the sign of the input gradient, of each taxel: `[taxels]`, in the units of `sweeps`.
+    pub epsilon: Vec<f32>,
+    /// Whose loss it raises.
+    pub attack: AttackedLabel,
 }
 
 /// `E(x)`: cross entropy.
@@ -47,6 +60,7 @@ pub fn base_pass(
     Pass {
         gradients,
         statistics,
+        adversarial: None,
         loss,
         correct,
     }
@@ -55,19 +69,25 @@ pub fn base_pass(
 /// `alpha E(x) + (1 - alpha) E(x + r)` with `r = epsilon sign(dE/dx)`, thesis section 4.4.1.
 ///
 /// One clean forward and backward pass gives both the weight gradients and `dE/dx`. The perturbation is a constant for
-/// the second pass (Goodfellow et al., 2014). Running statistics follow the clean sweeps alone, the only ones that
-/// prediction will see. Each pass has its own dropout mask: `masks` is `[clean, adversarial]`.
+/// the second pass (Goodfellow et al., 2014). `masks` is `[clean, adversarial]`. If the predicted label is attacked, `E` under the sign
+/// is the loss of what the clean pass takes for the most probable, and takes another forward and backward pass with the clean mask.
 pub fn adversarial_pass(
     net: &TactNet,
     sweeps: Tensor<4>,
     labels: Tensor<1, Int>,
     masks: [Tensor<2>; 2],
-    Perturbation { alpha, epsilon }: Perturbation,
+    Perturbation {
+        alpha,
+        epsilon,
+        attack,
+    }: &Perturbation,
 ) -> Pass {
+    let alpha = *alpha;
     let [clean_mask, adversarial_mask] = masks;
     let tracked = sweeps.clone().autodiff().require_grad();
     // The sign of dE/dx needs a clean loss even where that has no weight.
     let clean_weight = if alpha > 0.0 { alpha } else { 1.0 };
+    let predicted = (*attack == AttackedLabel::Predicted).then(|| clean_mask.clone());
     let (mut clean, statistics, clean_loss, correct) = pass(
         net,
         tracked.clone(),
@@ -75,12 +95,15 @@ pub fn adversarial_pass(
         clean_mask,
         clean_weight,
     );
-    let gradient = tracked
-        .grad_remove(&mut clean)
-        .unwrap_or_else(|| panic!("the loss depends on the sweeps"));
+    let gradient = match predicted {
+        None => tracked
+            .grad_remove(&mut clean)
+            .unwrap_or_else(|| panic!("the loss depends on the sweeps")),
+        Some(mask) => gradient_of_predicted(net, sweeps.clone(), mask),
+    };
     drop(tracked);
     let perturbed = perturbed(sweeps, gradient, epsilon).autodiff();
-    let (mut adversarial, _, adversarial_loss, _) =
+    let (mut adversarial, adversarial_statistics, adversarial_loss, adversarial_correct) =
         pass(net, perturbed, labels, adversarial_mask, 1.0 - alpha);
     let mut gradients = GradientsParams::from_module(&mut adversarial, net);
     if alpha > 0.0 {
@@ -94,32 +117,55 @@ pub fn adversarial_pass(
     Pass {
         gradients,
         statistics,
+        adversarial: Some(AdversarialOutcome {
+            statistics: adversarial_statistics,
+            correct: adversarial_correct,
+        }),
         loss,
         correct,
     }
 }
 
-/// `sweeps + epsilon sign(gradient)`; on the processor in one pass, where they lie.
-fn perturbed(sweeps: Tensor<4>, gradient: Tensor<4>, epsilon: f64) -> Tensor<4> {
+/// `dE/dx` of the most probable label's loss.
+fn gradient_of_predicted(net: &TactNet, sweeps: Tensor<4>, mask: Tensor<2>) -> Tensor<4> {
+    let tracked = sweeps.autodiff().require_grad();
+    let logits = net.forward_train(tracked.clone(), mask).logits;
+    let predicted = logits.clone().argmax(1).squeeze_dim::<1>(1);
+    let gradients = cross_entropy(logits, predicted).backward();
+    tracked
+        .grad(&gradients)
+        .unwrap_or_else(|| panic!("the loss depends on the sweeps"))
+}
+
+/// `sweeps + epsilon sign(gradient)`, of each taxel its own; on the processor in one pass, where they lie.
+fn perturbed(sweeps: Tensor<4>, gradient: Tensor<4>, epsilon: &[f32]) -> Tensor<4> {
     let device = sweeps.device();
-    if !is_cpu(&device) {
-        return sweeps + gradient.sign().mul_scalar(epsilon);
-    }
     let extents = sweeps.dims();
+    let taxels = epsilon.len();
+    assert_eq!(extents[3], taxels, "an epsilon for every taxel");
+    if !is_cpu(&device) {
+        let epsilon = TensorData::new(epsilon.to_vec(), [1, 1, 1, taxels]);
+        return sweeps + gradient.sign() * Tensor::from_data(epsilon, &device);
+    }
     let (mut digits, gradient) = (values(sweeps), values(gradient));
-    let epsilon = epsilon as f32;
+    let run = RUN.next_multiple_of(taxels);
     digits
-        .par_chunks_mut(RUN)
-        .zip(gradient.par_chunks(RUN))
+        .par_chunks_mut(run)
+        .zip(gradient.par_chunks(run))
         .for_each(|(digits, gradient)| {
-            for (digit, gradient) in digits.iter_mut().zip(gradient) {
-                // Rust's signum of zero is one.
-                let along = if *gradient == 0.0 {
-                    0.0
-                } else {
-                    gradient.signum()
-                };
-                *digit += epsilon * along;
+            let frames = digits
+                .chunks_exact_mut(taxels)
+                .zip(gradient.chunks_exact(taxels));
+            for (digits, gradient) in frames {
+                for ((digit, gradient), epsilon) in digits.iter_mut().zip(gradient).zip(epsilon) {
+                    // Rust's signum of zero is one.
+                    let along = if *gradient == 0.0 {
+                        0.0
+                    } else {
+                        gradient.signum()
+                    };
+                    *digit += epsilon * along;
+                }
             }
         });
     Tensor::from_data(TensorData::new(digits, extents), &device)

@@ -10,7 +10,9 @@ use tactnet_models::{TactNet, TactNetConfig, Weights, dropout_masks, spare_memor
 use crate::network::adam::FusedAdam;
 use crate::network::in_pool::in_pool;
 use crate::network::objective::{Perturbation, adversarial_pass, base_pass};
-use crate::{Normalizer, PipelineError, Recipe, TrainingMethod};
+use crate::{
+    AdversarialMask, AdversarialStatistics, Normalizer, PipelineError, Recipe, TrainingMethod,
+};
 
 /// Where training stands: the next batch, and what the running epoch has shown so far.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -24,6 +26,9 @@ pub struct Position {
     pub loss_sum: f64,
     /// Sweeps of this epoch that were recognised while training.
     pub correct: usize,
+    /// The same of the adversarial sweeps made of them.
+    #[serde(default)]
+    pub adversarial_correct: usize,
     /// Sweeps of this epoch so far.
     pub sweeps: usize,
 }
@@ -52,6 +57,8 @@ pub struct BatchReport {
     pub mean_loss: f64,
     /// Share of the epoch's sweeps recognised so far, with dropout on.
     pub accuracy: f64,
+    /// The same of the adversarial sweeps, where there are any.
+    pub adversarial_accuracy: Option<f64>,
     /// Learning rate used.
     pub learning_rate: f64,
 }
@@ -189,13 +196,25 @@ impl<'a> Training<'a> {
 
         let pass = match self.recipe.training.method {
             TrainingMethod::Base => base_pass(self.net(), sweeps, labels, mask("dropout")),
-            TrainingMethod::Adversarial { alpha, epsilon } => adversarial_pass(
-                self.net(),
-                sweeps,
-                labels,
-                [mask("dropout"), mask("adversarial dropout")],
-                Perturbation { alpha, epsilon },
-            ),
+            TrainingMethod::Adversarial {
+                alpha,
+                epsilon,
+                mask: kind,
+                attack,
+                ..
+            } => {
+                let other = match kind {
+                    AdversarialMask::Own => mask("adversarial dropout"),
+                    AdversarialMask::Shared => mask("dropout"),
+                };
+                let perturbation = Perturbation {
+                    alpha,
+                    epsilon: self.normalizer.scaled(epsilon),
+                    attack,
+                };
+                let masks = [mask("dropout"), other];
+                adversarial_pass(self.net(), sweeps, labels, masks, &perturbation)
+            }
         };
         if !pass.loss.is_finite() {
             return Err(self.not_finite("loss"));
@@ -204,12 +223,18 @@ impl<'a> Training<'a> {
         let net = self.net.take().unwrap_or_else(no_network);
         let mut net = self.optimizer.step(learning_rate, net, pass.gradients);
         net.update_running_stats(&pass.statistics);
+        if let (Some(adversarial), true) = (&pass.adversarial, self.follows_both()) {
+            net.update_running_stats(&adversarial.statistics);
+        }
         self.net = Some(net);
 
         let batches = self.batches();
         let position = &mut self.position;
         position.loss_sum += pass.loss * positions.len() as f64;
         position.correct += pass.correct;
+        if let Some(adversarial) = &pass.adversarial {
+            position.adversarial_correct += adversarial.correct;
+        }
         position.sweeps += positions.len();
         let report = BatchReport {
             epoch,
@@ -217,6 +242,9 @@ impl<'a> Training<'a> {
             batches,
             mean_loss: position.loss_sum / position.sweeps as f64,
             accuracy: position.correct as f64 / position.sweeps as f64,
+            adversarial_accuracy: pass
+                .adversarial
+                .map(|_| position.adversarial_correct as f64 / position.sweeps as f64),
             learning_rate,
         };
         position.batch += 1;
@@ -227,6 +255,17 @@ impl<'a> Training<'a> {
             };
         }
         Ok(Some(report))
+    }
+
+    /// True if running statistics follow the adversarial sweeps too.
+    fn follows_both(&self) -> bool {
+        matches!(
+            self.recipe.training.method,
+            TrainingMethod::Adversarial {
+                statistics: AdversarialStatistics::Both,
+                ..
+            }
+        )
     }
 
     fn net(&self) -> &TactNet {
@@ -298,5 +337,5 @@ fn no_network<T>() -> T {
 }
 
 fn adam(recipe: &Recipe) -> ModuleOptimizer {
-    FusedAdam::for_module(recipe.training.l2)
+    FusedAdam::for_module(recipe.training.l2, recipe.training.l2_on)
 }

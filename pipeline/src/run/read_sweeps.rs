@@ -38,7 +38,7 @@ impl TrainSpec {
     /// As [`TrainSpec::read_sweeps`]; where nothing is at the old place, the message says that `--data` names the new one.
     pub fn read_sweeps_of_run(&self, moved_to: Option<&str>) -> Result<Dataset, PipelineError> {
         let place = moved_to.unwrap_or(&self.data);
-        if moved_to.is_none() && place != DataSource::TWIN && !Path::new(place).exists() {
+        if moved_to.is_none() && !DataSource::is_twin(place) && !Path::new(place).exists() {
             return Err(PipelineError::Run {
                 path: place.into(),
                 reason: "expected the data set of the run, found nothing; `--data FILE` names where it is now".into(),
@@ -51,7 +51,7 @@ impl TrainSpec {
 /// Returns the name of a data set as it is read from any working folder: `twin`, or the file's absolute path.
 pub(super) fn from_anywhere(data: &str) -> String {
     match DataSource::named(data) {
-        DataSource::Twin => data.into(),
+        DataSource::Twin(_) => data.into(),
         // Without a working folder there is nothing better than the path as it was given.
         DataSource::File(path) => std::path::absolute(&path)
             .map_or_else(|_| data.into(), |path| path.display().to_string()),

@@ -1,6 +1,7 @@
 //! What a run decides before its first batch, and what it notes after every epoch.
 
 use serde::{Deserialize, Serialize};
+use tactnet_data::twin::TwinVersion;
 use tactnet_data::{Fold, Scheme, Seed};
 use tactnet_models::Compute;
 
@@ -24,9 +25,9 @@ pub struct RunConfig {
 
 impl RunConfig {
     /// Version written by this program.
-    pub const SCHEMA_VERSION: u32 = 3;
+    pub const SCHEMA_VERSION: u32 = 4;
 
-    /// Reads a `config.json` of this version or the one before.
+    /// Reads a `config.json` of this version or one of the two before, when `twin` meant the twin's version 1.
     ///
     /// # Errors
     /// Another version; text that is no such file.
@@ -39,14 +40,26 @@ impl RunConfig {
         let Versioned { schema_version } = serde_json::from_str(text).map_err(refused)?;
         match schema_version {
             Self::SCHEMA_VERSION => serde_json::from_str(text).map_err(refused),
+            3 => serde_json::from_str::<Self>(text)
+                .map(Self::of_first_twin)
+                .map_err(refused),
             2 => serde_json::from_str::<ConfigOfVersion2>(text)
-                .map(Self::from)
+                .map(|old| Self::from(old).of_first_twin())
                 .map_err(refused),
             other => Err(format!(
-                "expected schema version {} or 2, found {other}",
+                "expected schema version {} or 2 or 3, found {other}",
                 Self::SCHEMA_VERSION
             )),
         }
+    }
+
+    /// What a run that knew one twin alone means today.
+    fn of_first_twin(mut self) -> Self {
+        self.schema_version = Self::SCHEMA_VERSION;
+        if self.spec.data == TwinVersion::Two.name() {
+            self.spec.data = TwinVersion::One.name().into();
+        }
+        self
     }
 
     /// The spec that leads to this run again, with everything named that it left to recipe and data set.
@@ -138,6 +151,9 @@ pub struct EpochMetrics {
     pub train_loss: f64,
     /// Share of training sweeps recognised, with dropout on.
     pub train_accuracy: f64,
+    /// The same of the adversarial sweeps made of them, where there were any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub adversarial_accuracy: Option<f64>,
     /// Learning rate used.
     pub learning_rate: f64,
     /// Time spent in its training steps, seconds.

@@ -58,6 +58,7 @@ impl<'a> TrainingRecord<'a> {
                 epoch: batch.epoch + 1,
                 train_loss: batch.mean_loss,
                 train_accuracy: batch.accuracy,
+                adversarial_accuracy: batch.adversarial_accuracy,
                 learning_rate: batch.learning_rate,
                 seconds: self.epoch_seconds,
             });

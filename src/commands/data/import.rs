@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use anyhow::bail;
 use clap::Args;
+use tactnet_data::DataSource;
 use tactnet_data::format::{Format, read_beginning};
 use tactnet_recording::{Recording, SweepSettings, sweeps};
 
@@ -50,7 +51,7 @@ fn import_data_set(arguments: &ImportArgs, format: Format) -> anyhow::Result<Exi
     let ConvertArgs { data, out, force } = &arguments.convert;
     refuse_to_overwrite(out, *force)?;
     let path = Path::new(data);
-    let mut dataset = if data == source::TWIN || !path.exists() {
+    let mut dataset = if DataSource::is_twin(data) || !path.exists() {
         let twin = source::load(data)?;
         let steps = arguments.steps.unwrap_or(twin.shape().steps);
         twin.first_steps(steps)?

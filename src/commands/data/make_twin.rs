@@ -1,16 +1,25 @@
 //! `tactnet data twin`: makes the synthetic TactMat twin.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use anyhow::Context;
 use clap::Args;
+use serde::Serialize;
 use tactnet_data::format::Format;
-use tactnet_data::twin::{self, TwinConfig, statistics};
+use tactnet_data::twin::{
+    self, Comparison, Construction, Target, TwinConfig, TwinVersion, measure,
+};
 
 use super::refuse_to_overwrite;
-use crate::output;
+use crate::{GIT, output};
 
 #[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    tactnet data twin --out twin.h5                         3600 sweeps of 36 materials\n  \
+    tactnet data twin --materials 5 --sweeps 20 --out small.h5\n  \
+    tactnet data twin --stats                               its signal beside the real one\n  \
+    tactnet data twin --twin-version 1 --out twin1.h5       as `--data twin1`")]
 pub struct TwinArgs {
     /// Where to write it (.h5 or .npz)
     #[arg(long, value_name = "FILE", required_unless_present = "stats")]
@@ -30,18 +39,57 @@ pub struct TwinArgs {
     /// How close the materials are
     #[arg(long, value_name = "X")]
     difficulty: Option<f64>,
-    /// Print its signal statistics beside those of the real signal
+    /// Which twin
+    #[arg(long, value_name = "1|2", value_parser = version)]
+    twin_version: Option<TwinVersion>,
+    /// Other numbers than the version's own, to calibrate a twin: a JSON file with any of the fields of `Construction`
+    #[arg(long, value_name = "FILE")]
+    construction: Option<PathBuf>,
+    /// Print its statistics beside those of the real signal
     #[arg(long)]
     stats: bool,
+    /// With --stats: print one JSON document instead of a table
+    #[arg(long, requires = "stats")]
+    json: bool,
     /// Overwrite the file
     #[arg(long)]
     force: bool,
+}
+
+/// What `--stats --json` prints.
+#[derive(Serialize)]
+struct Statistics<'a> {
+    schema_version: u32,
+    git: &'static str,
+    config: &'a TwinConfig,
+    construction: &'a Construction,
+    data_sha256: &'a str,
+    targets: &'a [Target],
+}
+
+fn version(text: &str) -> Result<TwinVersion, String> {
+    let number: u8 = text.parse().map_err(|_| "expected 1 or 2".to_string())?;
+    TwinVersion::try_from(number)
+}
+
+/// The version's numbers with those that the file names instead.
+fn construction_in(file: &Path, version: TwinVersion) -> anyhow::Result<Construction> {
+    let text = std::fs::read_to_string(file)
+        .with_context(|| format!("{}: cannot read", file.display()))?;
+    let mut numbers = serde_json::to_value(Construction::of(version))?;
+    let other: serde_json::Map<String, serde_json::Value> =
+        serde_json::from_str(&text).with_context(|| format!("{}", file.display()))?;
+    for (name, value) in other {
+        numbers[name] = value;
+    }
+    serde_json::from_value(numbers).with_context(|| format!("{}", file.display()))
 }
 
 /// Runs the command.
 pub fn run(arguments: &TwinArgs) -> anyhow::Result<ExitCode> {
     let default = TwinConfig::default();
     let config = TwinConfig {
+        version: arguments.twin_version.unwrap_or(default.version),
         materials: arguments.materials.unwrap_or(default.materials),
         sweeps: arguments.sweeps.unwrap_or(default.sweeps),
         steps: arguments.steps.unwrap_or(default.steps),
@@ -51,13 +99,28 @@ pub fn run(arguments: &TwinArgs) -> anyhow::Result<ExitCode> {
     if let Some(out) = &arguments.out {
         refuse_to_overwrite(out, arguments.force)?;
     }
-    let twin = twin::generate(&config)?;
+    let construction = match &arguments.construction {
+        None => Construction::of(config.version),
+        Some(file) => construction_in(file, config.version)?,
+    };
+    let twin = twin::generate_with(&config, &construction)?;
     if arguments.stats {
-        let measured = statistics::measure(&twin);
-        output::print(statistics::Comparison {
-            name: "twin",
-            measured: &measured,
-        })?;
+        let targets = Target::of_signal(&measure(&twin));
+        if arguments.json {
+            output::print_json(&Statistics {
+                schema_version: 1,
+                git: GIT,
+                config: &config,
+                construction: &construction,
+                data_sha256: twin.sha256(),
+                targets: &targets,
+            })?;
+        } else {
+            output::print(Comparison {
+                name: twin.name(),
+                targets: &targets,
+            })?;
+        }
     }
     if let Some(out) = &arguments.out {
         Format::from_extension(out)?.write(out, &twin)?;

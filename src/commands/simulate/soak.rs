@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use anyhow::bail;
 use clap::{Args, ValueEnum};
+use tactnet_data::DataSource;
 use tactnet_data::twin::{self, TwinConfig};
 use tactnet_pipeline::RunDir;
 use tactnet_rehearsal::{
@@ -69,13 +70,13 @@ pub fn run(arguments: &SoakArgs) -> anyhow::Result<ExitCode> {
         bail!("--seconds: expected more than 0 and at most a day");
     }
     // Before a network is trained: with data that cannot be read that would be in vain.
-    let dataset = if arguments.data == source::TWIN {
-        twin::generate(&TwinConfig {
+    let dataset = match DataSource::named(&arguments.data) {
+        DataSource::Twin(version) => twin::generate(&TwinConfig {
+            version,
             sweeps: SMALL_SWEEPS,
             ..TwinConfig::default()
-        })?
-    } else {
-        source::load(&arguments.data)?
+        })?,
+        DataSource::File(_) => source::load(&arguments.data)?,
     };
     let scheduling = arguments.scheduling.scheduling()?;
     let folder = tempfile::tempdir()?;

@@ -116,6 +116,7 @@ mod tests {
             batches: 1,
             mean_loss: 99_999.0,
             accuracy: 1.0,
+            adversarial_accuracy: None,
             learning_rate: 1e-4,
         };
         let text = epoch_text(&batch, 1000);

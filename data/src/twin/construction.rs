@@ -1,0 +1,215 @@
+//! The numbers that a version of the twin consists of.
+
+use serde::{Deserialize, Serialize};
+
+use super::TwinVersion;
+use super::embedding::DIMENSIONS;
+use super::materials::BANDS;
+
+/// Everything that a calibration of the twin may set; `default` is version 2. The equations are at the head of [`super`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Construction {
+    /// Divides the distances of the embedding, which is in standard deviations of a class of unit width.
+    pub distance: f64,
+    /// Standard deviation, in latent units, that a block adds to its material's point.
+    pub block: f64,
+    /// The same of a sweep within its block.
+    pub sweep: f64,
+    /// Mean share of sweeps that feel like another material; a material's own share is in proportion to its published errors.
+    pub excursions: f64,
+    /// How far an excursion leads: least and largest share of the way to the other material.
+    pub excursion_reach: [f64; 2],
+    /// Change of the logarithm of a parameter per latent unit: undulation, coarse band, fine bands, correlation times, texture along the
+    /// rows and along the columns.
+    pub gains: [f64; DIMENSIONS],
+    /// Where the mixed coordinates level off, latent units: `bound tanh(x / bound)` instead of `x`. Materials far out differ less.
+    pub bound: Option<f64>,
+    /// True if the fine grain of the noise follows the fine band, and the medium band the mean of the coarse and the fine one.
+    pub grain_follows: bool,
+    /// Standard deviation of each texture band at the origin of the latent space, relative to the level.
+    pub amplitudes: [f64; BANDS],
+    /// Correlation time of each band there, steps.
+    pub correlation_steps: [f64; BANDS],
+    /// Standard deviation of the grain at a level of one digit, digits.
+    pub grain: f64,
+    /// Change of the logarithm of the slip ratio with coarse band minus undulation.
+    pub slip_ratio: f64,
+    /// Change of the logarithm of the slip's duration with that of the correlation times.
+    pub slip_duration: f64,
+    /// Slope of the logarithm of the levels along the columns, with that of the correlation times.
+    pub column_levels: f64,
+    /// How unsteady the texture is.
+    pub envelope: Envelope,
+}
+
+/// The slow rise and fall of the texture's strength: each taxel's coarse band, and its medium and fine bands together, are multiplied by
+/// `exp(s V - s^2)`, which leaves their power on the mean as it is.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Envelope {
+    /// `s` at the origin of the latent space; 0 for a steady texture.
+    pub depth: f64,
+    /// Change of the logarithm of `s` per latent unit.
+    pub gain: f64,
+    /// Correlation time of `V`, steps.
+    pub steps: f64,
+}
+
+impl Default for Construction {
+    fn default() -> Self {
+        Self::of(TwinVersion::Two)
+    }
+}
+
+impl Construction {
+    /// Returns the numbers of a version.
+    pub fn of(version: TwinVersion) -> Self {
+        match version {
+            TwinVersion::One => Self::one(),
+            TwinVersion::Two => Self::two(),
+        }
+    }
+
+    /// Fitted by hand to the signal of four published sweeps and to the accuracy of the base network.
+    fn one() -> Self {
+        Self {
+            distance: 1.0,
+            block: 0.35,
+            sweep: 0.65,
+            excursions: 0.0,
+            excursion_reach: [0.44, 1.24],
+            gains: [0.125, 0.21, 0.20, 0.20, 0.045, 0.045],
+            bound: None,
+            grain_follows: true,
+            amplitudes: [0.108, 0.035, 0.028, 0.0040],
+            correlation_steps: [110.0, 25.0, 5.0, 1.5],
+            grain: 0.026,
+            slip_ratio: 0.2,
+            slip_duration: 0.5,
+            column_levels: 0.1,
+            envelope: Envelope {
+                depth: 0.0,
+                gain: 0.0,
+                steps: 80.0,
+            },
+        }
+    }
+
+    /// Found by `experiments/twin/calibrate.py`; the log of what was tried is beside it.
+    fn two() -> Self {
+        Self {
+            distance: 0.6,
+            block: 0.2,
+            sweep: 0.35,
+            excursions: 0.13,
+            excursion_reach: [0.44, 1.24],
+            gains: [0.15, 0.2, 0.0, 0.3, 0.15, 0.15],
+            bound: None,
+            grain_follows: false,
+            amplitudes: [0.1, 0.032, 0.022, 0.004],
+            correlation_steps: [110.0, 25.0, 5.0, 1.5],
+            grain: 0.024,
+            slip_ratio: 0.3,
+            slip_duration: 1.0,
+            column_levels: 0.1,
+            envelope: Envelope {
+                depth: 0.35,
+                gain: 0.4,
+                steps: 80.0,
+            },
+        }
+    }
+
+    /// Returns what is wrong with a number, if anything is: its name and what was expected.
+    pub(super) fn mistake(&self) -> Option<(&'static str, &'static str)> {
+        let positive = [
+            ("distance", self.distance),
+            ("bound", self.bound.unwrap_or(1.0)),
+            ("correlation_steps", least(&self.correlation_steps)),
+            ("envelope.steps", self.envelope.steps),
+        ];
+        let not_negative = [
+            ("block", self.block),
+            ("sweep", self.sweep),
+            ("amplitudes", least(&self.amplitudes)),
+            ("grain", self.grain),
+            ("envelope.depth", self.envelope.depth),
+        ];
+        let free = [
+            ("gains", self.gains.iter().sum()),
+            ("slip_ratio", self.slip_ratio),
+            ("slip_duration", self.slip_duration),
+            ("column_levels", self.column_levels),
+            ("envelope.gain", self.envelope.gain),
+            ("excursion_reach", self.excursion_reach.iter().sum()),
+        ];
+        let wrong = |list: &[(&'static str, f64)], holds: fn(f64) -> bool| {
+            let found = list.iter().find(|(_, value)| !holds(*value));
+            found.map(|(name, _)| *name)
+        };
+        let named = |expected| move |name| (name, expected);
+        wrong(&positive, |value| value.is_finite() && value > 0.0)
+            .map(named("a positive number"))
+            .or_else(|| {
+                wrong(&not_negative, |value| value.is_finite() && value >= 0.0)
+                    .map(named("a number of at least 0"))
+            })
+            .or_else(|| wrong(&free, f64::is_finite).map(named("finite numbers")))
+            .or_else(|| {
+                (!(0.0..=0.5).contains(&self.excursions))
+                    .then_some(("excursions", "a share of at most 0.5"))
+            })
+    }
+}
+
+/// The smallest of some numbers; not a number if one is not.
+fn least(numbers: &[f64]) -> f64 {
+    numbers.iter().fold(f64::INFINITY, |least, &x| {
+        if x < least || x.is_nan() { x } else { least }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn impossible_numbers_are_named() {
+        let good = Construction::default();
+        assert_eq!(good.mistake(), None);
+        let wrong = [
+            (
+                "distance",
+                Construction {
+                    distance: 0.0,
+                    ..good.clone()
+                },
+            ),
+            (
+                "amplitudes",
+                Construction {
+                    amplitudes: [0.1, f64::NAN, 0.1, 0.1],
+                    ..good.clone()
+                },
+            ),
+            (
+                "gains",
+                Construction {
+                    gains: [f64::INFINITY; DIMENSIONS],
+                    ..good.clone()
+                },
+            ),
+            (
+                "excursions",
+                Construction {
+                    excursions: 0.6,
+                    ..good.clone()
+                },
+            ),
+        ];
+        for (name, construction) in wrong {
+            assert_eq!(construction.mistake().map(|found| found.0), Some(name));
+        }
+    }
+}

@@ -1,0 +1,122 @@
+//! What the twin must agree with, and whether it does.
+
+use serde::Serialize;
+
+use super::statistics::{REAL, SignalStatistics, TOLERANCE};
+
+/// One figure beside what is published or was measured on real sweeps.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Target {
+    /// What is measured, with its unit.
+    pub name: &'static str,
+    /// On the twin; `None` if it is not a number.
+    pub value: Option<f64>,
+    /// On TactMat.
+    pub target: f64,
+    /// How far the two may be apart.
+    pub tolerance: f64,
+    /// Whether they are no farther apart.
+    pub met: bool,
+    /// Where the value comes from.
+    pub source: TargetSource,
+}
+
+/// Where a target's value comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum TargetSource {
+    /// The sweeps at hand, just now.
+    Measured,
+    /// Classifiers that `experiments/twin/calibrate.py` trained on several seeds of the default twin.
+    Recorded,
+}
+
+impl Target {
+    fn new(name: &'static str, value: f64, target: f64, tolerance: f64) -> Self {
+        Self {
+            name,
+            value: value.is_finite().then_some(value),
+            target,
+            tolerance,
+            met: (value - target).abs() <= tolerance,
+            source: TargetSource::Measured,
+        }
+    }
+
+    /// Returns the signal's figures beside those of the four published sweeps.
+    pub fn of_signal(measured: &SignalStatistics) -> Vec<Self> {
+        measured
+            .figures()
+            .into_iter()
+            .zip(REAL.figures())
+            .zip(TOLERANCE.figures())
+            .map(|(((name, value), (_, target)), (_, tolerance))| {
+                Self::new(name, value, target, tolerance)
+            })
+            .collect()
+    }
+}
+
+/// A table of targets, one line each; one that is missed is marked `*`.
+#[derive(Debug, Clone, Copy)]
+pub struct Comparison<'a> {
+    /// What the measured data set is called, the column's heading.
+    pub name: &'a str,
+    /// Its figures.
+    pub targets: &'a [Target],
+}
+
+impl std::fmt::Display for Comparison<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "{:<44}{:>10}{:>10}{:>10}",
+            "", "TactMat", "+-", self.name
+        )?;
+        for target in self.targets {
+            let mark = if target.met { "" } else { " *" };
+            write!(
+                f,
+                "\n{:<44}{:>10.3}{:>10.3}{:>10.3}{mark}",
+                target.name,
+                target.target,
+                target.tolerance,
+                target.value.unwrap_or(f64::NAN)
+            )?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::statistics::measure;
+    use super::super::{TwinConfig, generate};
+    use super::*;
+
+    fn table(measured: &SignalStatistics) -> String {
+        let targets = Target::of_signal(measured);
+        Comparison {
+            name: "twin",
+            targets: &targets,
+        }
+        .to_string()
+    }
+
+    #[test]
+    fn full_twin_shows_every_figure_of_the_real_signal() {
+        let table = table(&measure(&generate(&TwinConfig::default()).unwrap()));
+        assert!(!table.contains('*'), "{table}");
+    }
+
+    #[test]
+    fn a_figure_outside_the_tolerance_is_marked() {
+        assert!(!table(&REAL).contains('*'), "{}", table(&REAL));
+        let loud = SignalStatistics {
+            mean: 10.0,
+            spectral_slope: f64::NAN,
+            ..REAL
+        };
+        assert_eq!(table(&loud).matches('*').count(), 2, "{}", table(&loud));
+    }
+}

@@ -1,0 +1,61 @@
+//! Versions of the twin.
+
+use serde::{Deserialize, Serialize};
+
+/// Which twin: results on one say nothing about the other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(try_from = "u8", into = "u8")]
+pub enum TwinVersion {
+    /// Steady textures that differ in their power; materials are normal classes. `--data twin1`.
+    One,
+    /// Unsteady textures, larger differences at low frequencies, and sweeps that feel like another material.
+    #[default]
+    Two,
+}
+
+impl TwinVersion {
+    /// Returns 1 or 2.
+    pub fn number(self) -> u8 {
+        self.into()
+    }
+
+    /// Returns what the generated data set is called: `twin1` or `twin`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::One => "twin1",
+            Self::Two => "twin",
+        }
+    }
+}
+
+impl TwinVersion {
+    /// Returns the version that a file's mark names: 0 for none, 1 for what the first files hold.
+    pub(crate) fn of_mark(mark: f64) -> Option<Self> {
+        match mark {
+            0.0 => None,
+            2.0 => Some(Self::Two),
+            _ => Some(Self::One),
+        }
+    }
+}
+
+impl From<TwinVersion> for u8 {
+    fn from(version: TwinVersion) -> Self {
+        match version {
+            TwinVersion::One => 1,
+            TwinVersion::Two => 2,
+        }
+    }
+}
+
+impl TryFrom<u8> for TwinVersion {
+    type Error = String;
+
+    fn try_from(number: u8) -> Result<Self, String> {
+        match number {
+            1 => Ok(Self::One),
+            2 => Ok(Self::Two),
+            _ => Err(format!("expected a twin of version 1 or 2, found {number}")),
+        }
+    }
+}

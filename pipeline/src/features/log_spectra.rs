@@ -1,0 +1,125 @@
+//! Mean and logarithmic power spectrum of every taxel: what differs between materials in the power of a band, a linear classifier reads
+//! off these.
+
+use std::sync::Arc;
+
+use realfft::{RealFftPlanner, RealToComplex};
+use tactnet_data::SweepShape;
+
+use crate::PipelineError;
+
+/// Bands from the lowest frequency to half the rate, each so many times as wide as the one before; those without a frequency are left out.
+const BANDS: usize = 14;
+/// Power below which a band holds nothing: a thousandth of the square of one digit.
+const LEAST_POWER: f64 = 1e-3;
+
+/// Computes logarithmic spectra of sweeps of one shape and rate.
+pub struct LogSpectra {
+    taxels: usize,
+    steps: usize,
+    transform: Arc<dyn RealToComplex<f64>>,
+    /// Bins of each band.
+    bands: Vec<std::ops::Range<usize>>,
+}
+
+impl LogSpectra {
+    /// For sweeps of `shape`.
+    ///
+    /// # Errors
+    /// Sweeps of fewer than four steps.
+    pub fn new(shape: SweepShape, rate: f64) -> Result<Self, PipelineError> {
+        if shape.steps < 4 {
+            return Err(PipelineError::Incompatible {
+                item: "sweeps",
+                expected: "at least 4 steps for a spectrum".into(),
+                found: format!("{} steps at {rate} Hz", shape.steps),
+            });
+        }
+        let last = (shape.steps / 2) as f64;
+        let edge = |band: usize| last.powf(band as f64 / BANDS as f64);
+        // From the first bin, one period a sweep, to the last one.
+        let bins = |band: usize| {
+            let end = edge(band + 1).round() as usize + usize::from(band + 1 == BANDS);
+            edge(band).round() as usize..end
+        };
+        Ok(Self {
+            taxels: shape.taxels(),
+            steps: shape.steps,
+            transform: RealFftPlanner::new().plan_fft_forward(shape.steps),
+            bands: (0..BANDS)
+                .map(bins)
+                .filter(|bins| !bins.is_empty())
+                .collect(),
+        })
+    }
+
+    /// Number of features, with the taxels' means.
+    pub fn width(&self) -> usize {
+        self.taxels * (1 + self.bands.len())
+    }
+
+    /// Writes `ln(sum over the band of |S|^2 + 0.001)`, `[taxels][bands]`, of the unitary spectrum of one sweep, `[steps][taxels]`.
+    pub fn write(&self, sweep: &[f32], out: &mut [f32]) {
+        let mut input = self.transform.make_input_vec();
+        let mut spectrum = self.transform.make_output_vec();
+        for (taxel, out) in out.chunks_exact_mut(self.bands.len()).enumerate() {
+            for (value, frame) in input.iter_mut().zip(sweep.chunks_exact(self.taxels)) {
+                *value = f64::from(frame[taxel]);
+            }
+            // Lengths are the plan's own, so nothing can fail.
+            let _ = self.transform.process(&mut input, &mut spectrum);
+            for (out, bins) in out.iter_mut().zip(&self.bands) {
+                let band = &spectrum[bins.clone()];
+                let power: f64 = band.iter().map(|x| x.norm_sqr()).sum();
+                *out = (power / self.steps as f64 + LEAST_POWER).ln() as f32;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bands_cover_every_frequency_once_and_a_tone_stands_in_one() {
+        for steps in [4, 5, 20, 333, 1000, 8800] {
+            let shape = SweepShape {
+                steps,
+                rows: 1,
+                cols: 1,
+            };
+            let spectra = LogSpectra::new(shape, 750.0).unwrap();
+            let mut next = 1;
+            for bins in &spectra.bands {
+                assert_eq!(bins.start, next, "{steps} steps");
+                next = bins.end;
+            }
+            assert_eq!(next, steps / 2 + 1, "{steps} steps");
+        }
+        let shape = SweepShape {
+            steps: 1000,
+            rows: 1,
+            cols: 2,
+        };
+        let spectra = LogSpectra::new(shape, 750.0).unwrap();
+        let tone = |t: usize| (std::f64::consts::TAU * 50.0 * t as f64 / 1000.0).sin();
+        let sweep: Vec<f32> = (0..1000)
+            .flat_map(|t| [7.0, 3.0 + tone(t) as f32])
+            .collect();
+        let mut found = vec![0.0; spectra.width() - 2];
+        spectra.write(&sweep, &mut found);
+        let bands = spectra.bands.len();
+        let nothing = LEAST_POWER.ln() as f32;
+        assert!(found[..bands].iter().all(|x| (x - nothing).abs() < 1e-3));
+        for (band, x) in spectra.bands.iter().zip(&found[bands..]) {
+            // Half of 1000 times the mean square of the sine.
+            let expected = if band.contains(&50) {
+                250.0_f32.ln()
+            } else {
+                nothing
+            };
+            assert!((x - expected).abs() < 1e-2, "{band:?}: {x}");
+        }
+    }
+}
