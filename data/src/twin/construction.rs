@@ -33,6 +33,8 @@ pub struct Construction {
     pub correlation_steps: [f64; BANDS],
     /// Standard deviation of the grain at a level of one digit, digits.
     pub grain: f64,
+    /// Standard deviation of the force that all taxels feel, relative to the level.
+    pub force: f64,
     /// Change of the logarithm of the slip ratio with coarse band minus undulation.
     pub slip_ratio: f64,
     /// Change of the logarithm of the slip's duration with that of the correlation times.
@@ -85,6 +87,7 @@ impl Construction {
             amplitudes: [0.108, 0.035, 0.028, 0.0040],
             correlation_steps: [110.0, 25.0, 5.0, 1.5],
             grain: 0.026,
+            force: 0.012,
             slip_ratio: 0.2,
             slip_duration: 0.5,
             column_levels: 0.1,
@@ -110,6 +113,7 @@ impl Construction {
             amplitudes: [0.1, 0.032, 0.022, 0.004],
             correlation_steps: [110.0, 25.0, 5.0, 1.5],
             grain: 0.024,
+            force: 0.009,
             slip_ratio: 0.3,
             slip_duration: 1.0,
             column_levels: 0.1,
@@ -134,6 +138,7 @@ impl Construction {
             ("sweep", self.sweep),
             ("amplitudes", least(&self.amplitudes)),
             ("grain", self.grain),
+            ("force", self.force),
             ("envelope.depth", self.envelope.depth),
         ];
         let free = [

@@ -67,6 +67,8 @@ pub(super) struct Surface {
     pub(super) column_levels: [f64; 4],
     /// Ridges across the stroke, where there are any.
     pub(super) ridges: Option<Ridges>,
+    /// Standard deviation of the force, common to all taxels, relative to the level.
+    pub(super) force: f64,
     /// How its texture rises and falls, where it is not steady.
     pub(super) envelope: Option<SurfaceEnvelope>,
 }
@@ -138,6 +140,7 @@ pub(super) fn surface(label: usize, latent: &Latent, construction: &Construction
         slip_slowness: (c.slip_duration * length).exp(),
         column_levels: ramp(c.column_levels * length),
         ridges: ridges(label),
+        force: c.force,
         envelope: (c.envelope.depth > 0.0).then(|| SurfaceEnvelope {
             depth: c.envelope.depth * (c.envelope.gain * mixed[FINE]).exp(),
             steps: c.envelope.steps,

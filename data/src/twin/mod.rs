@@ -15,7 +15,7 @@
 //! w_i = 0.45 exp(-u / 12 s) + 0.55 exp(-u / 400 s)   slip, fast and slow; s is the material's
 //! m_i = 1 - exp(-u / 8)                              texture sets in
 //! q_i = g_i sum_b a_b E_ib OU(tau_b / v)             texture: four Ornstein-Uhlenbeck processes of unit variance
-//! f   = 0.012 OU(60)                                 force, common to all taxels
+//! f   = h OU(60)                                     force, common to all taxels
 //! p_i = r sin(2 pi (v t 0.04 mm - y_i) / pitch)      ridges across the stroke, for three materials
 //! n_i : variance 0.057^2 + c^2 L_i                   sensor noise and fine grain
 //! ```

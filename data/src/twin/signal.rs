@@ -37,7 +37,6 @@ const FAST_SLIP_STEPS: f64 = 12.0;
 const SLOW_SLIP_STEPS: f64 = 400.0;
 const TEXTURE_ONSET_STEPS: f64 = 8.0;
 
-const FORCE_AMPLITUDE: f64 = 0.012;
 const FORCE_STEPS: f64 = 60.0;
 
 const NOISE_VARIANCE: f64 = 0.057 * 0.057;
@@ -197,7 +196,7 @@ pub(super) fn record(surface: &Surface, contact: &Contact, rng: &mut ChaCha8Rng,
     let mut envelopes = surface
         .envelope
         .map(|envelope| Envelopes::new(envelope, speed, rng));
-    let mut force = Process::new(FORCE_AMPLITUDE, FORCE_STEPS, rng);
+    let mut force = Process::new(surface.force, FORCE_STEPS, rng);
     let decay = Slip {
         fast: (-1.0 / (FAST_SLIP_STEPS * surface.slip_slowness)).exp(),
         slow: (-1.0 / (SLOW_SLIP_STEPS * surface.slip_slowness)).exp(),

@@ -1,14 +1,18 @@
 //! What the twin must agree with, and whether it does.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::statistics::{REAL, SignalStatistics, TOLERANCE};
+use crate::DataError;
+
+/// What `experiments/twin/calibrate.py record` found.
+const RECORDED: &str = include_str!("trained_targets.json");
 
 /// One figure beside what is published or was measured on real sweeps.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Target {
     /// What is measured, with its unit.
-    pub name: &'static str,
+    pub name: String,
     /// On the twin; `None` if it is not a number.
     pub value: Option<f64>,
     /// On TactMat.
@@ -31,10 +35,27 @@ pub enum TargetSource {
     Recorded,
 }
 
+/// The record of the calibration's last command.
+#[derive(Deserialize)]
+struct Record {
+    /// Of the twins that were trained on, the default one first.
+    data_sha256: Vec<String>,
+    targets: Vec<Trained>,
+}
+
+/// A figure of trained classifiers.
+#[derive(Deserialize)]
+struct Trained {
+    name: String,
+    value: f64,
+    target: f64,
+    tolerance: f64,
+}
+
 impl Target {
-    fn new(name: &'static str, value: f64, target: f64, tolerance: f64) -> Self {
+    fn new(name: &str, value: f64, target: f64, tolerance: f64) -> Self {
         Self {
-            name,
+            name: name.into(),
             value: value.is_finite().then_some(value),
             target,
             tolerance,
@@ -54,6 +75,29 @@ impl Target {
                 Self::new(name, value, target, tolerance)
             })
             .collect()
+    }
+
+    /// Returns the recorded figures of classifiers that were trained on the twin with this checksum; none if they were trained on another.
+    ///
+    /// # Errors
+    /// A record that cannot be read.
+    pub fn of_training(data_sha256: &str) -> Result<Vec<Self>, DataError> {
+        let record: Record = serde_json::from_str(RECORDED).map_err(|error| {
+            DataError::inconsistent("trained targets", "a record", error.to_string())
+        })?;
+        if !record.data_sha256.iter().any(|sha| sha == data_sha256) {
+            return Ok(Vec::new());
+        }
+        let targets = record.targets.into_iter().map(|trained| Self {
+            source: TargetSource::Recorded,
+            ..Self::new(
+                &trained.name,
+                trained.value,
+                trained.target,
+                trained.tolerance,
+            )
+        });
+        Ok(targets.collect())
     }
 }
 

@@ -138,8 +138,8 @@ const TERMS: [(&str, &str); 3] = [
         "Two frozen networks, the Euclidean distance between their outputs, and a small network from it to the answer: as published. Every output: the small network sees the difference of every output instead.",
     ),
     (
-        "Posterior, threshold",
-        "Chance that two labels drawn from both sweeps' probabilities differ; logistic regression on the distance of embeddings.",
+        "Most probable, Bayes, threshold",
+        "Whether both sweeps have the same most probable material; Bayes' rule on the two posteriors, where half of the pairs are of one material; logistic regression on the distance of embeddings.",
     ),
     (
         "Hard pairs",
@@ -166,7 +166,10 @@ fn differentiate(sweeps: &[usize], context: &StudyContext<'_>) -> Result<Answer,
         TRAINING_PAIRS,
         &mut seed.rng("training pairs"),
     );
-    let mut scorers = vec![("posterior", PairScorer::Posterior)];
+    let mut scorers = vec![
+        ("most probable", PairScorer::MostProbable),
+        ("Bayes", PairScorer::Bayes),
+    ];
     context.say("threshold")?;
     scorers.push(("threshold", threshold(&train, &pairs)?));
     for (name, apart) in [

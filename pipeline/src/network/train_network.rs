@@ -63,3 +63,112 @@ pub fn train_network(
     let weights = training.state()?.weights;
     Classifier::new(config, &weights, device).map(Some)
 }
+
+#[cfg(test)]
+mod tests {
+    use tactnet_data::twin::{TwinConfig, generate};
+    use tactnet_data::{Dataset, Fold, Scheme};
+    use tactnet_models::{Compute, Weights};
+
+    use super::*;
+
+    fn twin() -> Dataset {
+        generate(&TwinConfig {
+            materials: 3,
+            sweeps: 6,
+            steps: 60,
+            ..TwinConfig::default()
+        })
+        .unwrap()
+    }
+
+    /// Weights after one step over all training sweeps; `method` is TOML.
+    fn after_one_step(dataset: &Dataset, keep: f64, training: &str) -> Weights {
+        let text = format!(
+            "name = \"small\"\nnetwork = {{ maps = [3, 4], hidden = 8, keep_probability = {keep} }}\n\
+             input = {{ scaling = \"per-taxel\" }}\n\
+             [training]\nepochs = 1\nbatch = 64\nlearning_rate = 0.01\n{training}\n"
+        );
+        let recipe = Recipe::parse("small", &text).unwrap();
+        let fold = Fold::new(dataset, Scheme::default(), Seed(1), 0, 0).unwrap();
+        let device = Compute::Cpu.open().unwrap();
+        let fitted = train_network(&recipe, &fold.train, Seed(1), &device, |_| true);
+        fitted.unwrap().unwrap().network().unwrap().weights()
+    }
+
+    fn adversarial(more: &str) -> String {
+        format!("method = {{ kind = \"adversarial\", alpha = 0.5, epsilon = 2.0{more} }}")
+    }
+
+    fn split(weights: &Weights) -> (Vec<(&String, &Vec<f32>)>, Vec<(&String, &Vec<f32>)>) {
+        let all = weights
+            .0
+            .iter()
+            .map(|(name, tensor)| (name, &tensor.values));
+        all.partition(|(name, _)| name.contains("running"))
+    }
+
+    #[test]
+    fn each_adversarial_setting_changes_what_it_names_and_nothing_else() {
+        let twin = twin();
+        let usual = after_one_step(&twin, 0.8, &adversarial(""));
+        let (running, trained) = split(&usual);
+        assert!(!running.is_empty() && !trained.is_empty());
+
+        let both = after_one_step(&twin, 0.8, &adversarial(", statistics = \"both\""));
+        let (running_of_both, trained_of_both) = split(&both);
+        assert_eq!(trained, trained_of_both);
+        assert_ne!(running, running_of_both);
+
+        let shared = after_one_step(&twin, 0.8, &adversarial(", mask = \"shared\""));
+        assert_ne!(split(&shared).1, trained);
+        let [own, shared] = ["own", "shared"]
+            .map(|mask| after_one_step(&twin, 1.0, &adversarial(&format!(", mask = \"{mask}\""))));
+        assert_eq!(
+            own.0, shared.0,
+            "where nothing is dropped, masks do not differ"
+        );
+
+        let predicted = after_one_step(&twin, 0.8, &adversarial(", attack = \"predicted\""));
+        assert_ne!(split(&predicted).1, trained);
+        assert_eq!(split(&predicted).0, running, "of the clean sweeps");
+    }
+
+    /// Without a perturbation the adversarial half sees the clean sweeps; alpha 1 leaves it out.
+    #[test]
+    fn alpha_weighs_the_clean_loss_and_epsilon_moves_the_sweeps() {
+        let twin = twin();
+        let method = |alpha: f64, epsilon: f64| {
+            format!("method = {{ kind = \"adversarial\", alpha = {alpha}, epsilon = {epsilon} }}")
+        };
+        let base = after_one_step(&twin, 0.8, "method = { kind = \"base\" }");
+        assert_eq!(base.0, after_one_step(&twin, 0.8, &method(1.0, 3.0)).0);
+        assert_ne!(base.0, after_one_step(&twin, 0.8, &method(0.1, 3.0)).0);
+        let [weak, strong] =
+            [0.0, 3.0].map(|epsilon| after_one_step(&twin, 1.0, &method(0.0, epsilon)));
+        assert_eq!(
+            weak.0,
+            after_one_step(&twin, 1.0, "method = { kind = \"base\" }").0
+        );
+        assert_ne!(weak.0, strong.0);
+    }
+
+    #[test]
+    fn an_l2_penalty_on_weights_alone_leaves_biases_and_normalisation() {
+        let twin = twin();
+        let with =
+            |l2: &str| after_one_step(&twin, 1.0, &format!("{l2}method = {{ kind = \"base\" }}"));
+        let (none, all) = (with(""), with("l2 = 10.0\n"));
+        let weights = with("l2 = 10.0\nl2_on = \"weights\"\n");
+        for (name, tensor) in &weights.0 {
+            let penalized = tensor.shape.len() > 1;
+            let expected = if penalized {
+                &all.0[name]
+            } else {
+                &none.0[name]
+            };
+            assert_eq!(tensor, expected, "{name}");
+        }
+        assert_ne!(all.0, none.0);
+    }
+}

@@ -105,7 +105,8 @@ pub fn run(arguments: &TwinArgs) -> anyhow::Result<ExitCode> {
     };
     let twin = twin::generate_with(&config, &construction)?;
     if arguments.stats {
-        let targets = Target::of_signal(&measure(&twin));
+        let mut targets = Target::of_signal(&measure(&twin));
+        targets.extend(Target::of_training(twin.sha256())?);
         if arguments.json {
             output::print_json(&Statistics {
                 schema_version: 1,

@@ -1,6 +1,6 @@
 //! The ways to tell whether two sweeps differ.
 
-use tactnet_models::{Features, LinearHead, Mlp, WeightPrior};
+use tactnet_models::{Features, LinearHead, Mlp, WeightPrior, argmax};
 use tactnet_pipeline::{Embedding, SweepPair, predict_difference};
 
 use crate::context::Cancelled;
@@ -51,8 +51,10 @@ pub(super) enum PairScorer {
     },
     /// Logistic regression on one distance.
     Threshold(LinearHead),
-    /// Chance that the two have different labels if each has its own posterior.
-    Posterior,
+    /// Whether the two have the same most probable material.
+    MostProbable,
+    /// Bayes' rule on the two posteriors, where half of all pairs are of one material.
+    Bayes,
 }
 
 impl PairScorer {
@@ -66,18 +68,34 @@ impl PairScorer {
                 .iter()
                 .map(|log_p| log_p[1].exp())
                 .collect(),
-            Self::Posterior => {
+            Self::MostProbable => {
                 let log_p = embedding.log_probabilities();
-                pairs
-                    .iter()
-                    .map(|pair| {
-                        let both = log_p[pair.first].iter().zip(&log_p[pair.second]);
-                        1.0 - both.map(|(a, b)| (a + b).exp()).sum::<f64>()
-                    })
+                let labels: Vec<usize> = log_p.iter().map(|row| argmax(row)).collect();
+                let differ = |pair: &SweepPair| labels[pair.first] != labels[pair.second];
+                pairs.iter().map(|pair| f64::from(differ(pair))).collect()
+            }
+            Self::Bayes => {
+                let log_p = embedding.log_probabilities();
+                let each = pairs.iter();
+                each.map(|pair| different(&log_p[pair.first], &log_p[pair.second]))
                     .collect()
             }
         }
     }
+}
+
+/// Returns the probability that two sweeps are of different materials, given the posterior of each: `s = sum_m a_m b_m` is the chance that
+/// labels drawn from both agree, which they do with a chance of `1 / K` where nothing is known; of pairs half are of one material.
+///
+/// With uniform priors `p(x_a, x_b | same) ~ s / K` and `p(x_a, x_b | different) ~ (1 - s) / (K (K - 1))`, so that
+///
+/// ```text
+/// P(different) = (1 - s) / ((1 - s) + (K - 1) s)
+/// ```
+pub(super) fn different(a: &[f64], b: &[f64]) -> f64 {
+    let same: f64 = a.iter().zip(b).map(|(a, b)| (a + b).exp()).sum();
+    let apart = (1.0 - same).max(0.0);
+    apart / (apart + (a.len() as f64 - 1.0) * same)
 }
 
 pub(super) fn scaled(mut features: Features, scale: f32) -> Features {
@@ -96,4 +114,36 @@ pub(super) fn threshold(train: &Embedding, pairs: &[SweepPair]) -> Result<PairSc
     Ok(PairScorer::Threshold(LinearHead::fit(
         &distances, &different, 2, &prior,
     )?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn posteriors_that_say_nothing_leave_one_half() {
+        for materials in [2, 6, 36] {
+            let flat = vec![-(materials as f64).ln(); materials];
+            assert!((different(&flat, &flat) - 0.5).abs() < 1e-12, "{materials}");
+        }
+    }
+
+    /// The joint posterior of both labels, term by term, with half of the pairs of one material.
+    #[test]
+    fn the_rule_is_the_sum_over_all_pairs_of_labels() {
+        let logs = |p: [f64; 3]| p.map(f64::ln);
+        let (a, b) = ([0.7, 0.2, 0.1], [0.3, 0.3, 0.4]);
+        let (mut same, mut apart) = (0.0, 0.0);
+        for i in 0..3 {
+            for j in 0..3 {
+                if i == j {
+                    same += 0.5 / 3.0 * a[i] * b[j];
+                } else {
+                    apart += 0.5 / 6.0 * a[i] * b[j];
+                }
+            }
+        }
+        let found = different(&logs(a), &logs(b));
+        assert!((found - apart / (same + apart)).abs() < 1e-12, "{found}");
+    }
 }
