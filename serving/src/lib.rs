@@ -11,6 +11,7 @@ mod realtime;
 mod report;
 mod serve_error;
 mod service;
+mod skin_limits;
 mod status_line;
 pub mod systemd;
 pub mod web;

@@ -90,7 +90,8 @@ fn hub(arguments: &HubArgs) -> anyhow::Result<ExitCode> {
     while !stop.asked() {
         let cleaned = hub.tick()?;
         if cleaned > 0 {
-            eprintln!("cleaned up after {cleaned} dead clients");
+            let plural = if cleaned == 1 { "" } else { "s" };
+            eprintln!("cleaned up after {cleaned} dead client{plural}");
         }
         std::thread::sleep(Duration::from_millis(50));
     }

@@ -48,6 +48,7 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
     let (run, sweeps) = match &arguments.run {
         Some(run) => {
             let config = RunDir::open(run)?.config()?;
+            config.require_network(run, "be served")?;
             let data = arguments.data.as_deref().unwrap_or(&config.spec.data);
             let sweeps = match DataSource::named(data) {
                 DataSource::Twin => {

@@ -108,6 +108,11 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
         names.sample_rate_hz,
         names.mc_samples
     );
+    if let Some([least, greatest]) = service.values() {
+        eprintln!(
+            "a sweep with values outside {least} to {greatest} is rejected (`values` in the table)"
+        );
+    }
     if service.is_rate_assumed() {
         eprintln!(
             "warning: the rate of {} Hz is assumed, since the training data did not say; train with `--rate HZ`",
