@@ -4,9 +4,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::SweepView;
 
-/// What raw 8-bit skins give.
-const DIGITS: [f32; 2] = [0.0, 255.0];
-
 /// The values of some sweeps.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -20,6 +17,9 @@ pub struct ValueRange {
 }
 
 impl ValueRange {
+    /// Least and greatest value of a raw 8-bit skin.
+    pub const DIGITS: [f32; 2] = [0.0, 255.0];
+
     /// Returns the range of all sweeps of `view`; `None` without one finite value.
     pub fn of(view: &SweepView<'_>) -> Option<Self> {
         let shape = view.shape();
@@ -50,9 +50,9 @@ impl ValueRange {
     /// Returns the least and the greatest value that a skin with such sweeps may show: 0 to 255 where all values are within it, as a raw 8-bit skin's
     /// are, and otherwise once more the width of the range on either side.
     pub fn limits(&self) -> [f32; 2] {
-        let [zero, full] = DIGITS;
+        let [zero, full] = Self::DIGITS;
         if self.least >= zero && self.greatest <= full {
-            return DIGITS;
+            return Self::DIGITS;
         }
         let width = self.greatest - self.least;
         [

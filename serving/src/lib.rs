@@ -23,3 +23,4 @@ pub use realtime::Realtime;
 pub use report::ServeReport;
 pub use serve_error::ServeError;
 pub use service::Service;
+pub use skin_limits::accepted_values;

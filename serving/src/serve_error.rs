@@ -116,7 +116,10 @@ impl ServeError {
         match error {
             ChannelError::TooManyPorts { id, .. } => Self::ServedAlready {
                 bus: bus.table().bus.clone(),
-                pid: bus.putting_processes(id).ok().and_then(|all| all.first().copied()),
+                pid: bus
+                    .putting_processes(id)
+                    .ok()
+                    .and_then(|all| all.first().copied()),
             },
             error => Self::Channel(error),
         }

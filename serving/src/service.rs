@@ -199,7 +199,11 @@ impl Service {
 
     /// Returns the least and the greatest value that a taxel may show; others reject the sweep.
     pub fn values(&self) -> Option<[f32; 2]> {
-        let served = || self.fingers.first().map(|finger| finger.classifier.config());
+        let served = || {
+            self.fingers
+                .first()
+                .map(|finger| finger.classifier.config())
+        };
         let set = self.config.segmenter.values;
         set.or_else(|| served().and_then(limits))
     }

@@ -1,26 +1,38 @@
 //! What the skin may show while a network serves, and whether its sweeps can be found.
 
-use tactnet_pipeline::{ClassifierConfig, ModelConfig};
+use std::path::Path;
+
+use tactnet_data::ValueRange;
+use tactnet_pipeline::{ClassifierConfig, ModelConfig, RunDir};
 use tactnet_skin::{Segmentation, SegmenterConfig};
 
-/// Values of a raw 8-bit skin, which all runs that do not say were trained on.
-const DIGITS: [f32; 2] = [0.0, 255.0];
+use crate::ServeError;
 
 /// Returns the least and the greatest value of a taxel by the network's training sweeps.
 ///
 /// A run of an earlier version does not say: `None` where the mean of a taxel is none that a raw 8-bit skin could have.
 pub(crate) fn limits(config: &ClassifierConfig) -> Option<[f32; 2]> {
-    let [zero, full] = DIGITS;
+    let [zero, full] = ValueRange::DIGITS;
     match (&config.values, &config.model) {
         (Some(values), _) => Some(values.limits()),
         (None, ModelConfig::TactNet2(setup)) => {
             let mut means = setup.normalizer.offset().iter();
             means
                 .all(|mean| (zero..=full).contains(mean))
-                .then_some(DIGITS)
+                .then_some(ValueRange::DIGITS)
         }
-        (None, ModelConfig::Baseline(_)) => Some(DIGITS),
+        (None, ModelConfig::Baseline(_)) => Some(ValueRange::DIGITS),
     }
+}
+
+/// Returns the least and the greatest value that a taxel may show by a run's training sweeps; `None` where the run does not say.
+///
+/// # Errors
+/// No run; a baseline.
+pub fn accepted_values(run: &Path) -> Result<Option<[f32; 2]>, ServeError> {
+    let config = RunDir::open(run)?.config()?;
+    config.require_network(run, "be served")?;
+    Ok(limits(&config.classifier))
 }
 
 /// Returns the segmenter's settings for the network, with its limits where the table sets none.

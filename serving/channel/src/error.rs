@@ -30,7 +30,9 @@ pub enum ChannelError {
         known: String,
     },
     /// Nothing holds the channels of this host.
-    #[error("no hub of bus `{bus}` runs on this host; start it with `tactnet channel hub --table FILE`, FILE being the same table")]
+    #[error(
+        "no hub of bus `{bus}` runs on this host; start it with `tactnet channel hub --table FILE`, FILE being the same table"
+    )]
     NoHub {
         /// Name of the bus.
         bus: String,

@@ -276,11 +276,7 @@ fn examine(
             1
         };
         *last = *digit;
-        *full = if *digit >= greatest {
-            *full + 1
-        } else {
-            0
-        };
+        *full = if *digit >= greatest { *full + 1 } else { 0 };
         if *full >= config.saturated_frames {
             return Err(Reject::Saturated {
                 taxel,

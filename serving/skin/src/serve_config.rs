@@ -199,7 +199,8 @@ mod tests {
             let text = format!("bus = \"a\"\n[channels]\n[components.tactnet]\n{section}");
             ServeConfig::of(&Table::parse(&text).unwrap()).unwrap()
         };
-        let old = read("plain_deadline_ms = 1.5\n[components.tactnet.segmenter]\nfull_scale = 1023.0");
+        let old =
+            read("plain_deadline_ms = 1.5\n[components.tactnet.segmenter]\nfull_scale = 1023.0");
         assert_eq!(old.segmenter.values, Some([0.0, 1023.0]));
         assert_eq!(old.deadline_ms(Stage::Plain, 250.0), 1.5);
         let new = read("[components.tactnet.segmenter]\nvalues = [-3, 9]");
