@@ -31,7 +31,7 @@ pub enum ChannelError {
     },
     /// Nothing holds the channels of this host.
     #[error(
-        "no hub of bus `{bus}` runs on this host; start it with `tactnet channel hub --table FILE`, FILE being the same table"
+        "no hub of bus `{bus}` runs on this host; start `tactnet channel hub --table FILE` with the same table"
     )]
     NoHub {
         /// Name of the bus.

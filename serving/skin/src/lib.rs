@@ -7,6 +7,7 @@
 mod commented_table;
 mod error;
 pub mod packets;
+mod readable;
 mod segmenter;
 mod serve_config;
 mod table;
@@ -14,6 +15,7 @@ mod window;
 
 pub use commented_table::commented;
 pub use error::SkinError;
+pub use readable::{Answer, Readable, material_names};
 pub use segmenter::{Contact, Reject, Segmentation, SegmenterConfig, SweepChange, SweepSegmenter};
 pub use serve_config::{MAX_FINGERS, ServeConfig};
 pub use window::{Push, SweepWindow, WindowConfig, WindowError};
