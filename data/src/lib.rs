@@ -28,6 +28,7 @@ mod samples;
 mod seed;
 mod shuffle;
 pub mod twin;
+mod value_range;
 mod write_whole;
 
 pub use check::{check, refuse_errors};
@@ -48,4 +49,5 @@ pub use material_split::MaterialSplit;
 pub use samples::Samples;
 pub use seed::Seed;
 pub use shuffle::shuffle;
+pub use value_range::ValueRange;
 pub use write_whole::{UNFINISHED, write_whole};

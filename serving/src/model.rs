@@ -108,7 +108,9 @@ impl ServedModel {
     /// A run that has not ended or cannot be read; more taxels or materials than packets hold.
     pub fn load(path: &Path, version: u64) -> Result<Self, ServeError> {
         let run = RunDir::open(path)?;
-        let config = run.config()?.classifier;
+        let config = run.config()?;
+        config.require_network(path, "be served")?;
+        let config = config.classifier;
         if !run.has_final_weights() {
             return Err(ServeError::Unfit {
                 path: path.into(),

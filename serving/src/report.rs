@@ -64,10 +64,20 @@ impl fmt::Display for ServeReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{} frames, {} lost; {} sweeps classified, {} rejected; {} deadlines missed",
-            self.frames, self.dropped_frames, self.sweeps, self.rejected, self.deadline_misses
+            "{}, {} lost; {} classified, {} rejected; {} missed (late, not wrong)",
+            counted(self.frames, "frame"),
+            self.dropped_frames,
+            counted(self.sweeps, "sweep"),
+            self.rejected,
+            counted(self.deadline_misses, "deadline"),
         )
     }
+}
+
+/// Returns `1 sweep`, or `2 sweeps`.
+fn counted(number: u64, what: &str) -> String {
+    let plural = if number == 1 { "" } else { "s" };
+    format!("{number} {what}{plural}")
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
+use tactnet_channel::{Bus, ChannelError};
 use tactnet_models::ModelError;
 use tactnet_pipeline::PipelineError;
 
@@ -23,6 +24,17 @@ pub enum ServeError {
     /// The table's section of the classifier.
     #[error(transparent)]
     Skin(#[from] tactnet_skin::SkinError),
+    /// Something else puts beliefs on the bus.
+    #[error(
+        "bus `{bus}`: {} puts beliefs already; end it first, or name another `bus` in the table",
+        server(*pid)
+    )]
+    ServedAlready {
+        /// Name of the bus.
+        bus: String,
+        /// The process, where it is known.
+        pid: Option<u32>,
+    },
     /// More materials than packets hold.
     #[error("`{material}` would be material {number}, packets hold {most}")]
     TooManyMaterials {
@@ -86,7 +98,8 @@ impl ServeError {
             Self::Skin(error) => error.is_usage(),
             Self::Pipeline(error) => error.is_usage(),
             Self::Model(error) => !matches!(error, ModelError::Fit { .. }),
-            Self::TooManyMaterials { .. }
+            Self::ServedAlready { .. }
+            | Self::TooManyMaterials { .. }
             | Self::Unfit { .. }
             | Self::NoVersion { .. }
             | Self::Listen { .. }
@@ -94,6 +107,30 @@ impl ServeError {
             Self::Web(_) => false,
             Self::Io { source, .. } => tactnet_channel::is_wrong_path(source),
         }
+    }
+}
+
+impl ServeError {
+    /// Returns what is wrong where the port for beliefs cannot be opened.
+    pub(crate) fn of_belief_port(error: ChannelError, bus: &Bus) -> Self {
+        match error {
+            ChannelError::TooManyPorts { id, .. } => Self::ServedAlready {
+                bus: bus.table().bus.clone(),
+                pid: bus
+                    .putting_processes(id)
+                    .ok()
+                    .and_then(|all| all.first().copied()),
+            },
+            error => Self::Channel(error),
+        }
+    }
+}
+
+/// Returns who puts beliefs, most likely.
+fn server(pid: Option<u32>) -> String {
+    match pid {
+        Some(pid) => format!("process {pid}, most likely another `tactnet serve`,"),
+        None => "another program, most likely a second `tactnet serve`,".into(),
     }
 }
 

@@ -31,6 +31,7 @@ use crate::ServeError;
 use crate::measures::Measures;
 use crate::model::ModelSource;
 use crate::model_worker::{ModelWorker, WorkerEvent};
+use crate::skin_limits::{limits, settle};
 use crate::status_line::StatusLine;
 use recent_sweeps::RecentSweeps;
 use waiting_commands::WaitingCommands;
@@ -102,10 +103,15 @@ impl Service {
         measures.serve(Some(&served.path().display().to_string()), version);
         let shape = served.classifier().config().shape;
         let rate_assumed = served.classifier().config().sample_rate_assumed;
+        let segmenter = settle(&config.segmenter, served.classifier().config());
+        let segmenter = segmenter.map_err(|reason| ServeError::Unfit {
+            path: served.path().into(),
+            reason,
+        })?;
         let fingers = config.fingers.iter().map(|_| {
             Ok(Finger {
                 segmenter: SweepSegmenter::new(
-                    config.segmenter,
+                    segmenter,
                     shape.steps,
                     shape.taxels(),
                     names.sample_rate_hz,
@@ -133,7 +139,9 @@ impl Service {
             group,
             skins,
             commands,
-            beliefs: bus.put_port(config.belief.as_str(), Priority::High)?,
+            beliefs: bus
+                .put_port(config.belief.as_str(), Priority::High)
+                .map_err(|error| ServeError::of_belief_port(error, bus))?,
             status: bus.put_port(config.status.as_str(), Priority::Normal)?,
             model: bus.put_port(config.model.as_str(), Priority::Normal)?,
             names,
@@ -187,6 +195,17 @@ impl Service {
     /// Returns the names of the model that serves.
     pub fn names(&self) -> &ModelNames {
         &self.names
+    }
+
+    /// Returns the least and the greatest value that a taxel may show; others reject the sweep.
+    pub fn values(&self) -> Option<[f32; 2]> {
+        let served = || {
+            self.fingers
+                .first()
+                .map(|finger| finger.classifier.config())
+        };
+        let set = self.config.segmenter.values;
+        set.or_else(|| served().and_then(limits))
     }
 
     /// Returns true if the rate of the sweeps that the model was trained on is only assumed.

@@ -28,7 +28,7 @@ pub enum ChannelCommand {
     Hub(HubArgs),
     /// Show the table's channels, who is connected, and what memory they take
     List(look::ListArgs),
-    /// Print packets of a channel as they come
+    /// Print packets of a channel as they come: beliefs, frames, commands and events in words, others as bytes
     Echo(look::EchoArgs),
     /// Measure rate, latency and losses of a channel
     Hz(look::HzArgs),
@@ -90,7 +90,8 @@ fn hub(arguments: &HubArgs) -> anyhow::Result<ExitCode> {
     while !stop.asked() {
         let cleaned = hub.tick()?;
         if cleaned > 0 {
-            eprintln!("cleaned up after {cleaned} dead clients");
+            let plural = if cleaned == 1 { "" } else { "s" };
+            eprintln!("cleaned up after {cleaned} dead client{plural}");
         }
         std::thread::sleep(Duration::from_millis(50));
     }

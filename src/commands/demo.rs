@@ -48,6 +48,7 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
     let (run, sweeps) = match &arguments.run {
         Some(run) => {
             let config = RunDir::open(run)?.config()?;
+            config.require_network(run, "be served")?;
             let data = arguments.data.as_deref().unwrap_or(&config.spec.data);
             let sweeps = match DataSource::named(data) {
                 DataSource::Twin(_) => {
@@ -70,11 +71,13 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
     }
     let mut demo = Demo::start(&program, folder.path(), &run, &sweeps, listener)?;
     eprintln!(
-        "a simulated fingertip feels one object after the other, three sweeps each; open http://{address} in a browser; Ctrl-C ends"
+        "a simulated fingertip feels one object after the other, three sweeps each where there are as many; open http://{address} in a browser; Ctrl-C ends"
     );
     output::print(format_args!("ready"))?;
     while !stop.asked() {
-        demo.step()?;
+        for line in demo.step()? {
+            output::print(line)?;
+        }
     }
     demo.end()?;
     Ok(ExitCode::SUCCESS)

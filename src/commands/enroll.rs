@@ -62,6 +62,7 @@ struct EnrollResult<'a> {
 pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
     let run = RunDir::open(&arguments.run)?;
     let config = run.config()?;
+    config.require_network(&arguments.run, "learn a new material")?;
     let weights = run.final_weights()?;
     let known = run.train_embeddings()?;
     let device = Compute::from(arguments.device).open()?;

@@ -67,6 +67,7 @@ pub fn run(arguments: &ExportArgs) -> anyhow::Result<ExitCode> {
     }
     let run = RunDir::open(&arguments.run)?;
     let config = run.config()?;
+    config.require_network(&arguments.run, "be exported")?;
     let weights = run.final_weights()?;
     let about = BTreeMap::from([
         ("format".to_owned(), "tactnet 1".to_owned()),

@@ -10,9 +10,9 @@ use clap::Args;
 use tactnet_channel::{Bus, Domain, Table};
 use tactnet_serving::systemd::ServiceManager;
 use tactnet_serving::{
-    ModelSource, Realtime, ServeReport, Service, allocations_of_this_thread, web,
+    ModelSource, Realtime, ServeReport, Service, accepted_values, allocations_of_this_thread, web,
 };
-use tactnet_skin::ServeConfig;
+use tactnet_skin::{ServeConfig, commented};
 
 use crate::stop::Stop;
 use crate::{GIT, output};
@@ -47,7 +47,7 @@ pub struct ServeArgs {
     /// Keep all memory in RAM
     #[arg(long)]
     lock_memory: bool,
-    /// Print a table with every setting and end
+    /// Print a table with every setting and end; with `--run`, the values of its training sweeps are in it
     #[arg(long)]
     print_table: bool,
     /// Print one JSON document with the counters at the end
@@ -58,8 +58,11 @@ pub struct ServeArgs {
 /// Runs the command.
 pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
     if arguments.print_table {
-        let table = ServeConfig::default().table("robot");
-        output::print(format_args!("{}", toml::to_string(&table)?.trim_end()))?;
+        let mut config = ServeConfig::default();
+        if let Some(run) = &arguments.run {
+            config.segmenter.values = accepted_values(run)?;
+        }
+        output::print(commented(&config.table("robot"))?)?;
         return Ok(ExitCode::SUCCESS);
     }
     let source = match (&arguments.run, &arguments.models) {
@@ -108,6 +111,11 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
         names.sample_rate_hz,
         names.mc_samples
     );
+    if let Some([least, greatest]) = service.values() {
+        eprintln!(
+            "a sweep with values outside {least} to {greatest} is rejected (`values` in the table)"
+        );
+    }
     if service.is_rate_assumed() {
         eprintln!(
             "warning: the rate of {} Hz is assumed, since the training data did not say; train with `--rate HZ`",

@@ -108,7 +108,8 @@ fn without_a_hub_every_command_says_so_at_once() {
         command.arg("--table").arg(lab.path("robot.toml"));
         let said = stderr(&expect(2, command));
         assert_eq!(
-            said, "error: no hub of bus `nohub` runs on this host; start `tactnet channel hub`\n",
+            said,
+            "error: no hub of bus `nohub` runs on this host; start `tactnet channel hub --table FILE` with the same table\n",
             "{words:?}"
         );
     }

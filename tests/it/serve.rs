@@ -115,7 +115,9 @@ impl Robot {
 
     pub(crate) fn skin(&self, sweeps: &str) -> Running {
         let data = self.lab.path("data.h5").display().to_string();
-        self.start(&["simulate", "skin", "--data", &data, "--sweeps", sweeps])
+        let objects = ["--sweeps-per-object", "none"];
+        let skin = ["simulate", "skin", "--data", &data, "--sweeps", sweeps];
+        self.start(&[&skin[..], &objects].concat())
     }
 
     fn bus(&self) -> Bus {

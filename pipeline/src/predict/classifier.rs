@@ -2,7 +2,7 @@
 
 use burn::tensor::Device;
 use serde::{Deserialize, Serialize};
-use tactnet_data::{LabelSet, Seed, SweepShape, SweepView, TrainSplit};
+use tactnet_data::{LabelSet, Seed, SweepShape, SweepView, TrainSplit, ValueRange};
 use tactnet_models::{Architecture, InputShape, TactNet, TactNetConfig, Weights};
 
 use crate::baseline::fitted::Baseline;
@@ -27,6 +27,9 @@ pub struct ClassifierConfig {
     /// True if the data did not say, and the rate is the usual one.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub sample_rate_assumed: bool,
+    /// Values of the training sweeps; runs of earlier versions do not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub values: Option<ValueRange>,
     /// Names the Monte Carlo masks.
     pub seed: Seed,
 }
@@ -75,6 +78,7 @@ impl ClassifierConfig {
             shape: dataset.shape(),
             sample_rate_hz: dataset.sample_rate_hz(),
             sample_rate_assumed: dataset.is_rate_assumed(),
+            values: ValueRange::of(train),
             seed,
         }
     }

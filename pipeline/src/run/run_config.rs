@@ -1,11 +1,15 @@
 //! What a run decides before its first batch, and what it notes after every epoch.
 
+use std::path::Path;
+
 use serde::{Deserialize, Serialize};
 use tactnet_data::twin::TwinVersion;
 use tactnet_data::{Fold, Scheme, Seed};
 use tactnet_models::Compute;
 
-use crate::{CalibrationTarget, ClassifierConfig, ModelRecipe, SplitKind, TrainSpec};
+use crate::{
+    CalibrationTarget, ClassifierConfig, ModelRecipe, PipelineError, SplitKind, TrainSpec,
+};
 
 /// `config.json`: all that is decided before the first batch.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -60,6 +64,26 @@ impl RunConfig {
             self.spec.data = TwinVersion::One.name().into();
         }
         self
+    }
+
+    /// Succeeds if the run is a network, which can do what a baseline cannot.
+    ///
+    /// - `run`: its folder
+    /// - `what`: what only networks can do, as a verb phrase
+    ///
+    /// # Errors
+    /// A baseline.
+    pub fn require_network(&self, run: &Path, what: &str) -> Result<(), PipelineError> {
+        match &self.recipe {
+            ModelRecipe::TactNet2(_) => Ok(()),
+            ModelRecipe::Baseline(recipe) => Err(PipelineError::Run {
+                path: run.into(),
+                reason: format!(
+                    "it is a baseline ({}), and only networks can {what}; train one with `tactnet train --data FILE`",
+                    recipe.name
+                ),
+            }),
+        }
     }
 
     /// The spec that leads to this run again, with everything named that it left to recipe and data set.

@@ -195,6 +195,22 @@ impl Bus {
         .collect()
     }
 
+    /// Returns the processes of this host that have put-ports of a channel, by number; empty for [`Domain::Process`].
+    ///
+    /// # Errors
+    /// No hub; no such channel.
+    pub fn putting_processes(&self, id: ChannelId) -> Result<Vec<u32>, ChannelError> {
+        let mut pids = Vec::new();
+        if let Either::Host(channel) = self.open_any(id)?.channel {
+            channel.dynamic_config().list_publishers(|port| {
+                let pid = port.node_id.pid::<ipc_threadsafe::Service>().ok();
+                pids.extend(pid.and_then(|pid| u32::try_from(pid.value()).ok()));
+                CallbackProgression::Continue
+            });
+        }
+        Ok(pids)
+    }
+
     fn open_any(&self, id: ChannelId) -> Result<Opened, ChannelError> {
         let config = self.inner.table.channel(id.as_str()?)?;
         let (channel, wake_event) = match &self.inner.node {

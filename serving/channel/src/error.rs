@@ -30,7 +30,9 @@ pub enum ChannelError {
         known: String,
     },
     /// Nothing holds the channels of this host.
-    #[error("no hub of bus `{bus}` runs on this host; start `tactnet channel hub`")]
+    #[error(
+        "no hub of bus `{bus}` runs on this host; start `tactnet channel hub --table FILE` with the same table"
+    )]
     NoHub {
         /// Name of the bus.
         bus: String,

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use tactnet_data::{Dataset, Frame, LabelSet, Samples, SweepRecord, SweepShape};
+use tactnet_data::{Dataset, Frame, LabelSet, Samples, SweepRecord, SweepShape, ValueRange};
 use tactnet_skin::packets::Command;
 use tactnet_skin::{Segmentation, ServeConfig, SweepChange, SweepSegmenter};
 
@@ -52,7 +52,8 @@ pub fn sweeps(
         path: path.into(),
         reason,
     };
-    let config = ServeConfig::of(&recording.table)?;
+    let mut config = ServeConfig::of(&recording.table)?;
+    config.segmenter.values = config.segmenter.values.or_else(|| raw_digits(recording));
     let model = recording
         .entries
         .iter()
@@ -218,6 +219,20 @@ pub fn sweeps(
         rejected,
         unlabelled,
     })
+}
+
+/// Returns the limits of a raw 8-bit skin where every frame is within them; the skin's values are not known otherwise.
+fn raw_digits(recording: &Recording) -> Option<[f32; 2]> {
+    let ranges = recording
+        .entries
+        .iter()
+        .filter_map(|entry| match &entry.packet {
+            RecordedPacket::Frame(frame) => ValueRange::of_frame(frame.values()),
+            _ => None,
+        });
+    let mut limits = ranges.map(|range| range.limits());
+    let first = limits.next()?;
+    (first == ValueRange::DIGITS && limits.all(|other| other == first)).then_some(first)
 }
 
 /// Frames a second, by numbers and times of the first and the last frame of a finger.

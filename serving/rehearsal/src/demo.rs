@@ -10,9 +10,6 @@ use tactnet_skin::ServeConfig;
 use crate::write_table::write_table;
 use crate::{ChildProcess, RehearsalError};
 
-/// Sweeps of one object; then what was fused is forgotten.
-const OBJECT_SWEEPS: &str = "3";
-
 /// The processes of a demonstration, on a bus of their own, and the page; they are killed if this is dropped before [`Demo::end`].
 pub struct Demo {
     page: Option<Dashboard>,
@@ -51,8 +48,7 @@ impl Demo {
         let hub = ["channel", "hub", "--table"];
         let classifier = ["serve", "--metrics", "off", "--run", &run, "--table"];
         let skin = ["simulate", "skin", "--data", &sweeps, "--unseen-by", &run];
-        let object = ["--sweeps-per-object", OBJECT_SWEEPS, "--table"];
-        let skin = [&skin[..], &object].concat();
+        let skin = [&skin[..], &["--table"]].concat();
         let mut start = |name: &'static str, arguments: &[&str]| {
             let process = ChildProcess::start(program, name, arguments, &path)?;
             demo.processes.push(process);
@@ -66,11 +62,12 @@ impl Demo {
         Ok(demo)
     }
 
-    /// Waits for the next frame, brings the page up to date, and looks after all processes.
+    /// Waits for the next frame, brings the page up to date, and looks after all processes. Returns a line for every object that was judged
+    /// and every sweep that was rejected since.
     ///
     /// # Errors
     /// A process that has ended by itself; channels that have broken down.
-    pub fn step(&mut self) -> Result<(), RehearsalError> {
+    pub fn step(&mut self) -> Result<Vec<String>, RehearsalError> {
         let shown = self.page.as_mut().map(Dashboard::step).transpose();
         for process in &mut self.processes {
             if let Some(status) = process.ended()? {
@@ -79,7 +76,8 @@ impl Demo {
             }
         }
         shown?;
-        Ok(())
+        let page = self.page.as_mut();
+        Ok(page.map(Dashboard::take_news).unwrap_or_default())
     }
 
     /// Ends the page and all processes, the hub last.

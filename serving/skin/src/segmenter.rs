@@ -12,6 +12,9 @@ use crate::{Push, SweepWindow, WindowConfig};
 pub use config::{Contact, Segmentation, SegmenterConfig};
 pub use reject::Reject;
 
+/// No value is out of range, and none is saturated.
+const ANY: [f32; 2] = [f32::NEG_INFINITY, f32::INFINITY];
+
 /// The effect of a frame or a command on the sweep.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum SweepChange {
@@ -51,7 +54,9 @@ pub struct SweepSegmenter {
     first: Option<(u64, u64)>,
     /// Frames in a row that speak for the other state of contact.
     turning: usize,
-    /// `[taxels]`: digit, how often in a row, how often in a row at full scale
+    /// Least and greatest value of a taxel.
+    limits: [f32; 2],
+    /// `[taxels]`: digit, how often in a row, how often in a row at the greatest value
     health: Vec<(f32, usize, usize)>,
     /// Rows of the window whose health was looked at.
     examined: usize,
@@ -71,6 +76,7 @@ impl SweepSegmenter {
             longest_gap: config.longest_gap,
         });
         Self {
+            limits: config.values.unwrap_or(ANY),
             config,
             steps,
             period_ns: 1e9 / rate_hz,
@@ -82,6 +88,11 @@ impl SweepSegmenter {
             health: vec![(0.0, 0, 0); taxels],
             examined: 0,
         }
+    }
+
+    /// Sets the least and the greatest value of a taxel, from the next frame on.
+    pub fn set_values(&mut self, values: [f32; 2]) {
+        self.limits = values;
     }
 
     /// The window of the sweep that is going on, or of the last one.
@@ -162,7 +173,11 @@ impl SweepSegmenter {
     fn update_contact(&mut self, contact: Contact, taxels: &[f32]) -> SweepChange {
         let mean = taxels.iter().sum::<f32>() / taxels.len().max(1) as f32;
         // A broken taxel must not keep a contact for ever.
-        let mean = if mean.is_finite() { mean } else { 0.0 };
+        let mean = if mean.is_finite() {
+            mean
+        } else {
+            f32::NEG_INFINITY
+        };
         let touching = self.state != State::Idle;
         let turns = match touching {
             true => mean < contact.ends,
@@ -177,16 +192,18 @@ impl SweepSegmenter {
     }
 
     fn take(&mut self, frame: &Frame<'_>) -> Result<Push, Reject> {
+        let [least, greatest] = self.limits;
         let off = frame
             .taxels
             .iter()
-            .position(|digit| *digit < 0.0 || *digit > self.config.full_scale);
+            .position(|digit| *digit < least || *digit > greatest);
         if let Some(taxel) = off {
             return Err(Reject::Range {
                 sequence: frame.sequence,
                 taxel,
                 digit: frame.taxels[taxel],
-                full_scale: self.config.full_scale,
+                least,
+                greatest,
             });
         }
         for (since, tolerance) in [
@@ -206,7 +223,8 @@ impl SweepSegmenter {
             });
         }
         for row in self.examined..self.window.kept() {
-            examine(&self.config, &mut self.health, self.window.row(row))?;
+            let row = self.window.row(row);
+            examine(&self.config, greatest, &mut self.health, row)?;
         }
         self.examined = self.window.kept();
         Ok(pushed)
@@ -243,8 +261,11 @@ impl SweepSegmenter {
 }
 
 /// Looks for stalled and saturated taxels.
+///
+/// - `greatest`: value of a saturated taxel
 fn examine(
     config: &SegmenterConfig,
+    greatest: f32,
     health: &mut [(f32, usize, usize)],
     row: &[f32],
 ) -> Result<(), Reject> {
@@ -255,11 +276,7 @@ fn examine(
             1
         };
         *last = *digit;
-        *full = if *digit >= config.full_scale {
-            *full + 1
-        } else {
-            0
-        };
+        *full = if *digit >= greatest { *full + 1 } else { 0 };
         if *full >= config.saturated_frames {
             return Err(Reject::Saturated {
                 taxel,
@@ -290,6 +307,7 @@ mod tests {
             longest_gap: 1,
             stalled_frames: 4,
             saturated_frames: 3,
+            values: Some([0.0, 255.0]),
             ..SegmenterConfig::default()
         }
     }
@@ -467,6 +485,40 @@ mod tests {
         assert_eq!(
             sweep(&|n| [255.0, n as f32]),
             SweepChange::Rejected(saturated)
+        );
+    }
+
+    #[test]
+    fn values_below_zero_are_as_good_as_others_where_the_skin_gives_them() {
+        let sweep = |values: Option<[f32; 2]>, digit: f32| {
+            let mut segmenter = segmenter(SegmenterConfig { values, ..config() });
+            segmenter.start();
+            (0..8)
+                .map(|sequence| {
+                    let digits = [digit, -(sequence as f32)];
+                    push(&mut segmenter, sequence, sequence * PERIOD, digits)
+                })
+                .find(|change| *change != SweepChange::Extended)
+                .unwrap()
+        };
+        // Not stalled: zero is silence.
+        assert_eq!(sweep(Some([-24.5, 31.0]), 0.0), SweepChange::Complete);
+        assert_eq!(sweep(None, 0.0), SweepChange::Complete);
+        let low = sweep(Some([-24.5, 31.0]), -24.6);
+        let SweepChange::Rejected(reject) = low else {
+            panic!("{low:?}")
+        };
+        assert_eq!(
+            reject.to_string(),
+            "frame 0: taxel 0 shows -24.6, expected -24.5 to 31; `values` in the table widens that"
+        );
+        let mut later = segmenter(config());
+        later.set_values([-1.0, 1.0]);
+        later.start();
+        assert_eq!(
+            push(&mut later, 0, 0, [-0.5, 0.5]),
+            SweepChange::Extended,
+            "another network's values"
         );
     }
 

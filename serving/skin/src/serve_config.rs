@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use tactnet_channel::Table;
 
+use crate::packets::Stage;
 use crate::{Segmentation, SegmenterConfig, SkinError};
 
 /// Most fingers of a service.
@@ -30,10 +31,12 @@ pub struct ServeConfig {
     /// Monte Carlo dropout masks; 0: plain predictions only.
     #[serde(alias = "runs")]
     pub mc_samples: usize,
-    /// Promised time from a sweep's last frame to its plain belief, milliseconds.
-    pub plain_deadline_ms: f64,
-    /// Promised time from a sweep's last frame to its Monte Carlo belief, milliseconds.
-    pub dropout_deadline_ms: f64,
+    /// Promised time from a sweep's last frame to its plain belief, milliseconds. `None`: one frame of the network's rate.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plain_deadline_ms: Option<f64>,
+    /// Promised time from a sweep's last frame to its Monte Carlo belief, milliseconds. `None`: three frames.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dropout_deadline_ms: Option<f64>,
     /// How sweeps are found, and what spoils them.
     #[serde(alias = "follow")]
     pub segmenter: SegmenterConfig,
@@ -49,8 +52,8 @@ impl Default for ServeConfig {
             model: "tactile/model".into(),
             anytime_ms: 50.0,
             mc_samples: 100,
-            plain_deadline_ms: 1.333,
-            dropout_deadline_ms: 4.0,
+            plain_deadline_ms: None,
+            dropout_deadline_ms: None,
             segmenter: SegmenterConfig::default(),
         }
     }
@@ -71,6 +74,7 @@ impl ServeConfig {
                 })?,
             None => Self::default(),
         };
+        const DEFAULT: f64 = 1.0;
         let wrong = |setting, reason| Err(SkinError::Setting { setting, reason });
         if config.fingers.is_empty() {
             return wrong("fingers", "names no channel of skin frames");
@@ -79,17 +83,19 @@ impl ServeConfig {
             return wrong("anytime_ms", "expected a time, or 0");
         }
         for (setting, time) in [
-            ("plain_deadline_ms", config.plain_deadline_ms),
-            ("dropout_deadline_ms", config.dropout_deadline_ms),
+            (
+                "plain_deadline_ms",
+                config.plain_deadline_ms.unwrap_or(DEFAULT),
+            ),
+            (
+                "dropout_deadline_ms",
+                config.dropout_deadline_ms.unwrap_or(DEFAULT),
+            ),
             (
                 "segmenter.clock_tolerance",
                 config.segmenter.clock_tolerance,
             ),
             ("segmenter.clock_drift", config.segmenter.clock_drift),
-            (
-                "segmenter.full_scale",
-                f64::from(config.segmenter.full_scale),
-            ),
             (
                 "segmenter.stalled_frames",
                 config.segmenter.stalled_frames as f64,
@@ -102,6 +108,14 @@ impl ServeConfig {
             if !(time.is_finite() && time > 0.0) {
                 return wrong(setting, "expected more than 0");
             }
+        }
+        if let Some([least, greatest]) = config.segmenter.values
+            && !(least < greatest && least.is_finite() && greatest.is_finite())
+        {
+            return wrong(
+                "segmenter.values",
+                "expected `[least, greatest]`, least below greatest",
+            );
         }
         if let Segmentation::Contact(contact) = config.segmenter.segmentation {
             let apart = contact.begins > contact.ends && contact.ends.is_finite();
@@ -122,6 +136,19 @@ impl ServeConfig {
             return wrong("fingers", "names a channel twice");
         }
         Ok(config)
+    }
+}
+
+impl ServeConfig {
+    /// Returns the promised time from a sweep's last frame to its belief, milliseconds: as set, or one frame without dropout masks and three with.
+    ///
+    /// - `rate_hz`: frames a second
+    pub fn deadline_ms(&self, stage: Stage, rate_hz: f64) -> f64 {
+        let frame_ms = 1e3 / rate_hz;
+        match stage {
+            Stage::Anytime | Stage::Plain => self.plain_deadline_ms.unwrap_or(frame_ms),
+            Stage::Dropout => self.dropout_deadline_ms.unwrap_or(3.0 * frame_ms),
+        }
     }
 }
 
@@ -158,5 +185,34 @@ mod tests {
             let section = format!("[components.tactnet.{name}]\nclock_tolerance = 0.0");
             assert!(error(&section).contains("`segmenter.clock_tolerance`"));
         }
+        for values in ["[3.0, 3.0]", "[1.0, 0.0]", "-1.0", "[0.0, inf]"] {
+            let section = format!("[components.tactnet.segmenter]\nvalues = {values}");
+            assert!(error(&section).contains("`segmenter.values`"), "{values}");
+        }
+        let both = error("[components.tactnet.segmenter]\nvalues = \"wide\"");
+        assert!(both.contains("[least, greatest]"), "{both}");
+    }
+
+    #[test]
+    fn tables_of_earlier_versions_are_read() {
+        let read = |section: &str| {
+            let text = format!("bus = \"a\"\n[channels]\n[components.tactnet]\n{section}");
+            ServeConfig::of(&Table::parse(&text).unwrap()).unwrap()
+        };
+        let old =
+            read("plain_deadline_ms = 1.5\n[components.tactnet.segmenter]\nfull_scale = 1023.0");
+        assert_eq!(old.segmenter.values, Some([0.0, 1023.0]));
+        assert_eq!(old.deadline_ms(Stage::Plain, 250.0), 1.5);
+        let new = read("[components.tactnet.segmenter]\nvalues = [-3, 9]");
+        assert_eq!(new.segmenter.values, Some([-3.0, 9.0]));
+        assert_eq!(read("").segmenter.values, None);
+    }
+
+    #[test]
+    fn deadlines_follow_the_frame_rate_where_the_table_sets_none() {
+        let config = ServeConfig::default();
+        assert_eq!(config.deadline_ms(Stage::Plain, 250.0), 4.0);
+        assert_eq!(config.deadline_ms(Stage::Dropout, 250.0), 12.0);
+        assert_eq!(config.deadline_ms(Stage::Dropout, 750.0), 4.0);
     }
 }

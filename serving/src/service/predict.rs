@@ -76,10 +76,7 @@ impl Service {
         if last && verdict == Verdict::Unknown {
             self.counters.unknown += 1;
         }
-        let deadline_ms = match stage {
-            Stage::Dropout => self.config.dropout_deadline_ms,
-            Stage::Anytime | Stage::Plain => self.config.plain_deadline_ms,
-        };
+        let deadline_ms = self.config.deadline_ms(stage, self.names.sample_rate_hz);
         if whole && latency as f64 > 1e6 * deadline_ms {
             self.counters.deadline_misses += 1;
         }

@@ -6,6 +6,7 @@ use tactnet_skin::packets::Event;
 use super::Service;
 use crate::ServeError;
 use crate::model_worker::{Job, WorkerEvent};
+use crate::skin_limits::limits;
 
 impl Service {
     /// Applies the next event of the worker; other models wait until no finger sweeps.
@@ -38,6 +39,11 @@ impl Service {
                 let fingers = self.fingers.iter_mut().zip(&mut classifiers);
                 for ((finger, classifier), forgotten) in fingers.zip(&mut forgotten) {
                     std::mem::swap(&mut finger.classifier, classifier);
+                    // Another network's sweeps may have other values.
+                    let set = self.config.segmenter.values;
+                    if let Some(values) = set.or_else(|| limits(finger.classifier.config())) {
+                        finger.segmenter.set_values(values);
+                    }
                     // Beliefs over other materials cannot go on.
                     *forgotten = !finger.classifier.take_fused(classifier)
                         && classifier.fused().sweeps() > 0;

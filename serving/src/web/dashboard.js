@@ -3,7 +3,7 @@ const el = id => document.getElementById(id);
 const SECONDS = 3;
 /** Without a view for so long, what is shown is old; milliseconds. */
 const PATIENCE = 1000;
-let view = null, traces = [], came = 0, pending = false, chosen = -1, top_ = 20, said = "", connected = true;
+let view = null, traces = [], came = 0, pending = false, chosen = -1, low_ = 0, top_ = 0, most_ = 0, whole = true, said = "", connected = true;
 
 const percent = p => p > .9995 && p < 1 ? "> 99.9\u00a0%" : (100 * p).toFixed(1) + "\u00a0%";
 const color = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -63,6 +63,7 @@ function showScore() {
   set("score", right + " of " + all);
   set("score-note", all ? "right (" + Math.round(100 * right / all) + " %)" : "right; the first object is being felt");
   set("score-taught", (right - new_right) + " of " + (all - new_all) + " right");
+  el("score-new-name").hidden = el("score-new").hidden = new_all === 0;
   set("score-new", new_right + " of " + new_all + " called unknown");
   const key = all + "/" + right;
   if (el("marks").dataset.key === key) return;
@@ -80,20 +81,25 @@ function showEvents() {
   });
   el("events").replaceChildren(...(items.length ? items : [node("li", "Nothing yet.", "soft")]));
 }
+const WHY = {
+  "late answers": "Answers later than promised after a sweep's last reading: after one reading's time, or three with dropout masks, unless the table says otherwise. They are late, not wrong.",
+  "sweeps rejected": "Sweeps that cannot be used; the reason stands among what happened.",
+};
 function showCounters() {
   const rows = view.counters.map(([name, n]) => [name, n.toLocaleString("en")]);
   if (view.belief) rows.push(["last reading to answer, ms", (view.belief.latency_us / 1000).toFixed(2)]);
   if (view.model_version) rows.push(["version of the network", String(view.model_version)]);
-  el("counters").replaceChildren(...rows.map(([name, n]) => { const pair = node("div"); pair.append(node("dt", name), node("dd", n)); return pair; }));
+  el("counters").replaceChildren(...rows.map(([name, n]) => { const pair = node("div"); if (WHY[name]) pair.title = WHY[name]; pair.append(node("dt", name), node("dd", n)); return pair; }));
 }
 function showAge() {
   const silent = performance.now() - came, lost = !connected || silent > PATIENCE, dead = view && !view.alive, old = lost || dead;
   document.body.classList.toggle("stale", Boolean(old));
-  el("state").className = old || !view ? "dead" : "alive";
-  set("state", !view ? "connecting" : lost ? "connection lost, trying again" : dead ? "the classifier is silent" : "live");
+  const silentSkin = view && !old && view.frames_per_s < .5;
+  el("state").className = old || !view ? "dead" : silentSkin ? "waiting" : "alive";
+  set("state", !view ? "connecting" : lost ? "connection lost, trying again" : dead ? "the classifier is silent" : silentSkin ? "waiting for a skin" : "live");
   set("age", old && view ? "Old: this was the answer " + ago(view.heard_ms + silent) + " ago." : "");
   el("reset").disabled = Boolean(old) || !view;
-  set("rate", view && !old ? view.frames_per_s.toFixed(0) + " readings a second" : "");
+  set("rate", view && !old && !silentSkin ? view.frames_per_s.toFixed(0) + " readings a second" : "");
 }
 
 // ---- Skin and traces
@@ -121,13 +127,29 @@ function heatBox() {
   const [rows, cols] = skin(), w = el("heat").clientWidth, h = el("heat").clientHeight, side = Math.min(w / cols, h / rows);
   return { rows, cols, side, left: (w - side * cols) / 2, top: (h - side * rows) / 2 };
 }
+/** Where a reading is on the scale, from 0 to 1. */
+const part = digit => (digit - low_) / (top_ - low_ || 1);
+/** A reading with as many decimals as the scale is fine. */
+const number = digit => { const span = top_ - low_; return digit.toFixed(whole || span >= 100 ? 0 : span >= 10 ? 1 : 2); };
+/** The next round number that is at least as far from zero. */
+const outwards = x => { const step = 10 ** Math.floor(Math.log10(Math.abs(x) || 1)) / 2; return Math.sign(x) * Math.ceil(Math.abs(x) / step) * step; };
+/** Widens the scale to the readings; whole numbers are shown from 0 to 20 at least. */
+function widenScale() {
+  const least = Math.min(0, ...view.frame), most = Math.max(0, ...view.frame);
+  whole = whole && view.frame.every(Number.isInteger);
+  if (least < low_) low_ = outwards(least);
+  most_ = Math.max(most_, most);
+  top_ = Math.max(outwards(most_), whole ? 20 : 0);
+  set("scale-low", number(low_)); set("scale-high", number(top_));
+}
 function drawHeat() {
-  const [c] = context(el("heat")), { cols, side, left, top } = heatBox(), gap = side > 6 ? 1 : 0, high = top_;
+  const [c] = context(el("heat")), { cols, side, left, top } = heatBox(), gap = side > 6 ? 1 : 0;
   c.textAlign = "center"; c.textBaseline = "middle"; c.font = Math.max(9, Math.min(18, Math.round(side / 3.4))) + "px system-ui";
   view.frame.forEach((digit, i) => {
     const x = left + i % cols * side, y = top + Math.floor(i / cols) * side;
-    c.fillStyle = heat(digit / high); c.fillRect(x + gap, y + gap, side - 2 * gap, side - 2 * gap);
-    if (side >= 24) { c.fillStyle = digit / high > .6 ? "#000" : "#fff"; c.fillText(Math.round(digit), x + side / 2, y + side / 2); }
+    const share = part(digit);
+    c.fillStyle = heat(share); c.fillRect(x + gap, y + gap, side - 2 * gap, side - 2 * gap);
+    if (side >= 24) { c.fillStyle = share > .6 ? "#000" : "#fff"; c.fillText(number(digit), x + side / 2, y + side / 2); }
   });
   if (chosen >= 0) {
     c.strokeStyle = color("--pick"); c.lineWidth = Math.max(2, Math.min(4, side / 8));
@@ -143,7 +165,7 @@ function drawTraces() {
     c.strokeStyle = on ? pick : line; c.lineWidth = on ? 2 : 1; c.strokeRect(x0, y0, iw, ih);
     c.strokeStyle = on ? pick : main; c.globalAlpha = mark < 0 || on ? 1 : .45; c.lineWidth = on ? 2 : 1.2; c.beginPath();
     const from = kept - traces.length;
-    traces.forEach((row, i) => c.lineTo(x0 + iw * (from + i) / (kept - 1), y0 + ih - 2 - (ih - 4) * Math.min(row[k] / top_, 1)));
+    traces.forEach((row, i) => c.lineTo(x0 + iw * (from + i) / (kept - 1), y0 + ih - 2 - (ih - 4) * Math.min(Math.max(part(row[k]), 0), 1)));
     c.stroke(); c.globalAlpha = 1;
   }
 }
@@ -151,8 +173,8 @@ const place = i => { const [, cols] = skin(); return "row " + (Math.floor(i / co
 function showChosen() {
   if (chosen < 0 || !view || chosen >= view.frame.length) return set("chosen", "Point at a sensor, tap it, or choose one with the arrow keys.");
   const [together] = layout(), k = Math.floor(chosen / together), values = traces.map(row => row[k]);
-  set("chosen", "Sensor in " + place(chosen) + ": now " + Math.round(view.frame[chosen]) + ", " + (together > 1 ? "mean of " + together + " neighbours " : "")
-    + "in these 3 seconds " + Math.round(Math.min(...values)) + " to " + Math.round(Math.max(...values)) + ".");
+  set("chosen", "Sensor in " + place(chosen) + ": now " + number(view.frame[chosen]) + ", " + (together > 1 ? "mean of " + together + " neighbours " : "")
+    + "in these 3 seconds " + number(Math.min(...values)) + " to " + number(Math.max(...values)) + ".");
 }
 function choose(i) { if (i !== chosen) { chosen = i; draw(); } }
 function draw() { if (view && view.frame.length) { drawHeat(); drawTraces(); showChosen(); } }
@@ -185,9 +207,8 @@ el("heat").addEventListener("keydown", event => {
 // ---- Views
 
 function show() {
-  const most = Math.max(0, ...view.frame);
-  if (most > top_) { top_ = Math.ceil(most / 20) * 20; }
-  set("scale-high", String(top_)); set("trace-title", "The same sensors over the last " + SECONDS + " seconds, each from 0 to " + top_);
+  widenScale();
+  set("trace-title", "The same sensors over the last " + SECONDS + " seconds, each from " + number(low_) + " to " + number(top_));
   document.body.style.setProperty("--shape", skin()[1] + " / " + skin()[0]);
   showAnswer(); showScore(); showEvents(); showCounters(); showAge(); draw();
 }

@@ -5,10 +5,10 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use tactnet_channel::{Bus, GetPort, Priority, PutPort, Start, Wait};
-use tactnet_skin::ServeConfig;
 use tactnet_skin::packets::{
     Command, ModelNames, SkinFrame, SweepCommand, TactileBelief, TactileStatus, Text,
 };
+use tactnet_skin::{ServeConfig, material_names};
 use tokio::sync::watch;
 
 use super::WebServer;
@@ -134,10 +134,14 @@ impl Dashboard {
         Ok(())
     }
 
+    /// Returns a line for every object that was judged and everything that was rejected or refused since the last call, oldest first; only the
+    /// newest of many.
+    pub fn take_news(&mut self) -> Vec<String> {
+        self.seen.news.drain(..).collect()
+    }
+
     fn take_names(&mut self, model: &ModelNames) {
-        let materials = (model.materials as usize).min(model.names.len());
-        let names = model.names[..materials].iter();
-        self.seen.names = names.map(|name| name.as_str().to_string()).collect();
+        self.seen.names = material_names(model);
         self.seen.by_dropout = model.mc_samples > 0;
         self.names = Some(Box::new(*model));
     }

@@ -81,6 +81,8 @@ pub(super) struct Seen {
     pub(super) model_version: u64,
     pub(super) counters: Vec<(&'static str, f64)>,
     pub(super) events: VecDeque<Line>,
+    /// Lines that nobody has asked for yet, oldest first.
+    pub(super) news: VecDeque<String>,
     /// Whole sweeps are judged by dropout.
     pub(super) by_dropout: bool,
 }
@@ -95,7 +97,7 @@ impl Seen {
             Some(Command::Reset) => {
                 self.belief = None;
                 if let Some(object) = self.objects.next() {
-                    self.add(object.line(), object.right());
+                    self.tell(object.line(), object.right());
                 }
             }
             _ => {}
@@ -148,8 +150,21 @@ impl Seen {
                 self.add(format!("sweep {}: {said}{was}", status.sweep), None);
             }
             _ if text.is_empty() || status.event == Event::Reset as u32 => {}
+            _ if status.event == Event::Rejected as u32 => {
+                self.tell(format!("sweep {} rejected: {text}", status.sweep), None);
+            }
+            _ if status.event == Event::Refused as u32 => self.tell(text.into(), None),
             _ => self.add(format!("sweep {}: {text}", status.sweep), None),
         }
+    }
+
+    /// Adds what people at the terminal see, too.
+    fn tell(&mut self, text: String, right: Option<bool>) {
+        if self.news.len() == EVENTS {
+            self.news.pop_front();
+        }
+        self.news.push_back(text.clone());
+        self.add(text, right);
     }
 
     fn add(&mut self, text: String, right: Option<bool>) {
@@ -281,6 +296,25 @@ mod tests {
         third.fused_verdict = Verdict::Known as u32;
         seen.take_belief(&third);
         assert_eq!(seen.objects.object.right(), Some(false));
+    }
+
+    #[test]
+    fn rejected_sweeps_and_judged_objects_are_told_at_the_terminal() {
+        let mut seen = Seen::default();
+        let status = |event: Event, text: &str| TactileStatus {
+            event: event as u32,
+            sweep: 4,
+            text: Text::new(text),
+            ..TactileStatus::zeroed()
+        };
+        seen.take_status(&status(Event::Swapped, "version 0 serves"));
+        seen.take_status(&status(Event::Rejected, "taxel 4 is saturated"));
+        assert_eq!(seen.news, ["sweep 4 rejected: taxel 4 is saturated"]);
+        assert_eq!(seen.events.len(), 2);
+        for _ in 0..2 * EVENTS {
+            seen.take_status(&status(Event::Rejected, "again"));
+        }
+        assert_eq!(seen.news.len(), EVENTS, "where nobody asks");
     }
 
     #[test]

@@ -1,14 +1,17 @@
 //! `tactnet channel list`, `echo` and `hz`: channels, packets and rates of a bus.
 
+use std::fmt;
 use std::process::ExitCode;
 use std::time::Duration;
 
 use anyhow::Context;
 use clap::Args;
+use serde::Serialize;
 use tactnet_channel::{
-    Bus, ChannelId, Domain, ListedChannel, ReceivedSummary, Table, Wait, list_channels,
+    Bus, ChannelId, Domain, ListedChannel, ReceivedSummary, Start, Table, Wait, list_channels,
     measure_rate,
 };
+use tactnet_skin::{Readable, ServeConfig, material_names};
 
 use super::TableArgs;
 use crate::output;
@@ -57,17 +60,54 @@ pub struct EchoArgs {
     json: bool,
 }
 
+/// A packet that came, with what is in it where that is known.
+#[derive(Serialize)]
+struct Echoed {
+    #[serde(flatten)]
+    received: ReceivedSummary,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    packet: Option<Readable>,
+}
+
+impl fmt::Display for Echoed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { received, packet } = self;
+        let Some(packet) = packet else {
+            return received.fmt(f);
+        };
+        write!(f, "#{:<8} {packet}", received.sequence)?;
+        match received.lost {
+            0 => Ok(()),
+            lost => write!(f, "  lost so far: {lost}"),
+        }
+    }
+}
+
 pub fn echo(arguments: &EchoArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen_saying("stopping")?;
     let table = Table::load(&arguments.table.table)?;
     let bus = Bus::open(Domain::Host, &table)?;
     let port = bus.raw_get_port(ChannelId::new(&arguments.channel)?)?;
+    let config = table.channel(&arguments.channel)?;
+    // Names of materials, where a classifier tells them.
+    let models = ServeConfig::of(&table)
+        .ok()
+        .and_then(|config| bus.get_port(config.model.as_str(), Start::History(1)).ok());
+    let mut names = Vec::new();
     let mut seen = 0;
     while !stop.asked() && arguments.count.is_none_or(|count| seen < count) {
         let Some(packet) = port.get(LOOK)? else {
             continue;
         };
-        let echoed = ReceivedSummary::new(&packet, &port);
+        if let Some(model) = &models {
+            while let Some(model) = model.try_get()? {
+                names = model.first().map(material_names).unwrap_or_default();
+            }
+        }
+        let echoed = Echoed {
+            received: ReceivedSummary::new(&packet, &port),
+            packet: Readable::new(&config.packet, config.version, &packet, &names),
+        };
         drop(packet);
         seen += 1;
         if arguments.json {

@@ -28,8 +28,9 @@ pub struct SkinArgs {
     /// Only sweeps that this run was not trained on, at its sample rate and of its number of steps
     #[arg(long, value_name = "DIR")]
     unseen_by: Option<PathBuf>,
-    /// N sweeps in a row are of one object; a reset is commanded before the next [default: no resets]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1000))]
+    /// N sweeps in a row are of one object; a reset is commanded before the next; `none`: no resets [default: 3, or as many as every
+    /// material has]
+    #[arg(long, value_name = "N|none", value_parser = object_sweeps)]
     sweeps_per_object: Option<u64>,
     /// Only these materials, in turns
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
@@ -40,6 +41,18 @@ pub struct SkinArgs {
     /// Decides the order of the sweeps
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+}
+
+/// Sweeps of one object.
+const OBJECT_SWEEPS: u64 = 3;
+
+/// Reads how many sweeps are of one object; 0: nobody says when the object is another one.
+fn object_sweeps(text: &str) -> Result<u64, String> {
+    match text.parse() {
+        Ok(sweeps @ 0..=1000) => Ok(sweeps),
+        _ if text == "none" => Ok(0),
+        _ => Err("expected 1 to 1000 sweeps, or `none`".into()),
+    }
 }
 
 /// Runs the command.
@@ -63,17 +76,25 @@ pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
             (dataset, all)
         }
     };
-    let order = play_order(
-        &dataset,
-        &sweeps,
-        &arguments.materials,
-        arguments.sweeps_per_object.unwrap_or(1) as usize,
-        Seed(arguments.seed),
-    )?;
+    let order_of = |object_sweeps: u64| {
+        let (materials, seed) = (&arguments.materials, Seed(arguments.seed));
+        play_order(&dataset, &sweeps, materials, object_sweeps as usize, seed)
+    };
+    let (object_sweeps, order) = match arguments.sweeps_per_object {
+        Some(sweeps) => (sweeps, order_of(sweeps)?),
+        None => {
+            let mut shorter = (2..=OBJECT_SWEEPS).rev();
+            let found = shorter.find_map(|sweeps| Some((sweeps, order_of(sweeps).ok()?)));
+            match found {
+                Some(found) => found,
+                None => (1, order_of(1)?),
+            }
+        }
+    };
     let driver = SkinDriver::open(&bus, &config)?;
     let mut skin = SkinSimulator::new(&dataset, order, config.segmenter.skip, REST_FRAMES);
-    if let Some(sweeps) = arguments.sweeps_per_object {
-        skin = skin.with_objects_of(sweeps);
+    if object_sweeps > 0 {
+        skin = skin.with_objects_of(object_sweeps);
     }
     eprintln!(
         "putting {} frames a second on {}; Ctrl-C ends",

@@ -1,6 +1,6 @@
 //! How sweeps are found, and what spoils them.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// How sweeps are found, and what spoils them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -21,9 +21,15 @@ pub struct SegmenterConfig {
     /// A taxel that shows the same digit, other than zero, for so many frames of a window in a row is stalled; a shorter window is too
     /// short to tell that from light contact.
     pub stalled_frames: usize,
-    /// Digit of a saturated taxel; digits below zero or above this are none of the sensor's.
-    pub full_scale: f32,
-    /// A taxel at full scale for so many frames of a window in a row is saturated.
+    /// Least and greatest value that a taxel can show; others reject the sweep. `None`: by the training sweeps of the network that serves
+    /// ([`tactnet_data::ValueRange::limits`]); any value where there is none. `full_scale = X` of earlier tables is read as `[0, X]`.
+    #[serde(
+        alias = "full_scale",
+        deserialize_with = "values",
+        skip_serializing_if = "Option::is_none"
+    )]
+    pub values: Option<[f32; 2]>,
+    /// A taxel at the greatest value for so many frames of a window in a row is saturated.
     pub saturated_frames: usize,
 }
 
@@ -37,10 +43,24 @@ impl Default for SegmenterConfig {
             clock_tolerance: 0.5,
             clock_drift: 5.0,
             stalled_frames: 1000,
-            full_scale: 255.0,
+            values: None,
             saturated_frames: 100,
         }
     }
+}
+
+/// Reads `[least, greatest]`, or the greatest alone.
+fn values<'de, D: Deserializer<'de>>(from: D) -> Result<Option<[f32; 2]>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged, expecting = "expected `[least, greatest]`")]
+    enum Values {
+        Both([f32; 2]),
+        Greatest(f32),
+    }
+    Ok(Some(match Values::deserialize(from)? {
+        Values::Both(values) => values,
+        Values::Greatest(greatest) => [0.0, greatest],
+    }))
 }
 
 /// Who says when a sweep begins.

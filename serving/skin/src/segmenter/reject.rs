@@ -26,8 +26,10 @@ pub enum Reject {
         /// Most frames that are forgiven.
         allowed: usize,
     },
-    /// A digit that the sensor cannot give.
-    #[error("frame {sequence}: taxel {taxel} shows {digit}, expected 0 to {full_scale}")]
+    /// A value that the sensor cannot give.
+    #[error(
+        "frame {sequence}: taxel {taxel} shows {digit}, expected {least} to {greatest}; `values` in the table widens that"
+    )]
     Range {
         /// The frame.
         sequence: u64,
@@ -35,8 +37,10 @@ pub enum Reject {
         taxel: usize,
         /// Its digit.
         digit: f32,
-        /// The largest digit.
-        full_scale: f32,
+        /// The least value.
+        least: f32,
+        /// The greatest value.
+        greatest: f32,
     },
     /// A taxel that does not change.
     #[error("taxel {taxel} shows {digit} for {frames} frames")]

@@ -1,0 +1,118 @@
+//! Which values sweeps have.
+
+use serde::{Deserialize, Serialize};
+
+use crate::SweepView;
+
+/// The values of some sweeps.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ValueRange {
+    /// Smallest value of a taxel.
+    pub least: f32,
+    /// Largest value of a taxel.
+    pub greatest: f32,
+    /// Largest mean of a frame.
+    pub greatest_mean: f32,
+}
+
+impl ValueRange {
+    /// Least and greatest value of a raw 8-bit skin.
+    pub const DIGITS: [f32; 2] = [0.0, 255.0];
+
+    /// Returns the range of all sweeps of `view`; `None` without one finite value.
+    pub fn of(view: &SweepView<'_>) -> Option<Self> {
+        let shape = view.shape();
+        let mut sweep = vec![0.0; shape.values()];
+        let mut range: Option<Self> = None;
+        for position in 0..view.len() {
+            view.copy_batch(&[position], &mut sweep);
+            for frame in sweep.chunks_exact(shape.taxels()) {
+                range = range.into_iter().chain(Self::of_frame(frame)).reduce(union);
+            }
+        }
+        range
+    }
+
+    /// Returns the range of one frame; `None` without one finite value.
+    ///
+    /// - `taxels`: `[taxels]`
+    pub fn of_frame(taxels: &[f32]) -> Option<Self> {
+        let finite = || taxels.iter().copied().filter(|value| value.is_finite());
+        let number = finite().count();
+        (number > 0).then(|| Self {
+            least: finite().fold(f32::INFINITY, f32::min),
+            greatest: finite().fold(f32::NEG_INFINITY, f32::max),
+            greatest_mean: finite().sum::<f32>() / number as f32,
+        })
+    }
+
+    /// Returns the least and the greatest value that a skin with such sweeps may show: 0 to 255 where all values are within it, as a raw 8-bit skin's
+    /// are, and otherwise once more the width of the range on either side.
+    pub fn limits(&self) -> [f32; 2] {
+        let [zero, full] = Self::DIGITS;
+        if self.least >= zero && self.greatest <= full {
+            return Self::DIGITS;
+        }
+        let width = self.greatest - self.least;
+        [
+            (self.least - width).max(f32::MIN),
+            (self.greatest + width).min(f32::MAX),
+        ]
+    }
+}
+
+/// Returns the range of what has either range.
+fn union(a: ValueRange, b: ValueRange) -> ValueRange {
+    ValueRange {
+        least: a.least.min(b.least),
+        greatest: a.greatest.max(b.greatest),
+        greatest_mean: a.greatest_mean.max(b.greatest_mean),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Dataset, LabelSet, Samples, SweepRecord, SweepShape};
+
+    #[test]
+    fn raw_digits_keep_their_scale_and_other_values_have_room() {
+        let range = |values: Vec<f32>| {
+            let record = SweepRecord {
+                label: 0,
+                sweep: 0,
+                block: None,
+                test: None,
+            };
+            let shape = SweepShape {
+                steps: values.len() / 2,
+                rows: 1,
+                cols: 2,
+            };
+            let labels = LabelSet::new(["wood"]).unwrap();
+            let samples = Samples::F32(values);
+            let dataset = Dataset::new("own", 250.0, shape, labels, vec![record], samples).unwrap();
+            ValueRange::of(&SweepView::all(&dataset)).unwrap()
+        };
+        assert_eq!(range(vec![3.0, 250.0, 0.0, 1.0]).limits(), [0.0, 255.0]);
+        let own = range(vec![-2.0, 8.0, 3.0, 5.0]);
+        let expected = ValueRange {
+            least: -2.0,
+            greatest: 8.0,
+            greatest_mean: 4.0,
+        };
+        assert_eq!(own, expected);
+        assert_eq!(own.limits(), [-12.0, 18.0]);
+        assert_eq!(range(vec![60.0, 1170.0]).limits(), [-1050.0, 2280.0]);
+        let [least, greatest] = range(vec![-3e38, 3e38]).limits();
+        assert!(least.is_finite() && greatest.is_finite());
+    }
+
+    #[test]
+    fn values_that_are_no_number_do_not_count() {
+        let range = ValueRange::of_frame(&[f32::NAN, 2.0, f32::INFINITY]).unwrap();
+        assert_eq!((range.least, range.greatest), (2.0, 2.0));
+        assert_eq!(ValueRange::of_frame(&[f32::NAN]), None);
+    }
+}

@@ -1,0 +1,249 @@
+//! The table of channels as text, with a comment behind every setting.
+
+use tactnet_channel::Table;
+
+/// A setting of the table.
+struct Setting {
+    /// The part of the table that it is in; `channels` is each of them.
+    section: &'static str,
+    key: &'static str,
+    /// What it sets, with its unit.
+    comment: &'static str,
+    /// A value for a setting that is left out, since it follows the network.
+    example: Option<&'static str>,
+}
+
+const fn setting(section: &'static str, key: &'static str, comment: &'static str) -> Setting {
+    Setting {
+        section,
+        key,
+        comment,
+        example: None,
+    }
+}
+
+const fn follows(
+    section: &'static str,
+    key: &'static str,
+    example: &'static str,
+    comment: &'static str,
+) -> Setting {
+    Setting {
+        section,
+        key,
+        comment,
+        example: Some(example),
+    }
+}
+
+const CLASSIFIER: &str = "components.tactnet";
+const SEGMENTER: &str = "components.tactnet.segmenter";
+
+const SETTINGS: [Setting; 34] = [
+    setting(
+        "",
+        "bus",
+        "name of the bus; buses of different names never meet",
+    ),
+    setting(
+        "network",
+        "host",
+        "tells hosts apart that share one machine, in tests",
+    ),
+    setting(
+        "network",
+        "listen",
+        "where the hub waits for other hosts, like \"tcp/10.0.0.2:7447\"",
+    ),
+    setting("network", "connect", "hubs of other hosts to connect to"),
+    setting("channels", "packet", "type of its packets"),
+    setting("channels", "version", "version of that type"),
+    setting("channels", "item_bytes", "size of an item, bytes"),
+    setting("channels", "items", "most items of a packet"),
+    setting(
+        "channels",
+        "depth",
+        "packets that wait at a get-port before the oldest is lost",
+    ),
+    setting("channels", "put_ports", "most ports that put"),
+    setting("channels", "get_ports", "most ports that get"),
+    setting(
+        "channels",
+        "history",
+        "newest packets that a late joiner gets",
+    ),
+    setting(
+        "channels",
+        "held",
+        "packets that a get-port may hold at once",
+    ),
+    setting(
+        "channels",
+        "loaned",
+        "packets that a put-port may prepare at once",
+    ),
+    setting(
+        "channels",
+        "distributed",
+        "whether other hosts get its packets",
+    ),
+    setting(
+        "channels",
+        "congestion",
+        "when the network is too slow: \"drop\" packets or \"block\"",
+    ),
+    setting(
+        CLASSIFIER,
+        "fingers",
+        "channels of skin frames, one a finger",
+    ),
+    setting(
+        CLASSIFIER,
+        "command",
+        "channel of commands: start, stop, reset, enrol",
+    ),
+    setting(CLASSIFIER, "belief", "channel of beliefs"),
+    setting(CLASSIFIER, "status", "channel of events and counters"),
+    setting(
+        CLASSIFIER,
+        "model",
+        "channel of the network's materials and shape",
+    ),
+    setting(
+        CLASSIFIER,
+        "anytime_ms",
+        "time between beliefs during a sweep, milliseconds; 0: none",
+    ),
+    setting(
+        CLASSIFIER,
+        "mc_samples",
+        "Monte Carlo dropout masks of the last belief; 0: none",
+    ),
+    follows(
+        CLASSIFIER,
+        "plain_deadline_ms",
+        "1.333",
+        "a belief without masks is late after, milliseconds; left out: one frame",
+    ),
+    follows(
+        CLASSIFIER,
+        "dropout_deadline_ms",
+        "4.0",
+        "a belief with masks is late after, milliseconds; left out: three frames",
+    ),
+    setting(
+        SEGMENTER,
+        "segmentation",
+        "who begins sweeps: \"command\", or { contact = { begins = 10.0, ends = 5.0, frames = 8 } } by the mean value of a frame",
+    ),
+    setting(SEGMENTER, "skip", "frames skipped after the motion starts"),
+    setting(
+        SEGMENTER,
+        "longest_gap",
+        "lost frames in a row that are filled in",
+    ),
+    setting(
+        SEGMENTER,
+        "most_filled_in",
+        "frames of a sweep that may be filled in",
+    ),
+    setting(
+        SEGMENTER,
+        "clock_tolerance",
+        "how far the sensor's clock may be off between two frames, periods",
+    ),
+    setting(
+        SEGMENTER,
+        "clock_drift",
+        "how far it may be off over a sweep, periods",
+    ),
+    setting(
+        SEGMENTER,
+        "stalled_frames",
+        "a taxel with the same value, other than 0, for so many frames is stalled",
+    ),
+    follows(
+        SEGMENTER,
+        "values",
+        "[0.0, 255.0]",
+        "least and greatest value of a taxel, others reject the sweep; left out: by the network's training sweeps",
+    ),
+    setting(
+        SEGMENTER,
+        "saturated_frames",
+        "a taxel at the greatest value for so many frames is saturated",
+    ),
+];
+
+/// Returns the table as TOML, every setting with its comment. Settings that are left out, since they follow the network, stand there as comments.
+///
+/// # Errors
+/// Settings of components that TOML cannot hold.
+pub fn commented(table: &Table) -> Result<String, toml::ser::Error> {
+    let mut out = Vec::new();
+    let mut section = "";
+    let text = toml::to_string(table)?;
+    let mut lines = text.lines().peekable();
+    while let Some(line) = lines.next() {
+        if let Some(name) = line.strip_prefix('[') {
+            section = match name.trim_end_matches(']') {
+                name if name.starts_with("channels.") => "channels",
+                name => name,
+            };
+            out.push(line.into());
+        } else if let Some((key, _)) = line.split_once(" = ") {
+            out.push(match find(section, key) {
+                Some(setting) => format!("{line:<32} # {}", setting.comment),
+                None => line.into(),
+            });
+        } else {
+            out.push(line.into());
+        }
+        let ends = lines.peek().is_none_or(|next| next.is_empty());
+        if ends && !line.is_empty() {
+            let given = |key: &str| {
+                let here = out.iter().rev().take_while(|line| !line.starts_with('['));
+                here.into_iter().any(|line| line.starts_with(key))
+            };
+            let left_out: Vec<String> = SETTINGS
+                .iter()
+                .filter(|setting| setting.section == section && !given(setting.key))
+                .filter_map(|setting| {
+                    let assigned = format!("# {} = {}", setting.key, setting.example?);
+                    Some(format!("{assigned:<32} # {}", setting.comment))
+                })
+                .collect();
+            out.extend(left_out);
+        }
+    }
+    Ok(out.join("\n"))
+}
+
+fn find(section: &str, key: &str) -> Option<&'static Setting> {
+    SETTINGS
+        .iter()
+        .find(|setting| setting.section == section && setting.key == key)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ServeConfig;
+
+    #[test]
+    fn every_setting_has_a_comment_and_the_table_is_read_as_it_was() {
+        let mut config = ServeConfig::default();
+        for values in [None, Some([-3.5, 9.0])] {
+            config.segmenter.values = values;
+            let table = config.table("robot");
+            let text = commented(&table).unwrap();
+            assert_eq!(Table::parse(&text).unwrap(), table);
+            for line in text.lines().filter(|line| line.contains(" = ")) {
+                assert!(line.contains(" # "), "{line}");
+            }
+            assert_eq!(text.contains("\n# values = [0.0, 255.0]"), values.is_none());
+            assert!(text.contains("\n# plain_deadline_ms = 1.333"), "{text}");
+            assert_eq!(text.matches("# least and greatest").count(), 1, "{text}");
+        }
+    }
+}

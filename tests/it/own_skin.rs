@@ -1,0 +1,188 @@
+//! A newcomer's own skin on the robot's channels: values of any range, and what cannot be served.
+
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+use serde_json::Value;
+use tactnet_channel::{Table, remove_bus};
+use tactnet_data::format::{Format, read};
+use tactnet_data::{Dataset, Samples};
+
+use crate::command::{Lab, RecipeChange, expect, stderr, stdout, tactnet};
+use crate::serve::{Robot, Running};
+
+/// Writes the sweeps of `from` as a baseline-subtracted skin of floats would have shown them: -2.4 to 10.35 at 750 Hz.
+fn write_own(from: &Path, to: &Path) {
+    let twin = read(from).unwrap();
+    let values = (0..twin.len()).flat_map(|sweep| twin.sweep(sweep));
+    let own = Dataset::new(
+        "own",
+        twin.sample_rate_hz(),
+        twin.shape(),
+        twin.labels().clone(),
+        twin.records().to_vec(),
+        Samples::F32(values.map(|digit| digit * 0.05 - 2.4).collect()),
+    );
+    Format::Npz.write(to, &own.unwrap()).unwrap();
+}
+
+/// Trains a small network on `data` of the lab.
+fn train(lab: &Lab, data: &str, out: &str) {
+    let recipe = lab.recipe(RecipeChange::default());
+    let mut train = tactnet(["train", "--data"]);
+    train.arg(lab.path(data)).arg("--recipe").arg(recipe);
+    expect(0, {
+        train.arg("--out").arg(lab.path(out));
+        train
+    });
+}
+
+/// Asks a process to end, as Ctrl-C does.
+fn interrupt(child: &Child) {
+    let id = child.id().to_string();
+    let killed = Command::new("kill").args(["-INT", &id]).status();
+    assert!(killed.unwrap().success());
+}
+
+#[test]
+fn every_sweep_of_a_skin_with_values_below_zero_is_judged_in_the_demo() {
+    let lab = Lab::new();
+    write_own(&lab.path("twin.h5"), &lab.path("own.npz"));
+    train(&lab, "own.npz", "own");
+    let config = lab.json("own/config.json");
+    let values = &config["classifier"]["values"];
+    assert!(values["least"].as_f64().unwrap() < 0.0, "{values}");
+    let mut demo = tactnet(["demo", "--listen", "127.0.0.1:0", "--data"]);
+    demo.arg(lab.path("own.npz"));
+    demo.arg("--run").arg(lab.path("own"));
+    let mut demo = Running(demo.stdout(Stdio::piped()).spawn().unwrap());
+    let mut said = BufReader::new(demo.0.stdout.take().unwrap()).lines();
+    assert_eq!(said.next().unwrap().unwrap(), "ready");
+    // Two sweeps of each material are left to play.
+    let object = said.next().unwrap().unwrap();
+    assert!(object.starts_with("object 1: said "), "{object}");
+    assert!(object.contains(" after 2 sweeps, it was "), "{object}");
+    interrupt(&demo.0);
+    let rest: Vec<String> = said.map(Result::unwrap).collect();
+    assert!(!rest.iter().any(|line| line.contains("rejected")));
+    assert!(demo.0.wait().unwrap().success());
+}
+
+#[test]
+fn a_contact_that_own_values_never_reach_is_refused_before_anything_is_served() {
+    let lab = Lab::new();
+    write_own(&lab.path("twin.h5"), &lab.path("own.npz"));
+    train(&lab, "own.npz", "own");
+    let own = lab.path("own").display().to_string();
+    let print = tactnet(["serve", "--print-table", "--run", &own]);
+    let text = stdout(&expect(0, print));
+    assert!(text.contains("\nvalues = [-"), "{text}");
+    let bus = format!("owncontact{}", std::process::id());
+    let text = text.replace("\"robot\"", &format!("\"{bus}\"")).replace(
+        "segmentation = \"command\"",
+        "segmentation = { contact = { begins = 40.0 } }",
+    );
+    std::fs::write(lab.path("robot.toml"), text).unwrap();
+    let table = Table::load(&lab.path("robot.toml")).unwrap();
+    let mut hub = tactnet(["channel", "hub", "--table"]);
+    hub.arg(lab.path("robot.toml"));
+    let hub = Running::start(hub);
+    let mut serve = tactnet(["serve", "--run", &own, "--table"]);
+    serve.arg(lab.path("robot.toml"));
+    let refused = stderr(&expect(2, serve));
+    assert!(
+        refused.contains("a contact begin at a mean of 40"),
+        "{refused}"
+    );
+    assert!(
+        refused.contains("set `begins` and `ends`") && refused.lines().count() == 1,
+        "{refused}"
+    );
+    hub.end();
+    remove_bus(&table).unwrap();
+}
+
+#[test]
+fn a_baseline_is_refused_in_words() {
+    let lab = Lab::new();
+    let data = lab.path("twin.h5").display().to_string();
+    let run = lab.path("means").display().to_string();
+    expect(
+        0,
+        tactnet(["train", "--data", &data, "--model", "means", "--out", &run]),
+    );
+    let out = lab.path("out.onnx").display().to_string();
+    for (call, what) in [
+        (
+            vec!["demo", "--listen", "127.0.0.1:0", "--run", &run],
+            "be served",
+        ),
+        (vec!["serve", "--print-table", "--run", &run], "be served"),
+        (vec!["export", &run, "--out", &out], "be exported"),
+        (
+            vec![
+                "enroll",
+                &run,
+                "--data",
+                &data,
+                "--material",
+                "wood",
+                "--out",
+                &out,
+            ],
+            "learn a new material",
+        ),
+    ] {
+        let refused = stderr(&expect(2, tactnet(&call)));
+        let reason = format!(
+            "it is a baseline (means), and only networks can {what}; train one with `tactnet train --data FILE`\n"
+        );
+        assert!(refused.ends_with(&reason), "{call:?}: {refused}");
+    }
+}
+
+#[test]
+fn beliefs_are_echoed_in_words_and_a_second_service_is_told_of_the_first() {
+    let robot = Robot::new("echo");
+    let _hub = robot.start(&["channel", "hub"]);
+    let service = robot.serve("models/1");
+    let table = robot.lab.path("robot.toml").display().to_string();
+    let model = robot.lab.path("models/1").display().to_string();
+    let second = tactnet([
+        "serve",
+        "--run",
+        &model,
+        "--metrics",
+        "off",
+        "--table",
+        &table,
+    ]);
+    let refused = stderr(&expect(2, second));
+    let process = format!("process {}, most likely another", service.0.id());
+    assert!(refused.contains(&process), "{refused}");
+
+    let _skin = robot.skin("1000");
+    let echo = |channel: &str, arguments: &[&str]| {
+        let mut echo = tactnet(["channel", "echo", channel, "--table", &table]);
+        stdout(&expect(0, {
+            echo.args(arguments);
+            echo
+        }))
+    };
+    let words = echo("tactile/belief", &["--count", "40"]);
+    let last = words.lines().last().unwrap();
+    assert!(last.contains("sweep ") && last.contains(" %"), "{words}");
+    assert!(!last.contains("label "), "materials have names: {words}");
+    let document = echo("tactile/belief", &["--count", "1", "--json"]);
+    let document: Value = serde_json::from_str(&document).unwrap();
+    let belief = &document["packet"];
+    assert_eq!(belief["type"], "TactileBelief", "{document}");
+    assert!(belief["sweep_says"]["probability"].is_number(), "{belief}");
+    assert!(belief["sweep"].as_u64().unwrap() > 0, "{belief}");
+    let frame = echo("skin/right", &["--count", "1"]);
+    assert!(
+        frame.contains(" frame ") && frame.contains("(8 more)"),
+        "{frame}"
+    );
+}
