@@ -68,6 +68,16 @@ impl Summary {
     /// Version written by this program.
     pub const SCHEMA_VERSION: u32 = 3;
 
+    /// Returns, for each data set whose rate nobody named, what is assumed and how to name it.
+    pub fn assumed_rates(&self) -> impl Iterator<Item = String> + use<'_> {
+        self.data.iter().filter_map(|(name, data)| {
+            let rate = data.assumed_rate_hz?;
+            Some(format!(
+                "{name} does not say its sample rate; {rate} Hz is assumed, `--set rate_hz=HZ` names it"
+            ))
+        })
+    }
+
     /// Returns the row of a key.
     pub fn row(&self, key: &str) -> Option<&Row> {
         self.rows.iter().find(|row| row.key == key)
@@ -75,12 +85,15 @@ impl Summary {
 }
 
 /// A data set of an experiment.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DataRecord {
     /// SHA-256 of its content.
     pub sha256: String,
     /// Where its sweeps come from.
     pub origin: DataOrigin,
+    /// Rate that stands in for one that nobody named, Hz; absent where the data set says its rate.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub assumed_rate_hz: Option<f64>,
 }
 
 /// One quantity: a measure of one contender on one data set, mean over tasks.

@@ -102,8 +102,26 @@ fn contender(summary: &Summary, set: &DataSet, best: &Scored<'_>) -> Headline {
             best.materials.len(),
             set.name(best)
         ),
-        qualifier: qualifier(audit, best),
+        qualifier: format!("{}{}", qualifier(audit, best), network(set, best)),
     }
+}
+
+/// Returns how the best network did where another model is best, and how long it was trained where that was short.
+fn network(set: &DataSet, best: &Scored<'_>) -> String {
+    let trained = |row: &Scored<'_>| {
+        row.few_steps()
+            .map(|steps| format!("{} training steps a fold, which are few", steps.count()))
+    };
+    if best.training.is_some() {
+        return trained(best).map_or(String::new(), |few| format!(" It had {few}."));
+    }
+    let rows = set.contenders();
+    let Some(row) = rows.iter().find(|row| row.training.is_some()) else {
+        return String::new();
+    };
+    let few = trained(row).map_or(String::new(), |few| format!(", with {few}"));
+    let accuracy = in_percent(row.one_sweep.mean);
+    format!(" {} recognises {accuracy}{few}.", set.name(row))
 }
 
 /// What weighs most against the accuracy of the best contender.
