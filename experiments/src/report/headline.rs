@@ -169,6 +169,8 @@ mod tests {
     use super::super::data_set::data_sets;
     use super::super::fake;
     use super::*;
+    use tactnet_pipeline::TrainingSteps;
+
     use crate::Measure;
     use crate::questions::scored;
 
@@ -245,6 +247,32 @@ mod tests {
         // The audit of another data set says nothing of this one.
         summary.audits[0].data = "other, levels kept, 1000 steps".into();
         assert!(page(&summary).contains("Guessing recognises"));
+    }
+
+    #[test]
+    fn the_network_is_named_where_a_baseline_won_and_few_steps_are_said() {
+        let steps = |epochs, batches| Some(TrainingSteps { epochs, batches });
+        let mut summary = fake::tactmat();
+        summary.contenders[1].training = steps(12, 3);
+        let beaten = page(&summary);
+        assert!(
+            beaten.contains(
+                "TactNet-II (knn), MC dropout recognises 60.0\u{a0}%, with 36 training steps a fold, which are few."
+            ),
+            "{beaten}"
+        );
+        summary.contenders[1].training = steps(12, 80);
+        assert!(page(&summary).contains("TactNet-II (knn), MC dropout recognises 60.0\u{a0}%."));
+        summary.contenders[0].training = steps(12, 3);
+        let won = page(&summary);
+        assert!(
+            won.contains("recognised by TactNet-II (net), MC dropout"),
+            "{won}"
+        );
+        assert!(
+            won.contains("It had 36 training steps a fold, which are few."),
+            "{won}"
+        );
     }
 
     #[test]
