@@ -4,6 +4,7 @@
 //! ExperimentRecipe ─> Plan (tasks) ─> run_locally | run_on_slurm ─> run directories ─> Summary ─> HTML page
 //! ```
 
+mod assumed_rate;
 mod comparison;
 mod context;
 mod error;

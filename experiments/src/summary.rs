@@ -68,16 +68,6 @@ impl Summary {
     /// Version written by this program.
     pub const SCHEMA_VERSION: u32 = 3;
 
-    /// Returns, for each data set whose rate nobody named, what is assumed and how to name it.
-    pub fn assumed_rates(&self) -> impl Iterator<Item = String> + use<'_> {
-        self.data.iter().filter_map(|(name, data)| {
-            let rate = data.assumed_rate_hz?;
-            Some(format!(
-                "{name} does not say its sample rate; {rate} Hz is assumed, `--set rate_hz=HZ` names it"
-            ))
-        })
-    }
-
     /// Returns the row of a key.
     pub fn row(&self, key: &str) -> Option<&Row> {
         self.rows.iter().find(|row| row.key == key)

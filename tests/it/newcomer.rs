@@ -137,14 +137,16 @@ fn a_rate_that_nobody_named_is_said_and_can_be_named_everywhere() {
             "groups=0",
         ]);
         command.args(more);
-        let found = stdout(&expect(0, command));
+        let output = expect(0, command);
+        let (found, said) = (stdout(&output), stderr(&output));
         let page = String::from_utf8(lab.read(&format!("{out}/report.html"))).unwrap();
-        (found, page)
+        (found, said, page)
     };
-    let (found, page) = experiment("assumed", &[]);
+    let (found, said, page) = experiment("assumed", &[]);
     let warning =
         "own does not say its sample rate; 750 Hz is assumed, `--set rate_hz=HZ` names it";
     assert!(found.contains(&format!("warning: {warning}")), "{found}");
+    assert!(said.contains(&format!("warning: {warning}")), "{said}");
     assert!(page.contains("<strong>Assumed:</strong> own does not say"));
     assert!(found.contains("TactNet-II (small), MC dropout"), "{found}");
     assert!(!found.contains("published"), "{found}");
@@ -152,9 +154,9 @@ fn a_rate_that_nobody_named_is_said_and_can_be_named_everywhere() {
         "TactNet-II (small) on own: 6 training steps are few; `--set epochs=150` trains for 300";
     assert!(found.contains(&format!("hint: {few}")), "{found}");
     assert!(page.contains(few) && page.contains("training steps a fold, which are few."));
-    let (found, page) = experiment("rated", &["--set", "rate_hz=200"]);
+    let (found, said, page) = experiment("rated", &["--set", "rate_hz=200"]);
     assert!(
-        !found.contains("assumed") && !page.contains("Assumed:"),
+        !found.contains("assumed") && !said.contains("assumed") && !page.contains("Assumed:"),
         "{found}"
     );
 }

@@ -11,10 +11,11 @@ pub(super) fn header(summary: &Summary, headline: &str) -> String {
     let twins = twins(summary);
     let assumed: String = summary
         .assumed_rates()
+        .iter()
         .map(|line| {
             format!(
                 "<p class=\"note\"><strong>Assumed:</strong> {}</p>\n",
-                escape(&line)
+                escape(line)
             )
         })
         .collect();
