@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Makes the release archive: the program, manual pages, shell completions, README, documentation and licence.
+# Makes the release archive: the program, manual pages, shell completions, INSTALL, README, documentation with all it links to, licence.
 #
 #   packaging/release.sh                          builds it, statically linked: runs on any Linux of this architecture
 #   packaging/release.sh --features parquet       with optional features
@@ -41,7 +41,22 @@ strip "$folder/bin/tactnet"
 "$program" completions bash >"$folder/share/bash-completion/completions/tactnet"
 "$program" completions zsh >"$folder/share/zsh/site-functions/_tactnet"
 "$program" completions fish >"$folder/share/fish/vendor_completions.d/tactnet.fish"
-cp -r README.md CHANGELOG.md LICENSE* docs "$folder/"
+cp -r README.md CHANGELOG.md LICENSE* docs packaging/INSTALL.md "$folder/"
+# What the documents link to, and what those link to.
+declare -A packed
+more=1
+while [ $more = 1 ]; do
+  more=0
+  while read -r document; do
+    while read -r link; do
+      target=$(realpath -m --relative-to=. "$(dirname "$document")/$link")
+      [ -z "${packed[$target]:-}" ] && [ -e "$target" ] || continue
+      packed[$target]=1 more=1
+      mkdir -p "$(dirname "$folder/$target")"
+      cp -rT "$target" "$folder/$target"
+    done < <(grep -oE '\]\([^)#[:space:]]+' "$document" | sed 's/^](//' | grep -v '^[a-z]*:')
+  done < <(cd "$folder" && find . -name '*.md' ! -path ./INSTALL.md | sort)
+done
 mkdir -p "$out"
 archive=$out/$name.tar.gz
 tar --sort=name --owner=0 --group=0 --numeric-owner --mtime="@$(git log -1 --format=%ct 2>/dev/null || echo 0)" -C "$work" -c "$name" | gzip -n >"$archive"

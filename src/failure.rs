@@ -3,6 +3,7 @@
 use std::error::Error;
 use std::process::ExitCode;
 
+use clap::CommandFactory;
 use clap::error::ErrorKind;
 use tactnet_channel::ChannelError;
 use tactnet_data::{DataError, FetchError};
@@ -12,6 +13,8 @@ use tactnet_recording::RecordingError;
 use tactnet_rehearsal::RehearsalError;
 use tactnet_serving::ServeError;
 use tactnet_skin::SkinError;
+
+use crate::Cli;
 
 /// Exit code of a failed check or a run that broke.
 pub const FAILED: u8 = 1;
@@ -34,7 +37,7 @@ pub fn usage(error: &clap::Error) -> ExitCode {
         _ => {}
     }
     let text = error.render().to_string();
-    let (mut message, mut verb) = (String::new(), "tactnet".to_string());
+    let (mut message, mut verb) = (String::new(), verb_in(std::env::args().skip(1)));
     for part in text.lines().map(str::trim).filter(|part| !part.is_empty()) {
         if let Some(usage) = part.strip_prefix("Usage:") {
             verb = verb_of(usage);
@@ -55,6 +58,20 @@ pub fn usage(error: &clap::Error) -> ExitCode {
     }
     eprintln!("{message}; see `{verb} --help`");
     ExitCode::from(USAGE)
+}
+
+/// `tactnet data check` of the words `data check --rate fast own.npz`, for errors that come without their usage.
+fn verb_in(words: impl Iterator<Item = String>) -> String {
+    let mut command = Cli::command();
+    let mut verb = command.get_name().to_string();
+    for word in words {
+        let Some(inner) = command.find_subcommand(&word).cloned() else {
+            break;
+        };
+        verb = format!("{verb} {word}");
+        command = inner;
+    }
+    verb
 }
 
 /// `tactnet data check` of `tactnet data check [OPTIONS] <FILE>`.

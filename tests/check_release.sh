@@ -1,9 +1,27 @@
 #!/usr/bin/env bash
-# Unpacks a release archive in a bare Debian, trains and runs the demo there. Usage: check_release.sh ARCHIVE FOLDER_OF_DEBIAN
+# Checks that the links of a release archive's documents lead somewhere, unpacks it in a bare Debian, trains and runs the demo there.
+# Usage: check_release.sh ARCHIVE [FOLDER_OF_DEBIAN]
 #
-# Needs root. The folder is filled by debootstrap where it is empty, and used again where it is not.
+# Without the folder it looks at the links alone. The rest needs root. The folder is filled by debootstrap where it is empty, and used again where it is not.
 set -euo pipefail
-archive=$(realpath "$1") debian=$2
+archive=$(realpath "$1") debian=${2:-}
+unpacked=$(mktemp -d)
+trap 'rm -rf "$unpacked"' EXIT
+tar -xzf "$archive" -C "$unpacked" --strip-components=1
+"${PYTHON:-python3}" - "$unpacked" <<'PY'
+import pathlib, re, sys
+folder = pathlib.Path(sys.argv[1])
+links = [
+    (page.relative_to(folder), link)
+    for page in sorted(folder.rglob("*.md"))
+    for link in re.findall(r"\]\(([^)#\s]+)", page.read_text())
+    if not re.match("[a-z]+:", link)
+]
+dead = [f"{page}: {link}" for page, link in links if not (folder / page.parent / link).exists()]
+assert (folder / "INSTALL.md").exists() and len(links) > 30, links
+sys.exit("\n".join(["links of the archive that lead nowhere:", *dead]) if dead else 0)
+PY
+[ -n "$debian" ] || { echo "fine: links of $(basename "$archive")"; exit 0; }
 if [ ! -x "$debian/usr/bin/dpkg" ]; then
   debootstrap --variant=minbase bookworm "$debian" >/dev/null
 fi

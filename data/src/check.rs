@@ -12,6 +12,7 @@
 //! | [`OutOfRange`](FindingKind::OutOfRange) | warning | a sweep with values far beyond, or negative unlike, the others |
 //! | [`UnbalancedMaterials`](FindingKind::UnbalancedMaterials) | warning | unequal numbers of sweeps |
 //! | [`AssumedRate`](FindingKind::AssumedRate) | warning | the data does not say its sample rate |
+//! | [`NumberedMaterials`](FindingKind::NumberedMaterials) | note | every material's name is a bare number |
 //! | [`AxisOrder`](FindingKind::AxisOrder) | warning | more than 32 taxels side by side, and more than time steps |
 //! | [`ShortSweeps`](FindingKind::ShortSweeps) | warning | sweeps under 50 ms |
 
@@ -53,24 +54,25 @@ pub fn check(dataset: &Dataset) -> Vec<Finding> {
     findings.extend(saturated(dataset, &sweeps));
     findings.extend(out_of_range(dataset, &sweeps));
     findings.extend(sweeps_per_material(dataset));
+    findings.extend(numbered_materials(dataset));
     findings.extend(time_axis(dataset));
     findings.sort_by_key(|finding| (finding.severity, finding.kind, finding.at.sweep));
     findings
 }
 
-/// Refuses a data set that has findings of [`Severity::Error`].
+/// Refuses a data set that has findings of [`Severity::Error`]; returns the other findings.
 ///
 /// - `name`: its name or file, for the message
 ///
 /// # Errors
 /// [`DataError::Unsound`].
-pub fn refuse_errors(dataset: &Dataset, name: &str) -> Result<(), DataError> {
+pub fn refuse_errors(dataset: &Dataset, name: &str) -> Result<Vec<Finding>, DataError> {
     let findings = check(dataset);
     let mut errors = findings
         .iter()
         .filter(|finding| finding.severity == Severity::Error);
     match errors.next() {
-        None => Ok(()),
+        None => Ok(findings),
         Some(first) => Err(DataError::Unsound {
             name: name.into(),
             errors: 1 + errors.count(),
@@ -518,6 +520,21 @@ fn sweeps_per_material(dataset: &Dataset) -> Vec<Finding> {
         findings.push(finding(Severity::Warning, kind, nowhere, message));
     }
     findings
+}
+
+/// Materials that were given as numbers: a classifier that learnt names does not find them.
+fn numbered_materials(dataset: &Dataset) -> Option<Finding> {
+    let is_number = |name: &str| !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_digit());
+    let mut names = dataset.labels().names();
+    let first = names.next().filter(|name| is_number(name))?;
+    names.all(is_number).then(|| {
+        let message = format!(
+            "every material's name is a bare number, such as `{first}`; classifiers find materials by their names, so name them alike \
+             in all data sets"
+        );
+        let kind = FindingKind::NumberedMaterials;
+        finding(Severity::Note, kind, Place::default(), message)
+    })
 }
 
 #[cfg(test)]

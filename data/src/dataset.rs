@@ -165,6 +165,24 @@ impl Dataset {
         })
     }
 
+    /// Returns the same sweeps, recorded at `rate_hz` frames per second if nobody has said; unchanged without one.
+    ///
+    /// # Errors
+    /// A rate that is not a positive number, or another than the data says.
+    pub fn with_named_rate(self, rate_hz: Option<f64>) -> Result<Self, DataError> {
+        let own = self.sample_rate_hz;
+        match rate_hz {
+            None => Ok(self),
+            Some(rate_hz) if self.rate_assumed => self.with_sample_rate(rate_hz),
+            Some(rate_hz) if (own - rate_hz).abs() > 1e-6 * own => Err(DataError::inconsistent(
+                "sample rate",
+                format!("{own} Hz, as data set `{}` says", self.name),
+                format!("{rate_hz} Hz"),
+            )),
+            Some(_) => Ok(self),
+        }
+    }
+
     /// Sets the rate at which the sweeps were recorded, frames per second.
     ///
     /// # Errors

@@ -39,7 +39,7 @@ pub enum DataError {
     },
     /// A data set that [`crate::check()`] finds errors in.
     #[error(
-        "{name}: the data set has {errors} errors, the first: {first}; `tactnet data check {name}` lists all"
+        "{name}: the data set has {errors} error{}, the first: {first}; `tactnet data check {name}` lists all", if *errors == 1 { "" } else { "s" }
     )]
     Unsound {
         /// Its name or file, as it was given.

@@ -40,6 +40,8 @@ pub enum FindingKind {
     UnbalancedMaterials,
     /// A sample rate that nobody named.
     AssumedRate,
+    /// Materials that have numbers for names.
+    NumberedMaterials,
     /// More taxels side by side than time steps.
     AxisOrder,
     /// Sweeps of less than a twentieth of a second.
@@ -93,15 +95,59 @@ impl fmt::Display for FindingKind {
             Self::OutOfRange => "values out of range",
             Self::UnbalancedMaterials => "unbalanced materials",
             Self::AssumedRate => "assumed sample rate",
+            Self::NumberedMaterials => "numbered materials",
             Self::AxisOrder => "suspicious order of axes",
             Self::ShortSweeps => "short sweeps",
         })
     }
 }
 
+impl Finding {
+    /// Returns true if it is about the data set as a whole, not about one sweep or taxel.
+    pub fn is_general(&self) -> bool {
+        self.at == Place::default()
+    }
+}
+
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: {}", self.severity, self.message)
+    }
+}
+
+/// Everything that a check found, with the numbers of errors and warnings; as text, the numbers alone.
+#[derive(Debug, Clone, Serialize)]
+pub struct CheckReport {
+    /// Findings of [`Severity::Error`].
+    pub errors: usize,
+    /// Findings of [`Severity::Warning`].
+    pub warnings: usize,
+    /// All findings, errors first.
+    pub findings: Vec<Finding>,
+}
+
+impl CheckReport {
+    /// Counts `findings`.
+    pub fn of(findings: Vec<Finding>) -> Self {
+        let count = |severity| findings.iter().filter(|f| f.severity == severity).count();
+        Self {
+            errors: count(Severity::Error),
+            warnings: count(Severity::Warning),
+            findings,
+        }
+    }
+}
+
+impl fmt::Display for CheckReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let plural = |count: usize| if count == 1 { "" } else { "s" };
+        let (errors, warnings) = (self.errors, self.warnings);
+        write!(
+            f,
+            "{errors} error{}, {warnings} warning{}",
+            plural(errors),
+            plural(warnings)
+        )
     }
 }
 

@@ -191,12 +191,31 @@ impl<'a> Fold<'a> {
     /// # Errors
     /// A material with fewer training sweeps than [`Fold::INNER_FOLDS`].
     pub fn set_aside(&self) -> Result<(Self, ValidationSplit<'a>), DataError> {
+        self.refuse_too_few_to_set_aside()?;
         let (train, aside) = self.inner(0)?;
         let fold = Self {
             train,
             ..self.clone()
         };
         Ok((fold, aside))
+    }
+
+    fn refuse_too_few_to_set_aside(&self) -> Result<(), DataError> {
+        let least = Self::INNER_FOLDS;
+        let mut counts = vec![0; self.dataset.labels().len()];
+        for &sweep in self.train.indices() {
+            counts[self.dataset.records()[sweep].label] += 1;
+        }
+        match counts.iter().position(|&count| count < least) {
+            None => Ok(()),
+            Some(label) => Err(DataError::inconsistent(
+                format!("training sweeps of `{}`", self.dataset.labels().name(label)),
+                format!(
+                    "at least {least}, since a calibration (`--calibrate`) sets a fifth of every material's aside"
+                ),
+                counts[label].to_string(),
+            )),
+        }
     }
 
     /// The same as a fold of its own: trains on what part `part` leaves of the training sweeps and is judged by that part. The

@@ -38,7 +38,9 @@ pub use data_source::DataSource;
 pub use dataset::{ASSUMED_RATE_HZ, Dataset, SweepRecord, SweepShape};
 pub use error::{DataError, is_wrong_path};
 pub use fetch::{FetchError, Fetched, Origin, Progress, Source, fetch, git_blob_id};
-pub use finding::{Finding, FindingGroup, FindingKind, Place, Severity, group_findings};
+pub use finding::{
+    CheckReport, Finding, FindingGroup, FindingKind, Place, Severity, group_findings,
+};
 pub use folds::{Fold, Scheme, SplitManifest, SweepView, TestSplit, TrainSplit, ValidationSplit};
 pub use frame::Frame;
 pub use hex::{hex, sha256_hex};

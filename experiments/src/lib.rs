@@ -4,6 +4,7 @@
 //! ExperimentRecipe ─> Plan (tasks) ─> run_locally | run_on_slurm ─> run directories ─> Summary ─> HTML page
 //! ```
 
+mod assumed_rate;
 mod comparison;
 mod context;
 mod error;
@@ -55,7 +56,7 @@ pub use questions::{
 pub use recipe::{ExperimentRecipe, Range, Search, Variant};
 pub use report::to_html;
 pub use result::{QuestionResult, answer_question};
-pub use run_text::run_text;
+pub use run_text::{next_steps, run_text};
 pub use slurm::{SlurmArray, run_on_slurm};
 pub use statistic::{Statistic, resampled_t_test};
 pub use status::{Status, TaskStatus};

@@ -27,7 +27,7 @@ pub use crossval::{
 pub use feature_maps::FeatureMap;
 pub use nshot::{SampleEfficiency, TransferMethod};
 
-pub(crate) use crossval::{LevelShare, Scored, read_training, scored};
+pub(crate) use crossval::{LevelShare, Scored, few_steps, read_training, scored};
 pub(crate) use headline::{Headline, in_percent, interval};
 
 macro_rules! registry {

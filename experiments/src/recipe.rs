@@ -80,6 +80,9 @@ pub struct ExperimentRecipe {
     /// Time steps kept of every sweep, one experiment each; empty: all.
     #[serde(default, deserialize_with = "one_or_many")]
     pub steps: Vec<usize>,
+    /// Frames per second, for data that does not say; absent: what the data says, or assumed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rate_hz: Option<f64>,
     /// Names every random choice.
     #[serde(default = "one_seed")]
     pub seed: u64,
@@ -249,6 +252,14 @@ impl ExperimentRecipe {
         }
         if self.epochs == Some(0) {
             return Err("`epochs`: expected at least 1, found 0".into());
+        }
+        if let Some(rate) = self
+            .rate_hz
+            .filter(|rate| !(rate.is_finite() && *rate > 0.0))
+        {
+            return Err(format!(
+                "`rate_hz`: expected a positive number of Hz, found {rate}"
+            ));
         }
         self.question.ask().validate()?;
         match (&self.search, &self.question) {

@@ -304,6 +304,7 @@ mod tests {
         let record = |origin| crate::DataRecord {
             sha256: "00".into(),
             origin,
+            assumed_rate_hz: None,
         };
         // A name alone says nothing.
         let recorded = record(tactnet_data::DataOrigin::Recorded);

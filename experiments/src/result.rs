@@ -37,6 +37,9 @@ pub struct QuestionResult {
     pub origin: DataOrigin,
     /// SHA-256 of its content.
     pub data_sha256: String,
+    /// Rate that stands in for one that nobody named, Hz; absent where the data set says its rate.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub assumed_rate_hz: Option<f64>,
     /// Its materials in label order.
     pub materials: Vec<String>,
     /// Time steps of a sweep.
@@ -118,6 +121,7 @@ pub fn answer_question(
         data: dataset.name().into(),
         origin: dataset.origin(),
         data_sha256: dataset.sha256().into(),
+        assumed_rate_hz: dataset.is_rate_assumed().then(|| dataset.sample_rate_hz()),
         materials: dataset.labels().names().map(String::from).collect(),
         steps: dataset.shape().steps,
         levels: recipe.input.levels,

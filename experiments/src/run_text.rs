@@ -1,6 +1,7 @@
-//! One training run's result as text, beside what was published.
+//! One training run's result as text, beside what was published, and what may come next.
 
-use tactnet_pipeline::{EvaluationTable, PipelineError, RunDir, RunResult};
+use tactnet_data::twin::TwinVersion;
+use tactnet_pipeline::{EvaluationTable, ModelRecipe, PipelineError, RunDir, RunResult, quoted};
 
 use crate::published_for;
 
@@ -30,10 +31,39 @@ pub fn run_text(run: &RunDir, result: &RunResult) -> Result<String, PipelineErro
     let seconds = result.train_seconds;
     let work = match (result.epochs, result.seconds_per_epoch) {
         (Some(epochs), Some(each)) => {
-            format!("{epochs} epochs in {seconds:.0} s ({each:.2} s an epoch)")
+            let plural = if epochs == 1 { "" } else { "s" };
+            format!("{epochs} epoch{plural} in {seconds:.0} s ({each:.2} s an epoch)")
         }
         _ => format!("fitted in {seconds:.1} s"),
     };
     lines.push(format!("{work}; run directory {}", run.path().display()));
     Ok(lines.join("\n"))
+}
+
+/// Returns what may follow a training, as two lines of commands.
+///
+/// - `fits_serving`: whether an online classifier takes sweeps and materials like the run's
+///
+/// # Errors
+/// A run directory whose configuration is damaged.
+pub fn next_steps(run: &RunDir, fits_serving: bool) -> Result<String, PipelineError> {
+    let config = run.config()?;
+    let folder = quoted(&run.path().display().to_string());
+    let network = matches!(config.recipe, ModelRecipe::TactNet2(_));
+    let first = if network && fits_serving {
+        format!("`tactnet demo --run {folder}` shows it live")
+    } else {
+        format!("`tactnet eval {folder} --data FILE` tests it on other sweeps")
+    };
+    let data = match config.spec.data.as_str() {
+        twin if twin == TwinVersion::default().name() => String::new(),
+        file => format!(" --set {}", quoted(&format!("data={file}"))),
+    };
+    let rate = config
+        .spec
+        .rate_hz
+        .map_or(String::new(), |rate| format!(" --set rate_hz={rate}"));
+    Ok(format!(
+        "next: {first}\n      `tactnet experiment run crossval_baselines{data}{rate}` makes a report of models side by side"
+    ))
 }

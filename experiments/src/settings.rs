@@ -3,9 +3,9 @@
 use toml::{Table, Value};
 
 /// Fields of a recipe beside its question's.
-pub(crate) const FIELDS: [&str; 14] = [
-    "name", "title", "expects", "takes", "data", "models", "levels", "steps", "seed", "epochs",
-    "device", "question", "variants", "search",
+pub(crate) const FIELDS: [&str; 15] = [
+    "name", "title", "expects", "takes", "data", "models", "levels", "steps", "rate_hz", "seed",
+    "epochs", "device", "question", "variants", "search",
 ];
 /// Fields of the question that stood beside it in older recipes.
 const OF_QUESTION: [&str; 8] = [

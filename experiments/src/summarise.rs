@@ -24,6 +24,7 @@ pub(crate) struct FinishedTask<'a> {
     pub(crate) label_order: LabelOrder,
     pub(crate) origin: DataOrigin,
     pub(crate) data_sha256: String,
+    pub(crate) assumed_rate_hz: Option<f64>,
     pub(crate) materials: usize,
     pub(crate) levels: MeanRemoval,
     /// Time steps of a sweep, and those that were asked for.
@@ -135,6 +136,7 @@ pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
                 let record = DataRecord {
                     sha256: task.data_sha256.clone(),
                     origin: task.origin,
+                    assumed_rate_hz: task.assumed_rate_hz,
                 };
                 (task.data.clone(), record)
             })
@@ -271,6 +273,7 @@ impl ExperimentDir {
                     label_order: LabelOrder::True,
                     origin: result.origin,
                     data_sha256: result.data_sha256,
+                    assumed_rate_hz: result.assumed_rate_hz,
                     materials: result.materials.len(),
                     levels: result.levels,
                     steps: (result.steps, asked.networks.steps),
@@ -319,6 +322,7 @@ mod tests {
             label_order,
             origin: DataOrigin::Recorded,
             data_sha256: String::new(),
+            assumed_rate_hz: None,
             materials: 2,
             levels: MeanRemoval::None,
             steps: (steps.unwrap_or(1000), steps),

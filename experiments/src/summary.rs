@@ -75,12 +75,15 @@ impl Summary {
 }
 
 /// A data set of an experiment.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DataRecord {
     /// SHA-256 of its content.
     pub sha256: String,
     /// Where its sweeps come from.
     pub origin: DataOrigin,
+    /// Rate that stands in for one that nobody named, Hz; absent where the data set says its rate.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub assumed_rate_hz: Option<f64>,
 }
 
 /// One quantity: a measure of one contender on one data set, mean over tasks.

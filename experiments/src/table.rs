@@ -2,9 +2,7 @@
 
 use std::fmt::{self, Write};
 
-use tactnet_pipeline::PredictionMethod;
-
-use crate::questions::{Scored, scored};
+use crate::questions::{Scored, few_steps, scored};
 use crate::{Comparison, Measure, Question, Row, SampleEfficiency, Statistic, Summary};
 
 /// Returns a summary as lines of text: title, command, tables, comparisons.
@@ -24,6 +22,9 @@ fn write_all(out: &mut String, summary: &Summary) -> fmt::Result {
             summary.tasks_done, summary.tasks
         )?;
     }
+    for line in summary.assumed_rates() {
+        writeln!(out, "warning: {line}")?;
+    }
     if let Question::Crossval(_) = summary.question {
         contenders(out, summary)
     } else {
@@ -33,6 +34,12 @@ fn write_all(out: &mut String, summary: &Summary) -> fmt::Result {
 
 fn contenders(out: &mut String, summary: &Summary) -> fmt::Result {
     let contenders = scored(summary);
+    let published = contenders.iter().any(|row| row.published.is_some());
+    let published_heading = if published {
+        format!(" {:>11}", "published")
+    } else {
+        String::new()
+    };
     let mut setting = None;
     for probe in [false, true] {
         for row in contenders.iter().filter(|row| row.probe == probe) {
@@ -41,7 +48,7 @@ fn contenders(out: &mut String, summary: &Summary) -> fmt::Result {
                 setting = Some(own);
                 writeln!(
                     out,
-                    "\n{}, {}, levels {}, {} steps, chance {:.1} %\n{:<44} {:>5} {:>24} {:>16} {:>6} {:>6} {:>9} {:>11}",
+                    "\n{}, {}, levels {}, {} steps, chance {:.1} %\n{:<44} {:>5} {:>24} {:>16} {:>6} {:>6} {:>9}{published_heading}",
                     row.data,
                     row.split,
                     row.levels.name(),
@@ -53,12 +60,14 @@ fn contenders(out: &mut String, summary: &Summary) -> fmt::Result {
                     "3 sweeps [%], sd",
                     "NLL",
                     "ECE",
-                    "train [s]",
-                    "published"
+                    "train [s]"
                 )?;
             }
-            writeln!(out, "{}", contender(row))?;
+            writeln!(out, "{}", contender(row, published))?;
         }
+    }
+    for line in few_steps(&contenders) {
+        writeln!(out, "\nhint: {line}")?;
     }
     for audit in &summary.audits {
         writeln!(out, "\n{}: {}", audit.data, audit.verdict)?;
@@ -66,7 +75,8 @@ fn contenders(out: &mut String, summary: &Summary) -> fmt::Result {
     Ok(())
 }
 
-fn contender(row: &Scored<'_>) -> String {
+/// - `published`: whether there is a column of published accuracies
+fn contender(row: &Scored<'_>, published: bool) -> String {
     let percent = |statistic: &Statistic| {
         let sd = statistic
             .sd
@@ -76,27 +86,33 @@ fn contender(row: &Scored<'_>) -> String {
     let interval = row.one_sweep.ci95.map_or(String::new(), |[low, high]| {
         format!(" {:.1} to {:.1}", 100.0 * low, 100.0 * high)
     });
-    let way = match row.prediction {
-        PredictionMethod::Plain => "",
-        PredictionMethod::McDropout { .. } => ", MC dropout",
+    let beside = row.published.map_or(String::new(), |p| {
+        format!("{:.1} / {:.1}", p.one_sweep, p.three_sweeps)
+    });
+    let beside = if published {
+        format!(" {beside:>11}")
+    } else {
+        String::new()
     };
     format!(
-        "{:<44} {:>5} {:>24} {:>16} {:>6.3} {:>6.3} {:>9.1} {:>11}",
-        format!("{}{way}", row.model),
+        "{:<44} {:>5} {:>24} {:>16} {:>6.3} {:>6.3} {:>9.1}{beside}",
+        row.name(),
         row.folds.len(),
         format!("{}{interval}", percent(row.one_sweep)),
         row.three_sweeps.map_or("-".into(), percent),
         row.negative_log_likelihood.mean,
         row.expected_calibration_error.mean,
         row.train_seconds.mean,
-        row.published.map_or(String::new(), |p| format!(
-            "{:.1} / {:.1}",
-            p.one_sweep, p.three_sweeps
-        )),
     )
 }
 
 fn measures(out: &mut String, summary: &Summary) -> fmt::Result {
+    let published = summary.rows.iter().any(|row| row.published.is_some());
+    let published_heading = if published {
+        format!(" {:>10}", "published")
+    } else {
+        String::new()
+    };
     let mut block = None;
     for row in &summary.rows {
         let own = (&row.data, row.levels, row.steps, &row.model, row.measure);
@@ -104,7 +120,7 @@ fn measures(out: &mut String, summary: &Summary) -> fmt::Result {
             block = Some(own);
             writeln!(
                 out,
-                "\n{}, levels {}, networks by {}: {}\n{:<22} {:<14} {:>5} {:>6} {:>8} {:>18} {:>4} {:>10}",
+                "\n{}, levels {}, networks by {}: {}\n{:<22} {:<14} {:>5} {:>6} {:>8} {:>18} {:>4}{published_heading}",
                 row.data,
                 row.levels.name(),
                 row.model,
@@ -115,11 +131,10 @@ fn measures(out: &mut String, summary: &Summary) -> fmt::Result {
                 "sweeps",
                 "mean",
                 "95 %",
-                "n",
-                "published"
+                "n"
             )?;
         }
-        writeln!(out, "{}", measure(row))?;
+        writeln!(out, "{}", measure(row, published))?;
     }
     for comparison in &summary.comparisons {
         if let Some(line) = compared(summary, comparison) {
@@ -132,22 +147,27 @@ fn measures(out: &mut String, summary: &Summary) -> fmt::Result {
     Ok(())
 }
 
-fn measure(row: &Row) -> String {
+/// - `published`: whether there is a column of published numbers
+fn measure(row: &Row, published: bool) -> String {
     let number = |value: f64| shown(row.measure, value);
     let interval = row.statistic.ci95.map_or("-".into(), |[low, high]| {
         format!("{} to {}", number(low), number(high))
     });
     let count = |value: Option<usize>| value.map_or("-".into(), |value| value.to_string());
+    let beside = if published {
+        format!(" {:>10}", row.published.map_or(String::new(), number))
+    } else {
+        String::new()
+    };
     format!(
-        "{:<22} {:<14} {:>5} {:>6} {:>8} {:>18} {:>4} {:>10}",
+        "{:<22} {:<14} {:>5} {:>6} {:>8} {:>18} {:>4}{beside}",
         row.method,
         row.setting,
         count(row.shots),
         count(row.sweeps),
         number(row.statistic.mean),
         interval,
-        row.n,
-        row.published.map_or(String::new(), number)
+        row.n
     )
 }
 

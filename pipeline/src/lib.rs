@@ -76,6 +76,7 @@ pub use run::run_config::{EpochMetrics, LabelOrder, RunConfig};
 pub use run::run_dir::RunDir;
 pub use run::session::{Session, TrainEvent, TrainOutcome};
 pub use run::test_sweeps::TestSweeps;
+pub use run::training_steps::TrainingSteps;
 pub use run::write_whole::write_whole;
-pub use spec::{SplitKind, TrainJob, TrainSpec};
+pub use spec::{SplitKind, TrainJob, TrainSpec, quoted};
 pub use tactnet_data::UNFINISHED;

@@ -40,6 +40,21 @@ impl ModelRecipe {
         Recipe::built_in_names().chain(BASELINES.iter().map(|(name, _)| *name))
     }
 
+    /// Returns the TOML of a recipe that ships with the binary, with its comments.
+    ///
+    /// # Errors
+    /// No such name.
+    pub fn built_in_text(name: &str) -> Result<&'static str, PipelineError> {
+        let baselines = BASELINES.iter().copied();
+        baselines
+            .chain(Recipe::built_in_texts())
+            .find_map(|(known, text)| (known == name).then_some(text))
+            .ok_or_else(|| PipelineError::UnknownRecipe {
+                name: name.into(),
+                known: known_names(name, Self::built_in_names()),
+            })
+    }
+
     /// Loads a built-in recipe by name, or a file.
     ///
     /// # Errors
@@ -141,6 +156,8 @@ mod tests {
         for name in ModelRecipe::built_in_names() {
             let recipe = ModelRecipe::load(name).unwrap();
             assert_eq!(recipe.name(), name);
+            let copy = ModelRecipe::built_in_text(name).unwrap();
+            assert_eq!(ModelRecipe::parse("copy.toml", copy).unwrap(), recipe);
             assert_eq!(
                 ModelRecipe::parse("again", &recipe.to_toml()).unwrap(),
                 recipe

@@ -228,6 +228,11 @@ impl Recipe {
         BUILT_IN.iter().map(|(name, _)| *name)
     }
 
+    /// Names and TOML of the recipes that ship with the binary.
+    pub(crate) fn built_in_texts() -> impl Iterator<Item = (&'static str, &'static str)> {
+        BUILT_IN.iter().copied()
+    }
+
     /// Loads a built-in recipe by name, or a file.
     ///
     /// # Errors

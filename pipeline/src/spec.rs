@@ -209,8 +209,8 @@ impl fmt::Display for TrainSpec {
     }
 }
 
-/// A word as a shell reads it: in single quotes unless it has letters, digits and `-_./:,+@=` alone.
-fn quoted(word: &str) -> String {
+/// Returns a word as a shell reads it: in single quotes unless it has letters, digits and `-_./:,+@=` alone.
+pub fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_alphanumeric() || "-_./:,+@=".contains(c);
     if !word.is_empty() && word.chars().all(plain) {
         word.to_string()

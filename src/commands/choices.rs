@@ -144,3 +144,11 @@ pub fn share(text: &str) -> Result<f64, String> {
         Err("expected a number between 0 and 1".into())
     }
 }
+
+/// Parses a sample rate, a positive number of Hz.
+pub fn rate(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
+        _ => Err("expected a positive number of Hz".into()),
+    }
+}

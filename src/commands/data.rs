@@ -10,9 +10,10 @@ use std::process::ExitCode;
 use anyhow::bail;
 use clap::{Args, Subcommand};
 use tactnet_data::format::{self, Format};
-use tactnet_data::{DataSource, Dataset, Finding, Severity, check, group_findings, info};
+use tactnet_data::{CheckReport, DataSource, Dataset, check, group_findings, info};
 use tactnet_skin::packets::unfit;
 
+use super::choices::rate;
 use crate::{failure, output, source, view};
 
 #[derive(Subcommand)]
@@ -62,6 +63,9 @@ pub struct FileArgs {
     /// A data set (.h5, .npz, .csv, a folder of .csv), or `twin`
     #[arg(value_name = "FILE|twin")]
     data: String,
+    /// Frames per second, for data that does not say
+    #[arg(long, value_name = "HZ", value_parser = rate)]
+    rate: Option<f64>,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
@@ -103,15 +107,18 @@ pub fn run(command: DataCommand) -> anyhow::Result<ExitCode> {
 }
 
 /// Reads a data set even if some of its values are no numbers.
-fn load_with_gaps(data: &str) -> anyhow::Result<Dataset> {
-    if DataSource::is_twin(data) || !Path::new(data).exists() {
-        return Ok(source::load(data)?);
-    }
-    Ok(format::read_with_gaps(Path::new(data))?)
+fn load_with_gaps(arguments: &FileArgs) -> anyhow::Result<Dataset> {
+    let data = arguments.data.as_str();
+    let dataset = if DataSource::is_twin(data) || !Path::new(data).exists() {
+        source::load(data)?
+    } else {
+        format::read_with_gaps(Path::new(data))?
+    };
+    Ok(dataset.with_named_rate(arguments.rate)?)
 }
 
 fn show_info(arguments: &FileArgs) -> anyhow::Result<ExitCode> {
-    let info = info(&load_with_gaps(&arguments.data)?);
+    let info = info(&load_with_gaps(arguments)?);
     if arguments.json {
         output::print_json(&info)?;
     } else {
@@ -121,35 +128,30 @@ fn show_info(arguments: &FileArgs) -> anyhow::Result<ExitCode> {
 }
 
 fn run_check(arguments: &CheckArgs) -> anyhow::Result<ExitCode> {
-    let dataset = load_with_gaps(&arguments.file.data)?;
+    let dataset = load_with_gaps(&arguments.file)?;
     if let Some(reason) = unfit(dataset.shape().taxels(), dataset.labels().len()) {
         eprintln!(
             "note: such sweeps can be trained on and evaluated, not classified online: {reason}"
         );
     }
-    let findings = check(&dataset);
-    let errors = count(&findings, Severity::Error);
+    let report = CheckReport::of(check(&dataset));
+    let CheckReport {
+        findings, errors, ..
+    } = &report;
     if arguments.file.json {
-        output::print_json(&findings)?;
+        output::print_json(&report)?;
     } else {
         let shown = if arguments.all { findings.len() } else { 3 };
-        for group in group_findings(&findings) {
+        for group in group_findings(findings) {
             output::print(format_args!("{group:.shown$}"))?;
         }
-        let warnings = count(&findings, Severity::Warning);
-        output::print(format_args!(
-            "{}: {errors} errors, {warnings} warnings",
-            arguments.file.data
-        ))?;
+        output::print(format_args!("{}: {report}", arguments.file.data))?;
     }
-    Ok(ExitCode::from(if errors > 0 { failure::FAILED } else { 0 }))
-}
-
-fn count(findings: &[Finding], severity: Severity) -> usize {
-    findings
-        .iter()
-        .filter(|finding| finding.severity == severity)
-        .count()
+    Ok(ExitCode::from(if *errors > 0 {
+        failure::FAILED
+    } else {
+        0
+    }))
 }
 
 fn convert(arguments: &ConvertArgs) -> anyhow::Result<ExitCode> {

@@ -8,7 +8,7 @@ use clap::Args;
 use tactnet_models::Compute;
 use tactnet_pipeline::{Classifier, ModelRecipe, Reevaluation, RunDir, RuntimeKind, TestSweeps};
 
-use super::choices::{DeviceChoice, RuntimeChoice};
+use super::choices::{DeviceChoice, RuntimeChoice, rate};
 use crate::{GIT, output, source};
 
 #[derive(Args)]
@@ -25,6 +25,9 @@ pub struct EvalArgs {
     /// unknown materials. Or where the run's own data set is now, if it was moved [default: the run's own test sweeps]
     #[arg(long, value_name = "FILE|twin")]
     data: Option<String>,
+    /// Frames per second, for data that does not say [default: what the run was given]
+    #[arg(long, value_name = "HZ", value_parser = rate)]
+    rate: Option<f64>,
     /// Sweeps of one material that are fused into one decision
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
     sweeps: u32,
@@ -58,7 +61,8 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
         eprintln!("this run has not ended: judging the weights of its last checkpoint");
     }
     let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
-    let spec = &config.spec;
+    let mut spec = config.spec.clone();
+    spec.rate_hz = arguments.rate.or(spec.rate_hz);
     let data = arguments.data.as_deref().unwrap_or(&spec.data);
     source::announce(data);
     let dataset = spec.read_sweeps_of_run(arguments.data.as_deref())?;

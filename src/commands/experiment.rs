@@ -105,6 +105,9 @@ fn run_experiment(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
         None => Path::new("experiments-out").join(&recipe.name),
     };
     let dir = ExperimentDir::create(&out, &recipe, &arguments.command_line())?;
+    for line in recipe.assumed_rates() {
+        eprintln!("warning: {line}");
+    }
     let program = this_program()?;
     let mut progress = Progress::new();
     let tell = |event: Event<'_>| progress.show(&event);

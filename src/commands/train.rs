@@ -1,135 +1,29 @@
 //! `tactnet train`: from sweeps to a trained, evaluated classifier in a run directory.
 
+mod arguments;
 mod progress;
 
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::bail;
-use clap::Args;
-use tactnet_data::Seed;
-use tactnet_experiments::run_text;
-use tactnet_pipeline::{
-    CalibrationTarget, LabelOrder, ModelRecipe, Provenance, RunDir, Session, TrainJob,
-    TrainOutcome, TrainSpec,
-};
+use tactnet_data::{Finding, FindingKind, Severity};
+use tactnet_experiments::{next_steps, run_text};
+use tactnet_pipeline::{ModelRecipe, Provenance, RunDir, Session, TrainJob, TrainOutcome};
 use tactnet_skin::packets::unfit;
 
-use super::choices::{DeviceChoice, LevelsChoice, ModelChoice, SplitChoice, share};
+use super::choices::ModelChoice;
 use crate::output::{self, OutputFormat};
 use crate::stop::Stop;
 use crate::{GIT, failure, source};
+pub use arguments::TrainArgs;
 use progress::Progress;
-
-#[derive(Args)]
-#[command(after_help = "Examples:\n  \
-    tactnet train                                        the twin, about a minute and a half\n  \
-    tactnet train --recipe thesis --out runs/thesis      TactNet-II as published\n  \
-    tactnet train --model minirocket                     a baseline on the same fold\n  \
-    tactnet train --data sweeps.h5 --fold 3 --seed 7     the fourth of five folds\n  \
-    tactnet train --calibrate                            can say that it does not know a material\n  \
-    tactnet train --resume runs/thesis                   go on after Ctrl-C or a crash\n\n\
-    Without --fold the file's own `test_flag` decides what is tested, where it has one; else fold 0 of 5 (or of as many as every material has sweeps).")]
-pub struct TrainArgs {
-    /// A data set (.h5, .npz, .csv, a folder of .csv), or `twin` [default: twin]
-    #[arg(long, value_name = "FILE|twin")]
-    data: Option<String>,
-    /// What to train [default: tactnet2]
-    #[arg(long, value_enum)]
-    model: Option<ModelChoice>,
-    /// How to train it: a built-in recipe (fast, thesis) or a TOML file [default: fast, or the model's only one]
-    #[arg(long, value_name = "NAME|FILE")]
-    recipe: Option<String>,
-    /// Whether a taxel's mean over the sweep may be used [default: the recipe's]
-    #[arg(long, value_enum)]
-    levels: Option<LevelsChoice>,
-    /// Frames per second, for data that does not say
-    #[arg(long, value_name = "HZ")]
-    rate: Option<f64>,
-    /// Only the first N time steps of every sweep
-    #[arg(long, value_name = "N")]
-    steps: Option<usize>,
-    /// Deal the labels anew at random first: a sound experiment then scores chance
-    #[arg(long)]
-    permute_labels: bool,
-    /// How to split into training and test sweeps [default: the file's test flag, else k-fold]
-    #[arg(long, value_enum)]
-    split: Option<SplitChoice>,
-    /// Parts of a k-fold split [default: 5, or as many as the material with the fewest sweeps has]
-    #[arg(long, value_name = "N")]
-    folds: Option<usize>,
-    /// Fold to test on, counted from 0 [default: 0]
-    #[arg(long, value_name = "K")]
-    fold: Option<usize>,
-    /// Repeat of the cross-validation, counted from 0; every repeat deals its folds anew
-    #[arg(long, alias = "run", value_name = "R", default_value_t = 0)]
-    repeat: usize,
-    /// Judge by part I of the fold's training sweeps instead of its test sweeps, and train on the other parts: for choosing settings
-    #[arg(long, value_name = "I")]
-    inner: Option<usize>,
-    /// Set a fifth of the training sweeps aside to calibrate: when to say "unknown", and how many materials to name to be sure
-    #[arg(long)]
-    calibrate: bool,
-    /// Share of sweeps of known materials that may be called unknown [default: 0.05]
-    #[arg(long, value_name = "SHARE", requires = "calibrate", value_parser = share)]
-    false_alarms: Option<f64>,
-    /// Share of sweeps whose material is to be in the prediction set [default: 0.9]
-    #[arg(long, value_name = "SHARE", requires = "calibrate", value_parser = share)]
-    coverage: Option<f64>,
-    /// Folder for the run [default: runs/DATA-RECIPE-FOLD-SEED, numbered on if taken]
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
-    /// Decides every random choice: folds, weights, order, dropout
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    seed: u64,
-    /// Train this many epochs instead of the recipe's
-    #[arg(long, value_name = "N")]
-    epochs: Option<usize>,
-    /// Where to compute
-    #[arg(long, value_enum, default_value_t)]
-    device: DeviceChoice,
-    /// Continue an interrupted run with its own settings; --data says where its data set is now, if it was moved
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["model", "recipe", "levels", "rate", "steps", "permute_labels", "inner", "calibrate", "split", "folds", "fold", "repeat", "out", "seed", "epochs", "device"])]
-    resume: Option<PathBuf>,
-    /// Print result.json instead of a table
-    #[arg(long)]
-    json: bool,
-}
-
-impl TrainArgs {
-    fn spec(&self) -> TrainSpec {
-        let usual = TrainSpec::default();
-        let target = CalibrationTarget::default();
-        let own = self.model.map(|model| model.recipe().to_string());
-        TrainSpec {
-            data: self.data.clone().unwrap_or(usual.data),
-            recipe: self.recipe.clone().or(own).unwrap_or(usual.recipe),
-            mean_removal: self.levels.map(Into::into),
-            rate_hz: self.rate,
-            steps: self.steps,
-            label_order: if self.permute_labels {
-                LabelOrder::Permuted
-            } else {
-                LabelOrder::True
-            },
-            split: self.split.map(Into::into),
-            folds: self.folds,
-            fold: self.fold,
-            repeat: self.repeat,
-            inner: self.inner,
-            calibration: self.calibrate.then(|| CalibrationTarget {
-                false_alarms: self.false_alarms.unwrap_or(target.false_alarms),
-                coverage: self.coverage.unwrap_or(target.coverage),
-            }),
-            seed: Seed(self.seed),
-            epochs: self.epochs,
-            device: self.device.into(),
-        }
-    }
-}
 
 /// Runs the command.
 pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
+    if let Some(name) = &arguments.print_recipe {
+        output::print(ModelRecipe::built_in_text(name)?.trim_end())?;
+        return Ok(ExitCode::SUCCESS);
+    }
     let stop = Stop::listen()?;
     let program = Provenance::of_this_process(env!("CARGO_PKG_VERSION"), GIT);
     let session = match &arguments.resume {
@@ -145,19 +39,37 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
                 refuse_other_model(&job, model)?;
             }
             source::announce(&job.spec().data);
-            Session::begin(&job, arguments.out.as_deref(), program)?
+            Session::begin(&job, arguments.out.as_deref(), program, warn)?
         }
     };
     let classifier = session.run().config()?.classifier;
     source::warn_of_assumed_rate(classifier.sample_rate_assumed, classifier.sample_rate_hz);
-    if let Some(reason) = unfit(classifier.shape.taxels(), classifier.labels.len()) {
+    let unfit = unfit(classifier.shape.taxels(), classifier.labels.len());
+    if let Some(reason) = &unfit {
         eprintln!("note: `tactnet serve` will not take this classifier: {reason}");
     }
-    train(&session, &stop, OutputFormat::from_flag(arguments.json))
+    let format = OutputFormat::from_flag(arguments.json);
+    let (code, finished) = train(&session, &stop, format)?;
+    if finished {
+        eprintln!("{}", next_steps(session.run(), unfit.is_none())?);
+    }
+    Ok(code)
 }
 
-/// Trains from where the run stands, and prints its result.
-pub fn train(session: &Session, stop: &Stop, format: OutputFormat) -> anyhow::Result<ExitCode> {
+/// Warns of what concerns the data set as a whole; a rate that nobody named has a warning of its own.
+fn warn(finding: &Finding) {
+    let other = finding.kind != FindingKind::AssumedRate;
+    if finding.severity == Severity::Warning && finding.is_general() && other {
+        eprintln!("{finding}");
+    }
+}
+
+/// Trains from where the run stands, and prints its result; false if somebody asked to stop.
+pub fn train(
+    session: &Session,
+    stop: &Stop,
+    format: OutputFormat,
+) -> anyhow::Result<(ExitCode, bool)> {
     let mut progress = Progress::default();
     let path = session.run().path().display();
     match session.train(
@@ -169,11 +81,11 @@ pub fn train(session: &Session, stop: &Stop, format: OutputFormat) -> anyhow::Re
                 OutputFormat::Json => output::print_json(&result)?,
                 OutputFormat::Table => output::print(run_text(session.run(), &result)?)?,
             }
-            Ok(ExitCode::SUCCESS)
+            Ok((ExitCode::SUCCESS, true))
         }
         TrainOutcome::Stopped => {
             eprintln!("stopped; continue with `tactnet train --resume {path}`");
-            Ok(ExitCode::from(failure::INTERRUPTED))
+            Ok((ExitCode::from(failure::INTERRUPTED), false))
         }
     }
 }

@@ -75,7 +75,7 @@ impl std::fmt::Display for Version {
         if let [first, ..] = self.left_out[..] {
             write!(
                 f,
-                " (`cargo install --path . --features {first}` builds with it)"
+                " (in a checkout of the source, `cargo install --path . --features {first}` builds with it)"
             )?;
         }
         Ok(())

@@ -18,6 +18,7 @@ mod enroll;
 mod experiment;
 mod facade;
 mod golden;
+mod newcomer;
 mod own_skin;
 mod recording;
 mod runtimes;

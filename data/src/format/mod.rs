@@ -145,7 +145,7 @@ fn table_with_gaps(path: &Path, steps: Option<usize>) -> Option<Result<Dataset, 
         "parquet" | "pq" => Some(Err(DataError::format(
             path,
             "file",
-            "a program built with Parquet (`cargo install --path . --features parquet`), or .npz or .csv",
+            "a program built with Parquet (in a checkout of the source, `cargo install --path . --features parquet`), or .npz or .csv",
             "Parquet",
         ))),
         _ => None,

@@ -66,7 +66,7 @@ impl Array {
         let kind = letters.next().unwrap_or(' ');
         if !"uifbSU".contains(kind) {
             return Err(match kind {
-                'O' => "Python objects (pickled)".into(),
+                'O' => "Python objects (pickled): sweeps must be equally long, and names text (`.astype(str)`)".into(),
                 _ => format!("values of type `{descr}`"),
             });
         }

@@ -143,6 +143,7 @@ impl GridPoint<'_> {
             data: absolute(self.data),
             recipe: recipe.into(),
             mean_removal: Some(self.levels),
+            rate_hz: self.recipe.rate_hz,
             steps: self.steps,
             seed: Seed(self.recipe.seed),
             device: self.recipe.device,

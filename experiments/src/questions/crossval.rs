@@ -22,7 +22,7 @@ pub use audit::Audit;
 pub(crate) use audit::LevelShare;
 pub use confidence::{ReliabilityBin, RiskCoverage};
 pub use contenders::{Contender, FoldRecord, PublishedContender};
-pub(crate) use scored::{Scored, scored};
+pub(crate) use scored::{Scored, few_steps, scored};
 pub(crate) use training::read_training;
 
 /// How accurate are classifiers on sweeps that they were not trained on?

@@ -1,6 +1,6 @@
 //! The rows of a summary by data set: what may be compared with what.
 
-use tactnet_pipeline::{MeanRemoval, PredictionMethod};
+use tactnet_pipeline::MeanRemoval;
 
 use crate::questions::Scored;
 
@@ -44,7 +44,7 @@ impl<'a> DataSet<'a> {
 
     /// Returns a name that tells `row` from the others here; not yet escaped.
     pub fn name(&self, row: &Scored<'_>) -> String {
-        let mut name = contender_name(row);
+        let mut name = row.name();
         if self.rows.iter().any(|other| other.split != row.split) {
             name.push_str(", ");
             name.push_str(&split_name(row.split));
@@ -53,22 +53,6 @@ impl<'a> DataSet<'a> {
             name.push_str(&format!(", {} steps", row.steps));
         }
         name
-    }
-}
-
-/// Model and way of predicting; not yet escaped.
-pub(super) fn contender_name(row: &Scored<'_>) -> String {
-    match row.prediction {
-        PredictionMethod::Plain => row.model.to_string(),
-        other => format!("{}, {}", row.model, prediction_name(other)),
-    }
-}
-
-/// A way of predicting, for people.
-pub(super) fn prediction_name(prediction: PredictionMethod) -> &'static str {
-    match prediction {
-        PredictionMethod::Plain => "plain",
-        PredictionMethod::McDropout { .. } => "MC dropout",
     }
 }
 

@@ -70,6 +70,7 @@ pub(super) fn summary() -> Summary {
             DataRecord {
                 sha256: HOSTILE.into(),
                 origin: DataOrigin::Recorded,
+                assumed_rate_hz: None,
             },
         )]),
         comparisons: vec![Comparison {
@@ -246,6 +247,7 @@ fn add(summary: &mut Summary, data: &str, model: &str, accuracy: f64, materials:
         inner: None,
         prediction: PredictionMethod::McDropout { mc_samples: 100 },
         steps: 1000,
+        training: None,
         probe: false,
         materials: materials.to_vec(),
         n_train: 80,

@@ -9,6 +9,16 @@ use crate::Summary;
 /// - `headline`: HTML, the first text after the title
 pub(super) fn header(summary: &Summary, headline: &str) -> String {
     let twins = twins(summary);
+    let assumed: String = summary
+        .assumed_rates()
+        .iter()
+        .map(|line| {
+            format!(
+                "<p class=\"note\"><strong>Assumed:</strong> {}</p>\n",
+                escape(line)
+            )
+        })
+        .collect();
     let note = if twins.is_empty() {
         String::new()
     } else {
@@ -23,7 +33,7 @@ pub(super) fn header(summary: &Summary, headline: &str) -> String {
         )
     };
     format!(
-        "<p class=\"overline\">{}</p>\n<h1>{}</h1>\n{headline}{note}",
+        "<p class=\"overline\">{}</p>\n<h1>{}</h1>\n{headline}{note}{assumed}",
         escape(&summary.name),
         escape(&summary.title)
     )
@@ -62,11 +72,26 @@ mod tests {
             let twin = crate::DataRecord {
                 sha256: "00".into(),
                 origin: tactnet_data::DataOrigin::Twin2,
+                assumed_rate_hz: None,
             };
             summary.data.insert(name.into(), twin);
         }
         let header = header(&summary, "");
         assert!(header.contains("<code>twin</code>, <code>twins</code> are synthetic"));
         assert_eq!(header.matches("class=\"note\"").count(), 1);
+    }
+
+    #[test]
+    fn a_rate_that_nobody_named_is_marked() {
+        let mut summary = fake::summary();
+        assert!(!header(&summary, "").contains("Assumed"));
+        let record = crate::DataRecord {
+            sha256: "00".into(),
+            origin: tactnet_data::DataOrigin::Recorded,
+            assumed_rate_hz: Some(750.0),
+        };
+        summary.data.insert("own".into(), record);
+        let header = header(&summary, "");
+        assert!(header.contains("own does not say its sample rate; 750 Hz is assumed"));
     }
 }

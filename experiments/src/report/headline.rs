@@ -102,8 +102,26 @@ fn contender(summary: &Summary, set: &DataSet, best: &Scored<'_>) -> Headline {
             best.materials.len(),
             set.name(best)
         ),
-        qualifier: qualifier(audit, best),
+        qualifier: format!("{}{}", qualifier(audit, best), network(set, best)),
     }
+}
+
+/// Returns how the best network did where another model is best, and how long it was trained where that was short.
+fn network(set: &DataSet, best: &Scored<'_>) -> String {
+    let trained = |row: &Scored<'_>| {
+        row.few_steps()
+            .map(|steps| format!("{} training steps a fold, which are few", steps.count()))
+    };
+    if best.training.is_some() {
+        return trained(best).map_or(String::new(), |few| format!(" It had {few}."));
+    }
+    let rows = set.contenders();
+    let Some(row) = rows.iter().find(|row| row.training.is_some()) else {
+        return String::new();
+    };
+    let few = trained(row).map_or(String::new(), |few| format!(", with {few}"));
+    let accuracy = in_percent(row.one_sweep.mean);
+    format!(" {} recognises {accuracy}{few}.", set.name(row))
 }
 
 /// What weighs most against the accuracy of the best contender.
@@ -151,6 +169,8 @@ mod tests {
     use super::super::data_set::data_sets;
     use super::super::fake;
     use super::*;
+    use tactnet_pipeline::TrainingSteps;
+
     use crate::Measure;
     use crate::questions::scored;
 
@@ -227,6 +247,32 @@ mod tests {
         // The audit of another data set says nothing of this one.
         summary.audits[0].data = "other, levels kept, 1000 steps".into();
         assert!(page(&summary).contains("Guessing recognises"));
+    }
+
+    #[test]
+    fn the_network_is_named_where_a_baseline_won_and_few_steps_are_said() {
+        let steps = |epochs, batches| Some(TrainingSteps { epochs, batches });
+        let mut summary = fake::tactmat();
+        summary.contenders[1].training = steps(12, 3);
+        let beaten = page(&summary);
+        assert!(
+            beaten.contains(
+                "TactNet-II (knn), MC dropout recognises 60.0\u{a0}%, with 36 training steps a fold, which are few."
+            ),
+            "{beaten}"
+        );
+        summary.contenders[1].training = steps(12, 80);
+        assert!(page(&summary).contains("TactNet-II (knn), MC dropout recognises 60.0\u{a0}%."));
+        summary.contenders[0].training = steps(12, 3);
+        let won = page(&summary);
+        assert!(
+            won.contains("recognised by TactNet-II (net), MC dropout"),
+            "{won}"
+        );
+        assert!(
+            won.contains("It had 36 training steps a fold, which are few."),
+            "{won}"
+        );
     }
 
     #[test]

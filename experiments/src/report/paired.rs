@@ -13,22 +13,30 @@ pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> Option<String> {
     if summary.comparisons.is_empty() {
         return None;
     }
-    let name = |key: &str| -> String {
-        sets.iter()
-            .find_map(|set| {
-                let contender = &summary.row(key)?.contender;
-                let row = set.rows.iter().find(|row| row.key == contender)?;
-                Some(format!("{}: {}", set.heading(), set.name(row)))
-            })
-            .unwrap_or_else(|| key.to_string())
+    // The heading of its data set, and its name there.
+    let place = |key: &str| -> Option<(String, String)> {
+        let contender = &summary.row(key)?.contender;
+        sets.iter().find_map(|set| {
+            let row = set.rows.iter().find(|row| row.key == contender)?;
+            Some((set.heading(), set.name(row)))
+        })
     };
+    // Two rows that are compared are of one data set.
+    let several = sets.len() > 1;
+    let name = |key: &str| place(key).map_or_else(|| key.to_string(), |(_, name)| name);
     let lines: String = summary
         .comparisons
         .iter()
         .map(|comparison| {
             let points = 100.0 * comparison.difference;
+            let data = place(&comparison.first).map(|(data, _)| data);
+            let data = if several {
+                format!("<td>{}</td>", escape(&data.unwrap_or_default()))
+            } else {
+                String::new()
+            };
             format!(
-                "<tr><td>{}</td><td>{}</td>{}{}{}</tr>\n",
+                "<tr>{data}<td>{}</td><td>{}</td>{}{}{}</tr>\n",
                 escape(&name(&comparison.first)),
                 escape(&name(&comparison.second)),
                 number(Some(points), &decimal(points, 1)),
@@ -37,20 +45,28 @@ pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> Option<String> {
             )
         })
         .collect();
+    let mut headings = vec![
+        Text("First"),
+        Text("Second"),
+        Number("First \u{2212} second<br><small>points</small>"),
+        Number("p"),
+        Number("Folds"),
+    ];
+    if several {
+        headings.insert(0, Text("Data"));
+    }
     let table = format!(
         "<table class=\"sortable\">\n<caption class=\"hidden\">Differences of accuracy on the same folds</caption>\n\
          <thead><tr>{}</tr></thead>\n<tbody>\n{lines}</tbody>\n</table>\n",
-        sortable(&[
-            Text("First"),
-            Text("Second"),
-            Number("First \u{2212} second<br><small>points</small>"),
-            Number("p"),
-            Number("Folds"),
-        ])
+        sortable(&headings)
     );
+    let of = match sets {
+        [set] => format!(" All rows: {}.", escape(&set.heading())),
+        _ => String::new(),
+    };
     Some(format!(
         "<p>Difference of single-sweep accuracy, in percentage points, on the folds that both have. p is from the corrected \
-         resampled t-test (Nadeau and Bengio, 2003), two-sided, and is not adjusted for the number of comparisons.</p>\n{}",
+         resampled t-test (Nadeau and Bengio, 2003), two-sided, and is not adjusted for the number of comparisons.{of}</p>\n{}",
         scroll("Paired comparisons", &table)
     ))
 }

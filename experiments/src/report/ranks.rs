@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use tactnet_plot::{escape, figure};
 
-use super::data_set::{contender_name, split_name};
+use super::data_set::split_name;
 use super::text::{decimal, shortened};
 use crate::questions::Scored;
 
@@ -53,7 +53,7 @@ fn variants<'a>(contenders: &'a [Scored<'a>]) -> BTreeMap<(&'a str, &'a str), Ac
             .or_default()
             .entry(row.data)
             .or_default()
-            .insert(contender_name(row), row.one_sweep.mean);
+            .insert(row.name(), row.one_sweep.mean);
     }
     variants
 }

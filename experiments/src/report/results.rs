@@ -5,7 +5,7 @@ use tactnet_plot::escape;
 use super::data_set::{DataSet, split_name};
 use super::text::{ABSENT, decimal, percent, percent_and_sd, percent_interval, scroll};
 use crate::Statistic;
-use crate::questions::Scored;
+use crate::questions::{Scored, few_steps};
 
 use Heading::{Number, Score, Text};
 
@@ -66,10 +66,20 @@ pub(super) fn section(contenders: &[Scored<'_>], sets: &[DataSet]) -> Option<Str
     );
     Some(format!(
         "<p>{} Means over folds, most accurate first. Intervals know that folds share training sweeps (Nadeau and Bengio, 2003). For NLL, \
-         ECE and Brier, smaller is better. A model's name leads to its folds.</p>\n{}",
+         ECE and Brier, smaller is better. A model's name leads to its folds.</p>\n{}{}",
         alike(contenders, sets),
-        scroll("Results table", &table)
+        scroll("Results table", &table),
+        notes(contenders)
     ))
+}
+
+/// What qualifies rows of the table: networks that had few steps to learn in.
+fn notes(contenders: &[Scored<'_>]) -> String {
+    let lines = few_steps(contenders);
+    lines
+        .iter()
+        .map(|line| format!("<p class=\"note\">{}</p>\n", escape(line)))
+        .collect()
 }
 
 /// What every row has in common, as a sentence.

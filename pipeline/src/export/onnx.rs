@@ -38,10 +38,17 @@ session = onnxruntime.InferenceSession("model.onnx")
 labels = json.loads(session.get_modelmeta().custom_metadata_map["labels"])
 digits = numpy.zeros((1, STEPS, TAXELS), numpy.float32)  # sweeps x steps x taxels, as the skin gives them
 print(labels[session.run(["log_probability"], {"digits": digits})[0][0].argmax()])"#;
-/// Appended where there are masks.
-const USE_OF_MASKS: &str = r#"
+/// The same where there are masks, which the file cannot do without.
+const USE_WITH_MASKS: &str = r#"Which material did the fingertip sweep over? In Python, with onnxruntime and numpy:
 
-With Monte Carlo dropout also give "masks", runs x FEATURES: in each place KEPT with probability KEEP, else 0; "mc_log_probability" is that of the mean over runs."#;
+import json, numpy, onnxruntime
+session = onnxruntime.InferenceSession("model.onnx")
+labels = json.loads(session.get_modelmeta().custom_metadata_map["labels"])
+digits = numpy.zeros((1, STEPS, TAXELS), numpy.float32)  # sweeps x steps x taxels, as the skin gives them
+masks = (numpy.random.default_rng(1).random((100, FEATURES)) < KEEP).astype(numpy.float32) * KEPT  # runs x features
+print(labels[session.run(["mc_log_probability"], {"digits": digits, "masks": masks})[0][0].argmax()])
+
+A mask has KEPT with probability KEEP in each place, else 0; "mc_log_probability" is that of the mean over runs. "log_probability" is without dropout and takes any masks."#;
 
 /// Writes nodes and keeps count of their names.
 #[derive(Default)]
@@ -322,9 +329,16 @@ pub fn to_onnx(
         scores(),
         "without dropout, natural logarithm",
     )];
-    let mut doc = USE
-        .replace("STEPS", &steps.to_string())
-        .replace("TAXELS", &taxels.to_string());
+    let keep = setup.network.keep_probability;
+    let doc = match inputs {
+        OnnxInputs::Digits => USE,
+        OnnxInputs::DigitsAndMasks => USE_WITH_MASKS,
+    }
+    .replace("STEPS", &steps.to_string())
+    .replace("TAXELS", &taxels.to_string())
+    .replace("FEATURES", &features.to_string())
+    .replace("KEPT", &(1.0 / keep).to_string())
+    .replace("KEEP", &keep.to_string());
     if inputs == OnnxInputs::DigitsAndMasks {
         builder.graph.input.push(Value::floats(
             "masks",
@@ -343,12 +357,6 @@ pub fn to_onnx(
                 "between material and mask, nats",
             ),
         ]);
-        let keep = setup.network.keep_probability;
-        let masks = USE_OF_MASKS
-            .replace("FEATURES", &features.to_string())
-            .replace("KEPT", &(1.0 / keep).to_string())
-            .replace("KEEP", &keep.to_string());
-        doc.push_str(&masks);
     }
     let model = Model {
         ir_version: IR_VERSION,

@@ -100,7 +100,10 @@ mod tests {
         format!("method = {{ kind = \"adversarial\", alpha = 0.5, epsilon = 2.0{more} }}")
     }
 
-    fn split(weights: &Weights) -> (Vec<(&String, &Vec<f32>)>, Vec<(&String, &Vec<f32>)>) {
+    type Named<'a> = Vec<(&'a String, &'a Vec<f32>)>;
+
+    /// Running statistics, and what is trained.
+    fn split(weights: &Weights) -> (Named<'_>, Named<'_>) {
         let all = weights
             .0
             .iter()

@@ -1,5 +1,7 @@
 //! The offline classifier: model and label set together.
 
+use std::collections::BTreeSet;
+
 use burn::tensor::Device;
 use serde::{Deserialize, Serialize};
 use tactnet_data::{LabelSet, Seed, SweepShape, SweepView, TrainSplit, ValueRange};
@@ -270,25 +272,48 @@ impl Classifier {
             .map(|name| own.iter().position(|known| *known == name))
             .collect();
         (0..view.len())
-            .map(|position| {
-                let label = view.label(position);
-                found[label].ok_or_else(|| PipelineError::Incompatible {
-                    item: "materials",
-                    expected: format!(
-                        "some of its {} ({}, …)",
-                        own.len(),
-                        own[..own.len().min(4)].join(", ")
-                    ),
-                    found: format!("`{}`", labels.name(label)),
-                })
-            })
+            .map(|position| found[view.label(position)].ok_or_else(|| self.unknown_materials(view)))
             .collect()
+    }
+
+    /// The error about materials of `view` that it does not know.
+    fn unknown_materials(&self, view: &SweepView<'_>) -> PipelineError {
+        let (_, unknown) = self.by_known_material(view);
+        let labels = view.dataset().labels();
+        let met: BTreeSet<usize> = (0..unknown.len()).map(|at| unknown.label(at)).collect();
+        let some = |names: Vec<&str>, shown: usize, quote: &str| {
+            let mut text: Vec<String> = names
+                .iter()
+                .take(shown)
+                .map(|name| format!("{quote}{name}{quote}"))
+                .collect();
+            if names.len() > shown {
+                text.push("…".into());
+            }
+            text.join(", ")
+        };
+        PipelineError::Incompatible {
+            item: "materials",
+            expected: format!(
+                "some of {}",
+                some(self.config.labels.names().collect(), 4, "")
+            ),
+            found: format!(
+                "materials named {}, which it does not know",
+                some(
+                    met.iter().map(|&label| labels.name(label)).collect(),
+                    3,
+                    "`"
+                )
+            ),
+        }
     }
 
     fn check_shape(&self, view: &SweepView<'_>) -> Result<(), PipelineError> {
         let ClassifierConfig {
             shape,
             sample_rate_hz,
+            sample_rate_assumed,
             ..
         } = &self.config;
         let dataset = view.dataset();
@@ -300,14 +325,28 @@ impl Classifier {
             })
         };
         if view.shape() != *shape {
-            return incompatible("sweeps", shape.to_string(), view.shape().to_string());
+            let mut found = view.shape().to_string();
+            if (shape.steps, shape.taxels()) == (view.shape().steps, view.shape().taxels()) {
+                found.push_str(&format!(
+                    "; `tactnet data import FILE --out NEW --shape {}x{}` arranges the same taxels",
+                    shape.rows, shape.cols
+                ));
+            }
+            return incompatible("sweeps", shape.to_string(), found);
         }
         if (dataset.sample_rate_hz() - sample_rate_hz).abs() > 1e-6 * sample_rate_hz {
-            let hz = |rate: f64| format!("{rate} Hz");
+            let hz = |rate: f64, assumed: bool| {
+                let assumed = if assumed { ", which is assumed" } else { "" };
+                format!("{rate} Hz{assumed}")
+            };
+            let mut found = hz(dataset.sample_rate_hz(), dataset.is_rate_assumed());
+            if dataset.is_rate_assumed() {
+                found.push_str(" since the data does not say; `--rate HZ` names it");
+            }
             return incompatible(
                 "sample rate",
-                hz(*sample_rate_hz),
-                hz(dataset.sample_rate_hz()),
+                hz(*sample_rate_hz, *sample_rate_assumed),
+                found,
             );
         }
         Ok(())

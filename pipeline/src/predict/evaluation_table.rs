@@ -5,7 +5,8 @@ use std::fmt;
 
 use crate::{Estimate, Evaluation, FusedAccuracy, PredictionMethod};
 
-/// Shows one row per way of predicting: accuracies in percent with their 95 % intervals, NLL in nats, ECE, Brier score.
+/// Shows one row per way of predicting: accuracies in percent with their 95 % intervals, NLL in nats, ECE, Brier score; then a line that
+/// says what brackets and `3x` mean.
 #[derive(Debug, Clone, Copy)]
 pub struct EvaluationTable<'a>(pub &'a BTreeMap<PredictionMethod, Evaluation>);
 
@@ -41,7 +42,14 @@ impl fmt::Display for EvaluationTable<'_> {
                 evaluation.brier,
             )?;
         }
-        Ok(())
+        let fused = self.0.values().find_map(|of| of.fused.as_ref());
+        let fused = fused.map_or(String::new(), |fused| {
+            format!(
+                "; {0}x: {0} sweeps of a material fused into one decision",
+                fused.sweeps
+            )
+        });
+        write!(f, "\nin brackets: 95 % interval{fused}")
     }
 }
 

@@ -13,4 +13,5 @@ pub(crate) mod run_dir;
 pub(crate) mod session;
 pub(crate) mod test_sweeps;
 pub(crate) mod training_record;
+pub(crate) mod training_steps;
 pub(crate) mod write_whole;

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Deserializer, Serialize};
-use tactnet_data::{DataOrigin, Seed, SplitManifest};
+use tactnet_data::{DataOrigin, Fold, Scheme, Seed, SplitManifest};
 
 use crate::predict::by_method::{deserialize_evaluations, serialize_by_method};
 use crate::{Estimate, Evaluation, PredictionMethod, Provenance};
@@ -90,15 +90,28 @@ fn read_commits<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<String
     })
 }
 
-/// How a split is named for people: scheme and part.
+/// Returns a split's name for people, who count from 1: `fold 1 of 5, repeat 2`.
 ///
 /// - `inner`: the part of the training sweeps that is tested on instead of the test sweeps
 pub fn describe_split(manifest: &SplitManifest, inner: Option<usize>) -> String {
-    let inner = inner.map_or(String::new(), |part| format!(", inner part {part}"));
-    format!(
-        "{}, repeat {}, fold {}{inner}",
-        manifest.scheme, manifest.repeat, manifest.fold
-    )
+    let part = manifest.fold + 1;
+    let mut text = match manifest.scheme {
+        Scheme::StratifiedKFold { folds, .. } => format!("fold {part} of {folds}"),
+        Scheme::HoldOut { test_percent, .. } => format!("{test_percent} % held out"),
+        Scheme::TestFlag => "the author's test sweeps".into(),
+        Scheme::LeaveBlockOut => format!("block {part} of every material left out"),
+    };
+    if manifest.repeat > 0 {
+        text.push_str(&format!(", repeat {}", manifest.repeat + 1));
+    }
+    if let Some(part) = inner {
+        text.push_str(&format!(
+            ", inner part {} of {}",
+            part + 1,
+            Fold::INNER_FOLDS
+        ));
+    }
+    text
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@
 use std::path::Path;
 use std::time::Instant;
 
-use tactnet_data::{Dataset, Fold, TrainSplit, ValidationSplit, refuse_errors};
+use tactnet_data::{Dataset, Finding, Fold, TrainSplit, ValidationSplit, refuse_errors};
 
 use super::free_folder::free_folder;
 use super::read_sweeps::from_anywhere;
@@ -15,7 +15,7 @@ use crate::{
     BaselineRecipe, BatchReport, Calibration, CalibrationTarget, Classifier, ClassifierConfig,
     ModelConfig, ModelRecipe, NoveltyScore, NoveltyScorer, PipelineError, Provenance, Recipe,
     RunConfig, RunDir, RunResult, TactNetSetup, TrainEmbeddings, TrainJob, TrainSpec, Training,
-    TrainingSummary, evaluate_run, fit_baseline,
+    TrainingSteps, TrainingSummary, evaluate_run, fit_baseline,
 };
 
 /// What a session does, for whoever shows progress.
@@ -29,10 +29,8 @@ pub enum TrainEvent<'a> {
     Begun {
         /// Batches trained before an interruption.
         batches_before: usize,
-        /// Batches in an epoch.
-        batches: usize,
-        /// Epochs of the whole training.
-        epochs: usize,
+        /// Of the whole training.
+        steps: TrainingSteps,
     },
     /// A batch has been trained.
     Batch {
@@ -76,6 +74,7 @@ impl Session {
     /// Reads the data, splits it, and writes everything known before training into a new folder.
     ///
     /// - `folder`: where the run is kept; `None`: `runs/DATA-RECIPE-FOLD-SEED`, numbered on if taken
+    /// - `on_finding`: told what is odd about the data without being an error, before the rest can fail
     ///
     /// # Errors
     /// Data that cannot be read or has errors; a fold that it does not have; too few sweeps for the calibration; settings that do not
@@ -84,10 +83,13 @@ impl Session {
         job: &TrainJob,
         folder: Option<&Path>,
         program: Provenance,
+        on_finding: impl FnMut(&Finding),
     ) -> Result<Self, PipelineError> {
         let spec = job.spec();
         let dataset = spec.read_sweeps()?;
-        refuse_errors(&dataset, &spec.data)?;
+        refuse_errors(&dataset, &spec.data)?
+            .iter()
+            .for_each(on_finding);
         let number = spec.fold.unwrap_or(0);
         let fold = Fold::new(
             &dataset,
@@ -278,8 +280,7 @@ impl Session {
         let (epochs, batches) = (recipe.training.epochs, training.batches());
         on_event(TrainEvent::Begun {
             batches_before: training.position().epoch * batches + training.position().batch,
-            batches,
-            epochs,
+            steps: TrainingSteps { epochs, batches },
         });
         let ended = train_batches(&mut training, Some(&mut record), |batch| {
             on_event(TrainEvent::Batch { batch, epochs });
@@ -391,7 +392,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let job = TrainJob::try_from(spec(folder.path())).unwrap();
         let [whole, parts] = ["whole", "parts"].map(|name| folder.path().join(name));
-        let session = Session::begin(&job, Some(&whole), program()).unwrap();
+        let session = Session::begin(&job, Some(&whole), program(), |_| {}).unwrap();
         let mut batches = 0;
         let count = |event: TrainEvent<'_>| {
             batches += usize::from(matches!(event, TrainEvent::Batch { .. }));
@@ -401,7 +402,7 @@ mod tests {
         assert_eq!(batches, 9, "three epochs of three batches");
         drop(session);
 
-        drop(Session::begin(&job, Some(&parts), program()).unwrap());
+        drop(Session::begin(&job, Some(&parts), program(), |_| {}).unwrap());
         let mut sessions = 0;
         loop {
             let session = Session::resume(&parts, None, program()).unwrap();
@@ -432,7 +433,7 @@ mod tests {
         let asked = spec(folder.path());
         let job = TrainJob::try_from(asked.clone()).unwrap();
         let run = folder.path().join("run");
-        let session = Session::begin(&job, Some(&run), program()).unwrap();
+        let session = Session::begin(&job, Some(&run), program(), |_| {}).unwrap();
         let named = session.run().config().unwrap().spec.data;
         drop(session);
         assert_eq!(named, asked.data, "an absolute path stays as it is");
@@ -477,7 +478,7 @@ mod tests {
         };
         let job = TrainJob::try_from(asked.clone()).unwrap();
         let run = folder.path().join("run");
-        let session = Session::begin(&job, Some(&run), program()).unwrap();
+        let session = Session::begin(&job, Some(&run), program(), |_| {}).unwrap();
         let config = session.run().config().unwrap();
         assert_eq!(config.spec, asked);
         let mut old = serde_json::to_value(&config).unwrap();
@@ -510,7 +511,7 @@ mod tests {
         };
         let job = TrainJob::try_from(asked.clone()).unwrap();
         let run = folder.path().join("run");
-        let session = Session::begin(&job, Some(&run), program()).unwrap();
+        let session = Session::begin(&job, Some(&run), program(), |_| {}).unwrap();
         let config = session.run().config().unwrap();
         let manifest = session.run().split().unwrap();
         let fold = manifest.fold(&session.dataset).unwrap();

@@ -31,9 +31,14 @@ impl Progress {
             }
             TrainEvent::Begun {
                 batches_before,
-                batches,
-                epochs,
-            } => self.network = Some(NetworkProgress::new(batches_before, epochs * batches)),
+                steps,
+            } => {
+                // A run that goes on keeps its epochs.
+                if let Some(hint) = steps.hint("--epochs ").filter(|_| batches_before == 0) {
+                    eprintln!("hint: {hint}");
+                }
+                self.network = Some(NetworkProgress::new(batches_before, steps.count()));
+            }
             TrainEvent::Batch { batch, epochs } => {
                 if let Some(network) = &self.network {
                     network.show(batch, epochs);

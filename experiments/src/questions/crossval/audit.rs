@@ -115,7 +115,7 @@ fn audit(data: &str, levels: MeanRemoval, steps: usize, rows: &[&Scored<'_>]) ->
     let mut audit = Audit {
         data: format!("{data}, levels {}, {steps} steps", levels.name()),
         chance,
-        best: best.map(|row| (row.model.to_string(), row.one_sweep.mean)),
+        best: best.map(|row| (row.model_name(), row.one_sweep.mean)),
         block_out,
         means: means
             .filter(|_| levels.is_none())

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize, Serializer};
 use tactnet_data::{DataOrigin, SplitManifest};
 use tactnet_pipeline::{
-    Evaluation, MeanRemoval, PredictionMethod, Predictions, RunConfig, RunDir, RunResult,
-    SplitKind, SweepScore,
+    Evaluation, MeanRemoval, ModelRecipe, PredictionMethod, Predictions, RunConfig, RunDir,
+    RunResult, SplitKind, SweepScore, TrainingSteps,
 };
 
 use super::confidence::{ReliabilityBin, RiskCoverage, reliability, risk_coverage};
@@ -40,6 +40,9 @@ pub struct Contender {
     pub prediction: PredictionMethod,
     /// Time steps of a sweep.
     pub steps: usize,
+    /// How long a network was trained in a fold; absent where the model is none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub training: Option<TrainingSteps>,
     /// True for a probe (means, permuted labels).
     pub probe: bool,
     /// Materials in label order.
@@ -182,6 +185,7 @@ fn contender(key: String, accuracy: f64, folds: &[Fold<'_>]) -> Contender {
         inner: first.config.spec.inner,
         prediction: first.method,
         steps: first.finished.steps.0,
+        training: training(first),
         probe: first.finished.task.probe.is_some(),
         sigma_test: (accuracy * (1.0 - accuracy) / n_test as f64).sqrt(),
         n_train: first.result.n_train,
@@ -193,6 +197,17 @@ fn contender(key: String, accuracy: f64, folds: &[Fold<'_>]) -> Contender {
         folds: folds.iter().map(record).collect(),
         materials,
     }
+}
+
+/// Epochs and batches of a network's training.
+fn training(fold: &Fold<'_>) -> Option<TrainingSteps> {
+    let ModelRecipe::TactNet2(recipe) = &fold.config.recipe else {
+        return None;
+    };
+    Some(TrainingSteps {
+        epochs: recipe.training.epochs,
+        batches: fold.result.n_train.div_ceil(recipe.training.batch),
+    })
 }
 
 fn record(fold: &Fold<'_>) -> FoldRecord {

@@ -1,7 +1,7 @@
 //! A contender with its rows, as audits, groups and reports need it.
 
 use tactnet_data::DataOrigin;
-use tactnet_pipeline::{MeanRemoval, PredictionMethod, SplitKind};
+use tactnet_pipeline::{MeanRemoval, PredictionMethod, SplitKind, TrainingSteps};
 
 use super::{Contender, FoldRecord, PublishedContender, ReliabilityBin, RiskCoverage};
 use crate::{Measure, Statistic, Summary};
@@ -18,6 +18,7 @@ pub(crate) struct Scored<'a> {
     pub(crate) inner: Option<usize>,
     pub(crate) prediction: PredictionMethod,
     pub(crate) steps: usize,
+    pub(crate) training: Option<TrainingSteps>,
     pub(crate) probe: bool,
     pub(crate) materials: &'a [String],
     pub(crate) one_sweep: &'a Statistic,
@@ -37,12 +38,50 @@ pub(crate) struct Scored<'a> {
 }
 
 impl Scored<'_> {
+    /// Returns the model's name for people: of a network also what it is, `TactNet-II (fast)`.
+    pub(crate) fn model_name(&self) -> String {
+        match self.training {
+            Some(_) => format!("TactNet-II ({})", self.model),
+            None => self.model.to_string(),
+        }
+    }
+
+    /// Returns model and way of predicting for people.
+    pub(crate) fn name(&self) -> String {
+        match self.prediction {
+            PredictionMethod::Plain => self.model_name(),
+            PredictionMethod::McDropout { .. } => format!("{}, MC dropout", self.model_name()),
+        }
+    }
+
+    /// Returns how long it was trained, where it is a network that had few steps.
+    pub(crate) fn few_steps(&self) -> Option<TrainingSteps> {
+        self.training.filter(|training| training.are_few())
+    }
+
     /// Repeats of the cross-validation: how often every sweep was tested.
     pub(crate) fn repeats(&self) -> usize {
         let repeats: std::collections::BTreeSet<usize> =
             self.folds.iter().map(|fold| fold.repeat).collect();
         repeats.len().max(1)
     }
+}
+
+/// Returns a line for every network that was trained for few steps.
+pub(crate) fn few_steps(contenders: &[Scored<'_>]) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for row in contenders {
+        let hint = row
+            .few_steps()
+            .and_then(|steps| steps.hint("--set epochs="));
+        if let Some(hint) = hint {
+            let line = format!("{} on {}: {hint}", row.model_name(), row.data);
+            if !lines.contains(&line) {
+                lines.push(line);
+            }
+        }
+    }
+    lines
 }
 
 /// Every contender of a cross-validation with its rows, in the order of the summary.
@@ -72,6 +111,7 @@ fn with_rows<'a>(summary: &'a Summary, contender: &'a Contender) -> Option<Score
         inner: contender.inner,
         prediction: contender.prediction,
         steps: contender.steps,
+        training: contender.training,
         probe: contender.probe,
         materials: &contender.materials,
         one_sweep: statistic(Measure::Accuracy, 1)?,

@@ -34,6 +34,10 @@ pub(crate) fn read_training<'a>(
         label_order: config.spec.label_order,
         origin: result.origin,
         data_sha256: result.data_sha256,
+        assumed_rate_hz: config
+            .classifier
+            .sample_rate_assumed
+            .then_some(config.classifier.sample_rate_hz),
         materials: config.classifier.labels.len(),
         levels: config.recipe.levels(),
         steps: (config.classifier.shape.steps, config.spec.steps),

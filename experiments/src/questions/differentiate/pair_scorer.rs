@@ -134,12 +134,12 @@ mod tests {
         let logs = |p: [f64; 3]| p.map(f64::ln);
         let (a, b) = ([0.7, 0.2, 0.1], [0.3, 0.3, 0.4]);
         let (mut same, mut apart) = (0.0, 0.0);
-        for i in 0..3 {
-            for j in 0..3 {
+        for (i, a) in a.iter().enumerate() {
+            for (j, b) in b.iter().enumerate() {
                 if i == j {
-                    same += 0.5 / 3.0 * a[i] * b[j];
+                    same += 0.5 / 3.0 * a * b;
                 } else {
-                    apart += 0.5 / 6.0 * a[i] * b[j];
+                    apart += 0.5 / 6.0 * a * b;
                 }
             }
         }

@@ -1,0 +1,76 @@
+//! How many steps a training of a network takes, and whether they are few.
+
+use serde::{Deserialize, Serialize};
+
+/// Steps of a training that are few: below, networks are seldom as good as their data allow.
+const FEW: usize = 300;
+/// Steps of the default recipe on TactMat: 12 epochs of 80 batches.
+const OF_TACTMAT: usize = 960;
+
+/// Steps of a training: epochs, and batches in each of them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TrainingSteps {
+    /// Passes over the training sweeps.
+    pub epochs: usize,
+    /// Batches of an epoch.
+    pub batches: usize,
+}
+
+impl TrainingSteps {
+    /// Returns the number of steps.
+    pub fn count(self) -> usize {
+        self.epochs * self.batches
+    }
+
+    /// Returns true if the steps are fewer than 300.
+    pub fn are_few(self) -> bool {
+        self.count() < FEW
+    }
+
+    /// Returns the epochs with which the steps are no longer few.
+    pub fn epochs_for_enough(self) -> usize {
+        FEW.div_ceil(self.batches.max(1))
+    }
+
+    /// Returns what to do about few steps, in one line; `None` where they are not few.
+    ///
+    /// - `option`: what sets the epochs: `--epochs` of `train`, `--set epochs=` of an experiment
+    pub fn hint(self, option: &str) -> Option<String> {
+        let epochs = self.epochs_for_enough();
+        self.are_few().then(|| {
+            format!(
+                "{} training step{} few; `{option}{epochs}` trains for {} (TactMat: {OF_TACTMAT})",
+                self.count(),
+                if self.count() == 1 { " is" } else { "s are" },
+                epochs * self.batches
+            )
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_steps_come_with_the_epochs_that_make_them_enough() {
+        let steps = |epochs, batches| TrainingSteps { epochs, batches };
+        assert_eq!(
+            steps(12, 3).hint("--epochs ").unwrap(),
+            "36 training steps are few; `--epochs 100` trains for 300 (TactMat: 960)"
+        );
+        assert_eq!(
+            steps(12, 7).hint("--set epochs=").unwrap(),
+            "84 training steps are few; `--set epochs=43` trains for 301 (TactMat: 960)"
+        );
+        assert!(
+            steps(1, 1)
+                .hint("--epochs ")
+                .unwrap()
+                .starts_with("1 training step is few")
+        );
+        for enough in [steps(100, 3), steps(12, 80), steps(300, 1)] {
+            assert_eq!(enough.hint("--epochs "), None);
+        }
+    }
+}

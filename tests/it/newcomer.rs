@@ -1,0 +1,191 @@
+//! A newcomer with few sweeps of their own: what they are told without having asked.
+
+use std::process::Command;
+
+use crate::command::{Lab, RecipeChange, expect, stderr, stdout, tactnet};
+
+/// Writes a folder of `.csv`, which does not say its rate: two materials, `sweeps` of each.
+fn own_sweeps(lab: &Lab, folder: &str, names: [&str; 2], sweeps: usize, taxels: usize) {
+    for (material, swing) in names.into_iter().zip([3, 7]) {
+        for sweep in 0..sweeps {
+            let rows: String = (0..120)
+                .map(|step| {
+                    let value = |taxel: usize| (step * swing + taxel * 5 + sweep * 11) % 40;
+                    let row: Vec<String> = (0..taxels).map(|t| value(t).to_string()).collect();
+                    row.join(",") + "\n"
+                })
+                .collect();
+            let folder = lab.path(folder).join(material);
+            std::fs::create_dir_all(&folder).unwrap();
+            std::fs::write(folder.join(format!("{sweep}.csv")), rows).unwrap();
+        }
+    }
+}
+
+fn with(lab: &Lab, verb: &[&str], data: &str, options: &[&str]) -> Command {
+    let mut command = tactnet(verb.iter().copied());
+    command.arg(lab.path(data)).args(options);
+    command.current_dir(lab.folder.path());
+    command
+}
+
+#[test]
+fn few_training_steps_are_named_and_what_comes_next() {
+    let lab = Lab::new();
+    let recipe = lab.recipe(RecipeChange::default());
+    let output = expect(0, lab.train(&recipe, "run"));
+    let (found, said) = (stdout(&output), stderr(&output));
+    assert!(
+        said.contains("hint: 12 training steps are few; `--epochs 75` trains for 300"),
+        "{said}"
+    );
+    assert!(said.contains("next: `tactnet demo --run "), "{said}");
+    assert!(
+        said.contains("`tactnet experiment run crossval_baselines --set data="),
+        "{said}"
+    );
+    assert!(
+        found.contains("(fold 1 of 5)") && found.contains("in brackets: 95 % interval"),
+        "{found}"
+    );
+
+    let flat = lab.path("flat.npz").display().to_string();
+    let shape = ["--shape", "1x16", "--out", &flat];
+    expect(0, with(&lab, &["data", "import"], "twin.h5", &shape));
+    let refused = stderr(&expect(2, with(&lab, &["eval"], "run", &["--data", &flat])));
+    assert!(
+        refused.contains("`tactnet data import FILE --out NEW --shape 4x4`"),
+        "{refused}"
+    );
+}
+
+#[test]
+fn a_recipe_that_ships_can_be_printed_and_trained_by() {
+    let text = stdout(&expect(0, tactnet(["train", "--print-recipe", "fast"])));
+    assert!(text.contains("name = \"fast\""), "{text}");
+    let refused = stderr(&expect(2, tactnet(["train", "--print-recipe", "fats"])));
+    assert!(refused.contains("did you mean `fast`?"), "{refused}");
+    let refused = stderr(&expect(2, tactnet(["train", "--model", "tree"])));
+    assert!(refused.contains("see `tactnet train --help`"), "{refused}");
+}
+
+#[test]
+fn a_rate_that_nobody_named_is_said_and_can_be_named_everywhere() {
+    let lab = Lab::new();
+    own_sweeps(&lab, "own", ["0", "1"], 6, 4);
+    let json = |options: &[&str]| -> serde_json::Value {
+        let output = expect(0, with(&lab, &["data", "check"], "own", options));
+        serde_json::from_str(&stdout(&output)).unwrap()
+    };
+    let kinds = |report: &serde_json::Value| -> Vec<String> {
+        let findings = report["findings"].as_array().unwrap().iter();
+        findings
+            .map(|finding| finding["kind"].as_str().unwrap().into())
+            .collect()
+    };
+    let assumed = json(&["--json"]);
+    assert_eq!(
+        (&assumed["errors"], &assumed["warnings"]),
+        (&0.into(), &1.into())
+    );
+    assert_eq!(kinds(&assumed), ["assumed_rate", "numbered_materials"]);
+    let named = json(&["--json", "--rate", "200"]);
+    assert_eq!(kinds(&named), ["numbered_materials"]);
+
+    let own = lab.path("own.npz").display().to_string();
+    let rate = ["--rate", "200", "--out", &own];
+    expect(0, with(&lab, &["data", "import"], "own", &rate));
+    let run = lab.path("run").display().to_string();
+    let means = ["--model", "means", "--out", &run];
+    expect(0, with(&lab, &["train", "--data"], "own.npz", &means));
+    let refused = stderr(&expect(
+        2,
+        with(&lab, &["eval", &run, "--data"], "own", &[]),
+    ));
+    assert!(
+        refused.contains("expects 200 Hz, the data set has 750 Hz, which is assumed")
+            && refused.contains("`--rate HZ` names it"),
+        "{refused}"
+    );
+    let rate = ["--rate", "200"];
+    expect(0, with(&lab, &["eval", &run, "--data"], "own", &rate));
+
+    own_sweeps(&lab, "named", ["cork", "felt"], 6, 4);
+    let refused = with(&lab, &["eval", &run, "--data"], "named", &rate);
+    let refused = stderr(&expect(2, refused));
+    assert!(
+        refused.contains(
+            "some of 0, 1, the data set has materials named `cork`, `felt`, which it does not know"
+        ),
+        "{refused}"
+    );
+
+    let recipe = lab.recipe(RecipeChange::default());
+    let experiment = |out: &str, more: &[&str]| {
+        let models = format!("models=[\"means\", \"{}\"]", recipe.display());
+        let mut command = tactnet(["experiment", "run", "crossval_baselines", "--out"]);
+        let data = format!("data={}", lab.path("own").display());
+        command
+            .arg(lab.path(out))
+            .args(["--set", &data, "--set", &models]);
+        command.args([
+            "--set",
+            "folds=2",
+            "--set",
+            "probes=[]",
+            "--set",
+            "groups=0",
+        ]);
+        command.args(more);
+        let output = expect(0, command);
+        let (found, said) = (stdout(&output), stderr(&output));
+        let page = String::from_utf8(lab.read(&format!("{out}/report.html"))).unwrap();
+        (found, said, page)
+    };
+    let (found, said, page) = experiment("assumed", &[]);
+    let warning =
+        "own does not say its sample rate; 750 Hz is assumed, `--set rate_hz=HZ` names it";
+    assert!(found.contains(&format!("warning: {warning}")), "{found}");
+    assert!(said.contains(&format!("warning: {warning}")), "{said}");
+    assert!(page.contains("<strong>Assumed:</strong> own does not say"));
+    assert!(found.contains("TactNet-II (small), MC dropout"), "{found}");
+    assert!(!found.contains("published"), "{found}");
+    let few =
+        "TactNet-II (small) on own: 6 training steps are few; `--set epochs=150` trains for 300";
+    assert!(found.contains(&format!("hint: {few}")), "{found}");
+    assert!(page.contains(few) && page.contains("training steps a fold, which are few."));
+    let (found, said, page) = experiment("rated", &["--set", "rate_hz=200"]);
+    assert!(
+        !found.contains("assumed") && !said.contains("assumed") && !page.contains("Assumed:"),
+        "{found}"
+    );
+}
+
+#[test]
+fn training_warns_of_wrong_axes_and_of_sweeps_too_few_to_calibrate() {
+    let lab = Lab::new();
+    own_sweeps(&lab, "wide", ["cork", "felt"], 2, 130);
+    let recipe = lab.recipe(RecipeChange::default()).display().to_string();
+    let train = |options: &[&str]| {
+        let mut command = with(&lab, &["train", "--data"], "wide", options);
+        command.args(["--recipe", &recipe, "--steps", "100", "--out"]);
+        command.arg(lab.path("run"));
+        command
+    };
+    let refused = stderr(&expect(2, train(&["--calibrate"])));
+    assert!(
+        refused.contains("taxels: if 130 is the number of time steps"),
+        "{refused}"
+    );
+    assert!(
+        refused.contains("the axes are in another order"),
+        "{refused}"
+    );
+    assert!(refused.contains("deals 2 folds instead of 5"), "{refused}");
+    assert!(
+        refused.contains(
+            "training sweeps of `cork`: expected at least 5, since a calibration (`--calibrate`)"
+        ),
+        "{refused}"
+    );
+}
