@@ -102,25 +102,25 @@ impl Construction {
     /// Found by `experiments/twin/calibrate.py`; the log of what was tried is beside it.
     fn two() -> Self {
         Self {
-            distance: 0.43,
-            block: 0.13,
-            sweep: 0.22,
-            excursions: 0.15,
+            distance: 0.42,
+            block: 0.12,
+            sweep: 0.2,
+            excursions: 0.125,
             excursion_reach: [0.44, 1.24],
-            gains: [0.15, 0.14, 0.0, 0.12, 0.08, 0.08],
+            gains: [0.13, 0.18, 0.0, 0.12, 0.08, 0.08],
             bound: Some(9.0),
             grain_follows: false,
-            amplitudes: [0.09, 0.033, 0.037, 0.0036],
+            amplitudes: [0.092, 0.031, 0.037, 0.0036],
             correlation_steps: [110.0, 25.0, 5.0, 1.5],
             grain: 0.024,
             force: 0.009,
-            slip_ratio: 0.27,
-            slip_duration: 1.4,
+            slip_ratio: 0.25,
+            slip_duration: 1.3,
             column_levels: 0.0,
             envelope: Envelope {
                 depth: 0.85,
-                gain: 0.18,
-                steps: 70.0,
+                gain: 0.15,
+                steps: 80.0,
             },
         }
     }
