@@ -44,22 +44,7 @@ impl DataSource {
     /// # Errors
     /// As [`DataSource::read`]; a file that says another rate.
     pub fn read_at(&self, rate_hz: Option<f64>) -> Result<Dataset, DataError> {
-        let dataset = self.read_whole()?;
-        let Some(rate_hz) = rate_hz else {
-            return Ok(dataset);
-        };
-        if dataset.is_rate_assumed() {
-            return dataset.with_sample_rate(rate_hz);
-        }
-        let own = dataset.sample_rate_hz();
-        if (own - rate_hz).abs() > 1e-6 * own {
-            return Err(DataError::inconsistent(
-                "sample rate",
-                format!("{own} Hz, as data set `{}` says", dataset.name()),
-                format!("{rate_hz} Hz"),
-            ));
-        }
-        Ok(dataset)
+        self.read_whole()?.with_named_rate(rate_hz)
     }
 
     fn read_whole(&self) -> Result<Dataset, DataError> {

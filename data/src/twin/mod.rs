@@ -39,10 +39,10 @@
 //! ```
 //!
 //! where `D` is distance times difficulty. `X` is 0 but for excursions: with a probability in proportion to what the published network
-//! gets wrong of material `k` (0.13 on average in version 2, 0 in version 1), the sweep feels like a material `j` drawn from what `k` is
+//! gets wrong of material `k` (0.125 on average in version 2, 0 in version 1), the sweep feels like a material `j` drawn from what `k` is
 //! confused with, and `X` is uniform from 0.44 to 1.24.
 //!
-//! An orthonormal mixture of the point's coordinates sets the logarithms of the undulation `a_1`, the coarse band `a_2`, the fine bands,
+//! An orthonormal mixture of the point's coordinates, in version 2 levelled off by `9 tanh(x / 9)`, sets the logarithms of the undulation `a_1`, the coarse band `a_2`, the fine bands,
 //! the correlation times (with them `s` and the column levels), and how `g_i` changes along rows and columns. The slip ratio `S / O`
 //! follows `a_2 / a_1`. In version 1 the third coordinate sets `a_4` and `c`, and half of it `a_3`; in version 2 it sets the depth `e`
 //! of the envelopes, and the stationary power above 20 Hz is the same for all materials: whatever tells two materials apart there is

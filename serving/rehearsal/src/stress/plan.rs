@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::Failure;
 
 #[cfg_attr(feature = "zenoh", allow(dead_code))]
-pub(super) const WITHOUT_ZENOH: &str = "this program was built without `zenoh`; `cargo install --path . --features zenoh` builds one that has it";
+pub(super) const WITHOUT_ZENOH: &str = "this program was built without `zenoh`; in a checkout of the source, `cargo install --path . --features zenoh` builds one that has it";
 
 /// Where master and clients are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
