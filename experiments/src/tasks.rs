@@ -314,7 +314,7 @@ mod tests {
         for (name, tasks) in [
             ("crossval_tactnet2", 30),
             ("thesis_against_fast", 12),
-            ("crossval_baselines", 45),
+            ("crossval_baselines", 55),
             ("leave_block_out", 30),
             ("sequence_length", 60),
             ("hyperparameters", 22),

@@ -266,7 +266,13 @@ fn what_cannot_be_enrolled_is_refused_in_one_line_and_leaves_nothing() {
             "sweeps: the classifier expects",
         ),
         ("run", "nan.h5", "velvet", &[], "expected finite numbers"),
-        ("knn", "twin.h5", "velvet", &[], "no known.safetensors"),
+        (
+            "knn",
+            "twin.h5",
+            "velvet",
+            &[],
+            "only networks can learn a new material",
+        ),
         ("nothing", "twin.h5", "velvet", &[], "no run here"),
     ] {
         let refused = stderr(&expect(2, enroll(&lab, run, data, material, "out", more)));

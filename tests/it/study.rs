@@ -127,8 +127,8 @@ fn differentiation_unknown_and_sequential_studies_report_what_they_measured() {
         &["splits=2", "shots=[1, 2]"],
         "differentiate",
     ));
-    // Four judges, one and two sweeps; the hard pairs are TactMat's materials only.
-    assert_eq!(rows(&found).len(), 8);
+    // Five judges, one and two sweeps; the hard pairs are TactMat's materials only.
+    assert_eq!(rows(&found).len(), 10);
     assert!(rows(&found).iter().all(|row| row["decisions"] == 2 * 2700));
     // The small network's outputs say little, but more than nothing.
     let threshold = rows(&found)

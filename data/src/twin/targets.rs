@@ -147,10 +147,23 @@ mod tests {
         .to_string()
     }
 
+    /// What cannot be met together with the rest; `experiments/results/twin2.md` says by how much.
+    const MISSED: [&str; 1] = ["linear discriminant on log spectra"];
+
     #[test]
-    fn full_twin_shows_every_figure_of_the_real_signal() {
-        let table = table(&measure(&generate(&TwinConfig::default()).unwrap()));
+    fn the_default_twin_meets_its_targets() {
+        let twin = generate(&TwinConfig::default()).unwrap();
+        let table = table(&measure(&twin));
         assert!(!table.contains('*'), "{table}");
+        let trained = Target::of_training(twin.sha256()).unwrap();
+        assert!(
+            !trained.is_empty(),
+            "recorded on another twin: `experiments/twin/calibrate.py record`"
+        );
+        for target in trained {
+            let missed = MISSED.contains(&target.name.as_str());
+            assert_eq!(target.met, !missed, "{target:?}");
+        }
     }
 
     #[test]

@@ -51,7 +51,7 @@ impl RunConfig {
                 .map(|old| Self::from(old).of_first_twin())
                 .map_err(refused),
             other => Err(format!(
-                "expected schema version {} or 2 or 3, found {other}",
+                "expected schema version {}, 3 or 2, found {other}",
                 Self::SCHEMA_VERSION
             )),
         }

@@ -469,7 +469,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_of_the_version_before_is_read() {
+    fn runs_of_the_versions_before_are_read() {
         let folder = tempfile::tempdir().unwrap();
         let asked = TrainSpec {
             steps: Some(40),
@@ -497,9 +497,17 @@ mod tests {
         }
         let read = RunConfig::from_json(&old.to_string()).unwrap();
         assert_eq!(read, config);
-        old["schema_version"] = 4.into();
+        old["schema_version"] = 5.into();
         let refused = RunConfig::from_json(&old.to_string()).unwrap_err();
-        assert_eq!(refused, "expected schema version 3 or 2, found 4");
+        assert_eq!(refused, "expected schema version 4, 3 or 2, found 5");
+
+        let mut old = serde_json::to_value(&config).unwrap();
+        old["schema_version"] = 3.into();
+        let read = RunConfig::from_json(&old.to_string()).unwrap();
+        assert_eq!(read, config);
+        old["spec"]["data"] = "twin".into();
+        let read = RunConfig::from_json(&old.to_string()).unwrap();
+        assert_eq!(read.spec.data, "twin1", "the only twin that there was");
     }
 
     #[test]
