@@ -105,7 +105,7 @@ impl Construction {
             distance: 0.42,
             block: 0.12,
             sweep: 0.2,
-            excursions: 0.125,
+            excursions: 0.14,
             excursion_reach: [0.44, 1.24],
             gains: [0.13, 0.18, 0.0, 0.12, 0.075, 0.075],
             bound: Some(9.0),

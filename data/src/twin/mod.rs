@@ -39,7 +39,7 @@
 //! ```
 //!
 //! where `D` is distance times difficulty. `X` is 0 but for excursions: with a probability in proportion to what the published network
-//! gets wrong of material `k` (0.125 on average in version 2, 0 in version 1), the sweep feels like a material `j` drawn from what `k` is
+//! gets wrong of material `k` (0.14 on average in version 2, 0 in version 1), the sweep feels like a material `j` drawn from what `k` is
 //! confused with, and `X` is uniform from 0.44 to 1.24.
 //!
 //! An orthonormal mixture of the point's coordinates, in version 2 levelled off by `9 tanh(x / 9)`, sets the logarithms of the undulation `a_1`, the coarse band `a_2`, the fine bands,
