@@ -16,7 +16,7 @@ use crate::{Crossval, ExperimentError, Question};
 pub use search::{Range, Search};
 
 /// Experiments that ship with the binary, by name.
-const BUILT_IN: [(&str, &str); 13] = [
+const BUILT_IN: [(&str, &str); 14] = [
     (
         "crossval_tactnet2",
         include_str!("../recipes/crossval_tactnet2.toml"),
@@ -37,6 +37,7 @@ const BUILT_IN: [(&str, &str); 13] = [
         "sequence_length",
         include_str!("../recipes/sequence_length.toml"),
     ),
+    ("adversarial", include_str!("../recipes/adversarial.toml")),
     (
         "hyperparameters",
         include_str!("../recipes/hyperparameters.toml"),

@@ -317,6 +317,7 @@ mod tests {
             ("crossval_baselines", 55),
             ("leave_block_out", 30),
             ("sequence_length", 60),
+            ("adversarial", 21),
             ("hyperparameters", 22),
             ("nshot", 100),
             ("sample_efficiency", 100),
