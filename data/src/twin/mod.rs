@@ -1,7 +1,7 @@
 //! The TactMat twin: seeded sweeps that look like TactMat's where its signal is known.
 //!
 //! The real recordings cannot ship with the project. The twin is calibrated on four published sweeps (the figures are
-//! in [`statistics`]) and on the published confusion matrix ([`published_confusions`]); what it says beyond them is a
+//! in [`SignalStatistics`]) and on the published confusion matrix ([`published_confusions`]); what it says beyond them is a
 //! prediction, and results on it are results on the twin, never on TactMat.
 //!
 //! There are two versions; a result names its own. Version 1 (`--data twin1`) is kept so that earlier results can be repeated.
