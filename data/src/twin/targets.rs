@@ -82,7 +82,11 @@ impl Target {
     /// # Errors
     /// A record that cannot be read.
     pub fn of_training(data_sha256: &str) -> Result<Vec<Self>, DataError> {
-        let record: Record = serde_json::from_str(RECORDED).map_err(|error| {
+        Self::in_record(RECORDED, data_sha256)
+    }
+
+    fn in_record(record: &str, data_sha256: &str) -> Result<Vec<Self>, DataError> {
+        let record: Record = serde_json::from_str(record).map_err(|error| {
             DataError::inconsistent("trained targets", "a record", error.to_string())
         })?;
         if !record.data_sha256.iter().any(|sha| sha == data_sha256) {
@@ -157,12 +161,16 @@ mod tests {
     /// Figures that were recorded on another twin are not shown for this one.
     #[test]
     fn recorded_figures_are_those_of_their_own_twin() {
-        let record: Record = serde_json::from_str(RECORDED).unwrap();
-        for sha in &record.data_sha256 {
-            let recorded = Target::of_training(sha).unwrap();
-            assert_eq!(recorded.len(), record.targets.len());
+        let record = r#"{"data_sha256": ["a", "b"], "targets": [
+            {"name": "base", "value": 0.86, "target": 0.855, "tolerance": 0.015},
+            {"name": "fused", "value": 0.97, "target": 0.943, "tolerance": 0.015}]}"#;
+        for sha in ["a", "b"] {
+            let recorded = Target::in_record(record, sha).unwrap();
             assert!(recorded.iter().all(|t| t.source == TargetSource::Recorded));
+            let met: Vec<bool> = recorded.iter().map(|target| target.met).collect();
+            assert_eq!(met, [true, false]);
         }
+        assert!(Target::in_record(record, "another").unwrap().is_empty());
         assert!(Target::of_training("another").unwrap().is_empty());
     }
 
