@@ -101,3 +101,47 @@ fn compare(first: &RowOfTasks, second: &RowOfTasks) -> Option<Comparison> {
         n,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Measure;
+    use crate::report::fake;
+
+    fn row(method: &str, of: &[(usize, f64)]) -> RowOfTasks {
+        let values: Vec<f64> = of.iter().map(|(_, value)| *value).collect();
+        RowOfTasks {
+            row: Row {
+                key: method.into(),
+                statistic: Statistic::of(values, 0.25),
+                ..fake::row("twin", "net", method, Measure::Accuracy)
+            },
+            tasks: of
+                .iter()
+                .map(|(fold, _)| (Part::Draw(*fold), format!("split {fold}")))
+                .collect(),
+            test_share: 0.25,
+            probe: false,
+        }
+    }
+
+    /// Values of one fold are compared with values of the same fold, whatever the order, and folds that only one has are left out.
+    #[test]
+    fn differences_are_first_minus_second_on_the_same_folds() {
+        let first = row("net", &[(0, 0.9), (1, 0.5), (2, 0.8), (3, 0.1)]);
+        let second = row("lda", &[(2, 0.7), (0, 0.8), (1, 0.3)]);
+        let found = compare(&first, &second).unwrap();
+        assert_eq!(
+            (found.first.as_str(), found.second.as_str()),
+            ("net", "lda")
+        );
+        assert_eq!(found.n, 3);
+        // 0.1, 0.2 and 0.1.
+        assert!((found.difference - 0.4 / 3.0).abs() < 1e-12, "{found:?}");
+        let ends = found.ci95.unwrap();
+        let differences = Statistic::of(vec![0.1, 0.2, 0.1], 0.25);
+        for (found, expected) in ends.iter().zip(differences.ci95.unwrap()) {
+            assert!((found - expected).abs() < 1e-12);
+        }
+    }
+}

@@ -8,7 +8,7 @@ mod confusion;
 mod contender;
 mod data_set;
 #[cfg(test)]
-mod fake;
+pub(crate) mod fake;
 mod header;
 mod headline;
 mod intervals;

@@ -310,6 +310,68 @@ mod tests {
         );
     }
 
+    /// Committed results on version 2 can be repeated.
+    #[test]
+    fn version_two_stays_as_it_is() {
+        let config = TwinConfig {
+            sweeps: 2,
+            steps: 300,
+            seed: 5,
+            ..TwinConfig::default()
+        };
+        assert_eq!(
+            generate(&config).unwrap().sha256(),
+            "83bf05909de4ff5f96beea6171692d6907e582ac33f93c71a7ea3ae5f9e68fbc"
+        );
+    }
+
+    /// Rows of the published confusion matrix are materials in the order of [`NAMES`].
+    #[test]
+    fn materials_that_are_confused_feel_alike() {
+        let config = TwinConfig {
+            sweeps: 8,
+            steps: 500,
+            ..TwinConfig::default()
+        };
+        let twin = generate(&config).unwrap();
+        // Logarithm of the mean square of differences between frames that lie so far apart, over all taxels and sweeps of a material.
+        let features: Vec<Vec<f64>> = (0..NAMES.len())
+            .map(|label| {
+                let sweeps: Vec<Vec<f32>> = (0..config.sweeps)
+                    .map(|sweep| twin.sweep(label * config.sweeps + sweep))
+                    .collect();
+                let apart = |steps: usize| {
+                    let squares = sweeps.iter().flat_map(|sweep| {
+                        let later = sweep[TAXELS * steps..].iter();
+                        later.zip(sweep).map(|(a, b)| f64::from(a - b).powi(2))
+                    });
+                    squares.sum::<f64>().ln()
+                };
+                [1, 4, 16, 64].map(apart).to_vec()
+            })
+            .collect();
+        let confusions = published_confusions();
+        let (mut confused, mut all) = (Vec::new(), Vec::new());
+        for a in 0..NAMES.len() {
+            for b in 0..a {
+                let both = features[a].iter().zip(&features[b]);
+                let distance = both.map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+                if confusions[a][b] + confusions[b][a] > 0.05 {
+                    confused.push(distance);
+                }
+                all.push(distance);
+            }
+        }
+        let mean = |of: &[f64]| of.iter().sum::<f64>() / of.len() as f64;
+        assert!(confused.len() > 20);
+        assert!(
+            mean(&confused) < 0.6 * mean(&all),
+            "{} {}",
+            mean(&confused),
+            mean(&all)
+        );
+    }
+
     #[test]
     fn seed_decides_the_sweeps() {
         let config = TwinConfig {

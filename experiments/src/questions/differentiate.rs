@@ -225,10 +225,10 @@ fn differentiate(sweeps: &[usize], context: &StudyContext<'_>) -> Result<Answer,
             let pairs: Vec<SweepPair> = trials.concat();
             for (name, scorer) in &scorers {
                 let p = scorer.probabilities(&test, &pairs);
-                let right = p.chunks(sweeps).zip(&trials).filter(|(p, trial)| {
-                    let votes = p.iter().filter(|p| **p > 0.5).count();
-                    (2 * votes > sweeps) == trial[0].different
-                });
+                let right = p
+                    .chunks(sweeps)
+                    .zip(&trials)
+                    .filter(|(p, trial)| differ(p) == trial[0].different);
                 let accuracy = right.count() as f64 / trials.len() as f64;
                 measurements.push(
                     Measurement::new(Measure::Accuracy, name, accuracy, trials.len())
@@ -245,6 +245,14 @@ fn differentiate(sweeps: &[usize], context: &StudyContext<'_>) -> Result<Answer,
         chosen: BTreeMap::new(),
         maps: Vec::new(),
     })
+}
+
+/// Returns what most of a question's pairs say.
+///
+/// - `p`: `[sweeps]`, probability that the sweeps of a pair are of different materials
+fn differ(p: &[f64]) -> bool {
+    let votes = p.iter().filter(|p| **p > 0.5).count();
+    2 * votes > p.len()
 }
 
 /// Test questions of `sweeps` pairs each, every other one of different materials: any two, or one of `hard`, whose questions with
@@ -286,4 +294,50 @@ fn trials(
                 .collect()
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use tactnet_data::Seed;
+
+    use super::*;
+
+    #[test]
+    fn the_majority_of_the_pairs_decides() {
+        assert!(!differ(&[0.9, 0.2, 0.4]));
+        assert!(differ(&[0.9, 0.6, 0.1]));
+        assert!(!differ(&[0.5]));
+    }
+
+    #[test]
+    fn hard_questions_ask_about_the_hard_pairs_and_their_materials() {
+        let labels: Vec<usize> = (0..80).map(|i| i % 8).collect();
+        let hard = vec![[0, 1], [2, 3], [5, 2]];
+        let asked = trials(&labels, Some(&hard), 3, &mut Seed(1).rng("questions"));
+        assert_eq!(asked.len(), TEST_PAIRS);
+        let mut found = std::collections::BTreeSet::new();
+        for question in &asked {
+            let mut sweeps: Vec<usize> =
+                question.iter().flat_map(|p| [p.first, p.second]).collect();
+            sweeps.sort_unstable();
+            sweeps.dedup();
+            assert_eq!((question.len(), sweeps.len()), (3, 6), "no sweep twice");
+            let materials = [question[0].first, question[0].second].map(|row| labels[row]);
+            for pair in question {
+                assert_eq!([pair.first, pair.second].map(|row| labels[row]), materials);
+                assert_eq!(pair.different, materials[0] != materials[1]);
+            }
+            if materials[0] == materials[1] {
+                assert!([0, 1, 2, 3, 5].contains(&materials[0]), "{materials:?}");
+            } else {
+                found.insert(materials);
+            }
+        }
+        assert!(found.into_iter().eq([[0, 1], [2, 3], [5, 2]]));
+        let different = asked
+            .iter()
+            .filter(|question| question[0].different)
+            .count();
+        assert_eq!(2 * different, TEST_PAIRS);
+    }
 }

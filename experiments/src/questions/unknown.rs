@@ -173,27 +173,9 @@ fn unknown(task: &Unknown, context: &StudyContext<'_>) -> Result<Answer, Cancell
             if inside.is_empty() || outside.is_empty() {
                 continue;
             }
-            let threshold = upper_quantile(&of(&calibration, calibration_scores), FALSE_ALARMS);
-            let above = |scores: &[f64]| {
-                scores.iter().filter(|score| **score > threshold).count() as f64
-                    / scores.len() as f64
-            };
-            let both = inside.len() + outside.len();
-            measurements.push(
-                Measurement::new(Measure::Auroc, name, auroc(&inside, &outside), both)
-                    .sweeps(sweeps),
-            );
-            // With too few sweeps no threshold keeps the promise.
-            if threshold.is_finite() {
-                for (measure, scores) in [
-                    (Measure::FalseAlarms, &inside),
-                    (Measure::Detected, &outside),
-                ] {
-                    measurements.push(
-                        Measurement::new(measure, name, above(scores), scores.len()).sweeps(sweeps),
-                    );
-                }
-            }
+            let set_by = of(&calibration, calibration_scores);
+            let found = detection(name, &set_by, &inside, &outside);
+            measurements.extend(found.into_iter().map(|one| one.sweeps(sweeps)));
         }
     }
     measurements.extend(prediction_sets(&calibration, &test));
@@ -234,6 +216,30 @@ fn averages(scored: &Scored, scores: &[f64], sweeps: usize, seed: Seed) -> Vec<f
     means
 }
 
+/// How well one score tells new materials from known ones: AUROC, and what a threshold for [`FALSE_ALARMS`] gives.
+///
+/// - `set_by`: scores of known sweeps that set the threshold; with too few of them no threshold keeps the promise, and there is none
+/// - `inside`, `outside`: scores of other sweeps, of known and of new materials
+fn detection(name: &str, set_by: &[f64], inside: &[f64], outside: &[f64]) -> Vec<Measurement> {
+    let threshold = upper_quantile(set_by, FALSE_ALARMS);
+    let above = |scores: &[f64]| {
+        scores.iter().filter(|score| **score > threshold).count() as f64 / scores.len() as f64
+    };
+    let both = inside.len() + outside.len();
+    let mut found = vec![Measurement::new(
+        Measure::Auroc,
+        name,
+        auroc(inside, outside),
+        both,
+    )];
+    if threshold.is_finite() {
+        for (measure, scores) in [(Measure::FalseAlarms, inside), (Measure::Detected, outside)] {
+            found.push(Measurement::new(measure, name, above(scores), scores.len()));
+        }
+    }
+    found
+}
+
 /// Split conformal prediction sets: every label whose probability is at least the calibrated one (Sadinle et al., 2019), never
 /// empty. Gives measured coverage and mean size.
 fn prediction_sets(calibration: &Scored, test: &Scored) -> Vec<Measurement> {
@@ -256,4 +262,48 @@ fn prediction_sets(calibration: &Scored, test: &Scored) -> Vec<Measurement> {
         }
     }
     measurements
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn new_materials_are_detected_at_the_false_alarms_that_other_sweeps_set() {
+        let set_by: Vec<f64> = (1..=99).map(f64::from).collect();
+        let (inside, outside) = ([1.0, 50.0, 94.0, 96.0], [90.0, 97.0, 99.0]);
+        let found = detection("energy", &set_by, &inside, &outside);
+        let value = |measure: Measure| found.iter().find(|m| m.measure == measure).unwrap().value;
+        // Of twelve pairs, 90 is below 94 and 96.
+        assert!((value(Measure::Auroc) - 10.0 / 12.0).abs() < 1e-12);
+        // The threshold is 95.
+        assert_eq!(value(Measure::FalseAlarms), 0.25);
+        assert_eq!(value(Measure::Detected), 2.0 / 3.0);
+        assert_eq!(
+            detection("energy", &set_by[..9], &inside, &outside).len(),
+            1
+        );
+    }
+
+    /// The sweeps that set the bound are surer than those it is counted on, which it then covers less often than promised.
+    #[test]
+    fn the_bound_of_prediction_sets_comes_from_the_calibration_sweeps() {
+        let scored = |p: f64| Scored {
+            labels: vec![0; 19],
+            log_p: (0..19)
+                .map(|k| {
+                    let p: f64 = p + 0.001 * f64::from(k);
+                    vec![p.ln(), (1.0 - p).ln()]
+                })
+                .collect(),
+            scores: BTreeMap::new(),
+        };
+        let coverage = |calibration: f64, test: f64| {
+            let found = prediction_sets(&scored(calibration), &scored(test));
+            assert_eq!(found[0].measure, Measure::Coverage);
+            found[0].value
+        };
+        assert_eq!(coverage(0.3, 0.4), 1.0);
+        assert_eq!(coverage(0.4, 0.3), 0.0);
+    }
 }

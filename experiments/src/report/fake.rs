@@ -182,7 +182,8 @@ fn record(id: &str) -> TaskRecord {
     }
 }
 
-fn row(data: &str, model: &str, method: &str, measure: Measure) -> Row {
+/// A row of two tasks.
+pub(crate) fn row(data: &str, model: &str, method: &str, measure: Measure) -> Row {
     Row {
         key: format!("{data}/{model}, {measure}"),
         contender: format!("{data}/{model}"),

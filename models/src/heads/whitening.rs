@@ -81,3 +81,28 @@ impl Whitening {
         Features::new(width, values)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two sweeps of each of two classes: residuals of 2 on one axis and two degrees of freedom are variances of 8 and 0, whose mean is 4;
+    /// shrunk by a half, 4 + 2 and 0 + 2.
+    #[test]
+    fn the_covariance_is_shrunk_towards_the_mean_variance() {
+        let features = Features::new(2, vec![-2.0, 1.0, 2.0, 1.0, 8.0, 5.0, 12.0, 5.0]);
+        let whitening = Whitening::fit(&features, &[0, 0, 1, 1], 2, 0.5).unwrap();
+        let lengths: Vec<f64> = [[1.0_f32, 0.0], [0.0, 1.0]]
+            .iter()
+            .map(|step| {
+                let at = |x: [f32; 2]| whitening.apply(&Features::new(2, x.to_vec()));
+                let (from, to) = (at([0.0, 0.0]), at(*step));
+                let squares = from.values().iter().zip(to.values());
+                squares.map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>()
+            })
+            .collect();
+        for (found, expected) in lengths.iter().zip([1.0 / 6.0, 1.0 / 2.0]) {
+            assert!((found - expected).abs() < 1e-6, "{lengths:?}");
+        }
+    }
+}

@@ -229,3 +229,90 @@ fn choose<T: Copy + std::fmt::Debug>(
             reason: "no setting to choose from".into(),
         })
 }
+
+#[cfg(test)]
+mod tests {
+    use tactnet_data::twin::{TwinConfig, generate};
+    use tactnet_data::{Dataset, Scheme};
+
+    use super::*;
+    use crate::features::arrays::get_doubles;
+    use crate::{FeatureSet, MeanRemoval};
+
+    /// Sweeps whose labels say nothing: what is learnt of them holds for no other sweep.
+    fn meaningless() -> Dataset {
+        let config = TwinConfig {
+            materials: 3,
+            sweeps: 20,
+            steps: 200,
+            ..TwinConfig::default()
+        };
+        generate(&config).unwrap().permute_labels(Seed(5)).unwrap()
+    }
+
+    fn fit(classifier: ClassicalClassifier) -> BaselineFit {
+        let dataset = meaningless();
+        let fold = Fold::new(&dataset, Scheme::default(), Seed(1), 0, 0).unwrap();
+        let recipe = BaselineRecipe {
+            name: "test".into(),
+            features: FeatureSet::LogSpectra,
+            levels: MeanRemoval::None,
+            scaling: FeatureScaling::Standard,
+            classifier,
+        };
+        fit_baseline(&recipe, &fold.train, Seed(1), |_| {}).unwrap()
+    }
+
+    /// With next to no penalty, 48 sweeps of 1000 features are learnt by heart: only sweeps that were held out show that nothing is known.
+    #[test]
+    fn a_ridge_classifier_that_learns_by_heart_is_not_sure_of_itself() {
+        let fit = fit(ClassicalClassifier::Ridge {
+            penalties: vec![1e-3],
+        });
+        assert!(fit.chosen["temperature"] > 1.0, "{:?}", fit.chosen);
+    }
+
+    #[test]
+    fn a_support_vector_machine_that_learns_by_heart_is_not_sure_of_itself() {
+        let fit = fit(ClassicalClassifier::Svm {
+            c: vec![100.0],
+            gamma: vec![1.0],
+        });
+        // Pairs of slope and offset.
+        let platt = get_doubles(&fit.weights, "svm.platt").unwrap();
+        let slopes = platt.chunks_exact(2).map(|sigmoid| sigmoid[0].abs());
+        let steepest = slopes.fold(0.0, f64::max);
+        // On the sweeps that it was fitted to all decisions are right, by one at least.
+        assert!(steepest < 1.5, "{platt:?}");
+    }
+
+    /// A sweep is its own nearest neighbour, so that one neighbour is never wrong among the sweeps that were fitted to.
+    #[test]
+    fn neighbours_are_not_chosen_among_the_sweeps_that_were_fitted_to() {
+        let right = |seed: u64| {
+            let dataset = generate(&TwinConfig {
+                materials: 4,
+                sweeps: 25,
+                steps: 200,
+                seed,
+                ..TwinConfig::default()
+            })
+            .unwrap();
+            let fold = Fold::new(&dataset, Scheme::default(), Seed(1), 0, 0).unwrap();
+            let recipe = BaselineRecipe {
+                name: "test".into(),
+                features: FeatureSet::LogSpectra,
+                levels: MeanRemoval::None,
+                scaling: FeatureScaling::Standard,
+                classifier: ClassicalClassifier::Knn {
+                    neighbours: vec![1, 9],
+                },
+            };
+            fit_baseline(&recipe, &fold.train, Seed(1), |_| {})
+                .unwrap()
+                .chosen["neighbours"]
+        };
+        let chosen: Vec<f64> = (1..=4).map(right).collect();
+        assert!(chosen.contains(&9.0), "{chosen:?}");
+    }
+}

@@ -210,3 +210,65 @@ impl NetworkScorer {
         mc_samples
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use tactnet_data::twin::{TwinConfig, generate};
+    use tactnet_data::{Fold, Scheme};
+    use tactnet_models::Compute;
+
+    use super::*;
+    use crate::{Classifier, Recipe, train_network};
+
+    #[test]
+    fn samples_have_masks_of_their_own_which_keep_the_stated_share() {
+        let twin = generate(&TwinConfig {
+            materials: 3,
+            sweeps: 10,
+            steps: 60,
+            ..TwinConfig::default()
+        })
+        .unwrap();
+        let fold = Fold::new(&twin, Scheme::default(), Seed(1), 0, 0).unwrap();
+        let device = Compute::Cpu.open().unwrap();
+        let trained = |keep: f64| {
+            let text = format!(
+                "name = \"small\"\nnetwork = {{ maps = [3, 8], hidden = 8, keep_probability = {keep} }}\n\
+                 [training]\nepochs = 1\nbatch = 8\nlearning_rate = 0.01\nmethod = {{ kind = \"base\" }}\n"
+            );
+            let recipe = Recipe::parse("small", &text).unwrap();
+            train_network(&recipe, &fold.train, Seed(1), &device, |_| true)
+                .unwrap()
+                .unwrap()
+        };
+        let classifier = trained(0.8);
+        let masks = classifier.masks(50).unwrap();
+        let rows: Vec<&[f32]> = masks.chunks_exact(masks.len() / 50).collect();
+        for (index, row) in rows.iter().enumerate() {
+            assert!(!rows[..index].contains(row), "{index}");
+        }
+        let kept = masks.iter().filter(|v| **v != 0.0).count() as f64 / masks.len() as f64;
+        // Five standard errors of a share.
+        let error = 5.0 * (0.8 * 0.2 / masks.len() as f64).sqrt();
+        assert!((kept - 0.8).abs() < error, "{kept}");
+
+        let scores = |classifier: &Classifier, method| {
+            let predictions = classifier.predict(&fold.test, method).unwrap();
+            let rows = predictions.sweeps.into_iter();
+            rows.map(|s| s.log_probability).collect::<Vec<_>>()
+        };
+        let dropout = PredictionMethod::McDropout { mc_samples: 3 };
+        assert_ne!(
+            scores(&classifier, dropout),
+            scores(&classifier, PredictionMethod::Plain)
+        );
+        let all_kept = trained(1.0);
+        let plain = scores(&all_kept, PredictionMethod::Plain);
+        for (found, expected) in scores(&all_kept, dropout).iter().zip(&plain) {
+            for (found, expected) in found.iter().zip(expected) {
+                // Another order of the head's sums.
+                assert!((found - expected).abs() < 1e-5, "{found} {expected}");
+            }
+        }
+    }
+}

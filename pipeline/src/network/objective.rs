@@ -232,3 +232,101 @@ fn sum(net: &TactNet, first: GradientsParams, second: GradientsParams) -> Gradie
     net.visit(&mut sum);
     sum.total
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use burn::tensor::Device;
+    use tactnet_data::Seed;
+    use tactnet_models::{Architecture, InputShape, TactNetConfig, dropout_masks};
+
+    const SHAPE: InputShape = InputShape {
+        steps: 60,
+        taxels: 4,
+    };
+
+    struct Batch {
+        net: TactNet,
+        sweeps: Tensor<4>,
+        labels: Tensor<1, Int>,
+        mask: Tensor<2>,
+    }
+
+    fn batch() -> Batch {
+        let architecture = Architecture {
+            maps: vec![3, 4],
+            hidden: 8,
+            ..Architecture::default()
+        };
+        let config = TactNetConfig::new(architecture, SHAPE, 3).unwrap();
+        let device = Device::flex();
+        let tracked = device.clone().autodiff();
+        let net = TactNet::init(&config, &tracked, &mut Seed(1).rng("weights"));
+        let count = 6 * SHAPE.steps * 4;
+        let digits: Vec<f32> = (0..count)
+            .map(|i| ((i * 7919) % 101) as f32 / 10.0)
+            .collect();
+        let labels = TensorData::new(vec![0_i64, 1, 2, 0, 1, 2], [6]);
+        Batch {
+            sweeps: Tensor::from_data(TensorData::new(digits, [6, 1, SHAPE.steps, 4]), &device),
+            labels: Tensor::from_data(labels, &tracked),
+            mask: dropout_masks(
+                6,
+                config.features(),
+                1.0,
+                &tracked,
+                &mut Seed(1).rng("mask"),
+            ),
+            net,
+        }
+    }
+
+    fn adversarial(batch: &Batch, alpha: f64, epsilon: f32) -> Pass {
+        let Batch {
+            net,
+            sweeps,
+            labels,
+            mask,
+        } = batch;
+        let perturbation = Perturbation {
+            alpha,
+            epsilon: vec![epsilon; 4],
+            attack: AttackedLabel::True,
+        };
+        let masks = [mask.clone(), mask.clone()];
+        adversarial_pass(net, sweeps.clone(), labels.clone(), masks, &perturbation)
+    }
+
+    /// `alpha E(x) + (1 - alpha) E(x)` is `E(x)`, and so are its gradients.
+    #[test]
+    fn without_a_perturbation_the_objective_is_the_plain_loss_whatever_alpha() {
+        let batch = batch();
+        let Batch {
+            net,
+            sweeps,
+            labels,
+            mask,
+        } = &batch;
+        let base = base_pass(net, sweeps.clone(), labels.clone(), mask.clone());
+        let expected = net.gradients(&base.gradients);
+        for alpha in [0.0, 0.1, 0.5, 1.0] {
+            let pass = adversarial(&batch, alpha, 0.0);
+            assert!((pass.loss - base.loss).abs() < 1e-6, "{alpha}");
+            let found = net.gradients(&pass.gradients);
+            for (name, expected) in &expected.0 {
+                let largest = expected.values.iter().fold(1e-6_f32, |m, v| m.max(v.abs()));
+                for (found, expected) in found.0[name].values.iter().zip(&expected.values) {
+                    // A sum of two rounded parts.
+                    assert!((found - expected).abs() < 1e-5 * largest, "{alpha} {name}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_perturbation_raises_the_loss() {
+        let batch = batch();
+        let losses = [0.0, 0.01, 0.02].map(|epsilon| adversarial(&batch, 0.0, epsilon).loss);
+        assert!(losses.is_sorted_by(|a, b| a < b), "{losses:?}");
+    }
+}

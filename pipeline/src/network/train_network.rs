@@ -67,7 +67,7 @@ pub fn train_network(
 #[cfg(test)]
 mod tests {
     use tactnet_data::twin::{TwinConfig, generate};
-    use tactnet_data::{Dataset, Fold, Scheme};
+    use tactnet_data::{Dataset, Fold, Samples, Scheme};
     use tactnet_models::{Compute, Weights};
 
     use super::*;
@@ -173,5 +173,36 @@ mod tests {
             assert_eq!(tensor, expected, "{name}");
         }
         assert_ne!(all.0, none.0);
+    }
+
+    /// With every digit doubled, sweeps that are scaled by taxel are the same, and so many digits are half as many deviations.
+    #[test]
+    fn a_perturbation_is_in_digits_whatever_the_scaling() {
+        let twin = twin();
+        let times = |factor: f32| {
+            // No taxel rests: one that does is not scaled.
+            let digits = (0..twin.len())
+                .flat_map(|index| twin.sweep(index))
+                .enumerate()
+                .map(|(i, digit)| factor * (digit + (i % 7) as f32));
+            Dataset::new(
+                "scaled",
+                twin.sample_rate_hz(),
+                twin.shape(),
+                twin.labels().clone(),
+                twin.records().to_vec(),
+                Samples::F32(digits.collect()),
+            )
+            .unwrap()
+        };
+        let (once, twice) = (times(1.0), times(2.0));
+        let with = |dataset: &Dataset, epsilon: f64| {
+            let method =
+                format!("method = {{ kind = \"adversarial\", alpha = 0.5, epsilon = {epsilon} }}");
+            after_one_step(dataset, 0.8, &method).0
+        };
+        let expected = with(&once, 1.0);
+        assert!(with(&twice, 2.0) == expected, "the same perturbation");
+        assert!(with(&twice, 1.0) != expected, "half of it");
     }
 }

@@ -230,4 +230,14 @@ mod tests {
         assert!((single.bayes.mean - p.accuracy()).abs() < 1e-12);
         assert!((single.majority.mean - p.accuracy()).abs() < 1e-12);
     }
+
+    /// Three sweeps of which two are wrong by a little and one is right by far: all three together are right, any two with one of them
+    /// twice need not be.
+    #[test]
+    fn no_sweep_is_fused_with_itself() {
+        let p = predictions(&[(0, [0.4, 0.6]), (0, [0.4, 0.6]), (0, [0.8, 0.2])]);
+        let fused = p.fused(3, Seed(1)).unwrap();
+        assert_eq!((fused.bayes.mean, fused.bayes.n), (1.0, 1));
+        assert_eq!(fused.majority.mean, 0.0);
+    }
 }

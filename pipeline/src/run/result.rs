@@ -74,6 +74,11 @@ pub struct RunResult {
 impl RunResult {
     /// Version written by this program; 1, which names several commits in one text, is read as well.
     pub const SCHEMA_VERSION: u32 = 2;
+
+    /// Returns test sweeps over training sweeps, by which variances of resampled folds are corrected (Nadeau & Bengio, 2003).
+    pub fn test_share(&self) -> f64 {
+        self.n_test as f64 / self.n_train as f64
+    }
 }
 
 /// Reads a list of commits, or what version 1 has instead: one text, with spaces between them.
@@ -139,6 +144,11 @@ mod tests {
         let text = include_str!("../../../experiments/results/biotac_electrodes_fast.json");
         let result: RunResult = serde_json::from_str(text).unwrap();
         assert_eq!(result.git, ["43fb5bc3a600"]);
+        assert_eq!(
+            result.test_share(),
+            0.25,
+            "200 test sweeps of 1000, 800 to train on"
+        );
         let dropout = PredictionMethod::McDropout { mc_samples: 100 };
         assert_eq!(
             result.evaluations[&dropout].one_sweep,

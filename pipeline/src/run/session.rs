@@ -351,6 +351,7 @@ mod tests {
 
     use tactnet_data::format::Format;
     use tactnet_data::twin::{self, TwinConfig};
+    use tactnet_data::{Samples, Scheme, Seed};
 
     use super::*;
 
@@ -532,5 +533,86 @@ mod tests {
             ..named
         };
         assert_eq!(again, asked);
+    }
+
+    /// Of two recordings that differ in their test sweeps alone.
+    #[test]
+    fn nothing_that_is_fitted_depends_on_the_test_sweeps() {
+        let folder = tempfile::tempdir().unwrap();
+        let config = TwinConfig {
+            materials: 3,
+            sweeps: 20,
+            steps: 200,
+            ..TwinConfig::default()
+        };
+        let twin = twin::generate(&config).unwrap();
+        let tested = Fold::new(&twin, Scheme::default(), Seed(1), 0, 0).unwrap();
+        let digits: Vec<f32> = (0..twin.len())
+            .flat_map(|index| {
+                let other = tested.test.indices().contains(&index);
+                let digits = twin.sweep(index).into_iter().enumerate();
+                digits.map(move |(i, x)| {
+                    if other {
+                        ((i + 7 * index) * (i + 1) % 97) as f32
+                    } else {
+                        x
+                    }
+                })
+            })
+            .collect();
+        let changed = Dataset::new(
+            "changed",
+            twin.sample_rate_hz(),
+            twin.shape(),
+            twin.labels().clone(),
+            twin.records().to_vec(),
+            Samples::U8(digits.into_iter().map(|x| x as u8).collect()),
+        )
+        .unwrap();
+        let fitted = |name: &str, dataset: &Dataset| {
+            let [data, recipe, run] =
+                ["h5", "toml", "run"].map(|end| folder.path().join(format!("{name}.{end}")));
+            Format::TactMat.write(&data, dataset).unwrap();
+            std::fs::write(
+                &recipe,
+                format!("{RECIPE}\n[input]\nscaling = \"per-taxel\""),
+            )
+            .unwrap();
+            let spec = TrainSpec {
+                data: data.display().to_string(),
+                recipe: recipe.display().to_string(),
+                calibration: Some(CalibrationTarget {
+                    false_alarms: 0.2,
+                    coverage: 0.8,
+                }),
+                ..TrainSpec::default()
+            };
+            let job = TrainJob::try_from(spec).unwrap();
+            let session = Session::begin(&job, Some(&run), program(), |_| {}).unwrap();
+            session.train(|_| {}, || false).unwrap();
+            let run = session.run();
+            let parts = (
+                run.weights().unwrap(),
+                run.config().unwrap().classifier,
+                run.calibration().unwrap().unwrap(),
+                run.train_embeddings().unwrap(),
+            );
+            let fold = Fold::new(dataset, Scheme::default(), Seed(1), 0, 0).unwrap();
+            let baselines = ["lda", "svm-h", "knn-l", "minirocket"].map(|name| {
+                let ModelRecipe::Baseline(recipe) = ModelRecipe::load(name).unwrap() else {
+                    panic!("{name} is a baseline");
+                };
+                let fit = fit_baseline(&recipe, &fold.train, Seed(1), |_| {}).unwrap();
+                (fit.weights, fit.chosen)
+            });
+            (parts, baselines)
+        };
+        assert_ne!(twin.sha256(), changed.sha256());
+        let (first, second) = (fitted("twin", &twin), fitted("changed", &changed));
+        assert_eq!(first.0.1, second.0.1, "normaliser");
+        assert_eq!(first.0.0, second.0.0, "weights");
+        assert_eq!(first.0.2, second.0.2, "calibration");
+        assert_eq!(first.0.3, second.0.3, "embeddings");
+        assert_eq!(first.1, second.1, "baselines");
     }
 }

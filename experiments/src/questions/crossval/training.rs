@@ -27,6 +27,7 @@ pub(crate) fn read_training<'a>(
     for (method, evaluation) in &result.evaluations {
         measurements.extend(measured(*method, &setting, evaluation, &result));
     }
+    let test_share = result.test_share();
     Ok(FinishedTask {
         task,
         model: shown_model(&task.model, &result.recipe),
@@ -46,7 +47,7 @@ pub(crate) fn read_training<'a>(
             .iter()
             .map(|session| session.processor.clone())
             .collect(),
-        test_share: result.n_test as f64 / result.n_train as f64,
+        test_share,
         measurements,
         maps: Vec::new(),
         record: TaskRecord {

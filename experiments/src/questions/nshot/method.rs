@@ -59,3 +59,15 @@ impl TransferMethod {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn methods_are_called_in_results_what_recipes_call_them() {
+        for method in TransferMethod::ALL {
+            assert_eq!(serde_json::to_value(method).unwrap(), method.name());
+        }
+    }
+}

@@ -47,11 +47,7 @@ pub(super) fn transfer(task: &Nshot, context: &StudyContext<'_>) -> Result<Answe
     let materials = split.new.labels().len();
     for &shots in &task.shots {
         // A data set with fewer sweeps has fewer points on its curve.
-        let Ok(few) = folds
-            .iter()
-            .map(|fold| fold.shots(shots))
-            .collect::<Result<Vec<_>, _>>()
-        else {
+        let Some(few) = with_shots(&folds, shots) else {
             continue;
         };
         for &method in task.methods() {
@@ -114,6 +110,11 @@ pub(super) fn transfer(task: &Nshot, context: &StudyContext<'_>) -> Result<Answe
         chosen: knowledge.tuned.chosen(),
         maps: Vec::new(),
     })
+}
+
+/// The folds with `shots` training sweeps of every material; `None` where a material has fewer.
+fn with_shots<'a>(folds: &[Fold<'a>], shots: usize) -> Option<Vec<Fold<'a>>> {
+    folds.iter().map(|fold| fold.shots(shots).ok()).collect()
 }
 
 /// The folds from another one on.
@@ -227,4 +228,95 @@ fn from_scratch(context: &StudyContext<'_>, fold: &Fold<'_>) -> Result<Vec<usize
         .iter()
         .map(|row| argmax(row))
         .collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tactnet_data::twin::{TwinConfig, generate};
+
+    #[test]
+    fn new_materials_are_learnt_from_so_many_sweeps_and_no_more() {
+        let twin = generate(&TwinConfig {
+            materials: 3,
+            sweeps: 10,
+            steps: 20,
+            ..TwinConfig::default()
+        })
+        .unwrap();
+        let folds: Vec<Fold<'_>> = (0..FOLDS)
+            .map(|fold| Fold::new(&twin, Scheme::default(), Seed(1), 0, fold).unwrap())
+            .collect();
+        for shots in [1, 3, 8] {
+            for (few, whole) in with_shots(&folds, shots).unwrap().iter().zip(&folds) {
+                assert_eq!(few.train.sweeps_per_label(), [shots; 3]);
+                assert_eq!(few.test.indices(), whole.test.indices());
+            }
+        }
+        assert!(with_shots(&folds, 9).is_none());
+    }
+
+    const RECIPE: &str = "name = \"small\"\nnetwork = { maps = [3, 4], hidden = 8 }\n[training]\nepochs = 1\nbatch = 8\n\
+                          learning_rate = 0.01\nl2 = 1e-3\nmethod = { kind = \"base\" }\n";
+
+    /// Two materials that the first coordinate tells apart, and whose means differ in the second: OL separates them with the widest
+    /// margin, while the prior of OL-mean, made immensely strong here, lets weights follow the means alone.
+    #[test]
+    fn ol_has_the_networks_own_penalty_and_ol_mean_the_prior_of_knowledge() {
+        let twin = generate(&TwinConfig {
+            materials: 6,
+            sweeps: 10,
+            steps: 60,
+            ..TwinConfig::default()
+        })
+        .unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let recipe = Recipe::parse("small", RECIPE).unwrap();
+        let device = tactnet_models::Compute::Cpu.open().unwrap();
+        let context = StudyContext {
+            dataset: &twin,
+            recipe: &recipe,
+            device: &device,
+            seed: Seed(1),
+            part: crate::Part::Draw(0),
+            networks: &crate::networks::FinishedNetworks::of_task(folder.path()),
+            go_on: &|_, _| true,
+        };
+        let task: Nshot = serde_json::from_str(
+            r#"{"shots": 1, "new_materials": 2, "methods": ["ol", "ol-mean"]}"#,
+        )
+        .unwrap();
+        let split = MaterialSplit::draw(&twin, 2, Seed(1), 0).unwrap();
+        let mut knowledge = learn(&task, &context, &split).unwrap_or_else(|_| panic!("learns"));
+        knowledge.prior.strength = 1e6;
+        let embedding = |points: &[[f32; 2]], labels: Vec<usize>| {
+            let rows = points
+                .iter()
+                .flat_map(|[x, y]| [*x, *y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+            let nothing = || tactnet_models::Features::new(1, vec![0.0; points.len()]);
+            Embedding {
+                labels,
+                convolution: nothing(),
+                hidden: tactnet_models::Features::new(8, rows.collect()),
+                logits: nothing(),
+            }
+        };
+        let support = [[1.0, 0.0], [1.0, 10.0], [-1.0, 0.0], [-1.0, -10.0]];
+        let support = embedding(&support, vec![0, 0, 1, 1]);
+        let queries = embedding(&[[1.0, -3.0], [-1.0, 3.0]], vec![0, 1]);
+        let few = FewShots {
+            knowledge: &knowledge,
+            recipe: &recipe,
+            device: &device,
+            support: &support,
+            materials: 2,
+            shots: 2,
+        };
+        let answers = |method| {
+            few.answers(method, &queries, Seed(1))
+                .unwrap_or_else(|_| panic!("answers"))
+        };
+        assert_eq!(answers(TransferMethod::Ol), [0, 1]);
+        assert_eq!(answers(TransferMethod::OlMean), [1, 0]);
+    }
 }

@@ -289,4 +289,71 @@ mod tests {
             tuned.plain(3).strength
         );
     }
+
+    /// Sweeps that the network was trained on say nothing here; what is chosen of the others does not change with them.
+    #[test]
+    fn strengths_are_chosen_on_sweeps_that_the_network_was_not_trained_on() {
+        let embedding = |seed: u64, apart: f32| {
+            let mut rng = Seed(seed).rng("noise");
+            let labels: Vec<usize> = (0..80).map(|i| i % 4).collect();
+            let rows = labels.iter().flat_map(|&label| {
+                (0..4)
+                    .map(|k| if k == label { apart } else { 0.0 } + noise(&mut rng))
+                    .collect::<Vec<f32>>()
+            });
+            Embedding {
+                convolution: Features::new(1, vec![0.0; 80]),
+                hidden: Features::new(4, rows.collect()),
+                logits: Features::new(1, vec![0.0; 80]),
+                labels,
+            }
+        };
+        let twin = tactnet_data::twin::generate(&tactnet_data::twin::TwinConfig {
+            materials: 2,
+            sweeps: 1,
+            steps: 1,
+            ..Default::default()
+        })
+        .unwrap();
+        let recipe = tactnet_pipeline::Recipe::load("fast").unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let context = StudyContext {
+            dataset: &twin,
+            recipe: &recipe,
+            device: &tactnet_models::Compute::Cpu.open().unwrap(),
+            seed: Seed(1),
+            part: crate::Part::Draw(0),
+            networks: &crate::networks::FinishedNetworks::of_task(folder.path()),
+            go_on: &|_, _| true,
+        };
+        let task: Nshot =
+            serde_json::from_str(r#"{"shots": [1, 3, 5], "new_materials": 4}"#).unwrap();
+        let knowledge = WeightPrior {
+            mean: vec![0.0; 5],
+            strength: 1.0,
+            bias_scale: 30.0,
+        };
+        let chosen = |seen: &Embedding, unseen: &Embedding| {
+            let (_, tuned) = tune(&task, &context, seen, unseen, &knowledge)
+                .unwrap_or_else(|_| panic!("there are sweeps to choose on"));
+            let plain = tuned.chosen().into_iter();
+            plain
+                .filter(|(name, _)| name.starts_with("tuned-ol"))
+                .map(|(_, strength)| strength)
+                .collect::<Vec<_>>()
+        };
+        let unseen = embedding(1, 1.5);
+        let all: Vec<Vec<f64>> = (2..6)
+            .map(|seed| chosen(&embedding(seed, 0.0), &unseen))
+            .collect();
+        assert!(all.iter().all(|found| *found == all[0]), "{all:?}");
+        let others: Vec<Vec<f64>> = (2..6)
+            .map(|seed| chosen(&embedding(2, 0.0), &embedding(seed, 0.7)))
+            .collect();
+        assert!(others.iter().any(|found| *found != others[0]), "{others:?}");
+    }
+
+    fn noise(rng: &mut ChaCha8Rng) -> f32 {
+        rand::RngExt::random_range(rng, -1.0..1.0)
+    }
 }
