@@ -1,9 +1,11 @@
 //! Two contenders on the same tasks.
 
+use std::collections::BTreeSet;
+
 use serde::{Deserialize, Serialize};
 
 use crate::questions::Compared;
-use crate::{Part, Row, Statistic, resampled_t_test};
+use crate::{Part, Row, Statistic, holm, resampled_t_test};
 
 /// Two rows on the tasks that both have: mean difference, with a corrected resampled t-test (Nadeau & Bengio, 2003).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -18,6 +20,9 @@ pub struct Comparison {
     pub ci95: Option<[f64; 2]>,
     /// Two-sided p-value that it is zero; absent with one task.
     pub p: Option<f64>,
+    /// The same after Holm's correction for all comparisons of that measure, data set and split in this report.
+    #[serde(default)]
+    pub p_holm: Option<f64>,
     /// Tasks that both have.
     pub n: usize,
 }
@@ -38,7 +43,7 @@ pub(crate) fn comparisons(
     rows: &[RowOfTasks],
     of: impl Fn(crate::Measure) -> Option<Compared>,
 ) -> Vec<Comparison> {
-    let mut found = Vec::new();
+    let mut found: Vec<(Family, Comparison)> = Vec::new();
     for (position, first) in rows.iter().enumerate() {
         match of(first.row.measure) {
             None => {}
@@ -50,7 +55,7 @@ pub(crate) fn comparisons(
                             && second.row.model == first.row.model
                             && alike(&first.row, &second.row)
                     })
-                    .filter_map(|second| compare(first, second)),
+                    .filter_map(|second| Some((family(&first.row), compare(first, second)?))),
             ),
             Some(Compared::WithEachOther { sweeps }) => found.extend(
                 rows[position + 1..]
@@ -61,11 +66,45 @@ pub(crate) fn comparisons(
                             && !second.probe
                             && alike(&first.row, &second.row)
                     })
-                    .filter_map(|second| compare(first, second)),
+                    .filter_map(|second| Some((family(&first.row), compare(first, second)?))),
             ),
         }
     }
+    let families: BTreeSet<Family> = found.iter().map(|(family, _)| family.clone()).collect();
+    for family in families {
+        let mut members: Vec<&mut Comparison> = found
+            .iter_mut()
+            .filter(|(of, _)| *of == family)
+            .map(|(_, comparison)| comparison)
+            .collect();
+        let raw: Vec<f64> = members
+            .iter()
+            .filter_map(|comparison| comparison.p)
+            .collect();
+        let mut adjusted = holm(&raw).into_iter();
+        for comparison in members
+            .iter_mut()
+            .filter(|comparison| comparison.p.is_some())
+        {
+            comparison.p_holm = adjusted.next();
+        }
+    }
     found
+        .into_iter()
+        .map(|(_, comparison)| comparison)
+        .collect()
+}
+
+/// What is corrected for together: measure, data set, levels, split.
+type Family = (String, String, String, String);
+
+fn family(row: &Row) -> Family {
+    (
+        row.measure.name().into(),
+        row.data.clone(),
+        row.levels.name().into(),
+        row.setting.clone(),
+    )
 }
 
 /// True if two rows differ in nothing but who was measured.
@@ -98,6 +137,7 @@ fn compare(first: &RowOfTasks, second: &RowOfTasks) -> Option<Comparison> {
         difference: statistic.mean,
         ci95: statistic.ci95,
         p,
+        p_holm: None,
         n,
     })
 }

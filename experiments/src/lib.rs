@@ -58,7 +58,7 @@ pub use report::to_html;
 pub use result::{QuestionResult, answer_question};
 pub use run_text::{next_steps, run_text};
 pub use slurm::{SlurmArray, run_on_slurm};
-pub use statistic::{Statistic, resampled_t_test};
+pub use statistic::{Statistic, holm, resampled_t_test};
 pub use status::{Status, TaskStatus};
 pub use summarise::summarise;
 pub use summary::{DataRecord, Row, Summary, TaskRecord};

@@ -10,6 +10,9 @@ pub enum Measure {
     /// Share of right decisions.
     #[serde(rename = "accuracy")]
     Accuracy,
+    /// The same where each sweep of several has one vote.
+    #[serde(rename = "accuracy, vote")]
+    VoteAccuracy,
     /// Mean negative log-likelihood of the true material.
     #[serde(rename = "negative log-likelihood")]
     NegativeLogLikelihood,
@@ -88,6 +91,7 @@ impl Measure {
     pub fn name(self) -> &'static str {
         match self {
             Self::Accuracy => "accuracy",
+            Self::VoteAccuracy => "accuracy, vote",
             Self::NegativeLogLikelihood => "negative log-likelihood",
             Self::ExpectedCalibrationError => "expected calibration error",
             Self::Brier => "brier",
@@ -110,6 +114,7 @@ impl Measure {
     pub fn unit(self) -> Unit {
         match self {
             Self::Accuracy
+            | Self::VoteAccuracy
             | Self::Auroc
             | Self::FalseAlarms
             | Self::Detected

@@ -48,7 +48,7 @@ fn contenders(out: &mut String, summary: &Summary) -> fmt::Result {
                 setting = Some(own);
                 writeln!(
                     out,
-                    "\n{}, {}, levels {}, {} steps, chance {:.1} %\n{:<44} {:>5} {:>24} {:>16} {:>6} {:>6} {:>9}{published_heading}",
+                    "\n{}, {}, levels {}, {} steps, chance {:.1} %\n{:<44} {:>5} {:>24} {:>16} {:>16} {:>6} {:>6} {:>9}{published_heading}",
                     row.data,
                     row.split,
                     row.levels.name(),
@@ -58,6 +58,7 @@ fn contenders(out: &mut String, summary: &Summary) -> fmt::Result {
                     "folds",
                     "1 sweep [%], sd, 95 %",
                     "3 sweeps [%], sd",
+                    "3, vote [%], sd",
                     "NLL",
                     "ECE",
                     "train [s]"
@@ -95,11 +96,12 @@ fn contender(row: &Scored<'_>, published: bool) -> String {
         String::new()
     };
     format!(
-        "{:<44} {:>5} {:>24} {:>16} {:>6.3} {:>6.3} {:>9.1}{beside}",
+        "{:<44} {:>5} {:>24} {:>16} {:>16} {:>6.3} {:>6.3} {:>9.1}{beside}",
         row.name(),
         row.folds.len(),
         format!("{}{interval}", percent(row.one_sweep)),
         row.three_sweeps.map_or("-".into(), percent),
+        row.three_votes.map_or("-".into(), percent),
         row.negative_log_likelihood.mean,
         row.expected_calibration_error.mean,
         row.train_seconds.mean,
@@ -206,7 +208,10 @@ fn compared(summary: &Summary, comparison: &Comparison) -> Option<String> {
         100.0 * comparison.difference,
         comparison
             .p
-            .map_or(String::new(), |p| format!(", p {p:.3}")),
+            .map_or(String::new(), |p| format!(", p {p:.3}"))
+            + &comparison
+                .p_holm
+                .map_or(String::new(), |p| format!(" ({p:.3} by Holm)")),
     ))
 }
 

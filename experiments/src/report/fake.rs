@@ -80,6 +80,7 @@ pub(super) fn summary() -> Summary {
             ci95: None,
             n: 2,
             p: Some(0.0004),
+            p_holm: Some(0.0008),
         }],
         audits: vec![Audit {
             data: HOSTILE.into(),
@@ -143,6 +144,7 @@ pub(super) fn study() -> Summary {
             difference: -0.1,
             ci95: Some([-0.2, 0.0]),
             p: Some(0.01),
+            p_holm: Some(0.02),
             n: 2,
         }],
         sample_efficiency: Some(vec![SampleEfficiency {
@@ -223,6 +225,7 @@ fn add(summary: &mut Summary, data: &str, model: &str, accuracy: f64, materials:
     for (measure, sweeps, statistic) in [
         (Measure::Accuracy, 1, Statistic::of(folds.clone(), 0.25)),
         (Measure::Accuracy, 3, statistic(0.85)),
+        (Measure::VoteAccuracy, 3, statistic(0.84)),
         (Measure::NegativeLogLikelihood, 1, statistic(0.4)),
         (Measure::ExpectedCalibrationError, 1, statistic(0.03)),
         (Measure::Brier, 1, statistic(0.2)),

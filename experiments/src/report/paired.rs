@@ -36,11 +36,15 @@ pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> Option<String> {
                 String::new()
             };
             format!(
-                "<tr>{data}<td>{}</td><td>{}</td>{}{}{}</tr>\n",
+                "<tr>{data}<td>{}</td><td>{}</td>{}{}{}{}</tr>\n",
                 escape(&name(&comparison.first)),
                 escape(&name(&comparison.second)),
                 number(Some(points), &decimal(points, 1)),
                 number(comparison.p, &comparison.p.map(p_value).unwrap_or_default()),
+                number(
+                    comparison.p_holm,
+                    &comparison.p_holm.map(p_value).unwrap_or_default()
+                ),
                 number(Some(comparison.n as f64), &comparison.n.to_string())
             )
         })
@@ -50,6 +54,7 @@ pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> Option<String> {
         Text("Second"),
         Number("First \u{2212} second<br><small>points</small>"),
         Number("p"),
+        Number("p, Holm"),
         Number("Folds"),
     ];
     if several {
@@ -66,7 +71,7 @@ pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> Option<String> {
     };
     Some(format!(
         "<p>Difference of single-sweep accuracy, in percentage points, on the folds that both have. p is from the corrected \
-         resampled t-test (Nadeau and Bengio, 2003), two-sided, and is not adjusted for the number of comparisons.{of}</p>\n{}",
+         resampled t-test (Nadeau and Bengio, 2003), two-sided; beside it after Holm's correction for the comparisons on one data set.{of}</p>\n{}",
         scroll("Paired comparisons", &table)
     ))
 }

@@ -19,6 +19,7 @@ pub(super) fn section(contenders: &[Scored<'_>], sets: &[DataSet]) -> Option<Str
         Score("1 sweep<br><small>% (sd)</small>"),
         Number("95 % interval<br><small>1 sweep, %</small>"),
         Number("3 sweeps<br><small>% (sd)</small>"),
+        Number("3 sweeps, vote<br><small>% (sd)</small>"),
         Number("\u{3c3}<sub>test</sub><br><small>%</small>"),
         Number("NLL<br><small>nats</small>"),
         Number("ECE<br><small>%</small>"),
@@ -168,6 +169,7 @@ fn line(index: usize, set: &DataSet, row: &Scored<'_>, (steps, published): (bool
         &percent_interval(row.one_sweep),
     ));
     cells.push_str(&accuracy(row.three_sweeps));
+    cells.push_str(&accuracy(row.three_votes));
     cells.push_str(&number(Some(row.sigma_test), &percent(row.sigma_test)));
     cells.push_str(&plain(row.negative_log_likelihood, 1.0, 3));
     cells.push_str(&plain(row.expected_calibration_error, 100.0, 1));

@@ -23,6 +23,8 @@ pub(crate) struct Scored<'a> {
     pub(crate) materials: &'a [String],
     pub(crate) one_sweep: &'a Statistic,
     pub(crate) three_sweeps: Option<&'a Statistic>,
+    /// Three sweeps, one vote each; absent in results of earlier builds.
+    pub(crate) three_votes: Option<&'a Statistic>,
     pub(crate) sigma_test: f64,
     pub(crate) negative_log_likelihood: &'a Statistic,
     pub(crate) expected_calibration_error: &'a Statistic,
@@ -116,6 +118,7 @@ fn with_rows<'a>(summary: &'a Summary, contender: &'a Contender) -> Option<Score
         materials: &contender.materials,
         one_sweep: statistic(Measure::Accuracy, 1)?,
         three_sweeps: statistic(Measure::Accuracy, 3),
+        three_votes: statistic(Measure::VoteAccuracy, 3),
         sigma_test: contender.sigma_test,
         negative_log_likelihood: statistic(Measure::NegativeLogLikelihood, 1)?,
         expected_calibration_error: statistic(Measure::ExpectedCalibrationError, 1)?,

@@ -77,6 +77,7 @@ fn measured(
     let mut values = vec![(Measure::Accuracy, 1, evaluation.one_sweep.mean)];
     if let Some(fused) = &evaluation.fused {
         values.push((Measure::Accuracy, fused.sweeps, fused.bayes.mean));
+        values.push((Measure::VoteAccuracy, fused.sweeps, fused.majority.mean));
     }
     values.extend([
         (

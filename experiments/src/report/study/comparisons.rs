@@ -21,7 +21,7 @@ pub(super) fn comparisons(study: &Summary) -> String {
                 _ => ABSENT.to_string(),
             };
             Some(format!(
-                "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td>{}{}<td>{}</td><td>{}</td>{}{}{}{}</tr>\n",
+                "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td>{}{}<td>{}</td><td>{}</td>{}{}{}{}{}</tr>\n",
                 escape(&format!("{}, networks by {}", first.data, first.model)),
                 escape(first.levels.name()),
                 escape(first.measure.name()),
@@ -33,6 +33,7 @@ pub(super) fn comparisons(study: &Summary) -> String {
                 number(Some(points), &decimal(points, 1)),
                 number(comparison.ci95.map(|ends| ends[0]), &ends),
                 number(comparison.p, &comparison.p.map(p_value).unwrap_or_default()),
+                number(comparison.p_holm, &comparison.p_holm.map(p_value).unwrap_or_default()),
                 number(Some(comparison.n as f64), &comparison.n.to_string())
             ))
         })
@@ -52,11 +53,12 @@ pub(super) fn comparisons(study: &Summary) -> String {
             Number("First \u{2212} second<br><small>points</small>"),
             Number("95 % interval"),
             Number("p"),
+            Number("p, Holm"),
             Number("Tasks"),
         ])
     );
     format!(
-        "<p>Differences on the same tasks. p is two-sided and not adjusted for the number of comparisons.</p>\n{}",
+        "<p>Differences on the same tasks. p is two-sided; beside it after Holm's correction for all comparisons of a measure on one data set.</p>\n{}",
         scroll("Paired comparisons", &table)
     )
 }
