@@ -4,6 +4,7 @@
     python3 tests/mutations.py                        # all of tests/mutations.toml; goes on where an interrupted run stopped
     python3 tests/mutations.py --only no-l2 --json    # one of them
     python3 tests/mutations.py --random 3             # three, drawn by the commit: what .ci/run does
+    python3 tests/mutations.py --cargo='--workspace --features zenoh'    # with what is built already for these arguments
     python3 tests/mutations.py --write                # all, and tests/MUTATIONS.md with the test that caught each
 
 A mutation is caught if a unit test of its crate fails, or, where those pass, one of the whole workspace (`cargo test --lib`). One that
@@ -17,6 +18,7 @@ import json
 import os
 import random
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -70,8 +72,9 @@ def target_folder():
 class Copy:
     """A copy of the sources, beside what cargo builds of it, so that a second mutation compiles one crate."""
 
-    def __init__(self, folder):
+    def __init__(self, folder, cargo=()):
         self.folder = folder
+        self.cargo = list(cargo)
         names = subprocess.run(
             ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"], cwd=ROOT, check=True, capture_output=True
         ).stdout.decode()
@@ -85,21 +88,30 @@ class Copy:
             if path.is_file() and str(path.relative_to(folder)) not in wanted:
                 path.unlink()
 
-    def tests(self, arguments):
-        """Runs unit tests; returns 'passed', 'failed' or 'broken', and the first test that failed or what cargo said."""
-        cargo = ["cargo", "test", "--profile", "ci", "--locked", "--lib", "--no-fail-fast", *arguments]
+    def tests(self, arguments, crate=None):
+        """Builds unit tests and runs them, those of `crate` first, up to the first crate that fails.
+
+        Returns 'passed', 'failed' or 'broken', and the first test that failed or what cargo said.
+        """
+        cargo = ["cargo", "test", "--profile", "ci", "--locked", "--lib", "--no-run", "--message-format", "json-render-diagnostics", *(self.cargo or arguments)]
         environment = {**os.environ, "CARGO_TARGET_DIR": str(target_folder())}
-        built = subprocess.run([*cargo, "--no-run"], cwd=self.folder, env=environment, capture_output=True, text=True)
+        built = subprocess.run(cargo, cwd=self.folder, env=environment, capture_output=True, text=True)
         if built.returncode != 0:
             return "broken", "\n".join(built.stderr.splitlines()[-30:])
-        try:
-            ran = subprocess.run(cargo, cwd=self.folder, env=environment, capture_output=True, text=True, timeout=LIMIT_SECONDS)
-        except subprocess.TimeoutExpired:
-            return "failed", "a test that did not end"
-        if ran.returncode == 0:
-            return "passed", ""
-        failed = re.findall(r"^test (\S+) .*FAILED$", ran.stdout, re.MULTILINE)
-        return "failed", failed[0] if failed else "a test process that broke"
+        messages = [json.loads(line) for line in built.stdout.splitlines()]
+        tests = [(Path(message["manifest_path"]).parent, message["executable"]) for message in messages if message.get("executable")]
+        if not tests:
+            raise Mistake(f"no unit tests are built by cargo test {' '.join(self.cargo or arguments)}")
+        tests.sort(key=lambda test: tomllib.loads((test[0] / "Cargo.toml").read_text())["package"]["name"] != crate)
+        for folder, program in tests:
+            try:
+                ran = subprocess.run([program], cwd=folder, env=environment, capture_output=True, text=True, timeout=LIMIT_SECONDS)
+            except subprocess.TimeoutExpired:
+                return "failed", "a test that did not end"
+            if ran.returncode != 0:
+                failed = re.findall(r"^test (\S+) .*FAILED$", ran.stdout, re.MULTILINE)
+                return "failed", failed[0] if failed else "a test process that broke"
+        return "passed", ""
 
     def try_mutation(self, mutation):
         """Returns the name of the test that caught it, or None."""
@@ -108,8 +120,8 @@ class Copy:
         path.write_text(original.replace(mutation["find"], mutation["replace"]))
         try:
             crate = crate_of(mutation["file"])
-            for arguments in (["-p", crate], ["--workspace"]):
-                verdict, what = self.tests(arguments)
+            for arguments in ([self.cargo] if self.cargo else (["-p", crate], ["--workspace"])):
+                verdict, what = self.tests(arguments, crate)
                 if verdict == "broken":
                     raise Mistake(f"{mutation['id']} does not compile:\n{what}")
                 if verdict == "failed":
@@ -155,6 +167,7 @@ def main():
     parser.add_argument("--random", type=int, metavar="N", help="N of them, drawn by the commit")
     parser.add_argument("--write", action="store_true", help="write tests/MUTATIONS.md")
     parser.add_argument("--unchecked", action="store_true", help="the unit tests of the sources as they are have just passed")
+    parser.add_argument("--cargo", default="", metavar="ARGS", help="packages and features, instead of the mutated crate and then the workspace")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     arguments = parser.parse_args()
     mutations = read_list()
@@ -168,7 +181,7 @@ def main():
         mutations = random.Random(commit.strip()).sample(mutations, min(arguments.random, len(mutations)))
     work = target_folder() / "mutations"
     work.mkdir(parents=True, exist_ok=True)
-    copy = Copy(work / "sources")
+    copy = Copy(work / "sources", shlex.split(arguments.cargo))
     log = work / f"{content_key()[:16]}.jsonl"
     known = {}
     if log.exists():
