@@ -15,6 +15,12 @@ pub fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
     print(serde_json::to_string_pretty(value)?)
 }
 
+/// Returns `number` with its noun, in the plural unless it is one.
+pub fn counted(number: usize, noun: &str) -> String {
+    let plural = if number == 1 { "" } else { "s" };
+    format!("{number} {noun}{plural}")
+}
+
 /// How a result is shown.
 #[derive(Clone, Copy)]
 pub enum OutputFormat {

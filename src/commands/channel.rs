@@ -43,7 +43,7 @@ pub enum ChannelCommand {
 
 #[derive(Args)]
 pub struct TableArgs {
-    /// The table of channels
+    /// The table of channels; `tactnet serve --print-table` prints one
     #[arg(long, value_name = "FILE")]
     table: PathBuf,
 }
@@ -82,16 +82,18 @@ fn hub(arguments: &HubArgs) -> anyhow::Result<ExitCode> {
     }
     let mut hub = Hub::start(&table)?;
     eprintln!(
-        "holding {} channels of bus `{}`; Ctrl-C ends",
-        table.channels.len(),
+        "holding {} of bus `{}`; Ctrl-C ends",
+        output::counted(table.channels.len(), "channel"),
         table.bus
     );
     output::print(format_args!("ready"))?;
     while !stop.asked() {
         let cleaned = hub.tick()?;
         if cleaned > 0 {
-            let plural = if cleaned == 1 { "" } else { "s" };
-            eprintln!("cleaned up after {cleaned} dead client{plural}");
+            eprintln!(
+                "cleaned up after {}",
+                output::counted(cleaned, "dead client")
+            );
         }
         std::thread::sleep(Duration::from_millis(50));
     }

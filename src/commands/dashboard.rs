@@ -17,7 +17,7 @@ use crate::stop::Stop;
     tactnet dashboard --table robot.toml                            http://127.0.0.1:8750\n  \
     tactnet dashboard --table robot.toml --listen 0.0.0.0:8750      for everybody in the network")]
 pub struct DashboardArgs {
-    /// The table of channels
+    /// The table of channels; `tactnet serve --print-table` prints one
     #[arg(long, value_name = "FILE")]
     table: PathBuf,
     /// Where to answer browsers

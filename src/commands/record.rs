@@ -24,7 +24,7 @@ const TOLD_EVERY: Duration = Duration::from_secs(10);
     Foxglove and the `mcap` tools open the file. If the recorder is killed, all but the last second is there (and what waits for a slow disk). \
     Replaying an hour of one finger at 750 Hz takes about 0.5 GB of memory.")]
 pub struct RecordArgs {
-    /// The table of channels
+    /// The table of channels; `tactnet serve --print-table` prints one
     #[arg(long, value_name = "FILE")]
     table: PathBuf,
     /// Where to write; must not be there yet

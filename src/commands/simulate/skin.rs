@@ -19,7 +19,7 @@ use crate::{output, source};
     tactnet simulate skin --table robot.toml                             all materials of the twin at random\n  \
     tactnet simulate skin --table robot.toml --data sweeps.h5 --sweeps 5 five sweeps of a recorded data set")]
 pub struct SkinArgs {
-    /// The table of channels
+    /// The table of channels; `tactnet serve --print-table` prints one
     #[arg(long, value_name = "FILE")]
     table: PathBuf,
     /// Whose sweeps

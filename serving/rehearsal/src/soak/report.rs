@@ -81,8 +81,8 @@ impl fmt::Display for SoakReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{} frames, {} lost; {} beliefs; after the last frame {:.0} us, 99 % below {:.0} (dropout {:.0}, {:.0}); \
-             {} deadlines missed; {} allocations a frame; 1 kHz loop with/without: {:.3}",
+            "frames: {}, lost: {}; beliefs: {}, after the last frame {:.0} us, 99 % below {:.0} (dropout {:.0}, {:.0}); \
+             deadlines missed: {}; allocations a frame: {}; 1 kHz loop with/without: {:.3}",
             self.frames_sent,
             self.frames_lost,
             self.beliefs,
