@@ -10,8 +10,8 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use commands::{
-    channel, completions, dashboard, data, demo, enroll, eval, experiment, export, man, record,
-    replay, serve, simulate, task, train, version, view,
+    catch, channel, completions, dashboard, data, demo, enroll, eval, experiment, export, man,
+    record, replay, serve, simulate, task, train, version, view,
 };
 
 #[global_allocator]
@@ -76,6 +76,9 @@ enum Command {
     /// Put what a robot would on the channels: skin, catching stack, or everything at once
     #[command(subcommand)]
     Simulate(simulate::SimulateCommand),
+    /// Catch balls with two arms in a simulated world, and measure how well
+    #[command(subcommand)]
+    Catch(catch::CatchCommand),
     /// Hub, simulated skin, classifier and dashboard together, for a first look
     Demo(demo::DemoArgs),
     /// Print what bash, zsh, fish, elvish or PowerShell needs to complete commands and options
@@ -111,6 +114,7 @@ fn main() -> ExitCode {
         Command::Replay(arguments) => replay::run(&arguments),
         Command::View(arguments) => view::run(&arguments),
         Command::Simulate(command) => simulate::run(command),
+        Command::Catch(command) => catch::run(command),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),
         Command::Man(arguments) => man::run(&arguments),

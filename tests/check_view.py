@@ -3,6 +3,7 @@
 
     check_view.py sweeps    DATA.npz DATA.rrd PICTURES     a file of `tactnet data view` holds the data set's numbers
     check_view.py live      URL PICTURES                   a viewer that is fed by `tactnet view --connect`
+    check_view.py throw     FILE.rrd PICTURES              a throw that was caught, of `tactnet catch throw-series --view`
     check_view.py recording FILE.mcap FILE.rrd PICTURES    a recording, as it is and by `tactnet view --save`
 
     pip install rerun-sdk==0.36.3 numpy; a Vulkan driver (mesa's lavapipe is enough)
@@ -117,6 +118,27 @@ if kind == "sweeps":
     print(f"{len(shown)} sweeps, {len(heatmaps)} heatmaps: fine; colors {show(file, 'sweeps', 0.02):.3f}")
 elif kind == "live":
     print(f"fine; colors {screenshot(inputs[0], 'live', 0.02):.3f}")
+elif kind == "throw":
+    file = inputs[0]
+    links = {str(chunk.entity_path) for chunk in RrdReader(file).stream() if str(chunk.entity_path).startswith("/world/bodies/")}
+    assert len(links) == 12, links
+    # Links are rigid, but for the neck: its end is the head as it truly stands.
+    for link in links:
+        lengths = numpy.array(rows(RrdReader(file), link, "lengths")).ravel()
+        assert numpy.ptp(lengths) < (0.05 if link.endswith(("neck", "torso")) else 1e-3), (link, numpy.ptp(lengths))
+    ball = numpy.array(rows(RrdReader(file), "/world/balls/1", "positions"))[:, 0]
+    # It comes from afar, and is seen last in a hand.
+    assert ball[0, 0] > 3.5, ball[0]
+    hands = []
+    for side in ("left", "right"):
+        start = numpy.array(rows(RrdReader(file), f"/world/bodies/{side}-hand", "translations"))[:, 0]
+        x, y, z, w = numpy.array(rows(RrdReader(file), f"/world/bodies/{side}-hand", "quaternions"))[:, 0].T
+        length = numpy.array(rows(RrdReader(file), f"/world/bodies/{side}-hand", "lengths"))
+        axis = numpy.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=1)
+        hands.append((start + axis * length)[len(ball) - 1])
+    near = min(float(numpy.linalg.norm(ball[-1] - hand)) for hand in hands)
+    assert near < 0.06, near
+    print(f"fine, {len(ball)} places of the ball, {1000 * near:.0f} mm from a hand; colors {show(file, 'throw', 0.005):.3f}")
 else:
     recording, file = inputs
     entities = {str(chunk.entity_path) for chunk in McapReader(recording).stream()}

@@ -8,6 +8,7 @@
 mod arrays;
 mod baselines;
 mod build_script;
+mod catch;
 mod channel;
 #[cfg(feature = "zenoh")]
 mod channel_hosts;

@@ -123,6 +123,11 @@ mod with_rerun {
         expect(0, sweeps);
         check(&["sweeps", &path("data.npz"), &path("data.rrd")]);
 
+        let mut thrown = tactnet(["catch", "throw-series", "--throws", "1", "--view"]);
+        thrown.arg(path("throw.rrd"));
+        expect(0, thrown);
+        check(&["throw", &path("throw.rrd")]);
+
         let _hub = robot.start(&["channel", "hub"]);
         let service = robot.serve("models/1");
         let file = path("a.mcap");

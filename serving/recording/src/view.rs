@@ -16,6 +16,7 @@ mod bars;
 mod beliefs;
 mod layout;
 mod live;
+mod motion;
 mod scene;
 mod show_channels;
 mod show_sweeps;
@@ -23,6 +24,7 @@ mod skin;
 mod target;
 
 pub use live::LiveView;
+pub use motion::{Ball, Capsule, Curves, Motion, show_motion};
 pub use scene::{Play, Scene, TimeOrigin};
 pub use show_channels::{Viewed, show_channels, show_recording};
 pub use show_sweeps::{first_sweeps, show_sweeps};

@@ -65,6 +65,10 @@ pub(super) struct Stream {
 }
 
 impl Stream {
+    pub(super) fn new(recording: RecordingStream, origin: TimeOrigin) -> Self {
+        Self { recording, origin }
+    }
+
     /// - `times_ns`: nanoseconds since the origin
     pub(super) fn times(&self, times_ns: Vec<i64>) -> TimeColumn {
         match self.origin {
@@ -92,6 +96,21 @@ impl Stream {
     ) -> Result<(), RecordingError> {
         Ok(self.recording.log_static(entity, what)?)
     }
+
+    /// Waits until `target` has got everything, however slow it is.
+    pub(super) fn finish(self, target: &Target) -> Result<(), RecordingError> {
+        if let Err(error) = self.recording.flush_with_timeout(FIRST) {
+            let absent = target.absent(&error.to_string());
+            self.abandon();
+            return Err(absent);
+        }
+        Ok(())
+    }
+
+    /// Forgets it without waiting for the viewer.
+    fn abandon(self) {
+        std::mem::forget(self.recording);
+    }
 }
 
 impl Scene {
@@ -113,10 +132,7 @@ impl Scene {
             .recording_name(title)
             .batcher_config(batching)
             .with_blueprint(layout::blueprint(fingers, origin, play));
-        let stream = Stream {
-            recording: target.open(builder, play)?,
-            origin,
-        };
+        let stream = Stream::new(target.open(builder, play)?, origin);
         for id in fingers {
             BeliefColumns::prepare(&stream, id)?;
         }
@@ -137,7 +153,7 @@ impl Scene {
             Ok(()) => Ok(scene),
             Err(error) => {
                 let absent = target.absent(&error.to_string());
-                scene.abandon();
+                scene.stream.abandon();
                 Err(absent)
             }
         }
@@ -244,11 +260,6 @@ impl Scene {
         self.flush()?;
         while !self.has_arrived(ASKED_EVERY)? {}
         Ok(())
-    }
-
-    /// Forgets it without waiting for the viewer.
-    fn abandon(self) {
-        std::mem::forget(self.stream.recording);
     }
 
     fn show_model(&mut self, model: &ModelNames) -> Result<(), RecordingError> {

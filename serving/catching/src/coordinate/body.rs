@@ -1,0 +1,153 @@
+//! Platform and torso: once, with the first valid prediction, they move the arms' starting places towards the ball.
+//!
+//! The thesis names a rule of thumb and does not give it. Here: the platform rolls sideways until the arm's best reach point (0.55 m ahead
+//! of the shoulder) is level with the ball's path where that comes nearest, as far as it can and be at rest in time; what is left, the
+//! torso turns.
+
+use nalgebra::Vector3;
+use tactnet_catching_packets::{JOINTS, joint};
+
+use crate::flight::FlightPath;
+use crate::ramp::{Ramp, Reach};
+use crate::robot::Robot;
+
+/// Where an arm reaches best, ahead of its shoulder, m.
+const BEST_REACH: f64 = 0.55;
+/// Standstill before the ball is there, s.
+const REST: f64 = 0.15;
+/// Less than this is not worth a motion, m.
+const WORTH: f64 = 0.05;
+/// The torso turns no farther, rad.
+const MOST_TURN: f64 = 0.5;
+
+/// The motion of platform and torso's vertical axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BodyMotion {
+    /// When it begins.
+    pub start_ns: u64,
+    /// The platform's motion.
+    pub platform: Ramp,
+    /// The torso's turn.
+    pub turn: Ramp,
+}
+
+impl BodyMotion {
+    /// Returns a body that stands.
+    pub fn standing(q: &[f64; JOINTS]) -> Self {
+        Self {
+            start_ns: 0,
+            platform: Ramp::standing(q[joint::PLATFORM]),
+            turn: Ramp::standing(q[joint::TORSO.start]),
+        }
+    }
+
+    /// Returns the motion towards a ball, from standstill at joint angles `q`, for the arm whose best reach point is nearer to its path;
+    /// `path` is in the chest's frame and begins at `start_ns`.
+    pub fn towards(robot: &Robot, q: &[f64; JOINTS], path: &FlightPath, start_ns: u64) -> Self {
+        let standing = Self::standing(q);
+        // Nearest approach: of both arms, over all times that leave room for a motion.
+        let mut nearest: Option<(f64, f64, Vector3<f64>, Vector3<f64>)> = None;
+        for arm in 0..2 {
+            let best = robot.arm(arm).shoulder() + Vector3::new(BEST_REACH, 0.0, 0.0);
+            for i in 0..=150 {
+                let t = 0.2 + 0.01 * f64::from(i);
+                let ball = path.at(t).p;
+                let distance = (ball - best).norm();
+                if nearest.is_none_or(|(least, ..)| distance < least) {
+                    nearest = Some((distance, t, ball, best));
+                }
+            }
+        }
+        let Some((_, t, ball, best)) = nearest else {
+            return standing;
+        };
+        let available = t - REST;
+        let aside = ball.y - best.y;
+        if available < 0.15 || aside.abs() < WORTH {
+            return standing;
+        }
+        let limits = robot.joints();
+        let within = |index: usize, wanted: f64| {
+            let joint = &limits[index];
+            // What is possible in half of that time: greater accelerations shake chest and head.
+            let reach = Reach::new(available * 0.5, 0.0, joint).high;
+            (q[index] + wanted.clamp(-reach, reach)).clamp(joint.range[0], joint.range[1])
+                - q[index]
+        };
+        // The chest may be turned: sideways for it is not along the platform's axis.
+        let turned = q[joint::TORSO.start];
+        let roll = within(joint::PLATFORM, aside * turned.cos());
+        let left = aside - roll * turned.cos();
+        let turn = if left.abs() < WORTH {
+            0.0
+        } else {
+            within(
+                joint::TORSO.start,
+                left.atan2(ball.x.max(0.3)).clamp(-MOST_TURN, MOST_TURN),
+            )
+        };
+        let ramp = |index: usize, by: f64| {
+            Ramp::between(q[index], 0.0, q[index] + by, available, limits[index].speed)
+        };
+        Self {
+            start_ns,
+            platform: ramp(joint::PLATFORM, roll),
+            turn: ramp(joint::TORSO.start, turn),
+        }
+    }
+
+    /// Returns when it stands.
+    pub fn end_ns(&self) -> u64 {
+        self.start_ns + (self.platform.end.max(self.turn.end) * 1e9) as u64
+    }
+
+    /// Puts its positions and velocities at a time into those of all joints.
+    pub fn write(&self, now_ns: u64, q: &mut [f64; JOINTS], dq: &mut [f64; JOINTS]) {
+        let t = (now_ns as f64 - self.start_ns as f64) * 1e-9;
+        (q[joint::PLATFORM], dq[joint::PLATFORM]) = self.platform.at(t);
+        (q[joint::TORSO.start], dq[joint::TORSO.start]) = self.turn.at(t);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use tactnet_catching_packets::RobotDescription;
+
+    use super::*;
+    use crate::flight::Flight;
+
+    proptest! {
+        #[test]
+        fn the_body_keeps_its_limits_and_comes_closer(aside in -2.0..2.0f64, time in 0.4..1.0f64, turned in -1.0..1.0f64) {
+            let robot = Robot::new(RobotDescription::nominal());
+            let mut q = [0.0; JOINTS];
+            q[joint::TORSO.start] = turned;
+            let ball = Flight { p: Vector3::new(0.6, aside, 0.2), v: Vector3::new(-6.0, 0.0, -2.0), k: 0.03, lift: Vector3::zeros() }.after(-time);
+            let path = FlightPath::new(ball);
+            let motion = BodyMotion::towards(&robot, &q, &path, 0);
+            for (ramp, index) in [(motion.platform, joint::PLATFORM), (motion.turn, joint::TORSO.start)] {
+                let limits = robot.joints()[index];
+                prop_assert!(ramp.a.abs() <= limits.acceleration * 1.0001 && ramp.top_speed() <= limits.speed * 1.0001);
+                let [low, high] = ramp.extent();
+                prop_assert!(limits.range[0] - 1e-9 <= low && high <= limits.range[1] + 1e-9);
+                prop_assert!(ramp.end <= time);
+            }
+            let nearest = |motion: &BodyMotion| {
+                let (mut there, mut rates) = (q, [0.0; JOINTS]);
+                motion.write(motion.end_ns() + 1, &mut there, &mut rates);
+                let moved = robot.chest(&there).inverse() * robot.chest(&q);
+                let mut least = f64::INFINITY;
+                for arm in 0..2 {
+                    let best = robot.arm(arm).shoulder() + Vector3::new(BEST_REACH, 0.0, 0.0);
+                    for i in 0..150 {
+                        let ball = moved * nalgebra::Point3::from(path.at(0.01 * f64::from(i)).p);
+                        least = least.min((ball.coords - best).norm());
+                    }
+                }
+                least
+            };
+            prop_assert!(nearest(&motion) <= nearest(&BodyMotion::standing(&q)) + 0.1);
+        }
+    }
+}

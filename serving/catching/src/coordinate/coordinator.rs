@@ -1,0 +1,450 @@
+//! The coordinator: state, requests to the planner, commands to joints and hands.
+
+use nalgebra::{Isometry3, Point3, Vector3};
+use serde::{Deserialize, Serialize};
+use tactnet_catching_packets::packets::{BallPrediction, BallPredictions, HandCommand, MAX_BALLS};
+use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, joint};
+
+use super::assign::assign;
+use super::body::BodyMotion;
+use crate::flight::{Flight, FlightPath};
+use crate::plan::{CatchPlan, CatchRequest, NoPlan, Objective};
+use crate::ramp::Ramp;
+use crate::robot::Robot;
+
+/// Settings of the coordinator.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CoordinatorConfig {
+    /// What plans seek.
+    pub objective: Objective,
+    /// A ball is worth a motion from this probability that it exists,
+    pub existence: f32,
+    /// and from so many pictures of both cameras.
+    pub frames: u32,
+    /// From a prediction to the moment at which a plan for it begins: travelling there and back and computing, s.
+    pub plan_delay: f64,
+    /// Plans are corrected with every prediction; otherwise the first is carried out.
+    pub replan: bool,
+    /// Platform and torso move towards the ball.
+    pub lower_body: bool,
+    /// No path is corrected later than this before its catch, s.
+    pub last_correction: f64,
+}
+
+impl Default for CoordinatorConfig {
+    fn default() -> Self {
+        Self {
+            objective: Objective::Soft,
+            existence: 0.95,
+            frames: 3,
+            plan_delay: 0.015,
+            replan: true,
+            lower_body: true,
+            last_correction: 0.03,
+        }
+    }
+}
+
+/// What the robot is about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum CatchState {
+    /// Waits for a ball.
+    Armed,
+    /// A ball is valid, no catch is planned.
+    Tracking,
+    /// An arm is on its way.
+    Reaching,
+    /// All hands that were to close have been told for the last time.
+    Closed,
+}
+
+/// A question to the planner.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlanRequest {
+    /// Number of the ball.
+    pub ball: u64,
+    /// 0 left, 1 right.
+    pub arm: usize,
+    /// When the motion would begin.
+    pub start_ns: u64,
+    /// The plan that is carried out, its time counted from `start_ns`.
+    pub last: Option<([f64; ARM_JOINTS], f64)>,
+    /// In the frame of the chest at the catch.
+    pub catch: CatchRequest,
+}
+
+/// A question with its answer.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Planned {
+    /// The question.
+    pub request: PlanRequest,
+    /// The answer.
+    pub plan: Result<CatchPlan, NoPlan>,
+}
+
+/// Requests at once, at most.
+const MOST_REQUESTS: usize = ARMS * MAX_BALLS;
+/// A hand takes no new closing time later than this before it, ns.
+const LAST_CLOSING_NS: u64 = 10_000_000;
+
+#[derive(Debug, Clone, Copy)]
+struct Reaching {
+    ball: u64,
+    catch_ns: u64,
+    q: [f64; ARM_JOINTS],
+}
+
+#[derive(Debug, Clone, Copy)]
+struct ArmMotion {
+    start_ns: u64,
+    ramps: [Ramp; ARM_JOINTS],
+}
+
+/// Decides who catches what, and when.
+#[derive(Debug, Clone)]
+pub struct Coordinator {
+    robot: Robot,
+    config: CoordinatorConfig,
+    ready: [f64; JOINTS],
+    body: BodyMotion,
+    arms: [ArmMotion; ARMS],
+    reaching: [Option<Reaching>; ARMS],
+    hands: [Option<HandCommand>; ARMS],
+    gaze: [Option<(u64, Flight)>; MAX_BALLS],
+    neck: [(f64, f64); 2],
+    neck_ns: u64,
+    state: CatchState,
+    pending: bool,
+    no_plans: u64,
+}
+
+impl Coordinator {
+    /// Begins armed, at rest at joint positions `ready`.
+    pub fn new(robot: Robot, config: CoordinatorConfig, ready: [f64; JOINTS]) -> Self {
+        let standing = |arm: usize| ArmMotion {
+            start_ns: 0,
+            ramps: std::array::from_fn(|i| Ramp::standing(ready[joint::ARM[arm].start + i])),
+        };
+        Self {
+            body: BodyMotion::standing(&ready),
+            arms: [standing(0), standing(1)],
+            reaching: [None; ARMS],
+            hands: [None; ARMS],
+            gaze: [None; MAX_BALLS],
+            neck: [
+                (ready[joint::NECK.start], 0.0),
+                (ready[joint::NECK.start + 1], 0.0),
+            ],
+            neck_ns: 0,
+            state: CatchState::Armed,
+            pending: false,
+            no_plans: 0,
+            robot,
+            config,
+            ready,
+        }
+    }
+
+    /// Returns what the robot is about.
+    pub fn state(&self) -> CatchState {
+        self.state
+    }
+
+    /// Returns how many plans found nothing, although a ball was valid.
+    pub fn no_plans(&self) -> u64 {
+        self.no_plans
+    }
+
+    /// Returns what the hands are told: when to close.
+    pub fn hands(&self) -> &[Option<HandCommand>; ARMS] {
+        &self.hands
+    }
+
+    /// Returns the ball that an arm is on its way to, with the catch's time.
+    pub fn target(&self, arm: usize) -> Option<(u64, u64)> {
+        self.reaching[arm].map(|reaching| (reaching.ball, reaching.catch_ns))
+    }
+
+    /// Takes a prediction and returns what the planner is to answer, at the end of [`CoordinatorConfig::plan_delay`]
+    /// ([`Coordinator::planned`]). `chest` is where the chest is measured to be, in the inertial frame; what it differs by from where its
+    /// joints put it now, it will differ by at the catch.
+    pub fn predictions(
+        &mut self,
+        now_ns: u64,
+        predictions: &BallPredictions,
+        chest: &Isometry3<f64>,
+    ) -> [Option<PlanRequest>; MOST_REQUESTS] {
+        let mut requests = [None; MOST_REQUESTS];
+        let (q_now, _) = self.command(now_ns);
+        let deviation = self.robot.chest(&q_now).inverse() * chest;
+        let CoordinatorConfig {
+            existence, frames, ..
+        } = self.config;
+        let valid = |ball: &&BallPrediction| ball.existence >= existence && ball.frames >= frames;
+        let Some(first) = predictions.valid().iter().find(valid) else {
+            return requests;
+        };
+        let start_ns = now_ns + (self.config.plan_delay * 1e9) as u64;
+        if self.gaze == [None; MAX_BALLS] {
+            self.neck_ns = now_ns;
+        }
+        self.gaze = [None; MAX_BALLS];
+        for (place, ball) in self.gaze.iter_mut().zip(predictions.valid()) {
+            *place = Some((ball.t_ns, flight(ball)));
+        }
+        if self.state == CatchState::Armed {
+            self.state = CatchState::Tracking;
+            // With two balls only the arms move.
+            if self.config.lower_body && predictions.count == 1 {
+                let seen = in_frame(&flight_at(first, now_ns), &(chest.inverse()));
+                self.body =
+                    BodyMotion::towards(&self.robot, &q_now, &FlightPath::new(seen), now_ns);
+            }
+        }
+        // Where the chest will stand.
+        let end_ns = self.body.end_ns().max(start_ns);
+        let (q_then, _) = self.joints_of_body(end_ns);
+        let to_chest = (self.robot.chest(&q_then) * deviation).inverse();
+        self.follow_closing_times(now_ns, predictions, &to_chest);
+        if self.pending || self.state == CatchState::Closed {
+            return requests;
+        }
+        let mut count = 0;
+        for ball in predictions.valid().iter().filter(valid) {
+            let holder = self
+                .reaching
+                .iter()
+                .position(|r| r.is_some_and(|r| r.ball == ball.ball));
+            if holder.is_some() && !self.config.replan {
+                continue;
+            }
+            for arm in 0..ARMS {
+                // A ball that an arm is on its way to is its own; an arm that is on its way has no time for another.
+                let mine = holder == Some(arm);
+                if !mine && (holder.is_some() || self.reaching[arm].is_some()) {
+                    continue;
+                }
+                let left = self.reaching[arm].map(|r| (r.catch_ns as f64 - start_ns as f64) * 1e-9);
+                if left.is_some_and(|left| left < self.config.last_correction) {
+                    continue;
+                }
+                let motion = &self.arms[arm];
+                let elapsed = (start_ns as f64 - motion.start_ns as f64) * 1e-9;
+                let state: [(f64, f64); ARM_JOINTS] =
+                    std::array::from_fn(|i| motion.ramps[i].at(elapsed));
+                requests[count] = Some(PlanRequest {
+                    ball: ball.ball,
+                    arm,
+                    start_ns,
+                    last: self.reaching[arm]
+                        .zip(left)
+                        .map(|(reaching, left)| (reaching.q, left)),
+                    catch: CatchRequest {
+                        ball: in_frame(&flight_at(ball, start_ns), &to_chest),
+                        q0: state.map(|(q, _)| q),
+                        w0: state.map(|(_, w)| w),
+                        earliest: (end_ns - start_ns) as f64 * 1e-9,
+                        latest: 1.8,
+                        objective: self.config.objective,
+                    },
+                });
+                count += 1;
+            }
+        }
+        self.pending = count > 0;
+        requests
+    }
+
+    /// Takes the planner's answers to one call of [`Coordinator::predictions`], at the time that they are for.
+    pub fn planned(&mut self, answers: &[Planned]) {
+        self.pending = false;
+        self.no_plans += answers.iter().filter(|answer| answer.plan.is_err()).count() as u64;
+        // Balls in the order of their answers.
+        let mut balls = [None; MAX_BALLS];
+        let mut costs = [[None; ARMS]; MAX_BALLS];
+        for answer in answers {
+            let number = answer.request.ball;
+            let Some(place) = balls
+                .iter()
+                .position(|ball| ball.is_none_or(|ball| ball == number))
+            else {
+                continue;
+            };
+            balls[place] = Some(number);
+            costs[place][answer.request.arm] = answer.plan.ok().map(|plan| plan.cost);
+        }
+        for (arm, ball) in assign(&costs).iter().enumerate() {
+            let Some(number) = ball.and_then(|place| balls[place]) else {
+                continue;
+            };
+            let answer = answers
+                .iter()
+                .find(|answer| answer.request.arm == arm && answer.request.ball == number);
+            let Some((request, plan)) =
+                answer.and_then(|answer| Some((answer.request, answer.plan.ok()?)))
+            else {
+                continue;
+            };
+            let catch_ns = request.start_ns + (plan.t * 1e9) as u64;
+            self.arms[arm] = ArmMotion {
+                start_ns: request.start_ns,
+                ramps: plan.ramps,
+            };
+            self.reaching[arm] = Some(Reaching {
+                ball: number,
+                catch_ns,
+                q: plan.q,
+            });
+            self.hands[arm] = Some(HandCommand {
+                arm: arm as u64,
+                catch_ns,
+            });
+            self.state = CatchState::Reaching;
+        }
+    }
+
+    /// Returns where all joints are to be at a time, and how fast.
+    pub fn command(&self, now_ns: u64) -> ([f64; JOINTS], [f64; JOINTS]) {
+        let (mut q, mut dq) = self.joints_of_body(now_ns);
+        for (i, index) in joint::NECK.enumerate() {
+            (q[index], dq[index]) = self.neck[i];
+        }
+        (q, dq)
+    }
+
+    /// Turns the head towards the middle of the balls that were predicted last, as fast as the neck may, and returns [`Coordinator::command`]. To be called at
+    /// every tick of the controller.
+    pub fn tick(&mut self, now_ns: u64) -> ([f64; JOINTS], [f64; JOINTS]) {
+        self.turn_head(now_ns);
+        let last = self.hands.iter().flatten().map(|hand| hand.catch_ns).max();
+        if self.state == CatchState::Reaching
+            && last.is_some_and(|last| now_ns + LAST_CLOSING_NS >= last)
+        {
+            self.state = CatchState::Closed;
+        }
+        self.command(now_ns)
+    }
+
+    fn joints_of_body(&self, now_ns: u64) -> ([f64; JOINTS], [f64; JOINTS]) {
+        let (mut q, mut dq) = (self.ready, [0.0; JOINTS]);
+        self.body.write(now_ns, &mut q, &mut dq);
+        for (arm, motion) in self.arms.iter().enumerate() {
+            let t = (now_ns as f64 - motion.start_ns as f64) * 1e-9;
+            for (i, ramp) in motion.ramps.iter().enumerate() {
+                let index = joint::ARM[arm].start + i;
+                (q[index], dq[index]) = ramp.at(t);
+            }
+        }
+        (q, dq)
+    }
+
+    /// A hand closes when the ball crosses the plane of its catch frame, whether or not its arm's path is corrected.
+    fn follow_closing_times(
+        &mut self,
+        now_ns: u64,
+        predictions: &BallPredictions,
+        to_chest: &Isometry3<f64>,
+    ) {
+        for (arm, (reaching, hand)) in self.reaching.iter().zip(&mut self.hands).enumerate() {
+            let (Some(reaching), Some(hand)) = (reaching, hand) else {
+                continue;
+            };
+            let Some(ball) = predictions
+                .valid()
+                .iter()
+                .find(|ball| ball.ball == reaching.ball)
+            else {
+                continue;
+            };
+            if hand.catch_ns <= now_ns + LAST_CLOSING_NS {
+                continue;
+            }
+            let pose = self.robot.arm(arm).forward(&reaching.q);
+            let axis: Vector3<f64> = pose.rotation.column(2).into_owned();
+            let planned = in_frame(&flight_at(ball, hand.catch_ns), to_chest);
+            // Newton's method; the ball's speed hardly changes over some milliseconds.
+            let mut shift = 0.0;
+            for _ in 0..3 {
+                let there = planned.after(shift);
+                let speed = there.v.dot(&axis);
+                if speed.abs() < 0.5 {
+                    break;
+                }
+                shift -= (there.p - pose.position).dot(&axis) / speed;
+            }
+            if shift.abs() < 0.1 {
+                let shifted = hand.catch_ns as f64 + shift * 1e9;
+                hand.catch_ns = shifted.max((now_ns + LAST_CLOSING_NS) as f64) as u64;
+            }
+        }
+    }
+
+    fn turn_head(&mut self, now_ns: u64) {
+        if self.gaze == [None; MAX_BALLS] {
+            return;
+        }
+        let dt = (now_ns.saturating_sub(self.neck_ns)) as f64 * 1e-9;
+        self.neck_ns = now_ns;
+        if dt <= 0.0 || dt > 0.1 {
+            return;
+        }
+        let (q, _) = self.joints_of_body(now_ns);
+        let to_chest = self.robot.chest(&q).inverse();
+        // Between the balls, so that none leaves the pictures.
+        let (mut sum, mut count) = ([0.0; 2], 0.0);
+        for (t_ns, flight) in self.gaze.iter().flatten() {
+            let ball = flight.after((now_ns as f64 - *t_ns as f64) * 1e-9);
+            let seen = to_chest * Point3::from(ball.p);
+            // Beside or behind the head there is nothing to look at any more.
+            if seen.x > 0.3 {
+                let angles = self.robot.look_at(&seen.coords);
+                sum = [sum[0] + angles[0], sum[1] + angles[1]];
+                count += 1.0;
+            }
+        }
+        let wanted = if count > 0.0 {
+            sum.map(|angle| angle / count)
+        } else {
+            self.neck.map(|(q, _)| q)
+        };
+        for (i, (angle, rate)) in self.neck.iter_mut().enumerate() {
+            let limits = &self.robot.joints()[joint::NECK.start + i];
+            let wanted = wanted[i].clamp(limits.range[0], limits.range[1]);
+            // As fast as can still be braked.
+            let away = wanted - *angle;
+            let most = (2.0 * 0.5 * limits.acceleration * away.abs())
+                .sqrt()
+                .min(0.9 * limits.speed)
+                .min(away.abs() / (3.0 * dt));
+            let target = most.copysign(away);
+            let change = (0.8 * limits.acceleration * dt).max(0.0);
+            let next = *rate + (target - *rate).clamp(-change, change);
+            *angle = (*angle + next * dt).clamp(limits.range[0], limits.range[1]);
+            *rate = next;
+        }
+    }
+}
+
+fn flight(ball: &BallPrediction) -> Flight {
+    Flight {
+        p: Vector3::from(ball.p),
+        v: Vector3::from(ball.v),
+        k: ball.k,
+        lift: ball.lift.into(),
+    }
+}
+
+fn flight_at(ball: &BallPrediction, t_ns: u64) -> Flight {
+    flight(ball).after((t_ns as f64 - ball.t_ns as f64) * 1e-9)
+}
+
+fn in_frame(flight: &Flight, to_frame: &Isometry3<f64>) -> Flight {
+    Flight {
+        p: (to_frame * Point3::from(flight.p)).coords,
+        v: to_frame.rotation * flight.v,
+        k: flight.k,
+        lift: to_frame.rotation * flight.lift,
+    }
+}

@@ -1,0 +1,23 @@
+//! Planning a catch with one arm: where, when and in which configuration (thesis, sections 3.5 and 3.5.2, equation 3.2).
+//!
+//! Unknown are the seven joint angles `q` at the catch and its time `t`. Since every joint moves by a [`Ramp`](crate::ramp::Ramp) from
+//! where it is to a standstill at `q`, that is everything. Five equations hold the hand at the ball and against its flight; inequalities
+//! hold joints in their ranges, speeds and accelerations and the hand away from the body. The [`Planner`] seeks
+//!
+//! 1. candidates on a grid of what the equations leave free: time, elbow angle, hand angle, times up to eight closed-form branches;
+//! 2. the minimum near the best of them by sequential quadratic programming ([`qp`] inside).
+
+mod bodies;
+mod nearest;
+mod objective;
+mod planner;
+mod problem;
+pub mod qp;
+mod seeds;
+mod sqp;
+
+pub use bodies::{BODIES, Body};
+pub use objective::Objective;
+pub use planner::{CatchPlan, Effort, NoPlan, PlanConfig, Planner, RequestError};
+pub use problem::{CatchRequest, EQUALITIES, INEQUALITIES, UNKNOWNS, Violation};
+pub use seeds::Grid;

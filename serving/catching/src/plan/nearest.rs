@@ -1,0 +1,136 @@
+//! The nearest miss: where no exact catch is possible any more, the motion that comes closest to one.
+//!
+//! Equation 3.2 of the thesis wants the hand exactly at the ball and exactly against its flight, but a hand catches a ball that is 2 cm off
+//! and 25 degrees aslant. An arm that is on its way at the limit of its joints, and hears that the ball comes a little farther out, has no
+//! exact catch left and yet must not carry on as if it had not heard. So the equations become a sum of squares,
+//!
+//! ```text
+//! minimise  |p(q) - b(t)|^2 / (5 mm)^2 + (u_x^2 + u_y^2) / 0.15^2      subject to all 31 inequalities,
+//! ```
+//!
+//! by Gauss-Newton steps with the same quadratic programmes and limits as an exact plan.
+
+use tactnet_catching_packets::ARM_JOINTS;
+
+use super::problem::{EQUALITIES, Linearised, Point, Problem, ROWS, UNKNOWNS};
+use super::qp;
+use super::sqp::Found;
+
+/// What counts as far: 1/m^2 for the position, 1/sin^2 for the axis.
+const WEIGHTS: [f64; EQUALITIES] = [4e4, 4e4, 4e4, 44.4, 44.4];
+/// Half width of the box that a step stays in, rad and s.
+const TRUST: f64 = 0.3;
+/// Steps at most.
+const STEPS: usize = 12;
+/// A step that takes away less than this share ends the search.
+const SMALL_GAIN: f64 = 1e-3;
+/// Keeps steps along which nothing changes short.
+const RIDGE: f64 = 1e-2;
+/// A miss by more, m, is not worth a motion; nor one aslant by more, rad.
+const MOST: [f64; 2] = [0.15, 0.6];
+/// No miss is as good as the worst catch.
+const WORSE: f64 = 10.0;
+/// Cost of a metre.
+const BY_METRE: f64 = 100.0;
+
+/// Returns the nearest miss that is found from `start`, `None` if it is a wide one.
+pub(crate) fn approach(
+    problem: &Problem,
+    start: &Point,
+    mut out_of_time: impl FnMut() -> bool,
+) -> Option<Found> {
+    let mut x = within_limits(problem, start)?;
+    let mut here = problem.linearise(&x, TRUST);
+    let mut miss = square(&here);
+    let mut kept = is_kept(problem, &x).then_some(x);
+    for _ in 0..STEPS {
+        if out_of_time() {
+            break;
+        }
+        let (curvature, slope) = normal_equations(&here);
+        let rows = &here.rows[EQUALITIES..here.count];
+        let Ok(step) = qp::solve::<UNKNOWNS, ROWS>(&curvature, &slope, rows, 0) else {
+            break;
+        };
+        let mut share = 1.0;
+        let next = loop {
+            let there: Point = std::array::from_fn(|i| x[i] + share * step.x[i]);
+            if let Some(there) = within_limits(problem, &there) {
+                let linearised = problem.linearise(&there, TRUST);
+                if square(&linearised) < miss && (kept.is_none() || is_kept(problem, &there)) {
+                    break Some((there, linearised));
+                }
+            }
+            share *= 0.4;
+            if share < 0.02 {
+                break None;
+            }
+        };
+        let Some((next, linearised)) = next else {
+            break;
+        };
+        let gain = miss - square(&linearised);
+        (x, here, miss) = (next, linearised, miss - gain);
+        if is_kept(problem, &x) {
+            kept = Some(x);
+        }
+        if gain < SMALL_GAIN * miss {
+            break;
+        }
+    }
+    let x = kept?;
+    let violation = problem.violation(&x);
+    (violation.position <= MOST[0] && violation.angle <= MOST[1]).then_some(Found {
+        x,
+        cost: WORSE + BY_METRE * violation.position + violation.angle,
+        violation,
+    })
+}
+
+fn square(at: &Linearised) -> f64 {
+    // The bound of an equation is what it lacks.
+    at.rows[..EQUALITIES]
+        .iter()
+        .zip(WEIGHTS)
+        .map(|(row, weight)| weight * row.bound * row.bound)
+        .sum()
+}
+
+fn normal_equations(at: &Linearised) -> ([[f64; UNKNOWNS]; UNKNOWNS], [f64; UNKNOWNS]) {
+    let mut curvature = [[0.0; UNKNOWNS]; UNKNOWNS];
+    let mut slope = [0.0; UNKNOWNS];
+    for i in 0..UNKNOWNS {
+        curvature[i][i] = RIDGE;
+    }
+    for (row, weight) in at.rows[..EQUALITIES].iter().zip(WEIGHTS) {
+        for i in 0..UNKNOWNS {
+            slope[i] -= weight * row.bound * row.normal[i];
+            for k in 0..UNKNOWNS {
+                curvature[i][k] += weight * row.normal[i] * row.normal[k];
+            }
+        }
+    }
+    (curvature, slope)
+}
+
+/// Returns a point with every joint where it can be by then; `None` if one can be nowhere.
+fn within_limits(problem: &Problem, x: &Point) -> Option<Point> {
+    let mut x = *x;
+    if !x.iter().all(|x| x.is_finite()) {
+        return None;
+    }
+    x[ARM_JOINTS] = x[ARM_JOINTS].max(problem.times[0]).min(problem.times[1]);
+    for i in 0..ARM_JOINTS {
+        let [low, high] = problem.interval(i, x[ARM_JOINTS]);
+        if low > high {
+            return None;
+        }
+        x[i] = x[i].clamp(low, high);
+    }
+    Some(x)
+}
+
+/// True if the motion stays within ranges and outside bodies.
+fn is_kept(problem: &Problem, x: &Point) -> bool {
+    problem.violation(x).limits <= 1e-7
+}

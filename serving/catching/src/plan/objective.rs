@@ -1,0 +1,70 @@
+//! What makes one catch better than another (thesis, section 3.5.2).
+
+use serde::{Deserialize, Serialize};
+use tactnet_catching_packets::ARM_JOINTS;
+
+use super::problem::{Point, Problem, UNKNOWNS};
+use crate::ramp::{Acceleration, LeastTime};
+
+/// The objective of a plan; the least is best.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Objective {
+    /// The gentlest motion: root mean square of the joints' accelerations, each as a share of what it may be.
+    #[default]
+    Soft,
+    /// The latest catch: `-t`.
+    Latest,
+    /// Move at once and wait: fourth-power mean of the joints' least times. The arm is there before the ball.
+    Cool,
+}
+
+/// Below this share of the acceleration, [`Objective::Soft`] is a parabola: its root has an edge where nothing moves.
+const STILL: f64 = 1e-3;
+
+impl Objective {
+    /// Returns the cost of a point and its gradient.
+    pub(crate) fn cost(self, problem: &Problem, x: &Point) -> (f64, [f64; UNKNOWNS]) {
+        let n = ARM_JOINTS as f64;
+        let t = x[ARM_JOINTS];
+        let mut gradient = [0.0; UNKNOWNS];
+        match self {
+            Self::Latest => {
+                gradient[ARM_JOINTS] = -1.0;
+                (-t, gradient)
+            }
+            Self::Soft => {
+                let mut sum = STILL * STILL;
+                for i in 0..ARM_JOINTS {
+                    let joint = &problem.joints[i];
+                    let shape = Acceleration::new(
+                        x[i] - problem.request.q0[i],
+                        t,
+                        problem.request.w0[i],
+                        joint.speed,
+                    );
+                    let share = shape.a / joint.acceleration;
+                    sum += share * share / n;
+                    gradient[i] = share * shape.by_distance / joint.acceleration / n;
+                    gradient[ARM_JOINTS] += share * shape.by_time / joint.acceleration / n;
+                }
+                let cost = sum.sqrt();
+                (cost, gradient.map(|slope| slope / cost))
+            }
+            Self::Cool => {
+                let mut sum = 0.0;
+                for i in 0..ARM_JOINTS {
+                    let least = LeastTime::smooth(
+                        x[i] - problem.request.q0[i],
+                        problem.request.w0[i],
+                        &problem.joints[i],
+                    );
+                    sum += least.t.powi(4) / n;
+                    gradient[i] = least.t.powi(3) * least.by_distance / n;
+                }
+                let cost = sum.powf(0.25);
+                (cost, gradient.map(|slope| slope / cost.powi(3)))
+            }
+        }
+    }
+}

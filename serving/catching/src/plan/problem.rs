@@ -1,0 +1,419 @@
+//! The nonlinear programme of one catch: 8 unknowns, 5 equations, 31 inequalities (thesis, equation 3.2).
+//!
+//! Two things differ from the printed form, neither changes the set of catches. "The least time of every joint is no longer than `t`" has
+//! an infinite slope where a joint only brakes; the same set is an interval of positions that grows smoothly with `t`
+//! ([`Reach`]). The two angles that turn the ball's velocity into the hand's axis are `u_x = u_y = 0` of `u = -R'v/|v|`, with `u_z > 0`.
+//!
+//! One thing is added: a joint that turns round on its way stays in its range where it turns.
+
+use nalgebra::Vector3;
+use tactnet_catching_packets::{ARM_JOINTS, Joint};
+
+use super::bodies::{BODIES, Body};
+use super::objective::Objective;
+use super::qp::Row;
+use crate::flight::{Flight, FlightPath};
+use crate::ramp::{Acceleration, LeastTime, Ramp, Reach};
+use crate::robot::ArmKinematics;
+
+/// Joint angles and the time of the catch.
+pub const UNKNOWNS: usize = ARM_JOINTS + 1;
+/// Hand at the ball (3), hand against its flight (2).
+pub const EQUALITIES: usize = 5;
+/// Ranges (14), time (2), least times (7), bodies (8).
+pub const INEQUALITIES: usize = 2 * ARM_JOINTS + 2 + ARM_JOINTS + BODIES;
+/// Rows of the linear form at most: a least time is two of them, a joint that turns round one more.
+pub(crate) const ROWS: usize = EQUALITIES + INEQUALITIES + 2 * ARM_JOINTS + 2 * UNKNOWNS;
+
+/// `q` and `t`.
+pub(crate) type Point = [f64; UNKNOWNS];
+
+/// A catch that is asked for, in the chest's frame, which is taken as standing still.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CatchRequest {
+    /// The ball when the motion begins.
+    pub ball: Flight,
+    /// Joint angles when the motion begins, rad.
+    pub q0: [f64; ARM_JOINTS],
+    /// Joint rates when the motion begins, rad/s.
+    pub w0: [f64; ARM_JOINTS],
+    /// No catch before, s.
+    pub earliest: f64,
+    /// No catch after, s; 1.8 in the thesis.
+    pub latest: f64,
+    /// What is sought.
+    pub objective: Objective,
+}
+
+/// How far a point is from a catch.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Violation {
+    /// Hand from ball, m.
+    pub position: f64,
+    /// Hand's axis from the ball's flight, rad.
+    pub angle: f64,
+    /// The worst inequality, in its unit (rad, m or s); 0 if all hold.
+    pub limits: f64,
+}
+
+impl Violation {
+    /// Returns true within a hundredth of a millimetre, a ten thousandth of a radian, and limits to rounding.
+    pub fn is_feasible(&self) -> bool {
+        self.position <= 1e-5 && self.angle <= 1e-4 && self.limits <= 1e-7
+    }
+}
+
+/// A request with what does not change while it is solved.
+pub(crate) struct Problem<'a> {
+    pub request: &'a CatchRequest,
+    pub arm: &'a ArmKinematics,
+    pub joints: &'a [Joint; ARM_JOINTS],
+    pub bodies: &'a [Body; BODIES],
+    pub path: FlightPath,
+    /// Least and greatest time.
+    pub times: [f64; 2],
+}
+
+/// A problem's functions at a point, with their derivatives.
+pub(crate) struct Linearised {
+    /// The equations, then the inequalities: `row . d` against `bound` for a step `d`.
+    pub rows: [Row<UNKNOWNS>; ROWS],
+    pub count: usize,
+    /// Sum of what equations and inequalities lack.
+    pub lack: f64,
+}
+
+impl<'a> Problem<'a> {
+    pub fn new(
+        request: &'a CatchRequest,
+        arm: &'a ArmKinematics,
+        bodies: &'a [Body; BODIES],
+    ) -> Self {
+        let joints = arm.joints();
+        // A joint cannot stand before it has braked.
+        let braking = (0..ARM_JOINTS).map(|i| request.w0[i].abs() / joints[i].acceleration);
+        let least = braking.fold(request.earliest.max(1e-3), f64::max);
+        Self {
+            request,
+            arm,
+            joints,
+            bodies,
+            path: FlightPath::new(request.ball),
+            times: [least, request.latest],
+        }
+    }
+
+    /// Returns where joint `i` may be at time `t`: its range, and what it reaches. Empty if the first is the greater.
+    pub fn interval(&self, i: usize, t: f64) -> [f64; 2] {
+        let joint = &self.joints[i];
+        let q0 = self.request.q0[i];
+        let reach = Reach::new(t, self.request.w0[i], joint);
+        [
+            joint.range[0].max(q0 + reach.low),
+            joint.range[1].min(q0 + reach.high),
+        ]
+    }
+
+    /// Returns the ramps to a point. With [`Objective::Cool`] they end when the slowest joint is there, otherwise at `t`.
+    pub fn ramps(&self, x: &Point) -> [Ramp; ARM_JOINTS] {
+        let request = self.request;
+        let mut end = x[ARM_JOINTS];
+        if request.objective == Objective::Cool {
+            let least = (0..ARM_JOINTS)
+                .map(|i| LeastTime::exact(x[i] - request.q0[i], request.w0[i], &self.joints[i]).t);
+            end = least.fold(self.times[0], f64::max).min(end);
+        }
+        std::array::from_fn(|i| {
+            Ramp::between(
+                request.q0[i],
+                request.w0[i],
+                x[i],
+                end,
+                self.joints[i].speed,
+            )
+        })
+    }
+
+    /// Returns how far a point and the ramps to it are from a catch.
+    pub fn violation(&self, x: &Point) -> Violation {
+        let q: [f64; ARM_JOINTS] = std::array::from_fn(|i| x[i]);
+        let t = x[ARM_JOINTS];
+        let ball = self.path.at(t);
+        let pose = self.arm.forward(&q);
+        let u = pose.rotation.transpose() * (-ball.v / ball.v.norm());
+        let mut limits = (self.times[0] - t).max(t - self.times[1]);
+        for i in 0..ARM_JOINTS {
+            let [low, high] = self.interval(i, t);
+            limits = limits.max(low - x[i]).max(x[i] - high);
+        }
+        for (ramp, joint) in self.ramps(x).iter().zip(self.joints) {
+            let [low, high] = ramp.extent();
+            limits = limits.max(joint.range[0] - low).max(high - joint.range[1]);
+        }
+        for body in self.bodies {
+            limits = limits.max(-body.distance(&pose.position).0);
+        }
+        Violation {
+            position: (pose.position - ball.p).norm(),
+            angle: u.x.hypot(u.y).atan2(u.z),
+            limits: limits.max(0.0),
+        }
+    }
+
+    /// Returns all functions at `x` in linear form, and the box of half width `trust` about it.
+    pub fn linearise(&self, x: &Point, trust: f64) -> Linearised {
+        let q: [f64; ARM_JOINTS] = std::array::from_fn(|i| x[i]);
+        let t = x[ARM_JOINTS];
+        let ball = self.path.at(t);
+        let (pose, jacobian) = self.arm.jacobian(&q);
+        let mut rows = Rows::new();
+
+        let speed = ball.v.norm();
+        let heading = ball.v / speed;
+        let turn = (ball.acceleration() - heading * heading.dot(&ball.acceleration())) / speed;
+        let back = pose.rotation.transpose();
+        let u = back * -heading;
+        let u_by_time = back * -turn;
+        let apart = pose.position - ball.p;
+        let spins: [Vector3<f64>; ARM_JOINTS] = std::array::from_fn(|i| {
+            back * jacobian
+                .fixed_view::<3, 1>(3, i)
+                .into_owned()
+                .cross(&heading)
+        });
+        for k in 0..3 {
+            rows.equation(apart[k], |i| jacobian[(k, i)], -ball.v[k]);
+        }
+        for k in 0..2 {
+            rows.equation(u[k], |i| spins[i][k], u_by_time[k]);
+        }
+
+        rows.inequality(t - self.times[0], |_| 0.0, 1.0);
+        rows.inequality(self.times[1] - t, |_| 0.0, -1.0);
+        for i in 0..ARM_JOINTS {
+            let joint = &self.joints[i];
+            let (q0, w0) = (self.request.q0[i], self.request.w0[i]);
+            let own = |sign: f64| move |k: usize| if k == i { sign } else { 0.0 };
+            rows.inequality(x[i] - joint.range[0], own(1.0), 0.0);
+            rows.inequality(joint.range[1] - x[i], own(-1.0), 0.0);
+            let reach = Reach::new(t, w0, joint);
+            rows.inequality(x[i] - q0 - reach.low, own(1.0), -reach.low_by_time);
+            rows.inequality(q0 + reach.high - x[i], own(-1.0), reach.high_by_time);
+            if self.request.objective != Objective::Cool {
+                let shape = Acceleration::new(x[i] - q0, t, w0, joint.speed);
+                if w0 * shape.a < 0.0 && shape.a.is_finite() {
+                    // It turns round at q0 - w0^2 / (2 a).
+                    let turn = q0 - w0 * w0 / (2.0 * shape.a);
+                    let slope = w0 * w0 / (2.0 * shape.a * shape.a);
+                    let (slack, sign) = if w0 > 0.0 {
+                        (joint.range[1] - turn, -1.0)
+                    } else {
+                        (turn - joint.range[0], 1.0)
+                    };
+                    rows.inequality(
+                        slack,
+                        own(sign * slope * shape.by_distance),
+                        sign * slope * shape.by_time,
+                    );
+                }
+            }
+        }
+        for body in self.bodies {
+            let (distance, gradient) = body.distance(&pose.position);
+            rows.inequality(
+                distance,
+                |i| (0..3).map(|k| gradient[k] * jacobian[(k, i)]).sum(),
+                0.0,
+            );
+        }
+        let mut linearised = rows.finish();
+        for i in 0..UNKNOWNS {
+            for sign in [1.0, -1.0] {
+                let mut normal = [0.0; UNKNOWNS];
+                normal[i] = sign;
+                linearised.rows[linearised.count] = Row {
+                    normal,
+                    bound: -trust,
+                };
+                linearised.count += 1;
+            }
+        }
+        linearised
+    }
+
+    /// Returns `x` moved as little as it takes to satisfy the equations: two Gauss-Newton steps at fixed time.
+    pub fn retract(&self, x: &Point) -> Point {
+        let mut x = *x;
+        let ball = self.path.at(x[ARM_JOINTS]);
+        let heading = ball.v / ball.v.norm();
+        for _ in 0..3 {
+            let q: [f64; ARM_JOINTS] = std::array::from_fn(|i| x[i]);
+            let (pose, jacobian) = self.arm.jacobian(&q);
+            let back = pose.rotation.transpose();
+            let u = back * -heading;
+            let apart = pose.position - ball.p;
+            let h =
+                nalgebra::SVector::<f64, EQUALITIES>::from([apart.x, apart.y, apart.z, u.x, u.y]);
+            if h.norm() < 1e-9 {
+                break;
+            }
+            let mut slopes = nalgebra::SMatrix::<f64, EQUALITIES, ARM_JOINTS>::zeros();
+            for i in 0..ARM_JOINTS {
+                let spin = back
+                    * jacobian
+                        .fixed_view::<3, 1>(3, i)
+                        .into_owned()
+                        .cross(&heading);
+                for k in 0..3 {
+                    slopes[(k, i)] = jacobian[(k, i)];
+                }
+                slopes[(3, i)] = spin.x;
+                slopes[(4, i)] = spin.y;
+            }
+            let Some(factor) = (slopes * slopes.transpose()).cholesky() else {
+                break;
+            };
+            let step = slopes.transpose() * factor.solve(&h);
+            for i in 0..ARM_JOINTS {
+                x[i] -= step[i];
+            }
+        }
+        x
+    }
+}
+
+struct Rows {
+    rows: [Row<UNKNOWNS>; ROWS],
+    count: usize,
+    lack: f64,
+}
+
+impl Rows {
+    fn new() -> Self {
+        Self {
+            rows: [Row {
+                normal: [0.0; UNKNOWNS],
+                bound: 0.0,
+            }; ROWS],
+            count: 0,
+            lack: 0.0,
+        }
+    }
+
+    fn push(&mut self, value: f64, by_joint: impl Fn(usize) -> f64, by_time: f64) {
+        let normal = std::array::from_fn(|i| if i < ARM_JOINTS { by_joint(i) } else { by_time });
+        self.rows[self.count] = Row {
+            normal,
+            bound: -value,
+        };
+        self.count += 1;
+    }
+
+    fn equation(&mut self, value: f64, by_joint: impl Fn(usize) -> f64, by_time: f64) {
+        self.push(value, by_joint, by_time);
+        self.lack += value.abs();
+    }
+
+    fn inequality(&mut self, value: f64, by_joint: impl Fn(usize) -> f64, by_time: f64) {
+        self.push(value, by_joint, by_time);
+        self.lack += (-value).max(0.0);
+    }
+
+    fn finish(self) -> Linearised {
+        Linearised {
+            rows: self.rows,
+            count: self.count,
+            lack: self.lack,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use tactnet_catching_packets::RobotDescription;
+
+    use super::*;
+    use crate::plan::seeds::{Grid, Seeds};
+    use crate::robot::Robot;
+
+    pub(crate) fn thrown() -> impl Strategy<Value = Flight> {
+        (
+            proptest::array::uniform3(-1.0..1.0f64),
+            0.02..0.04f64,
+            0.4..0.9f64,
+            proptest::array::uniform3(-1.0..1.0f64),
+        )
+            .prop_map(|(aim, k, time, speed)| {
+                // At the chest's front after `time` seconds, with about 6 m/s.
+                let target = Vector3::new(0.6 + 0.3 * aim[0], 0.9 * aim[1], 0.5 * aim[2]);
+                let v = Vector3::new(-5.5 + 0.5 * speed[0], 0.4 * speed[1], -2.5 + speed[2]);
+                Flight {
+                    p: target,
+                    v,
+                    k,
+                    lift: Vector3::zeros(),
+                }
+                .after(-time)
+            })
+    }
+
+    #[test]
+    fn the_numbers_of_equations_and_inequalities_are_the_thesis_ones() {
+        assert_eq!((UNKNOWNS, EQUALITIES, INEQUALITIES), (8, 5, 31));
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(200))]
+
+        #[test]
+        fn linear_forms_are_differences(
+            ball in thrown(), arm in 0..2usize, q in proptest::array::uniform7(-1.8..1.8f64), t in 0.3..1.2f64,
+            w in proptest::array::uniform7(-0.5..0.5f64),
+        ) {
+            let robot = Robot::new(RobotDescription::nominal());
+            let bodies = Body::around_chest(arm);
+            let request = CatchRequest { ball, q0: [0.1; 7], w0: w, earliest: 0.0, latest: 1.8, objective: Objective::Soft };
+            let problem = Problem::new(&request, robot.arm(arm), &bodies);
+            let x: Point = std::array::from_fn(|i| if i < 7 { q[i] } else { t });
+            let here = problem.linearise(&x, 0.1);
+            let h = 1e-6;
+            for i in 0..UNKNOWNS {
+                let moved = |h: f64| { let mut y = x; y[i] += h; problem.linearise(&y, 0.1) };
+                let (more, less) = (moved(h), moved(-h));
+                // Joints that turn round where they did not before have a row more.
+                prop_assume!(more.count == here.count && less.count == here.count);
+                for row in 0..here.count - 2 * UNKNOWNS {
+                    let slope = (less.rows[row].bound - more.rows[row].bound) / (2.0 * h);
+                    prop_assert!((slope - here.rows[row].normal[i]).abs() < 1e-4 * (1.0 + slope.abs()), "row {row} unknown {i}: {slope} {}", here.rows[row].normal[i]);
+                }
+            }
+            let (cost, gradient) = Objective::Soft.cost(&problem, &x);
+            prop_assume!(cost.is_finite());
+            for objective in [Objective::Soft, Objective::Latest, Objective::Cool] {
+                let (_, gradient) = if objective == Objective::Soft { (cost, gradient) } else { objective.cost(&problem, &x) };
+                for i in 0..UNKNOWNS {
+                    let moved = |h: f64| { let mut y = x; y[i] += h; objective.cost(&problem, &y).0 };
+                    let slope = (moved(h) - moved(-h)) / (2.0 * h);
+                    prop_assert!((slope - gradient[i]).abs() < 1e-3 * (1.0 + slope.abs()), "{objective:?} {i}: {slope} {}", gradient[i]);
+                }
+            }
+        }
+
+        #[test]
+        fn candidates_are_catches(ball in thrown(), arm in 0..2usize) {
+            let robot = Robot::new(RobotDescription::nominal());
+            let bodies = Body::around_chest(arm);
+            let request = CatchRequest { ball, q0: robot.ready(arm), w0: [0.0; 7], earliest: 0.0, latest: 1.8, objective: Objective::Soft };
+            let problem = Problem::new(&request, robot.arm(arm), &bodies);
+            let seeds = Seeds::search(&problem, Grid { times: 6, hands: 6, elbows: 6 }, || false);
+            for seed in seeds.best() {
+                let violation = problem.violation(&seed.x);
+                prop_assert!(violation.position < 1e-9 && violation.angle < 1e-9, "{violation:?}");
+                // Near misses leave their intervals by what they lack, and by no more.
+                prop_assert!(violation.limits <= seed.lack + 1e-9, "{violation:?} {}", seed.lack);
+                prop_assert!(seed.lack > 0.0 || violation.is_feasible(), "{violation:?}");
+            }
+        }
+    }
+}

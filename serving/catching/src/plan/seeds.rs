@@ -1,0 +1,226 @@
+//! Candidates for a catch on a grid of what its equations leave free: time, angle of the hand about its axis, angle of the elbow.
+
+use std::f64::consts::TAU;
+
+use serde::{Deserialize, Serialize};
+use tactnet_catching_packets::ARM_JOINTS;
+
+use super::problem::{Point, Problem};
+use crate::robot::{HandPose, rotation_towards};
+
+/// Closed-form branches: either way of elbow, shoulder and wrist.
+const BRANCHES: usize = 8;
+/// Most candidates that are kept.
+pub(crate) const MAX_SEEDS: usize = 16;
+
+/// How fine the grid is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Grid {
+    /// Catch times while the ball is within reach.
+    pub times: usize,
+    /// Angles of the hand about its axis.
+    pub hands: usize,
+    /// Angles of the elbow.
+    pub elbows: usize,
+}
+
+impl Grid {
+    /// Returns the grid of a first plan.
+    pub fn first() -> Self {
+        Self {
+            times: 24,
+            hands: 16,
+            elbows: 16,
+        }
+    }
+
+    /// Returns the grid beside a plan that is already there.
+    pub fn again() -> Self {
+        Self {
+            times: 8,
+            hands: 8,
+            elbows: 8,
+        }
+    }
+}
+
+/// A candidate leaves intervals by less than this, rad, summed over joints; descents draw it in, if that is possible.
+const MOST_LACK: f64 = 1.5;
+
+/// A candidate: hand at the ball and against its flight, joints where they can be in time, or nearly.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Seed {
+    pub x: Point,
+    /// By how much joints leave the intervals that they can be in, rad, summed.
+    pub lack: f64,
+    /// The objective's value; infinite where something lacks.
+    pub cost: f64,
+}
+
+impl Seed {
+    fn is_better_than(&self, other: &Self) -> bool {
+        if self.lack == 0.0 && other.lack == 0.0 {
+            self.cost < other.cost
+        } else {
+            self.lack < other.lack
+        }
+    }
+}
+
+/// The best candidates, the best first, no two of them close together.
+pub(crate) struct Seeds {
+    seeds: [Seed; MAX_SEEDS],
+    count: usize,
+    /// Feasible candidates that were seen.
+    pub feasible: usize,
+    /// True if the ball comes within reach of the shoulder.
+    pub within_reach: bool,
+}
+
+impl Seeds {
+    /// Searches a grid, until `out_of_time` (asked once a time and hand angle).
+    pub fn search(problem: &Problem, grid: Grid, mut out_of_time: impl FnMut() -> bool) -> Self {
+        let mut seeds = Self {
+            seeds: [Seed {
+                x: [0.0; ARM_JOINTS + 1],
+                lack: f64::INFINITY,
+                cost: f64::INFINITY,
+            }; MAX_SEEDS],
+            count: 0,
+            feasible: 0,
+            within_reach: false,
+        };
+        let Some([first, last]) = while_within_reach(problem) else {
+            return seeds;
+        };
+        seeds.within_reach = true;
+        for i in 0..grid.times {
+            let t = first + (last - first) * (i as f64 + 0.5) / grid.times as f64;
+            let ball = problem.path.at(t);
+            if problem
+                .bodies
+                .iter()
+                .any(|body| body.distance(&ball.p).0 < 0.0)
+            {
+                continue;
+            }
+            let intervals: [[f64; 2]; ARM_JOINTS] = std::array::from_fn(|i| problem.interval(i, t));
+            let axis = -ball.v / ball.v.norm();
+            for hand in 0..grid.hands {
+                if out_of_time() {
+                    return seeds;
+                }
+                let pose = HandPose {
+                    position: ball.p,
+                    rotation: rotation_towards(&axis, hand as f64 * TAU / grid.hands as f64),
+                };
+                let Some(circle) = problem.arm.elbow_circle(&pose) else {
+                    // Neither depends on the hand's angle.
+                    break;
+                };
+                for elbow in 0..grid.elbows {
+                    circle.each(
+                        problem.arm,
+                        elbow as f64 * TAU / grid.elbows as f64,
+                        &mut |q| {
+                            let lack = q
+                                .iter()
+                                .zip(&intervals)
+                                .map(|(q, [low, high])| (low - q).max(q - high).max(0.0))
+                                .sum();
+                            if lack < seeds.worth() {
+                                seeds.offer(problem, &q, t, lack);
+                            }
+                        },
+                    );
+                }
+            }
+        }
+        seeds
+    }
+
+    /// Returns the candidates, the best first.
+    pub fn best(&self) -> &[Seed] {
+        &self.seeds[..self.count]
+    }
+
+    /// Returns the lack from which on a candidate is not worth a look.
+    fn worth(&self) -> f64 {
+        if self.count == MAX_SEEDS {
+            self.seeds[MAX_SEEDS - 1]
+                .lack
+                .clamp(f64::MIN_POSITIVE, MOST_LACK)
+        } else {
+            MOST_LACK
+        }
+    }
+
+    fn offer(&mut self, problem: &Problem, q: &[f64; ARM_JOINTS], t: f64, lack: f64) {
+        let x: Point = std::array::from_fn(|i| if i < ARM_JOINTS { q[i] } else { t });
+        let mut seed = Seed {
+            x,
+            lack,
+            cost: f64::INFINITY,
+        };
+        if lack == 0.0 {
+            seed.cost = problem.request.objective.cost(problem, &x).0;
+            if !seed.cost.is_finite() || turns_outside(problem, &x) {
+                return;
+            }
+            self.feasible += 1;
+        }
+        // In place of a worse one nearby, or else of the worst.
+        let near = self.seeds[..self.count].iter().position(|other| {
+            other.x[..ARM_JOINTS]
+                .iter()
+                .zip(q)
+                .all(|(a, b)| (a - b).abs() < 0.7)
+        });
+        let mut place = match near {
+            Some(place) if seed.is_better_than(&self.seeds[place]) => place,
+            Some(_) => return,
+            None if self.count < MAX_SEEDS => {
+                self.count += 1;
+                self.count - 1
+            }
+            None if seed.is_better_than(&self.seeds[MAX_SEEDS - 1]) => MAX_SEEDS - 1,
+            None => return,
+        };
+        self.seeds[place] = seed;
+        while place > 0 && self.seeds[place].is_better_than(&self.seeds[place - 1]) {
+            self.seeds.swap(place, place - 1);
+            place -= 1;
+        }
+    }
+}
+
+fn turns_outside(problem: &Problem, x: &Point) -> bool {
+    problem.request.w0.iter().any(|w0| *w0 != 0.0)
+        && problem
+            .ramps(x)
+            .iter()
+            .zip(problem.joints)
+            .any(|(ramp, joint)| {
+                let [low, high] = ramp.extent();
+                low < joint.range[0] || high > joint.range[1]
+            })
+}
+
+/// Returns the first and the last time at which the ball is within reach of the shoulder.
+fn while_within_reach(problem: &Problem) -> Option<[f64; 2]> {
+    let [least, most] = problem.times;
+    let reach = problem.arm.reach();
+    let mut span: Option<[f64; 2]> = None;
+    let steps = 120;
+    for i in 0..=steps {
+        let t = least + (most - least) * f64::from(i) / f64::from(steps);
+        if (problem.path.at(t).p - problem.arm.shoulder()).norm() < reach {
+            span = Some(span.map_or([t, t], |[first, _]| [first, t]));
+        }
+    }
+    span
+}
+
+/// Seeds in all branches are possible: none is left out for want of room.
+const _: () = assert!(MAX_SEEDS >= BRANCHES);

@@ -1,0 +1,546 @@
+//! Geometry of the robot: where hands and head are, how they move with the joints, and the closed-form way back.
+
+use std::f64::consts::TAU;
+
+use nalgebra::{Isometry3, Matrix3, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector3};
+use tactnet_catching_packets::{ARM_JOINTS, ARMS, Arm, JOINTS, Joint, RobotDescription, joint};
+
+/// Position and orientation of a catch frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HandPose {
+    /// Middle of the opening, m.
+    pub position: Vector3<f64>,
+    /// From the catch frame to the frame of `position`; its third column is the hand's axis, which points away from the wrist.
+    pub rotation: Matrix3<f64>,
+}
+
+/// The robot's geometry and limits.
+#[derive(Debug, Clone)]
+pub struct Robot {
+    description: RobotDescription,
+    joints: [Joint; JOINTS],
+    arms: [ArmKinematics; ARMS],
+}
+
+impl Robot {
+    /// Prepares a description, which was checked when it was read.
+    pub fn new(description: RobotDescription) -> Self {
+        Self {
+            joints: description.joints(),
+            arms: std::array::from_fn(|i| ArmKinematics::new(&description.arms[i])),
+            description,
+        }
+    }
+
+    /// Returns what the robot was made from.
+    pub fn description(&self) -> &RobotDescription {
+        &self.description
+    }
+
+    /// Returns the limits of all joints.
+    pub fn joints(&self) -> &[Joint; JOINTS] {
+        &self.joints
+    }
+
+    /// Returns an arm's geometry, in the chest's frame; 0 left, 1 right.
+    pub fn arm(&self, arm: usize) -> &ArmKinematics {
+        &self.arms[arm]
+    }
+
+    /// Returns joint angles in which an arm waits: hand half a metre ahead of its shoulder and a little below, open towards the thrower,
+    /// as far as can be from all ends of ranges.
+    pub fn ready(&self, arm: usize) -> [f64; ARM_JOINTS] {
+        let arm = &self.arms[arm];
+        let pose = HandPose {
+            position: arm.shoulder() + Vector3::new(0.5, 0.0, -0.25),
+            rotation: rotation_towards(&Vector3::new(1.0, 0.0, 0.3).normalize(), 0.0),
+        };
+        let mut best = (f64::NEG_INFINITY, [0.0; ARM_JOINTS]);
+        let steps = 36;
+        for hand in 0..steps {
+            let turned = HandPose {
+                rotation: rotation_towards(
+                    &pose.rotation.column(2).into_owned(),
+                    f64::from(hand) * TAU / f64::from(steps),
+                ),
+                ..pose
+            };
+            for elbow in 0..steps {
+                arm.inverse(&turned, f64::from(elbow) * TAU / f64::from(steps), |q| {
+                    let margin = arm.joints.iter().zip(&q).map(|(joint, q)| {
+                        let [low, high] = joint.range;
+                        (q - low).min(high - q) / (high - low)
+                    });
+                    let margin = margin.fold(f64::INFINITY, f64::min);
+                    if margin > best.0 {
+                        best = (margin, q);
+                    }
+                });
+            }
+        }
+        best.1
+    }
+
+    /// Returns the chest in the inertial frame, by the joints alone: what elasticity and slip add is not in it.
+    pub fn chest(&self, q: &[f64; JOINTS]) -> Isometry3<f64> {
+        let torso = &self.description.torso;
+        let [yaw, lower, upper] = [q[1], q[2], q[3]];
+        let forward = torso.lower_length * lower.sin() + torso.upper_length * (lower + upper).sin();
+        let up = torso.lower_pitch_height
+            + torso.lower_length * lower.cos()
+            + torso.upper_length * (lower + upper).cos();
+        let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
+        let position =
+            Vector3::new(0.0, q[joint::PLATFORM], 0.0) + rotation * Vector3::new(forward, 0.0, up);
+        Isometry3::from_parts(Translation3::from(position), rotation)
+    }
+
+    /// Returns the head in the chest's frame.
+    pub fn head(&self, q: &[f64; JOINTS]) -> Isometry3<f64> {
+        let [pan, tilt] = [q[joint::NECK.start], q[joint::NECK.start + 1]];
+        let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), pan)
+            * UnitQuaternion::from_axis_angle(&Vector3::y_axis(), tilt);
+        Isometry3::from_parts(
+            Translation3::new(0.0, 0.0, self.description.neck.height),
+            rotation,
+        )
+    }
+
+    /// Returns pan and tilt with which the head looks at `point` (chest's frame), not limited.
+    pub fn look_at(&self, point: &Vector3<f64>) -> [f64; 2] {
+        let d = point - Vector3::new(0.0, 0.0, self.description.neck.height);
+        [d.y.atan2(d.x), (-d.z).atan2(d.x.hypot(d.y))]
+    }
+}
+
+/// An arm with spherical shoulder and wrist: axes z -y z y z -y z.
+#[derive(Debug, Clone)]
+pub struct ArmKinematics {
+    base: Isometry3<f64>,
+    base_rotation: Matrix3<f64>,
+    shoulder: Vector3<f64>,
+    upper: f64,
+    fore: f64,
+    hand: f64,
+    joints: [Joint; ARM_JOINTS],
+}
+
+impl ArmKinematics {
+    fn new(arm: &Arm) -> Self {
+        let rotation = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), arm.lean);
+        let base = Isometry3::from_parts(Translation3::from(Vector3::from(arm.position)), rotation);
+        Self {
+            base,
+            base_rotation: rotation.to_rotation_matrix().into_inner(),
+            shoulder: base * nalgebra::Point3::new(0.0, 0.0, arm.base_to_shoulder)
+                - nalgebra::Point3::origin(),
+            upper: arm.shoulder_to_elbow,
+            fore: arm.elbow_to_wrist,
+            hand: arm.wrist_to_catch,
+            joints: arm.joints,
+        }
+    }
+
+    /// Returns the limits of the joints.
+    pub fn joints(&self) -> &[Joint; ARM_JOINTS] {
+        &self.joints
+    }
+
+    /// Returns the shoulder, m, chest's frame.
+    pub fn shoulder(&self) -> Vector3<f64> {
+        self.shoulder
+    }
+
+    /// Returns from the shoulder to the farthest catch frame, m.
+    pub fn reach(&self) -> f64 {
+        self.upper + self.fore + self.hand
+    }
+
+    /// Returns where the arm is mounted, in the chest's frame.
+    pub fn base(&self) -> &Isometry3<f64> {
+        &self.base
+    }
+
+    /// Returns the catch frame for joint angles `q`, in the chest's frame.
+    pub fn forward(&self, q: &[f64; ARM_JOINTS]) -> HandPose {
+        let frames = self.frames(q);
+        HandPose {
+            position: frames.catch,
+            rotation: frames.rotation,
+        }
+    }
+
+    /// Returns shoulder, elbow, wrist and catch frame's middle, in the chest's frame.
+    pub fn points(&self, q: &[f64; ARM_JOINTS]) -> [Vector3<f64>; 4] {
+        let frames = self.frames(q);
+        [self.shoulder, frames.elbow, frames.wrist, frames.catch]
+    }
+
+    /// Returns the catch frame and its geometric Jacobian `[6][7]`: velocity of the middle, then rotation rate, per joint rate.
+    pub fn jacobian(&self, q: &[f64; ARM_JOINTS]) -> (HandPose, SMatrix<f64, 6, ARM_JOINTS>) {
+        let frames = self.frames(q);
+        let origins = [
+            self.shoulder,
+            self.shoulder,
+            self.shoulder,
+            frames.elbow,
+            frames.elbow,
+            frames.wrist,
+            frames.wrist,
+        ];
+        let mut jacobian = SMatrix::<f64, 6, ARM_JOINTS>::zeros();
+        for (i, origin) in origins.iter().enumerate() {
+            let axis = frames.axes[i];
+            jacobian
+                .fixed_view_mut::<3, 1>(0, i)
+                .copy_from(&axis.cross(&(frames.catch - origin)));
+            jacobian.fixed_view_mut::<3, 1>(3, i).copy_from(&axis);
+        }
+        let pose = HandPose {
+            position: frames.catch,
+            rotation: frames.rotation,
+        };
+        (pose, jacobian)
+    }
+
+    fn frames(&self, q: &[f64; ARM_JOINTS]) -> Frames {
+        let mut rotation = self.base_rotation;
+        let mut axes = [Vector3::zeros(); ARM_JOINTS];
+        let mut points = [Vector3::zeros(); 3];
+        let mut point = self.shoulder;
+        for i in 0..ARM_JOINTS {
+            let (sin, cos) = q[i].sin_cos();
+            match i {
+                1 | 5 => {
+                    axes[i] = -rotation.column(1);
+                    turn_y(&mut rotation, -sin, cos);
+                }
+                3 => {
+                    axes[i] = rotation.column(1).into_owned();
+                    turn_y(&mut rotation, sin, cos);
+                }
+                _ => {
+                    axes[i] = rotation.column(2).into_owned();
+                    turn_z(&mut rotation, sin, cos);
+                }
+            }
+            let (joint, length) = match i {
+                2 => (0, self.upper),
+                4 => (1, self.fore),
+                6 => (2, self.hand),
+                _ => continue,
+            };
+            point += rotation.column(2) * length;
+            points[joint] = point;
+        }
+        Frames {
+            axes,
+            elbow: points[0],
+            wrist: points[1],
+            catch: points[2],
+            rotation,
+        }
+    }
+
+    /// Calls `found` with every set of joint angles, each within (-pi, pi], that puts the catch frame at `pose` (chest's frame) with the
+    /// elbow at `elbow_angle` on its circle about the line from shoulder to wrist: up to eight. Ranges are not looked at.
+    ///
+    /// There is none where the wrist is out of reach, and where the arm is stretched or folded to less than a milliradian: there the
+    /// circle is a point.
+    pub fn inverse(
+        &self,
+        pose: &HandPose,
+        elbow_angle: f64,
+        mut found: impl FnMut([f64; ARM_JOINTS]),
+    ) {
+        let Some(circle) = self.elbow_circle(pose) else {
+            return;
+        };
+        circle.each(self, elbow_angle, &mut found);
+    }
+
+    /// Returns the circle on which the elbow may lie for a pose, in the arm's base; `None` out of reach.
+    pub fn elbow_circle(&self, pose: &HandPose) -> Option<ElbowCircle> {
+        let rotation = self.base_rotation.transpose() * pose.rotation;
+        let wrist = self.base_rotation.transpose() * (pose.position - self.shoulder)
+            - rotation.column(2) * self.hand;
+        let distance = wrist.norm();
+        let cos = (distance * distance - self.upper * self.upper - self.fore * self.fore)
+            / (2.0 * self.upper * self.fore);
+        // A milliradian of stretch or fold.
+        if cos.is_nan() || cos.abs() >= 1.0 - 5e-7 || distance < 1e-6 {
+            return None;
+        }
+        let axis = wrist / distance;
+        let along = (distance * distance + self.upper * self.upper - self.fore * self.fore)
+            / (2.0 * distance);
+        // Perpendicular to the line, whichever way that points.
+        let helper = if axis.z.abs() < 0.9 {
+            Vector3::z()
+        } else {
+            Vector3::x()
+        };
+        let first = axis.cross(&helper).normalize();
+        Some(ElbowCircle {
+            rotation,
+            wrist,
+            centre: axis * along,
+            first: first * (self.upper * self.upper - along * along).sqrt(),
+            second: axis.cross(&first) * (self.upper * self.upper - along * along).sqrt(),
+            bend: cos.acos(),
+        })
+    }
+
+    /// Returns true if every joint is within its range.
+    pub fn within_ranges(&self, q: &[f64; ARM_JOINTS]) -> bool {
+        q.iter()
+            .zip(&self.joints)
+            .all(|(q, joint)| (joint.range[0]..=joint.range[1]).contains(q))
+    }
+}
+
+/// Where the elbow may lie while the hand stays.
+#[derive(Debug, Clone)]
+pub struct ElbowCircle {
+    rotation: Matrix3<f64>,
+    wrist: Vector3<f64>,
+    centre: Vector3<f64>,
+    first: Vector3<f64>,
+    second: Vector3<f64>,
+    bend: f64,
+}
+
+impl ElbowCircle {
+    /// Calls `found` with the up to eight sets of joint angles for one elbow angle, as [`ArmKinematics::inverse`].
+    pub fn each(
+        &self,
+        arm: &ArmKinematics,
+        elbow_angle: f64,
+        found: &mut impl FnMut([f64; ARM_JOINTS]),
+    ) {
+        let (sin, cos) = elbow_angle.sin_cos();
+        let elbow = self.centre + self.first * cos + self.second * sin;
+        let z = elbow / arm.upper;
+        let fore = (self.wrist - elbow) / arm.fore;
+        let (bend_sin, bend_cos) = self.bend.sin_cos();
+        let x = (fore - z * bend_cos) / bend_sin;
+        for bend_sign in [1.0, -1.0] {
+            // Bent the other way, the upper arm is turned by half a turn about itself.
+            let x = x * bend_sign;
+            let y = z.cross(&x);
+            let upper = Matrix3::from_columns(&[x, y, z]);
+            let mut lower = upper;
+            turn_y(&mut lower, bend_sin * bend_sign, bend_cos);
+            let lower = lower.transpose() * self.rotation;
+            for shoulder in zyz(&upper) {
+                for wrist in zyz(&lower) {
+                    found([
+                        shoulder[0],
+                        shoulder[1],
+                        shoulder[2],
+                        self.bend * bend_sign,
+                        wrist[0],
+                        wrist[1],
+                        wrist[2],
+                    ]);
+                }
+            }
+        }
+    }
+}
+
+struct Frames {
+    axes: [Vector3<f64>; ARM_JOINTS],
+    elbow: Vector3<f64>,
+    wrist: Vector3<f64>,
+    catch: Vector3<f64>,
+    rotation: Matrix3<f64>,
+}
+
+/// `rotation` times a turn about its y axis.
+fn turn_y(rotation: &mut Matrix3<f64>, sin: f64, cos: f64) {
+    let (x, z) = (
+        rotation.column(0).into_owned(),
+        rotation.column(2).into_owned(),
+    );
+    rotation.set_column(0, &(x * cos - z * sin));
+    rotation.set_column(2, &(x * sin + z * cos));
+}
+
+/// `rotation` times a turn about its z axis.
+fn turn_z(rotation: &mut Matrix3<f64>, sin: f64, cos: f64) {
+    let (x, y) = (
+        rotation.column(0).into_owned(),
+        rotation.column(1).into_owned(),
+    );
+    rotation.set_column(0, &(x * cos + y * sin));
+    rotation.set_column(1, &(y * cos - x * sin));
+}
+
+/// Returns both sets of angles with which turns about z, -y, z make `r`. Where the middle one is 0 or pi, the first is 0.
+fn zyz(r: &Matrix3<f64>) -> [[f64; 3]; 2] {
+    let sin = r[(0, 2)].hypot(r[(1, 2)]);
+    if sin < 1e-9 {
+        let middle = if r[(2, 2)] > 0.0 {
+            0.0
+        } else {
+            std::f64::consts::PI
+        };
+        let last = r[(1, 0)].atan2(r[(1, 1)]);
+        return [[0.0, middle, last], [0.0, -middle, last]];
+    }
+    // A turn by b about -y puts z at (-sin b cos a, -sin b sin a, cos b).
+    let middle = sin.atan2(r[(2, 2)]);
+    let first = (-r[(1, 2)]).atan2(-r[(0, 2)]);
+    let last = (-r[(2, 1)]).atan2(r[(2, 0)]);
+    let other = |angle: f64| {
+        if angle > 0.0 {
+            angle - std::f64::consts::PI
+        } else {
+            angle + std::f64::consts::PI
+        }
+    };
+    [[first, middle, last], [other(first), -middle, other(last)]]
+}
+
+/// Returns the rotation whose z axis is `axis` (of length 1), turned by `angle` about it.
+pub fn rotation_towards(axis: &Vector3<f64>, angle: f64) -> Matrix3<f64> {
+    let helper = if axis.z.abs() < 0.9 {
+        Vector3::z()
+    } else {
+        Vector3::x()
+    };
+    let x = helper.cross(axis).normalize();
+    let mut rotation = Matrix3::from_columns(&[x, axis.cross(&x), *axis]);
+    let (sin, cos) = angle.sin_cos();
+    turn_z(&mut rotation, sin, cos);
+    rotation
+}
+
+/// Returns the angle between two rotations, rad.
+pub fn angle_between(a: &Matrix3<f64>, b: &Matrix3<f64>) -> f64 {
+    Rotation3::from_matrix_unchecked(a.transpose() * b).angle()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn robot() -> Robot {
+        Robot::new(RobotDescription::nominal())
+    }
+
+    fn angles() -> impl Strategy<Value = [f64; ARM_JOINTS]> {
+        proptest::array::uniform7(-3.0..3.0f64)
+    }
+
+    /// The product of homogeneous transformations, written out as the description words it.
+    fn by_transformations(arm: &Arm, q: &[f64; ARM_JOINTS]) -> Isometry3<f64> {
+        let about = |axis: nalgebra::Unit<Vector3<f64>>, angle: f64| {
+            Isometry3::from_parts(
+                Translation3::identity(),
+                UnitQuaternion::from_axis_angle(&axis, angle),
+            )
+        };
+        let up = |z: f64| Isometry3::translation(0.0, 0.0, z);
+        let (y, z) = (Vector3::y_axis(), Vector3::z_axis());
+        Isometry3::translation(arm.position[0], arm.position[1], arm.position[2])
+            * about(Vector3::x_axis(), arm.lean)
+            * up(arm.base_to_shoulder)
+            * about(z, q[0])
+            * about(-y, q[1])
+            * about(z, q[2])
+            * up(arm.shoulder_to_elbow)
+            * about(y, q[3])
+            * about(z, q[4])
+            * up(arm.elbow_to_wrist)
+            * about(-y, q[5])
+            * about(z, q[6])
+            * up(arm.wrist_to_catch)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        #[test]
+        fn forward_kinematics_are_the_product_of_transformations(q in angles(), arm in 0..ARMS) {
+            let robot = robot();
+            let expected = by_transformations(&robot.description().arms[arm], &q);
+            let pose = robot.arm(arm).forward(&q);
+            prop_assert!((pose.position - expected.translation.vector).norm() < 1e-12);
+            prop_assert!((pose.rotation - expected.rotation.to_rotation_matrix().into_inner()).norm() < 1e-12);
+        }
+
+        #[test]
+        fn the_way_back_leads_to_the_same_hand(q in angles(), elbow in -3.2..3.2f64, arm in 0..ARMS) {
+            let robot = robot();
+            let arm = robot.arm(arm);
+            let pose = arm.forward(&q);
+            let mut ways = 0;
+            let mut worst: f64 = 0.0;
+            arm.inverse(&pose, elbow, |found| {
+                ways += 1;
+                let there = arm.forward(&found);
+                worst = worst.max((there.position - pose.position).norm()).max((there.rotation - pose.rotation).norm());
+                worst = worst.max(found.iter().map(|q| q.abs() - std::f64::consts::PI).fold(0.0, f64::max));
+            });
+            prop_assume!(q[3].abs() > 2e-3);
+            prop_assert_eq!(ways, 8);
+            prop_assert!(worst < 1e-6, "{}", worst);
+        }
+
+        #[test]
+        fn among_all_elbow_angles_are_the_joint_angles_that_one_came_from(q in angles(), arm in 0..ARMS) {
+            prop_assume!(q[3].abs() > 0.05 && q[1].abs() > 0.05 && q[5].abs() > 0.05);
+            let robot = robot();
+            let arm = robot.arm(arm);
+            let pose = arm.forward(&q);
+            let distance = |elbow: f64| {
+                let mut nearest = f64::INFINITY;
+                arm.inverse(&pose, elbow, |found| {
+                    let d = found.iter().zip(&q).map(|(a, b)| (a - b).sin().abs().max(1.0 - (a - b).cos())).fold(0.0, f64::max);
+                    nearest = nearest.min(d);
+                });
+                nearest
+            };
+            let steps = 240;
+            let at = |i: f64| i * std::f64::consts::TAU / f64::from(steps);
+            let best = (0..steps).map(f64::from).min_by(|a, b| distance(at(*a)).total_cmp(&distance(at(*b)))).unwrap();
+            let (mut low, mut high) = (best - 1.0, best + 1.0);
+            for _ in 0..60 {
+                let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
+                if distance(at(a)) < distance(at(b)) { high = b } else { low = a }
+            }
+            prop_assert!(distance(at(low)) < 1e-4, "{}", distance(at(low)));
+        }
+
+        #[test]
+        fn jacobians_are_differences(q in angles(), arm in 0..ARMS) {
+            let robot = robot();
+            let arm = robot.arm(arm);
+            let (pose, jacobian) = arm.jacobian(&q);
+            let h = 1e-6;
+            for i in 0..ARM_JOINTS {
+                let (mut more, mut less) = (q, q);
+                more[i] += h;
+                less[i] -= h;
+                let (more, less) = (arm.forward(&more), arm.forward(&less));
+                let velocity = (more.position - less.position) / (2.0 * h);
+                prop_assert!((velocity - jacobian.fixed_view::<3, 1>(0, i)).norm() < 1e-8);
+                let spin = (more.rotation - less.rotation) / (2.0 * h) * pose.rotation.transpose();
+                let rate = Vector3::new(spin[(2, 1)], spin[(0, 2)], spin[(1, 0)]);
+                prop_assert!((rate - jacobian.fixed_view::<3, 1>(3, i)).norm() < 1e-8);
+            }
+        }
+
+        #[test]
+        fn a_head_that_looks_at_a_point_has_it_ahead(x in 0.3..5.0f64, y in -2.0..2.0f64, z in -1.0..2.0f64) {
+            let robot = robot();
+            let mut q = [0.0; JOINTS];
+            [q[4], q[5]] = robot.look_at(&Vector3::new(x, y, z));
+            let there = robot.head(&q).inverse() * nalgebra::Point3::new(x, y, z);
+            prop_assert!(there.x > 0.0 && there.y.abs() < 1e-9 && there.z.abs() < 1e-9);
+        }
+    }
+}

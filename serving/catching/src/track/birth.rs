@@ -1,0 +1,256 @@
+//! The birth of a track from one stereo pair: where the ball is, whether disparity and radius agree on it, what is known of its velocity.
+
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+
+use super::camera::{CAMERAS, Camera};
+use super::config::TrackConfig;
+use super::head::{Head, HeadMatrix};
+use super::triangular::lower;
+use super::ukf::{BallState, STATES};
+use crate::flight::GRAVITY;
+
+/// Gauss and Newton's steps; the third one moves by nanometres.
+const STEPS: usize = 3;
+
+/// A ball that may have appeared.
+#[derive(Debug, Clone)]
+pub(super) struct Birth {
+    pub state: BallState,
+    /// Logarithm of the probability density that a ball appears, is found in both pictures and gives these two circles, 1/px^6.
+    pub log_density: f64,
+}
+
+/// Returns the ball that a left and a right circle would be of. `None` if they do not fit together: six numbers, three of which a position
+/// explains; what is left over must be within the gate (rows, radii and disparity agree); or if no ball appears there.
+pub(super) fn birth(
+    cameras: &[Camera; CAMERAS],
+    circles: [&Vector3<f64>; CAMERAS],
+    head: &Head,
+    head_root: &HeadMatrix,
+    config: &TrackConfig,
+) -> Option<Birth> {
+    let variances = config.variances();
+    // Cheap first: rows and radii differ by noise alone.
+    let off = circles[0] - circles[1];
+    let rows = off.y * off.y / (2.0 * variances.y);
+    // Nearly head on, radii are equal; far aside they differ by parts in a hundred.
+    let radii = (off.z.abs() - 0.02 * circles[0].z).max(0.0).powi(2) / (2.0 * variances.z);
+    if rows > config.gate || radii > config.gate || off.x <= 0.0 {
+        return None;
+    }
+    let (seen, covariance, square) = triangulate(cameras, circles, &variances)?;
+    let throws = &config.throws;
+    let p = head.position + head.rotation * seen;
+    let within = (throws.distance[0]..=throws.distance[1]).contains(&seen.norm())
+        && (throws.lowest..=throws.highest).contains(&p.z);
+    if square > config.gate || !within {
+        return None;
+    }
+    let turned = head.rotation * covariance * head.rotation.transpose();
+    let mut state = thrown(&p, &turned, head, config)?;
+    state.born_from(head, head_root);
+    // The integral over all positions, evenly likely in the volume, of the density of six numbers.
+    let log_noise = CAMERAS as f64
+        * variances
+            .iter()
+            .map(|v| (v * std::f64::consts::TAU).ln())
+            .sum::<f64>();
+    let log_position = (covariance * std::f64::consts::TAU).determinant().ln();
+    let log_density = (config.births / throws.volume).ln()
+        + 2.0 * config.detection.ln()
+        + 0.5 * (log_position - log_noise - square);
+    log_density
+        .is_finite()
+        .then_some(Birth { state, log_density })
+}
+
+/// Returns position and covariance in the head's frame by weighted least squares, and the sum of squares that is left.
+fn triangulate(
+    cameras: &[Camera; CAMERAS],
+    circles: [&Vector3<f64>; CAMERAS],
+    variances: &Vector3<f64>,
+) -> Option<(Vector3<f64>, Matrix3<f64>, f64)> {
+    let [left, right] = cameras;
+    let depth = left.focal * (left.offset.y - right.offset.y) / (circles[0].x - circles[1].x);
+    let mut p = left.offset
+        + Vector3::new(
+            depth,
+            (left.size[0] / 2.0 - circles[0].x) * depth / left.focal,
+            (left.size[1] / 2.0 - circles[0].y) * depth / left.focal,
+        );
+    let see = |p: &Vector3<f64>| -> Option<SVector<f64, 6>> {
+        let [a, b] = [left.outline(p)?, right.outline(p)?];
+        Some(SVector::from_iterator(a.iter().chain(b.iter()).copied()))
+    };
+    let found =
+        SVector::<f64, 6>::from_iterator(circles[0].iter().chain(circles[1].iter()).copied());
+    let weights = SVector::<f64, 6>::from_fn(|i, _| 1.0 / variances[i % 3]);
+    let mut covariance = Matrix3::zeros();
+    for _ in 0..STEPS {
+        let mut jacobian = SMatrix::<f64, 6, 3>::zeros();
+        let h = 1e-5;
+        for i in 0..3 {
+            let step = Vector3::ith(i, h);
+            jacobian.set_column(i, &((see(&(p + step))? - see(&(p - step))?) / (2.0 * h)));
+        }
+        let weighted = SMatrix::<f64, 3, 6>::from_fn(|i, j| jacobian[(j, i)] * weights[j]);
+        covariance = (weighted * jacobian).try_inverse()?;
+        p += covariance * (weighted * (found - see(&p)?));
+    }
+    let off = found - see(&p)?;
+    let square = off.component_mul(&off).dot(&weights);
+    (square.is_finite() && p.x > 0.0).then_some((
+        p,
+        (covariance + covariance.transpose()) * 0.5,
+        square,
+    ))
+}
+
+/// Returns a ball at `p` that was thrown at the robot: towards it at a speed within what is usual, up as fast as it takes to get there.
+fn thrown(
+    p: &Vector3<f64>,
+    covariance: &Matrix3<f64>,
+    head: &Head,
+    config: &TrackConfig,
+) -> Option<BallState> {
+    let throws = &config.throws;
+    let to_aim = head.position + Vector3::from(throws.aim) - p;
+    let distance = to_aim.xy().norm().max(0.2);
+    let ahead = Vector3::new(to_aim.x, to_aim.y, 0.0) / to_aim.xy().norm();
+    if !ahead.x.is_finite() {
+        return None;
+    }
+    let aside = Vector3::z().cross(&ahead);
+    let [towards, spread] = throws.towards;
+    let time = distance / towards;
+    let rise = to_aim.z / time + GRAVITY * time / 2.0;
+    // A slower ball must fly higher.
+    let rise_by_speed = to_aim.z / distance - GRAVITY * distance / (2.0 * towards * towards);
+    // No ball is faster sideways than forward.
+    let sideways = (throws.spread[0] / time).min(towards / 2.0);
+    let upward = (throws.spread[1] / time).min(towards / 2.0);
+    let mut columns = SMatrix::<f64, STATES, { 2 * STATES }>::zeros();
+    let position = covariance.cholesky()?.unpack();
+    columns.fixed_view_mut::<3, 3>(0, 0).copy_from(&position);
+    let mut velocity = columns.fixed_view_mut::<3, 3>(3, 3);
+    velocity.set_column(
+        0,
+        &(ahead * spread + Vector3::z() * (rise_by_speed * spread)),
+    );
+    velocity.set_column(1, &(aside * sideways));
+    velocity.set_column(2, &(Vector3::z() * upward));
+    columns[(6, 6)] = config.drag[1];
+    for i in 7..STATES {
+        columns[(i, i)] = config.lift;
+    }
+    let v = ahead * towards + Vector3::z() * rise;
+    let x = SVector::from_iterator(p.iter().chain(v.iter()).copied().chain([
+        config.drag[0],
+        0.0,
+        0.0,
+        0.0,
+    ]));
+    Some(BallState::new(x, lower(columns)))
+}
+
+/// Returns true unless a ball is, by more than three standard deviations, none that was thrown at the robot: too slow or too fast, or
+/// flying too high.
+pub(super) fn is_throw(state: &BallState, config: &TrackConfig) -> bool {
+    let throws = &config.throws;
+    let covariance = state.covariance();
+    let (v, speed) = (state.v(), state.v().norm());
+    let velocity = covariance.fixed_view::<3, 3>(3, 3);
+    let sigma = 3.0 * (v.transpose() * velocity * v)[0].max(0.0).sqrt() / speed.max(1e-3);
+    let rise = v.z.max(0.0);
+    let apex = state.x[2] + rise * rise / (2.0 * GRAVITY);
+    // By height and, through `v_z / g`, by velocity.
+    let by_velocity = rise / GRAVITY;
+    let apex_variance = covariance[(2, 2)]
+        + 2.0 * by_velocity * covariance[(2, 5)]
+        + by_velocity * by_velocity * covariance[(5, 5)];
+    speed + sigma > throws.speed[0]
+        && speed - sigma < throws.speed[1]
+        && apex - 3.0 * apex_variance.max(0.0).sqrt() < throws.highest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use tactnet_catching_packets::RobotDescription;
+    use tactnet_catching_packets::packets::HeadPose;
+
+    fn cameras() -> [Camera; 2] {
+        Camera::pair(&RobotDescription::nominal().cameras)
+    }
+
+    fn head() -> Head {
+        Head::new(&HeadPose {
+            t_ns: 0,
+            position: [0.1, 0.0, 1.45],
+            quaternion: [0.0, 0.0, 0.0, 1.0],
+            velocity: [0.0; 3],
+            accelerometer_bias: [0.0; 3],
+            gyroscope_bias: [0.0; 3],
+            covariance: [[0.0; 15]; 15],
+        })
+        .unwrap()
+    }
+
+    fn born(circles: [Vector3<f64>; 2]) -> Option<Birth> {
+        let head = head();
+        birth(
+            &cameras(),
+            [&circles[0], &circles[1]],
+            &head,
+            &head.root(),
+            &TrackConfig::default(),
+        )
+    }
+
+    proptest! {
+        #[test]
+        fn a_ball_is_born_where_it_is(x in 1.0..7.0f64, y in -0.4..0.4f64, z in -0.2..0.3f64) {
+            let seen = Vector3::new(x, y * x, z * x);
+            let p = head().position + seen;
+            prop_assume!(seen.norm() < 7.9 && (0.3..4.0).contains(&p.z));
+            let state = born(cameras().map(|camera| camera.outline(&seen).unwrap())).unwrap().state;
+            prop_assert!((state.p() - p).norm() < 1e-6, "{}", (state.p() - p).norm());
+            prop_assert!(state.v().x < -3.0 && state.covariance().cholesky().is_some());
+        }
+    }
+
+    #[test]
+    fn circles_that_disagree_on_the_depth_are_no_ball() {
+        let seen = Vector3::new(4.0, 0.3, 0.2);
+        let circles = cameras().map(|camera| camera.outline(&seen).unwrap());
+        assert!(born(circles).is_some());
+        for change in [
+            // Rows, radii against each other, radii against disparity.
+            [Vector3::y() * 3.0, Vector3::zeros()],
+            [Vector3::z() * 3.0, Vector3::zeros()],
+            [Vector3::z() * 3.0, Vector3::z() * 3.0],
+            [Vector3::x() * 30.0, Vector3::zeros()],
+            [Vector3::x() * -150.0, Vector3::zeros()],
+        ] {
+            assert!(
+                born([circles[0] + change[0], circles[1] + change[1]]).is_none(),
+                "{change:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn what_stands_still_or_flies_too_high_is_no_throw() {
+        let state = |v: [f64; 3]| {
+            let x =
+                SVector::from_row_slice(&[4.0, 0.0, 1.5, v[0], v[1], v[2], 0.03, 0.0, 0.0, 0.0]);
+            BallState::new(x, SMatrix::identity() * 0.1)
+        };
+        let config = TrackConfig::default();
+        assert!(is_throw(&state([-5.0, 0.0, 3.0]), &config));
+        assert!(!is_throw(&state([0.0, 0.0, 0.0]), &config));
+        assert!(!is_throw(&state([-11.0, 0.0, 0.0]), &config));
+        assert!(!is_throw(&state([-2.0, 0.0, 8.5]), &config));
+    }
+}

@@ -1,0 +1,146 @@
+//! What a camera sees of a ball: the exact outline of a sphere.
+//!
+//! For a sphere of radius `R` at distance `d`, `theta` off the optical axis, with `beta = asin(R / d)`, the outline is an ellipse with its
+//! centre at `f sin 2theta / (cos 2theta + cos 2beta)`, radial semi-axis `f sin 2beta / (cos 2theta + cos 2beta)` and tangential
+//! semi-axis `f R / sqrt(z^2 - R^2)`. With `z = d cos theta` the denominators are `2 (z^2 - R^2) / d^2`, so that no angle is needed. The
+//! radius of a circle is the mean of both semi-axes.
+
+use nalgebra::{Matrix3, Vector3};
+use tactnet_catching_packets::Cameras;
+
+use super::head::Head;
+use crate::flight::BALL_RADIUS;
+
+/// Cameras of the head: left, right.
+pub(crate) const CAMERAS: usize = 2;
+
+/// A camera in the head, which looks along the head's x axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Camera {
+    /// Where it is, head's frame, m.
+    pub offset: Vector3<f64>,
+    /// Focal length, pixels.
+    pub focal: f64,
+    /// Width and height of the picture, pixels.
+    pub size: [f64; 2],
+}
+
+impl Camera {
+    /// Returns the left and the right one.
+    pub fn pair(cameras: &Cameras) -> [Self; CAMERAS] {
+        let centre = Vector3::from(cameras.centre);
+        [0.5, -0.5].map(|side| Self {
+            offset: centre + Vector3::y() * (side * cameras.baseline),
+            focal: cameras.focal,
+            size: [f64::from(cameras.width), f64::from(cameras.height)],
+        })
+    }
+
+    /// Returns the circle (u, v, r), pixels, of a ball at `ball`, head's frame, m; `None` unless all of it is before the camera.
+    pub fn outline(&self, ball: &Vector3<f64>) -> Option<Vector3<f64>> {
+        let seen = ball - self.offset;
+        let depth = seen.x * seen.x - BALL_RADIUS * BALL_RADIUS;
+        if !(seen.x > BALL_RADIUS && depth.is_finite()) {
+            return None;
+        }
+        let scale = self.focal * seen.x / depth;
+        let tangential = self.focal * BALL_RADIUS / depth.sqrt();
+        let radial = self.focal * BALL_RADIUS / depth
+            * (seen.norm_squared() - BALL_RADIUS * BALL_RADIUS).sqrt();
+        Some(Vector3::new(
+            self.size[0] / 2.0 - scale * seen.y,
+            self.size[1] / 2.0 - scale * seen.z,
+            (tangential + radial) / 2.0,
+        ))
+    }
+
+    /// Returns by how many pixels a centre is inside of the picture; negative outside.
+    pub fn inside(&self, circle: &Vector3<f64>) -> f64 {
+        let [width, height] = self.size;
+        [circle.x, width - circle.x, circle.y, height - circle.y]
+            .into_iter()
+            .fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// A camera where the head is now.
+#[derive(Debug, Clone, Copy)]
+pub struct View {
+    /// The camera.
+    pub camera: Camera,
+    /// From the inertial frame to the head's.
+    to_head: Matrix3<f64>,
+    /// Of the head's frame, inertial frame, m.
+    head: Vector3<f64>,
+    velocity: Vector3<f64>,
+}
+
+impl View {
+    /// Returns what a camera sees from a head.
+    pub fn new(camera: Camera, head: &Head) -> Self {
+        Self {
+            camera,
+            to_head: head.rotation.transpose(),
+            head: head.position,
+            velocity: head.velocity,
+        }
+    }
+
+    /// Returns the circle of a ball at `p`, inertial frame, m.
+    pub fn see(&self, p: &Vector3<f64>) -> Option<Vector3<f64>> {
+        self.camera.outline(&(self.to_head * (p - self.head)))
+    }
+
+    /// Returns how far a ball's circle moves in `dt` seconds, pixels.
+    pub fn motion(&self, p: &Vector3<f64>, v: &Vector3<f64>, dt: f64) -> Option<Vector3<f64>> {
+        let half = (v - self.velocity) * (dt / 2.0);
+        Some(self.see(&(p + half))? - self.see(&(p - half))?)
+    }
+
+    /// Returns where a ball is, seen from the head's origin, inertial directions, m.
+    pub fn from_head(&self, p: &Vector3<f64>) -> Vector3<f64> {
+        p - self.head
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use tactnet_catching_packets::RobotDescription;
+
+    fn left() -> Camera {
+        Camera::pair(&RobotDescription::nominal().cameras)[0]
+    }
+
+    proptest! {
+        /// As the angles say, and as tangent rays do: the ellipse's ends along and across the radial direction lie on the sphere's cone.
+        #[test]
+        fn outlines_are_those_of_the_angles(x in 0.3..7.0f64, y in -2.0..2.0f64, z in -2.0..2.0f64) {
+            let camera = left();
+            let seen = Vector3::new(x, y, z);
+            let circle = camera.outline(&(seen + camera.offset)).unwrap();
+            let theta = y.hypot(z).atan2(x);
+            let beta = (BALL_RADIUS / seen.norm()).asin();
+            let away = camera.focal * (2.0 * theta).sin() / ((2.0 * theta).cos() + (2.0 * beta).cos());
+            let radial = camera.focal * (2.0 * beta).sin() / ((2.0 * theta).cos() + (2.0 * beta).cos());
+            let tangential = camera.focal * BALL_RADIUS / (x * x - BALL_RADIUS * BALL_RADIUS).sqrt();
+            prop_assert!(((circle.x - 800.0).hypot(circle.y - 625.0) - away).abs() < 1e-6 * (1.0 + away));
+            prop_assert!((circle.z - (radial + tangential) / 2.0).abs() < 1e-6 * circle.z);
+            // Both ends on the radial line: tan (theta +- beta).
+            let ends = [away + radial, away - radial].map(|u| u / camera.focal);
+            prop_assert!((ends[0] - (theta + beta).tan()).abs() < 1e-6 * (1.0 + ends[0].abs()));
+            prop_assert!((ends[1] - (theta - beta).tan()).abs() < 1e-6 * (1.0 + ends[1].abs()));
+        }
+    }
+
+    #[test]
+    fn left_is_up_to_less_pixels_and_up_is_to_less() {
+        let camera = left();
+        let circle = camera
+            .outline(&(camera.offset + Vector3::new(2.0, 0.5, 0.3)))
+            .unwrap();
+        assert!(circle.x < 800.0 && circle.y < 625.0);
+        assert!(camera.outline(&(camera.offset - Vector3::x())).is_none());
+    }
+}

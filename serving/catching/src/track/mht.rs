@@ -1,0 +1,575 @@
+//! The multiple hypothesis tracker (Reid 1979, Cox and Hingorani 1996).
+//!
+//! A hypothesis weighs, relative to one that takes all circles for clutter of density `c`: for each of its tracks, with existence `e` and
+//! detection `d`, `e d N / c` where it has a circle of density `N`, `1 - e d` where it has none; for each birth the density of its pair,
+//! over `c^2`. Within a hypothesis a track that has a circle exists; one that has none exists with `e (1 - d) / (1 - e d)`. Summed over
+//! all hypotheses this is the probability that there is such a ball. What was the best hypothesis some pictures ago is taken for true
+//! (N-scan pruning).
+//!
+//! Tracks are shared between hypotheses: every circle updates every track once at most.
+
+use nalgebra::Vector3;
+use tactnet_catching_packets::RobotDescription;
+use tactnet_catching_packets::packets::MAX_CIRCLES;
+
+use super::birth::{Birth, birth, is_throw};
+use super::camera::{CAMERAS, Camera, View};
+use super::config::TrackConfig;
+use super::head::{Head, HeadDrift};
+use super::murty::{Costs, KBest};
+use super::ukf::{BallState, Sight};
+use crate::flight::BALL_RADIUS;
+
+/// Most hypotheses.
+pub(super) const MOST_HYPOTHESES: usize = 64;
+/// Most pictures before the best hypothesis is taken for true.
+pub(super) const MOST_SCANS: usize = 8;
+/// Most tracks of a hypothesis.
+const MOST_TRACKS: usize = 8;
+/// Most pairs of circles that may be new balls.
+const MOST_BIRTHS: usize = 64;
+/// A track that probably does not exist ends.
+const LEAST_EXISTENCE: f64 = 0.01;
+/// Nearer than this before the head, m, a ball has passed.
+const PASSED: f64 = 0.1;
+/// No circle, no track.
+const NONE: u16 = u16::MAX;
+
+/// A ball, if a hypothesis is right.
+#[derive(Debug, Clone)]
+pub(super) struct Track {
+    pub state: BallState,
+    /// Its birth; the same in all hypotheses.
+    pub root: u64,
+    /// Probability that it still exists.
+    pub existence: f64,
+    /// Pairs of pictures that it was found in both of.
+    pub frames: u32,
+    found: [bool; CAMERAS],
+    visible: bool,
+    /// Since when no camera can see it, s.
+    unseen: f64,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Hypothesis {
+    log_weight: f64,
+    tracks: [u16; MOST_TRACKS],
+    count: usize,
+    /// Left circles that have a track.
+    used: u32,
+    /// Itself and its ancestors, picture by picture.
+    history: [u64; MOST_SCANS + 1],
+}
+
+impl Hypothesis {
+    fn tracks(&self) -> &[u16] {
+        &self.tracks[..self.count]
+    }
+
+    fn keep(&mut self, keep: impl Fn(u16) -> bool) {
+        let mut count = 0;
+        for i in 0..self.count {
+            if keep(self.tracks[i]) {
+                self.tracks[count] = self.tracks[i];
+                count += 1;
+            }
+        }
+        self.count = count;
+    }
+
+    fn push(&mut self, track: u16) {
+        if track != NONE && self.count < MOST_TRACKS {
+            self.tracks[self.count] = track;
+            self.count += 1;
+        }
+    }
+}
+
+/// What one assignment makes of a hypothesis.
+#[derive(Debug, Clone, Copy)]
+struct Child {
+    parent: usize,
+    log_weight: f64,
+    /// Circle of each track.
+    circles: [u16; MOST_TRACKS],
+    /// Births, by candidate.
+    births: [u16; MOST_TRACKS],
+    born: usize,
+}
+
+/// A pair of circles that may be a new ball.
+#[derive(Debug, Clone)]
+struct Candidate {
+    left: usize,
+    right: usize,
+    birth: Birth,
+    /// Its track, once a hypothesis has it.
+    track: u16,
+}
+
+/// All hypotheses, best first, with their tracks.
+#[derive(Debug, Clone)]
+pub(super) struct Hypotheses {
+    config: TrackConfig,
+    cameras: [Camera; CAMERAS],
+    exposure: f64,
+    log_clutter: f64,
+    tracks: Vec<Track>,
+    updated: Vec<Track>,
+    hypotheses: Vec<Hypothesis>,
+    children: Vec<Child>,
+    candidates: Vec<Candidate>,
+    sights: Vec<Option<Sight>>,
+    /// Logarithm of what a circle adds to a track's hypothesis, by track and circle.
+    gains: Vec<f64>,
+    /// The same if it has none.
+    misses: Vec<f64>,
+    /// Updated tracks, by track and circle, none last.
+    memo: Vec<u16>,
+    costs: Costs,
+    best: KBest,
+    roots: u64,
+    ids: u64,
+}
+
+impl Hypotheses {
+    pub fn new(robot: &RobotDescription, config: &TrackConfig) -> Self {
+        let most = MOST_HYPOTHESES * MOST_TRACKS;
+        let [width, height] = Camera::pair(&robot.cameras)[0].size;
+        let radii = config.clutter_radius[1] - config.clutter_radius[0];
+        let mut hypotheses = Vec::with_capacity(MOST_HYPOTHESES);
+        hypotheses.push(Hypothesis {
+            log_weight: 0.0,
+            tracks: [NONE; MOST_TRACKS],
+            count: 0,
+            used: 0,
+            history: [0; MOST_SCANS + 1],
+        });
+        Self {
+            config: *config,
+            cameras: Camera::pair(&robot.cameras),
+            exposure: robot.cameras.exposure,
+            log_clutter: (config.clutter / (width * height * radii)).ln(),
+            tracks: Vec::with_capacity(most),
+            updated: Vec::with_capacity(most),
+            hypotheses,
+            children: Vec::with_capacity(MOST_HYPOTHESES + 1),
+            candidates: Vec::with_capacity(MOST_BIRTHS),
+            sights: Vec::with_capacity(most),
+            gains: vec![0.0; most * MAX_CIRCLES],
+            misses: vec![0.0; most],
+            memo: vec![NONE; most * (MAX_CIRCLES + 1)],
+            costs: Costs::default(),
+            best: KBest::new(config.assignments),
+            roots: 0,
+            ids: 0,
+        }
+    }
+
+    /// Forgets all tracks.
+    pub fn clear(&mut self) {
+        self.tracks.clear();
+        self.hypotheses.truncate(1);
+        let only = &mut self.hypotheses[0];
+        (only.log_weight, only.count) = (0.0, 0);
+    }
+
+    /// Takes a pair of pictures, `dt` s after the last one. Does not allocate.
+    pub fn frame(
+        &mut self,
+        circles: [&[Vector3<f64>]; CAMERAS],
+        head: &Head,
+        drift: Option<(&HeadDrift, f64)>,
+    ) {
+        let dt = drift.map_or(0.0, |(_, dt)| dt);
+        if let Some((drift, dt)) = drift {
+            for track in &mut self.tracks {
+                track.existence *= self.config.survival;
+                if track.state.predict(dt, drift, &self.config).is_none() {
+                    track.existence = 0.0;
+                }
+            }
+            // What no longer is a filter must not be asked for circles.
+            self.drop_tracks(|track| track.existence > 0.0);
+        }
+        for track in &mut self.tracks {
+            (track.found, track.visible) = ([false; CAMERAS], false);
+        }
+        self.candidates.clear();
+        self.scan(0, circles[0], head);
+        self.seek_births(circles, head);
+        self.scan(1, circles[1], head);
+        for track in &mut self.tracks {
+            track.frames += u32::from(track.found == [true; CAMERAS]);
+            track.unseen = if track.visible {
+                0.0
+            } else {
+                track.unseen + dt
+            };
+        }
+        let config = self.config;
+        self.drop_tracks(|track| {
+            let ahead = (head.rotation.transpose() * (track.state.p() - head.position)).x;
+            let flies = track.state.x[2] > BALL_RADIUS && ahead > PASSED;
+            let exists = track.existence > LEAST_EXISTENCE && track.unseen < config.longest_unseen;
+            flies && exists && is_throw(&track.state, &config)
+        });
+        self.prune();
+    }
+
+    /// Returns the tracks of the best hypothesis.
+    pub fn best(&self) -> impl Iterator<Item = &Track> {
+        let best = self.hypotheses[0].tracks();
+        best.iter().map(|track| &self.tracks[usize::from(*track)])
+    }
+
+    /// Returns the probability that a ball exists.
+    pub fn existence(&self, root: u64) -> f64 {
+        let existence = |hypothesis: &Hypothesis| {
+            let tracks = hypothesis
+                .tracks()
+                .iter()
+                .map(|track| &self.tracks[usize::from(*track)]);
+            let of_root = tracks
+                .filter(|track| track.root == root)
+                .map(|track| track.existence);
+            hypothesis.log_weight.exp() * of_root.sum::<f64>()
+        };
+        self.hypotheses.iter().map(existence).sum()
+    }
+
+    /// Returns how many hypotheses and tracks there are.
+    #[cfg(test)]
+    pub fn counts(&self) -> [usize; 2] {
+        [self.hypotheses.len(), self.tracks.len()]
+    }
+
+    fn drop_tracks(&mut self, keep: impl Fn(&Track) -> bool) {
+        let Self {
+            tracks, hypotheses, ..
+        } = self;
+        for hypothesis in hypotheses {
+            hypothesis.keep(|track| keep(&tracks[usize::from(track)]));
+        }
+    }
+
+    /// Gives the circles of one picture to the tracks of every hypothesis, in the best ways.
+    fn scan(&mut self, camera: usize, circles: &[Vector3<f64>], head: &Head) {
+        self.compare(camera, circles, head);
+        self.assign(circles.len());
+        self.apply(camera, circles);
+    }
+
+    /// Compares every track with every circle.
+    fn compare(&mut self, camera: usize, circles: &[Vector3<f64>], head: &Head) {
+        let view = View::new(self.cameras[camera], head);
+        self.sights.clear();
+        for (i, track) in self.tracks.iter_mut().enumerate() {
+            let sight = track.state.sight(&view, &self.config, self.exposure);
+            let detection = sight.as_ref().map_or(0.0, |sight| {
+                let inside = view.camera.inside(&sight.circle) / (3.0 * sight.sigma);
+                // At the edge, either is as probable.
+                self.config.detection * ((inside + 1.0) / 2.0).clamp(0.0, 1.0)
+            });
+            track.visible |= detection > 0.0;
+            let found = track.existence * detection;
+            self.misses[i] = (1.0 - found).ln();
+            for (j, circle) in circles.iter().enumerate() {
+                self.gains[i * MAX_CIRCLES + j] = match &sight {
+                    Some(sight) if found > 0.0 => {
+                        let (square, log_density) = sight.distance(circle);
+                        if square <= self.config.gate {
+                            found.ln() + log_density - self.log_clutter - self.misses[i]
+                        } else {
+                            f64::NEG_INFINITY
+                        }
+                    }
+                    _ => f64::NEG_INFINITY,
+                };
+            }
+            self.sights.push(sight);
+        }
+    }
+
+    /// Finds the pairs of circles that may be new balls; a left circle that a track has is no obstacle in other hypotheses.
+    fn seek_births(&mut self, circles: [&[Vector3<f64>]; CAMERAS], head: &Head) {
+        let root = head.root();
+        for (left, a) in circles[0].iter().enumerate() {
+            for (right, b) in circles[1].iter().enumerate() {
+                if self.candidates.len() == MOST_BIRTHS {
+                    return;
+                }
+                if let Some(birth) = birth(&self.cameras, [a, b], head, &root, &self.config) {
+                    self.candidates.push(Candidate {
+                        left,
+                        right,
+                        birth,
+                        track: NONE,
+                    });
+                }
+            }
+        }
+    }
+
+    /// Finds the best children of all hypotheses together.
+    fn assign(&mut self, count: usize) {
+        let Self {
+            config,
+            hypotheses,
+            children,
+            candidates,
+            gains,
+            misses,
+            costs,
+            best,
+            log_clutter,
+            ..
+        } = self;
+        let least = config.least_weight.ln();
+        children.clear();
+        for (parent, hypothesis) in hypotheses.iter().enumerate() {
+            let tracks = hypothesis.tracks();
+            let base =
+                hypothesis.log_weight + tracks.iter().map(|t| misses[usize::from(*t)]).sum::<f64>();
+            let free = |candidate: &&Candidate| hypothesis.used >> candidate.left & 1 == 0;
+            let gain = |track: u16, circle: usize| gains[usize::from(track) * MAX_CIRCLES + circle];
+            // Circles that could be anything but clutter have a row each.
+            let mut rows = [0; MAX_CIRCLES];
+            let mut number = 0;
+            for circle in 0..count {
+                if tracks.iter().any(|track| gain(*track, circle).is_finite())
+                    || candidates
+                        .iter()
+                        .filter(free)
+                        .any(|candidate| candidate.right == circle)
+                {
+                    rows[number] = circle;
+                    number += 1;
+                }
+            }
+            // Columns: tracks, left circles, clutter for each row.
+            let lefts = tracks.len();
+            let clutter = lefts
+                + if candidates.is_empty() {
+                    0
+                } else {
+                    MAX_CIRCLES
+                };
+            costs.reset(number, clutter + number);
+            for (row, circle) in rows[..number].iter().enumerate() {
+                for (column, track) in tracks.iter().enumerate() {
+                    costs.set(row, column, -gain(*track, *circle));
+                }
+                for candidate in candidates
+                    .iter()
+                    .filter(free)
+                    .filter(|candidate| candidate.right == *circle)
+                {
+                    costs.set(
+                        row,
+                        lefts + candidate.left,
+                        2.0 * *log_clutter - candidate.birth.log_density,
+                    );
+                }
+                costs.set(row, clutter + row, 0.0);
+            }
+            best.each(costs, |cost, columns| {
+                let log_weight = base - cost;
+                let bar = children
+                    .first()
+                    .map_or(f64::NEG_INFINITY, |child| child.log_weight + least);
+                let full = children.len() == config.hypotheses;
+                if log_weight < bar
+                    || (full
+                        && children
+                            .last()
+                            .is_some_and(|last| log_weight <= last.log_weight))
+                {
+                    return false;
+                }
+                let mut child = Child {
+                    parent,
+                    log_weight,
+                    circles: [NONE; MOST_TRACKS],
+                    births: [NONE; MOST_TRACKS],
+                    born: 0,
+                };
+                for (row, column) in columns
+                    .iter()
+                    .map(|column| usize::from(*column))
+                    .enumerate()
+                {
+                    if column < lefts {
+                        child.circles[column] = rows[row] as u16;
+                    } else if column < clutter && child.born < MOST_TRACKS {
+                        let pair = |candidate: &Candidate| {
+                            (candidate.left, candidate.right) == (column - lefts, rows[row])
+                        };
+                        if let Some(born) = candidates.iter().position(pair) {
+                            child.births[child.born] = born as u16;
+                            child.born += 1;
+                        }
+                    }
+                }
+                let place = children.partition_point(|other| other.log_weight >= log_weight);
+                children.truncate(config.hypotheses - 1);
+                children.insert(place.min(children.len()), child);
+                true
+            });
+        }
+        if let Some(best) = children.first().map(|child| child.log_weight) {
+            children.retain(|child| child.log_weight >= best + least);
+        }
+    }
+
+    /// Turns children into hypotheses, with updated tracks.
+    fn apply(&mut self, camera: usize, circles: &[Vector3<f64>]) {
+        self.updated.clear();
+        self.memo[..self.tracks.len() * (MAX_CIRCLES + 1)].fill(NONE);
+        let mut parents = [self.hypotheses[0]; MOST_HYPOTHESES];
+        parents[..self.hypotheses.len()].copy_from_slice(&self.hypotheses);
+        self.hypotheses.clear();
+        for i in 0..self.children.len() {
+            let child = self.children[i];
+            let parent = parents[child.parent];
+            let mut hypothesis = Hypothesis {
+                log_weight: child.log_weight,
+                count: 0,
+                used: 0,
+                ..parent
+            };
+            for (track, circle) in parent.tracks().iter().zip(child.circles) {
+                hypothesis.push(self.updated_track(usize::from(*track), circle, camera, circles));
+                if circle != NONE {
+                    hypothesis.used |= 1 << circle;
+                }
+            }
+            for candidate in &child.births[..child.born] {
+                let candidate = &mut self.candidates[usize::from(*candidate)];
+                if candidate.track == NONE {
+                    candidate.track = self.updated.len() as u16;
+                    self.updated.push(Track {
+                        state: candidate.birth.state.clone(),
+                        root: self.roots,
+                        existence: 1.0,
+                        frames: 0,
+                        found: [true; CAMERAS],
+                        visible: true,
+                        unseen: 0.0,
+                    });
+                    self.roots += 1;
+                }
+                hypothesis.push(candidate.track);
+            }
+            self.hypotheses.push(hypothesis);
+        }
+        std::mem::swap(&mut self.tracks, &mut self.updated);
+    }
+
+    /// Returns the track after one circle, or none; made when it is first asked for.
+    fn updated_track(
+        &mut self,
+        track: usize,
+        circle: u16,
+        camera: usize,
+        circles: &[Vector3<f64>],
+    ) -> u16 {
+        let missed = circle == NONE;
+        let place = track * (MAX_CIRCLES + 1)
+            + if missed {
+                MAX_CIRCLES
+            } else {
+                usize::from(circle)
+            };
+        if self.memo[place] != NONE || self.updated.len() == self.updated.capacity() {
+            return self.memo[place];
+        }
+        let mut after = self.tracks[track].clone();
+        if missed {
+            // What is left of 1 - e d, of e (1 - d).
+            let neither = self.misses[track].exp();
+            after.existence = 1.0 - (1.0 - after.existence) / neither;
+        } else {
+            after.existence = 1.0;
+            after.found[camera] = true;
+            let sight = self.sights[track].as_ref();
+            if sight
+                .and_then(|sight| after.state.update(sight, &circles[usize::from(circle)]))
+                .is_none()
+            {
+                return NONE;
+            }
+        }
+        self.memo[place] = self.updated.len() as u16;
+        self.updated.push(after);
+        self.memo[place]
+    }
+
+    /// Joins hypotheses that have become the same, drops improbable ones, settles what lies back far enough, and forgets tracks that no
+    /// hypothesis has.
+    fn prune(&mut self) {
+        let Self {
+            hypotheses,
+            tracks,
+            config,
+            ids,
+            ..
+        } = self;
+        // Parents come in order of weight, and so do children; joining keeps the better one.
+        let mut kept = 0;
+        for i in 0..hypotheses.len() {
+            let hypothesis = hypotheses[i];
+            if let Some(same) = hypotheses[..kept]
+                .iter_mut()
+                .find(|other| other.tracks() == hypothesis.tracks())
+            {
+                let (a, b) = (same.log_weight, hypothesis.log_weight);
+                same.log_weight = a.max(b) + (-(a - b).abs()).exp().ln_1p();
+            } else {
+                hypotheses[kept] = hypothesis;
+                kept += 1;
+            }
+        }
+        hypotheses.truncate(kept);
+        hypotheses.sort_unstable_by(|a, b| {
+            b.log_weight
+                .total_cmp(&a.log_weight)
+                .then_with(|| a.tracks().cmp(b.tracks()))
+        });
+        for hypothesis in hypotheses.iter_mut() {
+            hypothesis.history.rotate_right(1);
+            hypothesis.history[0] = *ids;
+            *ids += 1;
+        }
+        let settled = hypotheses[0].history[config.scans];
+        let least = hypotheses[0].log_weight + config.least_weight.ln();
+        hypotheses.retain(|h| h.history[config.scans] == settled && h.log_weight >= least);
+        let most = hypotheses[0].log_weight;
+        let sum = hypotheses
+            .iter()
+            .map(|h| (h.log_weight - most).exp())
+            .sum::<f64>();
+        for hypothesis in hypotheses.iter_mut() {
+            hypothesis.log_weight -= most + sum.ln();
+        }
+        let mut kept = 0;
+        for i in 0..tracks.len() {
+            let old = i as u16;
+            if !hypotheses.iter().any(|h| h.tracks().contains(&old)) {
+                continue;
+            }
+            tracks.swap(kept, i);
+            for hypothesis in hypotheses.iter_mut() {
+                let count = hypothesis.count;
+                for track in &mut hypothesis.tracks[..count] {
+                    if *track == old {
+                        *track = kept as u16;
+                    }
+                }
+            }
+            kept += 1;
+        }
+        tracks.truncate(kept);
+    }
+}

@@ -1,0 +1,19 @@
+//! Errors of trials.
+
+use tactnet_catching::pose::PoseError;
+use tactnet_catching::track::TrackError;
+use tactnet_catching_world::WorldError;
+
+/// Why a trial cannot be run.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum TrialError {
+    /// Settings of the world make no sense.
+    #[error(transparent)]
+    World(#[from] WorldError),
+    /// The head's pose cannot be estimated.
+    #[error(transparent)]
+    Pose(#[from] PoseError),
+    /// Balls cannot be tracked.
+    #[error(transparent)]
+    Track(#[from] TrackError),
+}

@@ -1,0 +1,45 @@
+//! Throw series in stepped time and benchmarks of planner and tracker: the stack and the world together.
+//!
+//! A [`Series`] runs throw after throw, tick by tick, with every delay as configured, and repeats to the bit: the world says what is sensed,
+//! the stack where joints are to be and when hands close, the world's judge what was caught. An [`Oracle`] that knows the true flight says
+//! which balls could have been.
+
+mod bound;
+mod chi_square;
+mod error;
+mod look_ahead;
+mod oracle;
+mod page;
+mod peer_circles;
+mod peer_problems;
+mod perception;
+mod plan_bench;
+mod problems;
+mod quantiles;
+mod series;
+mod still_head;
+mod throw;
+mod timing;
+mod trace;
+mod track_bench;
+mod wilson;
+
+pub use bound::{Bound, bounds};
+pub use error::TrialError;
+pub use look_ahead::LookAhead;
+pub use oracle::Oracle;
+pub use page::series_page;
+pub use peer_circles::{
+    PeerCameras, PeerCircles, PeerFilter, PeerPair, PeerPrediction, PeerState, PeerStep, PeerThrow,
+    PeerTrack, peer_circles,
+};
+pub use peer_problems::{PeerAnswer, PeerProblem, peer_problems};
+pub use plan_bench::{PlanBench, PlanReport};
+pub use problems::{PlanProblem, plan_problem};
+pub use quantiles::Quantiles;
+pub use series::{AHEAD, Series, SeriesReport};
+pub use throw::{BallOutcome, ThrowConfig, ThrowOutcome};
+pub use timing::{Ablation, Timing};
+pub use trace::{Trace, TracePlan, TraceTick};
+pub use track_bench::{TrackBench, TrackFigures, TrackReport};
+pub use wilson::wilson;

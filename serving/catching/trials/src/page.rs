@@ -1,0 +1,320 @@
+//! A series as a page: rates, errors before the catch, one throw drawn.
+
+use std::fmt::Write;
+
+use nalgebra::Vector3;
+use tactnet_catching::Robot;
+use tactnet_catching::flight::{DRAG, Flight};
+use tactnet_catching_packets::{ARMS, joint};
+use tactnet_plot::{
+    Axes, Axis, STYLE as FIGURE_STYLE, Series as Curve, escape, figure, legend, theme,
+};
+
+use crate::bound::{Bound, bounds};
+use crate::error::TrialError;
+use crate::look_ahead::LookAhead;
+use crate::series::{Series, SeriesReport};
+use crate::trace::Trace;
+
+const STYLE: &str = "
+html{color-scheme:light dark}
+body{font:16px/1.5 system-ui,sans-serif;color:var(--ink);background:var(--ground);max-width:60rem;margin:2rem auto;padding:0 1rem}
+.headline{font-size:1.25rem}figure{margin:1rem 0}figcaption{color:var(--muted);font-size:.9rem}
+.scroll{overflow-x:auto}table{border-collapse:collapse;font-size:.9rem}td,th{padding:.15rem .8rem .15rem 0;text-align:left;border-bottom:1px solid var(--rule)}";
+
+const WIDTH: f64 = 640.0;
+const LEFT: f64 = 56.0;
+/// What plans cost that are no exact catch, and more.
+const NEAR_MISS: f64 = 10.0;
+
+/// Returns a page that needs no network.
+///
+/// # Errors
+/// As the series: the drawn throw is run again.
+pub fn series_page(series: &Series, report: &SeriesReport) -> Result<String, TrialError> {
+    let mut html = format!(
+        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\
+         <title>Balls caught</title><style>{}{FIGURE_STYLE}{STYLE}</style><h1>Balls caught</h1>",
+        theme()
+    );
+    headline(&mut html, report);
+    if let Some(errors) = errors(series, report) {
+        let _ = write!(html, "<h2>How well flights are predicted</h2>{errors}");
+    }
+    if let Some((number, trace)) = series.drawn(report)? {
+        let _ = write!(
+            html,
+            "<h2>Throw {number}</h2>{}",
+            throw(&trace, &series.config.robot)
+        );
+    }
+    html.push_str("</html>\n");
+    Ok(html)
+}
+
+fn headline(html: &mut String, report: &SeriesReport) {
+    let what = if report.balls == 1 {
+        "balls"
+    } else {
+        "pairs of balls"
+    };
+    let _ = write!(
+        html,
+        "<p class=\"headline\">{} of {} {what} in the catch space were caught: {:.1} % [{:.1}, {:.1}].</p>\
+         <p>That is {:.1} % of all {} throws (seed {}); a simulation in stepped time, {:.0} ms from exposure to path. The interval is \
+         Wilson's, 95 %.{}</p>",
+        report.caught,
+        report.in_catch_space,
+        100.0 * report.rate,
+        100.0 * report.ci95_low,
+        100.0 * report.ci95_high,
+        100.0 * report.over_all_throws,
+        report.throws,
+        report.seed,
+        1e3 * (report.timing.to_prediction() + report.timing.to_path()),
+        if report.perfect_perception {
+            " Head and balls were known from the truth."
+        } else {
+            ""
+        }
+    );
+    if let (Some(across), Some(along), Some(least), Some(least_along)) = (
+        report.across_mm_rms_200ms,
+        report.along_ms_rms_200ms,
+        report.across_mm_bound,
+        report.along_ms_bound,
+    ) {
+        let _ = write!(
+            html,
+            "<p>Predicted 200 ms before the catch: {across:.1} mm across the flight and {along:.2} ms along it (root mean squares). No \
+             filter could do better than {least:.1} mm and {least_along:.2} ms with a head that stands still and balls without spin.</p>"
+        );
+    }
+    if !report.without.is_empty() {
+        let parts: Vec<String> = report
+            .without
+            .iter()
+            .map(|part| part.name().to_string())
+            .collect();
+        let _ = write!(html, "<p>Left out: {}.</p>", escape(&parts.join(", ")));
+    }
+    if !report.misses.is_empty() {
+        html.push_str(
+            "<div class=\"scroll\" tabindex=\"0\"><table><tr><th>Missed because<th>Balls</tr>",
+        );
+        for (cause, count) in &report.misses {
+            let _ = write!(html, "<tr><td>{}<td>{count}</tr>", escape(cause));
+        }
+        html.push_str("</table></div>");
+    }
+}
+
+/// Root mean squares of errors in bins of a picture's time, the filter's own and the bound.
+fn errors(series: &Series, report: &SeriesReport) -> Option<String> {
+    let all: Vec<&LookAhead> = report
+        .outcomes
+        .iter()
+        .flat_map(|outcome| &outcome.balls)
+        .flat_map(|ball| &ball.predictions)
+        .collect();
+    let frame = 1.0 / series.config.robot.description().cameras.rate;
+    let rms = |left: f64, of: &dyn Fn(&LookAhead) -> f64| {
+        let squares: Vec<f64> = all
+            .iter()
+            .filter(|a| (a.left - left).abs() <= frame / 2.0)
+            .map(|a| of(a).powi(2))
+            .collect();
+        (squares.len() >= 5).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+    };
+    let lefts: Vec<f64> = (0..16).map(|i| frame * (f64::from(i) + 1.0)).collect();
+    let curve = |of: &dyn Fn(&LookAhead) -> f64| -> Vec<(f64, f64)> {
+        lefts
+            .iter()
+            .filter_map(|left| Some((1e3 * left, rms(*left, of)?.max(1e-3))))
+            .collect()
+    };
+    if curve(&|a| a.across_mm).len() < 2 {
+        return None;
+    }
+    let bound = typical_bound(&series.config.robot);
+    let of_bound = |of: &dyn Fn(&Bound) -> f64| -> Vec<(f64, f64)> {
+        bound
+            .iter()
+            .filter(|b| b.left <= 0.65)
+            .map(|b| (1e3 * b.left, of(b)))
+            .collect()
+    };
+    let across = [
+        curve(&|a| a.across_mm),
+        curve(&|a| a.sigma_across_mm),
+        of_bound(&|b| b.across_mm),
+    ];
+    let along = [
+        curve(&|a| a.along_ms),
+        curve(&|a| a.sigma_along_ms),
+        of_bound(&|b| b.along_ms),
+    ];
+    let names = [
+        "error",
+        "what the filter says",
+        "bound of Cramer and Rao, still head, a typical throw",
+    ];
+    Some(format!(
+        "<figure>{}<figcaption>Root mean square of the prediction's error across the flight, over the time from its last picture to the \
+         catch.</figcaption></figure><figure>{}<figcaption>The same along the flight.</figcaption></figure>{}",
+        over_time("Error across the flight", "across [mm]", &across)?,
+        over_time("Error along the flight", "along [ms]", &along)?,
+        legend(&names)
+    ))
+}
+
+/// The bound of a throw from 5 m with 7 m/s.
+fn typical_bound(robot: &Robot) -> Vec<Bound> {
+    let release = Flight {
+        p: Vector3::new(5.6, 0.0, 1.5),
+        v: Vector3::new(-6.6, 0.1, 2.6),
+        k: DRAG,
+        lift: Vector3::zeros(),
+    };
+    let zeros = [0.0; tactnet_catching_packets::JOINTS];
+    let head = robot.chest(&zeros) * robot.head(&zeros);
+    bounds(&release, 0.02, 0.8, &head, &robot.description().cameras)
+}
+
+fn over_time(title: &str, label: &str, curves: &[Vec<(f64, f64)>]) -> Option<String> {
+    let axes = Axes {
+        left: LEFT,
+        top: 12.0,
+        width: WIDTH - LEFT - 16.0,
+        height: 240.0,
+        horizontal: Axis::linear("time to the catch [ms]", 0.0..=650.0, 100.0),
+        vertical: Axis::decades(label, curves.iter().flatten().map(|(_, value)| *value))?,
+    };
+    let lines: String = curves
+        .iter()
+        .enumerate()
+        .map(|(i, points)| axes.line(Curve::nth(i), points, 1))
+        .collect();
+    Some(figure(WIDTH, 300.0, title, &(axes.grid() + &lines)))
+}
+
+fn throw(trace: &Trace, robot: &Robot) -> String {
+    let Some(last) = trace.ticks.last() else {
+        return String::new();
+    };
+    let end = (last.t * 10.0).ceil() / 10.0;
+    let arm = trace.plans.last().map_or(0, |plan| plan.arm);
+    let mut html = String::new();
+    let side = |of: usize, label: &str, range: std::ops::RangeInclusive<f64>| {
+        let axes = Axes {
+            left: LEFT,
+            top: 12.0,
+            width: WIDTH - LEFT - 16.0,
+            height: 200.0,
+            horizontal: Axis::linear("before the robot [m]", -0.5..=6.5, 1.0),
+            vertical: Axis::linear(label, range, 0.5),
+        };
+        let every = |points: Vec<(f64, f64)>| -> Vec<(f64, f64)> {
+            points.into_iter().step_by(10).collect()
+        };
+        let ball = every(
+            trace
+                .ticks
+                .iter()
+                .filter_map(|tick| tick.balls[0].map(|p| (p.x, p[of])))
+                .collect(),
+        );
+        let other = every(
+            trace
+                .ticks
+                .iter()
+                .filter_map(|tick| tick.balls[1].map(|p| (p.x, p[of])))
+                .collect(),
+        );
+        let hands: [Vec<(f64, f64)>; ARMS] = std::array::from_fn(|arm| {
+            every(
+                trace
+                    .ticks
+                    .iter()
+                    .map(|tick| (tick.hands[arm].x, tick.hands[arm][of]))
+                    .collect(),
+            )
+        });
+        let lines = [ball, hands[0].clone(), hands[1].clone(), other];
+        let lines: String = lines
+            .iter()
+            .enumerate()
+            .filter(|(_, line)| !line.is_empty())
+            .map(|(i, line)| axes.line(Curve::nth(i), line, 4))
+            .collect();
+        figure(WIDTH, 260.0, "Ball and hands", &(axes.grid() + &lines))
+    };
+    let _ = write!(
+        html,
+        "<figure>{}<figcaption>Ball and hands from the side,</figcaption></figure><figure>{}<figcaption>and from above; a marker every 40 ms.\
+         </figcaption></figure>{}",
+        side(2, "height [m]", 0.0..=3.0),
+        side(1, "to the left [m]", -1.5..=1.5),
+        legend(&["ball", "left hand", "right hand"])
+    );
+    let rates = Axes {
+        left: LEFT,
+        top: 12.0,
+        width: WIDTH - LEFT - 16.0,
+        height: 240.0,
+        horizontal: Axis::linear("time since the throw [s]", 0.0..=end, 0.2),
+        vertical: Axis::linear("joint rate [rad/s]", -3.0..=3.0, 1.0),
+    };
+    let mut lines = rates.grid();
+    for (i, index) in joint::ARM[arm].clone().enumerate() {
+        let of = |rates: fn(&crate::trace::TraceTick) -> &[f64]| -> Vec<(f64, f64)> {
+            trace
+                .ticks
+                .iter()
+                .step_by(4)
+                .map(|tick| (tick.t, rates(tick)[index]))
+                .collect()
+        };
+        lines += &rates.path(Curve::nth(i), &of(|tick| &tick.commanded));
+        lines += &format!(
+            "<g class=\"faint\">{}</g>",
+            rates.path(Curve::nth(i), &of(|tick| &tick.measured))
+        );
+    }
+    let names: Vec<String> = (1..=robot.arm(arm).joints().len())
+        .map(|i| format!("joint {i}"))
+        .collect();
+    let _ = write!(
+        html,
+        "<figure>{}<figcaption>Joint rates of the arm that catches: commanded, and faintly as measured. Kinks are corrections.</figcaption>\
+         </figure>{}",
+        figure(WIDTH, 300.0, "Joint rates", &lines),
+        legend(&names)
+    );
+    let costs: Vec<(f64, f64)> = trace
+        .plans
+        .iter()
+        .filter(|plan| plan.arm == arm && plan.cost < NEAR_MISS)
+        .map(|plan| (plan.t, plan.cost))
+        .collect();
+    if costs.len() > 1 {
+        let most = costs.iter().map(|(_, cost)| *cost).fold(0.1, f64::max);
+        let axes = Axes {
+            vertical: Axis::linear("cost of the plan", 0.0..=(most * 5.0).ceil() / 5.0, 0.2),
+            height: 140.0,
+            ..rates
+        };
+        let _ = write!(
+            html,
+            "<figure>{}<figcaption>What each plan that was carried out cost: with the soft objective, the share of its acceleration that the \
+             arm needs. Plans that could only come near are left out.</figcaption></figure>",
+            figure(
+                WIDTH,
+                200.0,
+                "Cost of plans",
+                &(axes.grid() + &axes.line(Curve::nth(0), &costs, 1))
+            )
+        );
+    }
+    html
+}

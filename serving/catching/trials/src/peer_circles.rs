@@ -1,0 +1,341 @@
+//! The same circles for other trackers: what cameras see of throws, where to begin, and what ours makes of it.
+
+use std::time::Instant;
+
+use nalgebra::{SMatrix, SVector, Vector3};
+use serde::Serialize;
+use tactnet_catching::Robot;
+use tactnet_catching::flight::{BALL_RADIUS, GRAVITY};
+use tactnet_catching::track::{BallState, Head, STATES, TrackConfig};
+use tactnet_catching_packets::packets::{BallPrediction, Circles, HeadPose};
+
+use crate::error::TrialError;
+use crate::look_ahead::Said;
+use crate::still_head::{Detectors, StillThrow};
+
+/// Throws with all that their models need. SI units, pixels; inertial frame.
+#[derive(Debug, Clone, Serialize)]
+pub struct PeerCircles {
+    /// Of throws, noise and clutter.
+    pub seed: u64,
+    /// The cameras.
+    pub cameras: PeerCameras,
+    /// Gravity less buoyancy, over the mass with the air that the ball moves, m/s^2.
+    pub gravity: f64,
+    /// Radius of the ball, m.
+    pub ball_radius: f64,
+    /// Settings of our tracker, the same for all throws.
+    pub config: TrackConfig,
+    /// The throws.
+    pub throws: Vec<PeerThrow>,
+}
+
+/// Two cameras that look along the head's x axis; y is to the left, z up.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct PeerCameras {
+    /// Where the left and the right one are, head's frame, m.
+    pub offsets: [[f64; 3]; 2],
+    /// Focal length, pixels.
+    pub focal: f64,
+    /// Width and height of a picture, pixels.
+    pub size: [f64; 2],
+    /// Exposure, s.
+    pub exposure: f64,
+}
+
+/// One ball, seen from a head that stands still.
+#[derive(Debug, Clone, Serialize)]
+pub struct PeerThrow {
+    /// Its number in the series.
+    pub number: u64,
+    /// Position of the head, m.
+    pub head: [f64; 3],
+    /// Rotation from the head's frame to the inertial one, row by row.
+    pub head_rotation: [[f64; 3]; 3],
+    /// When the ball is to be caught, ns.
+    pub catch_ns: u64,
+    /// Where it truly is then, m.
+    pub p: [f64; 3],
+    /// Its true velocity then, m/s.
+    pub v: [f64; 3],
+    /// With detectors that find the ball alone; `None` if our tracker never reported it.
+    pub alone: Option<PeerFilter>,
+    /// With clutter and misses; `None` if our tracker did not report the ball before what it is judged by.
+    pub cluttered: Option<PeerTrack>,
+}
+
+/// Position, velocity, drag and lift, with their covariance.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct PeerState {
+    /// Of when, ns.
+    pub t_ns: u64,
+    /// m, m/s, 1/m, 1/s.
+    pub x: [f64; STATES],
+    /// Row by row.
+    pub covariance: [[f64; STATES]; STATES],
+}
+
+/// One filter of which is known which circles are its ball's.
+#[derive(Debug, Clone, Serialize)]
+pub struct PeerFilter {
+    /// Where it begins: our tracker's first report.
+    pub start: PeerState,
+    /// The pictures after that.
+    pub pairs: Vec<PeerStep>,
+}
+
+/// A pair of pictures with a ball and nothing else, and our filter after it.
+#[derive(Debug, Clone, Serialize)]
+pub struct PeerStep {
+    /// u, v, r, pixels, left and right; `None` where the ball is not in the picture.
+    pub circles: [Option<[f64; 3]>; 2],
+    /// Ours, at the time of the pictures.
+    pub ours: PeerState,
+    /// How long ours took, microseconds.
+    pub us: f64,
+}
+
+/// A tracker that is told where its ball is once.
+#[derive(Debug, Clone, Serialize)]
+pub struct PeerTrack {
+    /// Where it begins: our tracker's first report.
+    pub start: PeerState,
+    /// The pictures after that, up to the last ones at least 200 ms before the catch.
+    pub pairs: Vec<PeerPair>,
+    /// Ours after the last pair; `None` if it lost the ball.
+    pub ours: Option<PeerPrediction>,
+}
+
+/// All circles of a pair of pictures.
+#[derive(Debug, Clone, Serialize)]
+pub struct PeerPair {
+    /// When they were taken, ns.
+    pub t_ns: u64,
+    /// u, v, r, pixels, left and right.
+    pub circles: [Vec<[f64; 3]>; 2],
+    /// How long our tracker took, microseconds.
+    pub us: f64,
+}
+
+/// What our tracker says after the last pair, and how wrong that is at the catch.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct PeerPrediction {
+    /// Its state.
+    pub state: PeerState,
+    /// Across the flight, mm.
+    pub across_mm: f64,
+    /// Along the flight, ms; early is negative.
+    pub along_ms: f64,
+    /// Normalised squared error of the position.
+    pub nees: f64,
+}
+
+/// Returns the first `count` throws of a seed, the same as those of a [`TrackBench`](crate::TrackBench). `progress` is told how many
+/// are done.
+///
+/// # Errors
+/// Where the robot's description or a setting of the tracker makes no sense.
+pub fn peer_circles(
+    robot: &Robot,
+    config: TrackConfig,
+    seed: u64,
+    count: usize,
+    mut progress: impl FnMut(usize),
+) -> Result<PeerCircles, TrialError> {
+    let cameras = &robot.description().cameras;
+    let mut throws = Vec::with_capacity(count);
+    for number in 0..count as u64 {
+        throws.push(peer_throw(robot, config, seed, number)?);
+        progress(throws.len());
+    }
+    let [left, right] = tactnet_catching::track::Camera::pair(cameras);
+    Ok(PeerCircles {
+        seed,
+        cameras: PeerCameras {
+            offsets: [left.offset.into(), right.offset.into()],
+            focal: left.focal,
+            size: left.size,
+            exposure: cameras.exposure,
+        },
+        gravity: GRAVITY,
+        ball_radius: BALL_RADIUS,
+        config,
+        throws,
+    })
+}
+
+fn peer_throw(
+    robot: &Robot,
+    config: TrackConfig,
+    seed: u64,
+    number: u64,
+) -> Result<PeerThrow, TrialError> {
+    let alone = StillThrow::new(robot, Detectors::Perfect, seed, number)?;
+    let cluttered = StillThrow::new(robot, Detectors::Usual, seed, number)?;
+    let head = head(&alone.pairs[0].head);
+    Ok(PeerThrow {
+        number,
+        head: head.position.into(),
+        head_rotation: std::array::from_fn(|i| std::array::from_fn(|j| head.rotation[(i, j)])),
+        catch_ns: alone.catch_ns,
+        p: alone.catch.p.into(),
+        v: alone.catch.v.into(),
+        alone: filtered(&alone, robot, config)?,
+        cluttered: tracked(&cluttered, robot, config)?,
+    })
+}
+
+/// Follows a ball, circle by circle, with the filter alone.
+fn filtered(
+    throw: &StillThrow,
+    robot: &Robot,
+    config: TrackConfig,
+) -> Result<Option<PeerFilter>, TrialError> {
+    let said = throw.track(robot, config)?.said;
+    let Some(start) = said.first().map(reported) else {
+        return Ok(None);
+    };
+    let root = covariance(&start).cholesky();
+    let root = root.expect("a reported covariance is positive").unpack();
+    let mut state = BallState::new(SVector::from(start.x), root);
+    let mut pairs = Vec::new();
+    let all = throw.pairs.windows(2);
+    for pair in all.filter(|pair| pair[0].t_ns() >= start.t_ns) {
+        let heads = [head(&pair[0].head), head(&pair[1].head)];
+        let circles = pair[1].circles.each_ref().map(only);
+        let begun = Instant::now();
+        let followed = state.follow(
+            robot.description(),
+            &config,
+            heads.each_ref(),
+            circles.each_ref().map(Option::as_ref),
+        );
+        let us = begun.elapsed().as_secs_f64() * 1e6;
+        // Too near to be seen.
+        if followed.is_none() {
+            break;
+        }
+        let covariance = state.covariance();
+        pairs.push(PeerStep {
+            circles: circles.map(|circle| circle.map(Into::into)),
+            ours: PeerState {
+                t_ns: pair[1].t_ns(),
+                x: state.x.into(),
+                covariance: std::array::from_fn(|i| std::array::from_fn(|j| covariance[(i, j)])),
+            },
+            us,
+        });
+    }
+    Ok(Some(PeerFilter { start, pairs }))
+}
+
+/// Tracks a ball among clutter.
+fn tracked(
+    throw: &StillThrow,
+    robot: &Robot,
+    config: TrackConfig,
+) -> Result<Option<PeerTrack>, TrialError> {
+    let tracked = throw.track(robot, config)?;
+    let first = tracked.said.first().map(reported);
+    let Some((start, judged_ns)) = first.zip(throw.judged_ns()) else {
+        return Ok(None);
+    };
+    if start.t_ns >= judged_ns {
+        return Ok(None);
+    }
+    let pairs = throw.pairs.iter().zip(&tracked.micros);
+    Ok(Some(PeerTrack {
+        start,
+        pairs: pairs
+            .filter(|(pair, _)| (start.t_ns + 1..=judged_ns).contains(&pair.t_ns()))
+            .map(|(pair, us)| PeerPair {
+                t_ns: pair.t_ns(),
+                circles: pair.circles.each_ref().map(all),
+                us: *us,
+            })
+            .collect(),
+        ours: throw.ahead(&tracked).map(|(said, ahead)| PeerPrediction {
+            state: reported(said),
+            across_mm: ahead.across_mm,
+            along_ms: ahead.along_ms,
+            nees: ahead.nees,
+        }),
+    }))
+}
+
+fn head(pose: &HeadPose) -> Head {
+    Head::new(pose).expect("the world's head has a pose")
+}
+
+fn all(circles: &Circles) -> Vec<[f64; 3]> {
+    let circles = circles.valid().iter();
+    circles
+        .map(|circle| [circle.u, circle.v, circle.r])
+        .collect()
+}
+
+/// Returns the circle of a picture that shows the ball and nothing else.
+fn only(circles: &Circles) -> Option<Vector3<f64>> {
+    let circle = circles.valid().first()?;
+    Some(Vector3::new(circle.u, circle.v, circle.r))
+}
+
+fn reported(said: &Said) -> PeerState {
+    let BallPrediction {
+        t_ns,
+        p,
+        v,
+        k,
+        lift,
+        covariance,
+        ..
+    } = said.prediction;
+    PeerState {
+        t_ns,
+        x: [
+            p[0], p[1], p[2], v[0], v[1], v[2], k, lift[0], lift[1], lift[2],
+        ],
+        covariance,
+    }
+}
+
+fn covariance(state: &PeerState) -> SMatrix<f64, STATES, STATES> {
+    SMatrix::from_fn(|i, j| state.covariance[i][j])
+}
+
+#[cfg(test)]
+mod tests {
+    use tactnet_catching_packets::RobotDescription;
+
+    use super::*;
+
+    /// Where the tracker gives a ball all of its circles, the filter alone ends where the tracker does.
+    #[test]
+    fn the_filter_alone_is_the_tracker_without_clutter() {
+        let robot = Robot::new(RobotDescription::nominal());
+        let config = TrackConfig {
+            // No circle is taken for clutter.
+            gate: 100.0,
+            ..TrackConfig::default()
+        };
+        for number in 0..3 {
+            let throw = StillThrow::new(&robot, Detectors::Perfect, 2, number).unwrap();
+            let said = throw.track(&robot, config).unwrap().said;
+            let filter = filtered(&throw, &robot, config).unwrap().unwrap();
+            let mut compared = 0;
+            for step in &filter.pairs {
+                let Some(said) = said.iter().find(|said| said.exposure_ns == step.ours.t_ns) else {
+                    continue;
+                };
+                let of_tracker = reported(said);
+                for i in 0..STATES {
+                    let sigma = step.ours.covariance[i][i].sqrt();
+                    // Roots of the first covariance differ by rounding.
+                    assert!((step.ours.x[i] - of_tracker.x[i]).abs() < 1e-6 * sigma);
+                }
+                compared += 1;
+            }
+            assert!(compared > 8, "{compared}");
+        }
+    }
+}

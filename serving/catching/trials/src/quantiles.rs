@@ -1,0 +1,51 @@
+//! Median, 99th percentile and maximum of a measure.
+
+use serde::Serialize;
+
+/// What a benchmark says of many values.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Quantiles {
+    /// Median.
+    pub p50: f64,
+    /// 99th percentile.
+    pub p99: f64,
+    /// The greatest.
+    pub max: f64,
+}
+
+impl Quantiles {
+    /// Returns those of some values; `None` of none.
+    pub fn of(mut values: Vec<f64>) -> Option<Self> {
+        values.sort_by(f64::total_cmp);
+        let max = *values.last()?;
+        // The least value that a share of all are not above.
+        let at = |share: f64| {
+            values[((share * values.len() as f64).ceil() as usize).clamp(1, values.len()) - 1]
+        };
+        Some(Self {
+            p50: at(0.5),
+            p99: at(0.99),
+            max,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_are_values_that_a_share_is_not_above() {
+        let of = |n: i32| Quantiles::of((1..=n).rev().map(f64::from).collect()).unwrap();
+        assert_eq!(
+            of(100),
+            Quantiles {
+                p50: 50.0,
+                p99: 99.0,
+                max: 100.0
+            }
+        );
+        assert_eq!(of(1).p99, 1.0);
+        assert_eq!(Quantiles::of(Vec::new()), None);
+    }
+}

@@ -1,0 +1,408 @@
+//! One throw in stepped time: world and stack tick by tick, every delay as configured.
+
+use std::collections::VecDeque;
+
+use nalgebra::Isometry3;
+use tactnet_catching::Robot;
+use tactnet_catching::coordinate::{
+    CatchState, Coordinator, CoordinatorConfig, PlanRequest, Planned,
+};
+use tactnet_catching::flight::Flight;
+use tactnet_catching::plan::{PlanConfig, Planner};
+use tactnet_catching_packets::packets::JointCommand;
+use tactnet_catching_packets::{ARMS, JOINTS, joint};
+use tactnet_catching_world::{FlightSample, TICK_NS, Verdict, World, WorldConfig};
+
+use crate::bound::{Bound, bounds};
+use crate::error::TrialError;
+use crate::look_ahead::{LookAhead, SAME_BALL, Said, as_flight, true_at};
+use crate::oracle::Oracle;
+use crate::perception::Perception;
+use crate::series::AHEAD;
+use crate::timing::{Ablation, Timing};
+use crate::trace::{Trace, TracePlan};
+
+/// The robot stands this long before the throw, s: its inertial unit finds its bias.
+const REST: f64 = 1.0;
+/// A throw is over this long after it, at the latest, s.
+const LONGEST: f64 = 2.5;
+/// Pictures that the oracle waits for.
+const FIRST_PICTURES: f64 = 3.0;
+
+/// What is the same for all throws of a series.
+#[derive(Debug, Clone)]
+pub struct ThrowConfig {
+    /// The robot as the stack knows it.
+    pub robot: Robot,
+    /// The world.
+    pub world: WorldConfig,
+    /// Delays.
+    pub timing: Timing,
+    /// What is left out.
+    pub without: Vec<Ablation>,
+    /// Balls at once.
+    pub balls: usize,
+    /// Where head and balls are is taken from the truth, not from the sensors.
+    pub perfect_perception: bool,
+    /// The hands close this much later than the stack says, s: to see that the judge judges.
+    pub closing_error: f64,
+}
+
+/// What became of a ball, and what was said of it before.
+#[derive(Debug, Clone)]
+pub struct BallOutcome {
+    /// The judge's word; `None` if the throw ended before it came.
+    pub verdict: Option<Verdict>,
+    /// Arms with which the oracle can catch it.
+    pub arms: [bool; ARMS],
+    /// True if it was predicted.
+    pub tracked: bool,
+    /// True if an arm was on its way to it.
+    pub planned: bool,
+    /// All predictions of it, if it crossed a hand's plane.
+    pub predictions: Vec<LookAhead>,
+    /// The last one 200 ms before that or more.
+    pub ahead: Option<LookAhead>,
+    /// What of that no filter could do without, of this very flight, had the head stood still and the ball no spin.
+    pub bound: Option<Bound>,
+}
+
+impl BallOutcome {
+    /// Returns true if it was caught.
+    pub fn caught(&self) -> bool {
+        self.verdict.is_some_and(|verdict| verdict.caught())
+    }
+}
+
+/// What happened in a throw.
+#[derive(Debug, Clone)]
+pub struct ThrowOutcome {
+    /// Its number.
+    pub number: u64,
+    /// Its balls, in the order in which they were thrown.
+    pub balls: Vec<BallOutcome>,
+    /// Plans that found nothing.
+    pub no_plans: u64,
+}
+
+struct Answers {
+    due_ns: u64,
+    answers: Vec<Planned>,
+}
+
+/// A throw when it is over.
+struct Finished<'a> {
+    world: &'a World,
+    perception: &'a Perception,
+    coordinator: &'a Coordinator,
+    said: &'a [Said],
+}
+
+impl ThrowConfig {
+    /// Returns true if that is left out.
+    pub fn is_without(&self, ablation: Ablation) -> bool {
+        self.without.contains(&ablation)
+    }
+
+    /// Returns true if platform and torso move; with two balls only the arms do, as in the thesis.
+    pub fn moves_lower_body(&self) -> bool {
+        self.balls == 1 && !self.is_without(Ablation::LowerBody)
+    }
+
+    /// Returns the joints in which the robot waits.
+    pub fn ready(&self) -> [f64; JOINTS] {
+        ready(&self.robot)
+    }
+
+    /// Runs throw `number` of a series.
+    ///
+    /// # Errors
+    /// Where settings of the world or the stack make no sense.
+    pub fn run(
+        &self,
+        seed: u64,
+        number: u64,
+        ready: &[f64; JOINTS],
+        oracle: &Oracle,
+    ) -> Result<ThrowOutcome, TrialError> {
+        self.simulate(seed, number, ready, oracle, None)
+    }
+
+    /// The same, with what happened tick by tick.
+    ///
+    /// # Errors
+    /// As [`ThrowConfig::run`].
+    pub fn trace(
+        &self,
+        seed: u64,
+        number: u64,
+        ready: &[f64; JOINTS],
+        oracle: &Oracle,
+    ) -> Result<(ThrowOutcome, Trace), TrialError> {
+        let mut trace = Trace::default();
+        let outcome = self.simulate(seed, number, ready, oracle, Some(&mut trace))?;
+        Ok((outcome, trace))
+    }
+
+    fn simulate(
+        &self,
+        seed: u64,
+        number: u64,
+        ready: &[f64; JOINTS],
+        oracle: &Oracle,
+        mut trace: Option<&mut Trace>,
+    ) -> Result<ThrowOutcome, TrialError> {
+        let seed = world_seed(seed, number);
+        let mut world = World::new(self.robot.description(), &self.world, seed, ready)?;
+        let mut perception = Perception::new(self)?;
+        let planners = self.planners();
+        let mut coordinator = Coordinator::new(self.robot.clone(), self.coordination(), *ready);
+        let mut answers: VecDeque<Answers> = VecDeque::new();
+        let mut said: Vec<Said> = Vec::new();
+        let (rest_ticks, ticks) = (ticks(REST), ticks(REST + LONGEST));
+        let ahead_ns = nanoseconds(self.timing.drives);
+        for tick in 0..ticks {
+            let now_ns = tick * TICK_NS;
+            if tick == rest_ticks {
+                world.throw(self.balls);
+            }
+            let since = tick as f64 * 1e-3 - REST;
+            while let Some(due) = answers.pop_front_if(|answer| answer.due_ns <= now_ns) {
+                coordinator.planned(&due.answers);
+                if let Some(trace) = &mut trace {
+                    trace.plans.extend(
+                        due.answers
+                            .iter()
+                            .filter_map(|answer| carried_out(answer, &coordinator, since)),
+                    );
+                }
+            }
+            while let Some(seen) = perception.predictions(now_ns)? {
+                said.extend(seen.said());
+                let requests = coordinator.predictions(now_ns, &seen.predictions, &seen.chest);
+                let asked: Vec<Planned> = requests
+                    .iter()
+                    .flatten()
+                    .map(|request| answer(&planners, request, !self.is_without(Ablation::NearMiss)))
+                    .collect();
+                if !asked.is_empty() {
+                    answers.push_back(Answers {
+                        due_ns: now_ns + nanoseconds(self.timing.to_path()),
+                        answers: asked,
+                    });
+                }
+            }
+            // For the moment at which it takes effect.
+            let (q, dq) = coordinator.tick(now_ns + ahead_ns);
+            let command = JointCommand {
+                number: tick,
+                command_ns: now_ns,
+                q,
+                dq,
+            };
+            let mut hands = *coordinator.hands();
+            for hand in hands.iter_mut().flatten() {
+                hand.catch_ns = hand
+                    .catch_ns
+                    .saturating_add_signed((self.closing_error * 1e9) as i64);
+            }
+            let sensed = *world.step(&command, &hands);
+            if let Some(trace) = trace.as_mut().filter(|_| tick >= rest_ticks) {
+                trace.tick(since, &self.robot, &world.truth(), &command, &sensed);
+            }
+            perception.sense(
+                &sensed,
+                &world.truth(),
+                coordinator.state() == CatchState::Armed,
+            )?;
+            if tick > rest_ticks && world.verdicts().len() == self.balls {
+                break;
+            }
+        }
+        let balls = (0..self.balls as u64)
+            .map(|ball| {
+                let run = Finished {
+                    world: &world,
+                    perception: &perception,
+                    coordinator: &coordinator,
+                    said: &said,
+                };
+                self.outcome(&run, ball, ready, oracle)
+            })
+            .collect();
+        Ok(ThrowOutcome {
+            number,
+            balls,
+            no_plans: coordinator.no_plans(),
+        })
+    }
+
+    fn planners(&self) -> [Planner; ARMS] {
+        let all = PlanConfig::default();
+        let config = PlanConfig {
+            starts: if self.is_without(Ablation::Multistart) {
+                1
+            } else {
+                all.starts
+            },
+            ..all
+        };
+        std::array::from_fn(|arm| Planner::new(&self.robot, arm, config))
+    }
+
+    fn coordination(&self) -> CoordinatorConfig {
+        CoordinatorConfig {
+            plan_delay: self.timing.to_path(),
+            replan: !self.is_without(Ablation::Replan),
+            lower_body: self.moves_lower_body(),
+            ..CoordinatorConfig::default()
+        }
+    }
+
+    fn outcome(
+        &self,
+        run: &Finished<'_>,
+        ball: u64,
+        ready: &[f64; JOINTS],
+        oracle: &Oracle,
+    ) -> BallOutcome {
+        let Finished {
+            world,
+            perception,
+            coordinator,
+            said,
+        } = run;
+        let flight = world.true_flight(ball).unwrap_or_default();
+        let reaction = FIRST_PICTURES / self.robot.description().cameras.rate
+            + self.timing.to_prediction()
+            + self.timing.to_path();
+        // From the reaction on, every 10 ms of the samples of 1 ms.
+        let knots: Vec<Flight> = flight
+            .iter()
+            .skip((reaction * 1e3) as usize)
+            .step_by(10)
+            .map(as_flight)
+            .collect();
+        let verdict = world
+            .verdicts()
+            .iter()
+            .find(|verdict| verdict.ball == ball)
+            .copied();
+        let catch = verdict
+            .and_then(|verdict| verdict.crossing)
+            .and_then(|crossing| Some((crossing.at_ns, true_at(&flight, crossing.at_ns)?)));
+        let own: Vec<&Said> = said
+            .iter()
+            .filter(|said| is_of(said, ball, &flight, world))
+            .collect();
+        let predictions: Vec<LookAhead> = catch.map_or_else(Vec::new, |(at_ns, there)| {
+            let aligned = perception.alignment(at_ns);
+            own.iter()
+                .filter(|said| said.exposure_ns < at_ns)
+                .map(|said| said.judge(&aligned, at_ns, &there.p, &there.v))
+                .collect()
+        });
+        let target = |arm: usize| coordinator.target(arm).map(|(number, _)| number);
+        let ahead = predictions
+            .iter()
+            .rfind(|prediction| prediction.left >= AHEAD)
+            .copied();
+        let bound = ahead
+            .zip(catch)
+            .and_then(|(ahead, (at_ns, _))| self.bound(&ahead, flight.first()?, at_ns, ready));
+        BallOutcome {
+            arms: oracle.arms(&knots, ready),
+            tracked: !own.is_empty(),
+            planned: own
+                .iter()
+                .any(|said| (0..ARMS).any(|arm| target(arm) == Some(said.prediction.ball))),
+            ahead,
+            bound,
+            predictions,
+            verdict,
+        }
+    }
+
+    fn bound(
+        &self,
+        ahead: &LookAhead,
+        release: &FlightSample,
+        catch_ns: u64,
+        ready: &[f64; JOINTS],
+    ) -> Option<Bound> {
+        let cameras = &self.robot.description().cameras;
+        let seconds = (catch_ns - release.t_ns) as f64 * 1e-9;
+        let first = (seconds - ahead.left).rem_euclid(1.0 / cameras.rate);
+        let head = self.robot.chest(ready) * self.robot.head(ready);
+        bounds(&as_flight(release), first, seconds, &head, cameras)
+            .into_iter()
+            .find(|bound| (bound.left - ahead.left).abs() < 0.5 / cameras.rate)
+    }
+}
+
+/// True if of all balls this one is the nearest to what was said, when it was said.
+fn is_of(said: &Said, ball: u64, flight: &[FlightSample], world: &World) -> bool {
+    let Some(own) = said.distance(flight) else {
+        return false;
+    };
+    let others = (0..).map_while(|other| world.true_flight(other).map(|flight| (other, flight)));
+    own < SAME_BALL
+        && others
+            .filter(|(other, _)| *other != ball)
+            .all(|(_, flight)| said.distance(&flight).is_none_or(|distance| distance > own))
+}
+
+fn carried_out(answer: &Planned, coordinator: &Coordinator, since: f64) -> Option<TracePlan> {
+    let plan = answer.plan.ok()?;
+    let (ball, _) = coordinator.target(answer.request.arm)?;
+    (ball == answer.request.ball).then_some(TracePlan {
+        t: since,
+        arm: answer.request.arm,
+        cost: plan.cost,
+        catch: since + plan.t,
+    })
+}
+
+fn answer(planners: &[Planner; ARMS], request: &PlanRequest, near: bool) -> Planned {
+    let last = request.last.as_ref().map(|(q, t)| (q, *t));
+    let planner = &planners[request.arm];
+    Planned {
+        request: *request,
+        plan: planner
+            .plan(&request.catch, last, || false)
+            .or_else(|no_plan| {
+                if near {
+                    planner.nearest_miss(&request.catch, last, || false)
+                } else {
+                    Err(no_plan)
+                }
+            }),
+    }
+}
+
+/// Returns the joints in which a robot waits.
+pub(crate) fn ready(robot: &Robot) -> [f64; JOINTS] {
+    let mut q = [0.0; JOINTS];
+    for arm in 0..ARMS {
+        q[joint::ARM[arm].clone()].copy_from_slice(&robot.ready(arm));
+    }
+    q
+}
+
+/// Returns the seed of the world in which throw `number` of a series is thrown.
+pub(crate) fn world_seed(seed: u64, number: u64) -> u64 {
+    seed.wrapping_mul(1_000_003).wrapping_add(number)
+}
+
+pub(crate) fn nanoseconds(seconds: f64) -> u64 {
+    (seconds * 1e9).round() as u64
+}
+
+pub(crate) fn ticks(seconds: f64) -> u64 {
+    nanoseconds(seconds) / TICK_NS
+}
+
+/// Returns the difference between a frame as it is thought to be and as it is.
+pub(crate) fn between(thought: &Isometry3<f64>, is: &Isometry3<f64>) -> Isometry3<f64> {
+    is * thought.inverse()
+}

@@ -1,0 +1,85 @@
+//! How long the parts of the stack take, in stepped time (thesis, figure 3.2).
+
+use serde::{Deserialize, Serialize};
+
+/// Times of the way from a picture to a path, s.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Timing {
+    /// From the exposure to the memory of the computer that sees.
+    pub camera: f64,
+    /// From there to the prediction.
+    pub tracking: f64,
+    /// To the planner and back.
+    pub transfers: f64,
+    /// Planning.
+    pub planning: f64,
+    /// From a joint command to its effect; known, so commands are given for that much later.
+    pub drives: f64,
+}
+
+impl Timing {
+    /// Returns the times of the thesis: 152 ms from exposure to path.
+    pub fn thesis() -> Self {
+        Self {
+            camera: 0.040,
+            tracking: 0.035,
+            transfers: 0.017,
+            planning: 0.060,
+            drives: 0.003,
+        }
+    }
+
+    /// Returns the times that are to be kept here: 70 ms with the same camera.
+    pub fn ours() -> Self {
+        Self {
+            camera: 0.040,
+            tracking: 0.015,
+            transfers: 0.005,
+            planning: 0.010,
+            drives: 0.003,
+        }
+    }
+
+    /// Returns the time from exposure to prediction, s.
+    pub fn to_prediction(&self) -> f64 {
+        self.camera + self.tracking
+    }
+
+    /// Returns the time from a prediction to the path that follows from it, s.
+    pub fn to_path(&self) -> f64 {
+        self.transfers + self.planning
+    }
+}
+
+/// Something that is left out, to see what it is worth.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Ablation {
+    /// The head's pose follows from the joints alone.
+    Imu,
+    /// The tracker takes the ball's flight for a parabola.
+    Drag,
+    /// The first plan is carried out.
+    Replan,
+    /// Plans begin with the best candidate alone.
+    Multistart,
+    /// Platform and torso stand still.
+    LowerBody,
+    /// Where no exact catch is left, the arm carries on as it was.
+    NearMiss,
+}
+
+impl Ablation {
+    /// Returns its name, as on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Imu => "imu",
+            Self::Drag => "drag",
+            Self::Replan => "replan",
+            Self::Multistart => "multistart",
+            Self::LowerBody => "lower-body",
+            Self::NearMiss => "near-miss",
+        }
+    }
+}

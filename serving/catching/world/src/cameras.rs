@@ -1,0 +1,411 @@
+//! The stereo pair, without pictures: circles straight from the truth, with noise, misses and clutter.
+//!
+//! A sphere of radius `R` at distance `d`, `theta` off the optical axis, `beta = asin(R / d)`, has as outline an ellipse with its centre
+//! at `f sin 2theta / (cos 2theta + cos 2beta)` from the middle of the picture, radial semi-axis `f sin 2beta / (cos 2theta + cos 2beta)`
+//! and tangential semi-axis `f R / sqrt(z^2 - R^2)`. The radius of a circle is the mean of both.
+
+use nalgebra::{Matrix3, Vector3};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, Poisson, StandardNormal};
+use serde::{Deserialize, Serialize};
+use tactnet_catching_packets::Cameras as Optics;
+use tactnet_catching_packets::packets::{Circle, Circles, MAX_CIRCLES};
+
+use crate::error::{WorldError, not_negative, probability, range, within};
+use crate::planted::PlantedErrors;
+use crate::robot::FrameMotion;
+use crate::stream::{Stream, picture};
+
+/// Cameras.
+pub(crate) const CAMERAS: usize = 2;
+/// Detectors' answers to balls, least and greatest.
+const BALL_RESPONSE: [f64; 2] = [0.75, 0.98];
+/// Detectors' answers to clutter.
+const CLUTTER_RESPONSE: [f64; 2] = [0.7, 0.85];
+
+/// What detectors make of pictures.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CamerasConfig {
+    /// Standard deviation of a centre, each way, pixels.
+    pub centre_noise: f64,
+    /// Standard deviation of a radius, pixels.
+    pub radius_noise: f64,
+    /// Probability that a ball in a picture is found, each camera on its own.
+    pub detection: f64,
+    /// Circles that are no balls: mean number a picture, Poisson.
+    pub clutter: f64,
+    /// Their radii, pixels: least and greatest.
+    pub clutter_radius: [f64; 2],
+}
+
+impl Default for CamerasConfig {
+    fn default() -> Self {
+        Self {
+            centre_noise: 0.3,
+            radius_noise: 0.4,
+            detection: 0.95,
+            clutter: 1.0,
+            clutter_radius: [6.0, 40.0],
+        }
+    }
+}
+
+impl CamerasConfig {
+    pub(crate) fn check(&self) -> Result<(), WorldError> {
+        not_negative("cameras.centre_noise", self.centre_noise)?;
+        not_negative("cameras.radius_noise", self.radius_noise)?;
+        probability("cameras.detection", self.detection)?;
+        within(
+            "cameras.clutter",
+            self.clutter,
+            [0.0, MAX_CIRCLES as f64],
+            "0 to 32 circles a picture",
+        )?;
+        range(
+            "cameras.clutter_radius",
+            self.clutter_radius,
+            f64::MIN_POSITIVE,
+            "[least, greatest], greater than 0",
+        )
+    }
+}
+
+/// Both cameras.
+#[derive(Debug, Clone)]
+pub(crate) struct Cameras {
+    config: CamerasConfig,
+    clutter: Option<Poisson<f64>>,
+    optics: Optics,
+    /// Middle between the cameras, m, head's frame.
+    centre: Vector3<f64>,
+    /// From the cameras' directions (x along the optical axis) to the head's.
+    turn: Matrix3<f64>,
+    seed: u64,
+    /// Of the first picture, s.
+    phase: f64,
+    /// Pictures so far.
+    frame: u64,
+}
+
+impl Cameras {
+    pub(crate) fn new(
+        config: &CamerasConfig,
+        errors: &PlantedErrors,
+        optics: &Optics,
+        seed: u64,
+    ) -> Self {
+        let (shift, turn) = errors.camera_mount(seed);
+        Self {
+            clutter: Poisson::new(config.clutter).ok(),
+            config: config.clone(),
+            centre: Vector3::from(optics.centre) + shift,
+            turn,
+            optics: *optics,
+            seed,
+            phase: Stream::CameraPhase.rng(seed, 0).random::<f64>() / optics.rate,
+            frame: 0,
+        }
+    }
+
+    /// Returns true, once for each picture, at the first moment that is not before its exposure's middle.
+    pub(crate) fn due(&self, now_ns: u64) -> bool {
+        now_ns as f64 * 1e-9 >= self.phase + self.frame as f64 / self.optics.rate
+    }
+
+    /// Returns the circles of both pictures taken now, of balls given by number and position, m, inertial frame.
+    pub(crate) fn take(
+        &mut self,
+        now_ns: u64,
+        head: &FrameMotion,
+        radius: f64,
+        balls: impl Iterator<Item = (u64, Vector3<f64>)> + Clone,
+    ) -> [Circles; CAMERAS] {
+        let pictures = std::array::from_fn(|camera| {
+            let mut circles = Circles {
+                frame: self.frame,
+                exposure_ns: now_ns,
+                camera: camera as u32,
+                count: 0,
+                circles: [Circle {
+                    u: 0.0,
+                    v: 0.0,
+                    r: 0.0,
+                    response: 0.0,
+                }; MAX_CIRCLES],
+            };
+            for (number, position) in balls.clone() {
+                let mut rng = Stream::Outline.rng(self.seed, picture(self.frame, camera, number));
+                let outline = self.outline(camera, head, &position, radius);
+                if let Some(circle) = outline.and_then(|circle| self.detect(circle, &mut rng)) {
+                    push(&mut circles, circle);
+                }
+            }
+            let mut rng = Stream::Clutter.rng(self.seed, picture(self.frame, camera, 0));
+            let count = self.clutter.map_or(0.0, |poisson| poisson.sample(&mut rng)) as usize;
+            for _ in 0..count.min(MAX_CIRCLES) {
+                let circle = self.no_ball(&mut rng);
+                push(&mut circles, circle);
+            }
+            shuffle(
+                &mut circles,
+                &mut Stream::Order.rng(self.seed, picture(self.frame, camera, 0)),
+            );
+            circles
+        });
+        self.frame += 1;
+        pictures
+    }
+
+    /// Returns the outline of a ball, `None` if its centre is not in the picture.
+    pub(crate) fn outline(
+        &self,
+        camera: usize,
+        head: &FrameMotion,
+        ball: &Vector3<f64>,
+        radius: f64,
+    ) -> Option<Circle> {
+        let side = self.optics.baseline * (0.5 - camera as f64);
+        let eye = self.centre + self.turn * Vector3::new(0.0, side, 0.0);
+        let seen = self
+            .turn
+            .tr_mul(&(head.rotation.tr_mul(&(ball - head.position)) - eye));
+        // Right, down, ahead.
+        let (x, y, z) = (-seen.y, -seen.z, seen.x);
+        let aside = x.hypot(y);
+        if z <= radius {
+            return None;
+        }
+        let double_theta = 2.0 * aside.atan2(z);
+        let double_beta = 2.0 * (radius / seen.norm()).asin();
+        let denominator = double_theta.cos() + double_beta.cos();
+        if denominator <= 0.0 {
+            return None;
+        }
+        let focal = self.optics.focal;
+        let away = focal * double_theta.sin() / denominator;
+        let radial = focal * double_beta.sin() / denominator;
+        let tangential = focal * radius / (z * z - radius * radius).sqrt();
+        let (right, down) = if aside > 0.0 {
+            (x / aside, y / aside)
+        } else {
+            (0.0, 0.0)
+        };
+        let (width, height) = (f64::from(self.optics.width), f64::from(self.optics.height));
+        let circle = Circle {
+            u: width / 2.0 + away * right,
+            v: height / 2.0 + away * down,
+            r: (radial + tangential) / 2.0,
+            response: 1.0,
+        };
+        ((0.0..width).contains(&circle.u) && (0.0..height).contains(&circle.v)).then_some(circle)
+    }
+
+    fn detect(&self, circle: Circle, rng: &mut ChaCha8Rng) -> Option<Circle> {
+        let found = rng.random::<f64>() < self.config.detection;
+        let mut noise = || -> f64 { StandardNormal.sample(rng) };
+        let [u, v, r] = [noise(), noise(), noise()];
+        let seen = Circle {
+            u: circle.u + u * self.config.centre_noise,
+            v: circle.v + v * self.config.centre_noise,
+            // A detector has a least radius.
+            r: (circle.r + r * self.config.radius_noise).max(1.0),
+            response: evenly(BALL_RESPONSE, rng),
+        };
+        found.then_some(seen)
+    }
+
+    fn no_ball(&self, rng: &mut ChaCha8Rng) -> Circle {
+        Circle {
+            u: evenly([0.0, f64::from(self.optics.width)], rng),
+            v: evenly([0.0, f64::from(self.optics.height)], rng),
+            r: evenly(self.config.clutter_radius, rng),
+            response: evenly(CLUTTER_RESPONSE, rng),
+        }
+    }
+}
+
+fn evenly([low, high]: [f64; 2], rng: &mut ChaCha8Rng) -> f64 {
+    low + (high - low) * rng.random::<f64>()
+}
+
+fn push(circles: &mut Circles, circle: Circle) {
+    if let Some(place) = circles.circles.get_mut(circles.count as usize) {
+        *place = circle;
+        circles.count += 1;
+    }
+}
+
+/// Fisher and Yates; rand's own may draw other numbers after a minor release.
+fn shuffle(circles: &mut Circles, rng: &mut ChaCha8Rng) {
+    for last in (1..circles.count as usize).rev() {
+        let other = (rng.random::<f64>() * (last + 1) as f64) as usize;
+        circles.circles.swap(last, other.min(last));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use tactnet_catching_packets::RobotDescription;
+
+    const RADIUS: f64 = 0.0425;
+
+    fn head() -> FrameMotion {
+        FrameMotion {
+            position: Vector3::new(0.1, 0.0, 1.45),
+            rotation: nalgebra::Rotation3::new(Vector3::new(0.05, -0.1, 0.2)).into_inner(),
+            velocity: Vector3::zeros(),
+            rate: Vector3::zeros(),
+        }
+    }
+
+    fn cameras(config: &CamerasConfig, seed: u64) -> Cameras {
+        let optics = RobotDescription::nominal().cameras;
+        Cameras::new(config, &PlantedErrors::default(), &optics, seed)
+    }
+
+    fn exact() -> CamerasConfig {
+        CamerasConfig {
+            centre_noise: 0.0,
+            radius_noise: 0.0,
+            detection: 1.0,
+            clutter: 0.0,
+            ..CamerasConfig::default()
+        }
+    }
+
+    proptest! {
+        /// The outline as the picture of 5000 points of the circle in which rays touch the sphere.
+        #[test]
+        fn an_outline_is_the_picture_of_the_tangent_rays(
+            ahead in 0.4..6.0f64, aside in -0.4..0.4f64, up in -0.4..0.4f64, camera in 0..2usize,
+        ) {
+            let cameras = cameras(&exact(), 1);
+            let eye = Vector3::new(0.08, 0.1 - 0.2 * camera as f64, 0.1);
+            let ball = eye + Vector3::new(ahead, aside * ahead, up * ahead);
+            let still = FrameMotion { position: Vector3::zeros(), rotation: Matrix3::identity(), ..head() };
+            let found = cameras.outline(camera, &still, &ball, RADIUS).unwrap();
+            let c = ball - eye;
+            let d2 = c.norm_squared();
+            let first = c.cross(&Vector3::z()).normalize();
+            let second = c.cross(&first).normalize();
+            let ring = RADIUS * (1.0 - RADIUS * RADIUS / d2).sqrt();
+            let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+            for i in 0..5000 {
+                let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 5000.0).sin_cos();
+                let p = c * (1.0 - RADIUS * RADIUS / d2) + (first * cos + second * sin) * ring;
+                let at = [800.0 - 1386.0 * p.y / p.x, 625.0 - 1386.0 * p.z / p.x];
+                for k in 0..2 {
+                    low[k] = low[k].min(at[k]);
+                    high[k] = high[k].max(at[k]);
+                }
+            }
+            // An ellipse's extremes are symmetric about its centre; 5000 points miss them by 2e-7 of the radius, at most 150 pixels.
+            prop_assert!((found.u - (low[0] + high[0]) / 2.0).abs() < 1e-3);
+            prop_assert!((found.v - (low[1] + high[1]) / 2.0).abs() < 1e-3);
+            // For an ellipse half the width squared plus half the height squared is the sum of the squared semi-axes, whatever its
+            // rotation; the squared mean differs by the squared half difference.
+            let squares = ((high[0] - low[0]).powi(2) + (high[1] - low[1]).powi(2)) / 8.0;
+            prop_assert!(found.r <= squares.sqrt() + 1e-3);
+            prop_assert!(found.r > squares.sqrt() * 0.99);
+        }
+    }
+
+    #[test]
+    fn the_left_camera_sees_a_ball_farther_right() {
+        let cameras = cameras(&exact(), 1);
+        let ball = Vector3::new(3.0, 0.8, 1.5);
+        let [left, right] =
+            [0, 1].map(|camera| cameras.outline(camera, &head(), &ball, RADIUS).unwrap());
+        // f b / z at about 3 m.
+        assert!(
+            (left.u - right.u - 1386.0 * 0.2 / 2.9).abs() < 5.0,
+            "{}",
+            left.u - right.u
+        );
+        let higher = cameras
+            .outline(0, &head(), &(ball + Vector3::z() * 0.1), RADIUS)
+            .unwrap();
+        assert!(higher.v < left.v);
+    }
+
+    #[test]
+    fn what_is_behind_or_outside_is_not_seen() {
+        let cameras = cameras(&exact(), 1);
+        let seen = |x: f64, y: f64| {
+            let ball = Vector3::new(x, y, 1.5);
+            cameras.outline(0, &head(), &ball, RADIUS)
+        };
+        assert!(seen(3.0, 0.6).is_some());
+        assert!(seen(-3.0, -0.6).is_none());
+        assert!(seen(3.0, 4.0).is_none());
+        assert!(seen(0.2, 0.1).is_none());
+    }
+
+    #[test]
+    fn noise_misses_and_clutter_have_the_given_size() {
+        let config = CamerasConfig::default();
+        let mut cameras = cameras(&config, 5);
+        let ball = Vector3::new(3.0, 0.6, 1.5);
+        let truth = cameras.outline(0, &head(), &ball, RADIUS).unwrap();
+        let (mut found, mut clutter, mut squares) = (0, 0, [0.0; 2]);
+        let pictures = 4000;
+        for _ in 0..pictures {
+            let [left, _] = cameras.take(0, &head(), RADIUS, [(7, ball)].into_iter());
+            for circle in left.valid() {
+                // Six standard deviations; clutter falls there once in 1e5.
+                if (circle.u - truth.u).abs() < 1.8 && (circle.v - truth.v).abs() < 1.8 {
+                    found += 1;
+                    squares[0] += (circle.u - truth.u).powi(2);
+                    squares[1] += (circle.r - truth.r).powi(2);
+                } else {
+                    clutter += 1;
+                    assert!((6.0..40.0).contains(&circle.r));
+                }
+            }
+        }
+        let rate = |count: i32| f64::from(count) / f64::from(pictures);
+        // 4000 pictures: each within five standard deviations.
+        assert!((rate(found) - 0.95).abs() < 0.018, "{}", rate(found));
+        assert!((rate(clutter) - 1.0).abs() < 0.08, "{}", rate(clutter));
+        let spread = |i: usize| (squares[i] / f64::from(found)).sqrt();
+        assert!((spread(0) / 0.3 - 1.0).abs() < 0.06, "{}", spread(0));
+        assert!((spread(1) / 0.4 - 1.0).abs() < 0.06, "{}", spread(1));
+    }
+
+    #[test]
+    fn clutter_does_not_change_how_a_ball_is_seen() {
+        let ball = Vector3::new(3.0, 0.6, 1.5);
+        let without = CamerasConfig {
+            clutter: 0.0,
+            ..CamerasConfig::default()
+        };
+        let mut clean = cameras(&without, 5);
+        let mut dirty = cameras(&CamerasConfig::default(), 5);
+        for _ in 0..50 {
+            let clean = clean.take(0, &head(), RADIUS, [(0, ball)].into_iter());
+            let dirty = dirty.take(0, &head(), RADIUS, [(0, ball)].into_iter());
+            for (clean, dirty) in clean.iter().zip(&dirty) {
+                assert!(clean.valid().iter().all(|c| dirty.valid().contains(c)));
+            }
+        }
+    }
+
+    #[test]
+    fn a_picture_never_has_more_circles_than_fit() {
+        let config = CamerasConfig {
+            clutter: 32.0,
+            ..CamerasConfig::default()
+        };
+        let mut cameras = cameras(&config, 5);
+        for _ in 0..100 {
+            let ball = (0, Vector3::new(3.0, 0.6, 1.5));
+            for circles in cameras.take(0, &head(), RADIUS, [ball].into_iter()) {
+                assert!(circles.valid().len() <= MAX_CIRCLES);
+            }
+        }
+    }
+}

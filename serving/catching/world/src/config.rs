@@ -1,0 +1,96 @@
+//! Settings of a world.
+
+use serde::{Deserialize, Serialize};
+
+use crate::ball::{Aerodynamics, BallConfig};
+use crate::cameras::CamerasConfig;
+use crate::drives::DrivesConfig;
+use crate::error::WorldError;
+use crate::imu::ImuConfig;
+use crate::planted::PlantedErrors;
+use crate::thrower::ThrowerConfig;
+use crate::torso::TorsoConfig;
+
+/// Settings of a world; what is not given is as in its part's `Default`. Checked by [`crate::World::new`].
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct WorldConfig {
+    /// Balls and air.
+    pub ball: BallConfig,
+    /// Who throws.
+    pub thrower: ThrowerConfig,
+    /// Joints' drives.
+    pub drives: DrivesConfig,
+    /// Springs of the torso.
+    pub torso: TorsoConfig,
+    /// Inertial unit.
+    pub imu: ImuConfig,
+    /// Detectors.
+    pub cameras: CamerasConfig,
+    /// What the robot's description does not say.
+    pub errors: PlantedErrors,
+}
+
+impl WorldConfig {
+    /// # Errors
+    /// Names the first setting that is out of range.
+    pub(crate) fn check(&self) -> Result<(), WorldError> {
+        self.ball.check()?;
+        // The ball that falls shortest.
+        self.thrower.check(&Aerodynamics::new(
+            &self.ball,
+            self.ball.drag[1],
+            nalgebra::Vector3::zeros(),
+        ))?;
+        self.drives.check()?;
+        self.torso.check()?;
+        self.imu.check()?;
+        self.cameras.check()?;
+        self.errors.check()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_out_of_range_are_named() {
+        type Spoil = fn(&mut WorldConfig);
+        let cases: [(&str, Spoil); 14] = [
+            ("ball.mass", |c| c.ball.mass = 0.0),
+            ("ball.air", |c| c.ball.air = f64::NAN),
+            ("ball.drag", |c| c.ball.drag = [0.5, 0.4]),
+            ("ball.restitution", |c| c.ball.restitution = 1.5),
+            ("thrower.speed", |c| c.thrower.speed = [0.0, 8.0]),
+            ("thrower.box", |c| c.thrower.box_least[1] = 1.0),
+            ("out of reach", |c| c.thrower.box_greatest[2] = 9.0),
+            ("drives.latency", |c| c.drives.latency = -0.001),
+            ("drives.bandwidth", |c| c.drives.bandwidth = 500.0),
+            ("torso.frequencies", |c| c.torso.frequencies[2] = 0.0),
+            ("imu.scale", |c| c.imu.scale = f64::INFINITY),
+            ("cameras.detection", |c| c.cameras.detection = 1.1),
+            ("cameras.clutter", |c| c.cameras.clutter = 100.0),
+            ("errors.arm_mount", |c| c.errors.arm_mount = -0.01),
+        ];
+        for (named, spoil) in cases {
+            let mut config = WorldConfig::default();
+            spoil(&mut config);
+            let error = config.check().unwrap_err().to_string();
+            assert!(error.contains(named), "{named}: {error}");
+        }
+        assert_eq!(WorldConfig::default().check(), Ok(()));
+    }
+
+    #[test]
+    fn unknown_settings_are_refused_and_missing_ones_are_defaults() {
+        let parse = |text: &str| serde_json::from_str::<WorldConfig>(text);
+        assert_eq!(parse("{}").unwrap(), WorldConfig::default());
+        let rigid = parse(r#"{"torso": {"stiffness": "rigid"}}"#).unwrap();
+        assert_eq!(rigid.torso.stiffness, crate::Stiffness::Rigid);
+        for text in [r#"{"bal": {}}"#, r#"{"ball": {"weight": 1.0}}"#] {
+            let error = parse(text).unwrap_err().to_string();
+            assert!(error.contains("unknown field"), "{error}");
+        }
+    }
+}

@@ -1,0 +1,218 @@
+//! The head's inertial unit: samples with noise, biases and errors of scale.
+
+use nalgebra::Vector3;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use serde::{Deserialize, Serialize};
+use tactnet_catching_packets::packets::ImuSample;
+
+use crate::drives::TICK;
+use crate::error::{WorldError, not_negative};
+use crate::robot::{Felt, SUBSTEPS};
+use crate::stream::Stream;
+
+/// Errors of the inertial unit, each the standard deviation along one axis.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ImuConfig {
+    /// White noise of a sample, m/s^2.
+    pub accelerometer_noise: f64,
+    /// White noise of a sample, rad/s.
+    pub gyroscope_noise: f64,
+    /// Constant for a run, m/s^2.
+    pub accelerometer_bias: f64,
+    /// Constant for a run, rad/s.
+    pub gyroscope_bias: f64,
+    /// Part of the value, constant for a run.
+    pub scale: f64,
+}
+
+impl Default for ImuConfig {
+    fn default() -> Self {
+        Self {
+            accelerometer_noise: 0.02,
+            gyroscope_noise: 0.002,
+            accelerometer_bias: 0.05,
+            gyroscope_bias: 0.005,
+            scale: 0.002,
+        }
+    }
+}
+
+impl ImuConfig {
+    pub(crate) fn check(&self) -> Result<(), WorldError> {
+        not_negative("imu.accelerometer_noise", self.accelerometer_noise)?;
+        not_negative("imu.gyroscope_noise", self.gyroscope_noise)?;
+        not_negative("imu.accelerometer_bias", self.accelerometer_bias)?;
+        not_negative("imu.gyroscope_bias", self.gyroscope_bias)?;
+        not_negative("imu.scale", self.scale)
+    }
+}
+
+/// A triple of one kind with its errors.
+#[derive(Debug, Clone)]
+struct Axes {
+    noise: f64,
+    bias: Vector3<f64>,
+    scale: Vector3<f64>,
+}
+
+impl Axes {
+    fn draw(noise: f64, bias: f64, scale: f64, rng: &mut ChaCha8Rng) -> Self {
+        Self {
+            noise,
+            bias: normal(rng) * bias,
+            scale: Vector3::repeat(1.0) + normal(rng) * scale,
+        }
+    }
+
+    fn measure(&self, value: &Vector3<f64>, rng: &mut ChaCha8Rng) -> [f64; 3] {
+        (value.component_mul(&self.scale) + self.bias + normal(rng) * self.noise).into()
+    }
+}
+
+fn normal(rng: &mut ChaCha8Rng) -> Vector3<f64> {
+    Vector3::from_fn(|_, _| StandardNormal.sample(rng))
+}
+
+/// The inertial unit.
+#[derive(Debug, Clone)]
+pub(crate) struct Imu {
+    accelerometer: Axes,
+    gyroscope: Axes,
+    noise: ChaCha8Rng,
+    /// Samples a second.
+    rate: f64,
+    /// Samples so far.
+    count: u64,
+    /// What was felt in the middle of the substep before.
+    before: Felt,
+}
+
+impl Imu {
+    pub(crate) fn new(config: &ImuConfig, rate: f64, seed: u64, felt: Felt) -> Self {
+        let mut rng = Stream::ImuErrors.rng(seed, 0);
+        Self {
+            accelerometer: Axes::draw(
+                config.accelerometer_noise,
+                config.accelerometer_bias,
+                config.scale,
+                &mut rng,
+            ),
+            gyroscope: Axes::draw(
+                config.gyroscope_noise,
+                config.gyroscope_bias,
+                config.scale,
+                &mut rng,
+            ),
+            noise: Stream::ImuNoise.rng(seed, 0),
+            rate,
+            count: 0,
+            before: felt,
+        }
+    }
+
+    /// Returns the sample that falls into the tick that ends at `end_ns`, if one does; `felt` in the middle of the tick's substeps.
+    ///
+    /// Samples stand between ticks: number `n` at `(n + 1) / rate`. Between middles of substeps, values are taken as straight lines. Of
+    /// several in a tick only the first is given; at 512 Hz there is at most one.
+    pub(crate) fn sample(&mut self, end_ns: u64, felt: &[Felt; SUBSTEPS]) -> Option<ImuSample> {
+        let sensor_ns = ((self.count + 1) as f64 / self.rate * 1e9).round() as u64;
+        let sample = (sensor_ns <= end_ns).then(|| {
+            let h = TICK / SUBSTEPS as f64;
+            // In substeps from the middle of the last one of the tick before.
+            let since = (TICK - (end_ns - sensor_ns) as f64 * 1e-9) / h + 0.5;
+            let after = (since as usize).min(SUBSTEPS - 1);
+            let first = if after == 0 {
+                self.before
+            } else {
+                felt[after - 1]
+            };
+            let part = since - after as f64;
+            let between = |a: &Vector3<f64>, b: &Vector3<f64>| a + (b - a) * part;
+            let force = between(&first.specific_force, &felt[after].specific_force);
+            let rate = between(&first.rate, &felt[after].rate);
+            ImuSample {
+                number: self.count,
+                sensor_ns,
+                acceleration: self.accelerometer.measure(&force, &mut self.noise),
+                rate: self.gyroscope.measure(&rate, &mut self.noise),
+            }
+        });
+        self.count += u64::from(sample.is_some());
+        self.before = felt[SUBSTEPS - 1];
+        sample
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn felt(x: f64) -> Felt {
+        Felt {
+            specific_force: Vector3::new(x, 0.0, 9.81),
+            rate: Vector3::new(0.0, x, 0.0),
+        }
+    }
+
+    #[test]
+    fn samples_come_at_their_rate_and_follow_the_motion() {
+        let exact = ImuConfig {
+            accelerometer_noise: 0.0,
+            gyroscope_noise: 0.0,
+            accelerometer_bias: 0.0,
+            gyroscope_bias: 0.0,
+            scale: 0.0,
+        };
+        // Felt grows with time, 1 a second.
+        let middle = |tick: i32, substep: i32| {
+            felt(f64::from(tick) * 1e-3 + (f64::from(substep) + 0.5) * 5e-4)
+        };
+        let mut imu = Imu::new(&exact, 512.0, 1, middle(-1, 1));
+        let samples: Vec<ImuSample> = (0..1000)
+            .filter_map(|tick| {
+                imu.sample(
+                    (tick as u64 + 1) * 1_000_000,
+                    &[middle(tick, 0), middle(tick, 1)],
+                )
+            })
+            .collect();
+        assert_eq!(samples.len(), 512);
+        for (number, sample) in samples.iter().enumerate() {
+            assert_eq!(sample.number, number as u64);
+            let t = sample.sensor_ns as f64 * 1e-9;
+            // Stamps are whole nanoseconds.
+            assert!((t - (number + 1) as f64 / 512.0).abs() < 1e-9);
+            // A straight line is met exactly, to rounding.
+            assert!((sample.acceleration[0] - t).abs() < 1e-12);
+            assert!((sample.rate[1] - t).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn noise_and_bias_have_the_given_size() {
+        let config = ImuConfig::default();
+        let mut biases = 0.0;
+        let runs = 300;
+        for seed in 0..runs {
+            let mut imu = Imu::new(&config, 1000.0, seed, felt(0.0));
+            let samples: Vec<f64> = (1..=400)
+                .filter_map(|tick| imu.sample(tick * 1_000_000, &[felt(0.0); SUBSTEPS]))
+                .map(|sample| sample.acceleration[0])
+                .collect();
+            let mean = samples.iter().sum::<f64>() / samples.len() as f64;
+            let spread = samples.iter().map(|x| (x - mean).powi(2)).sum::<f64>();
+            let spread = (spread / samples.len() as f64).sqrt();
+            // 400 samples: 3.5 %; five times that.
+            assert!((spread / config.accelerometer_noise - 1.0).abs() < 0.18);
+            biases += mean * mean;
+        }
+        let bias = (biases / runs as f64).sqrt();
+        // 300 runs: 4 %; four times that.
+        assert!(
+            (bias / config.accelerometer_bias - 1.0).abs() < 0.16,
+            "{bias}"
+        );
+    }
+}

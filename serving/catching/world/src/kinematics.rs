@@ -1,0 +1,335 @@
+//! The true robot as a tree of bodies: where they are and how fast they move, in the inertial frame.
+
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, Link, RobotDescription};
+
+/// Bodies, each moved by one joint: platform; column, lower and upper part, chest; neck, head; seven of the left arm, seven of the right.
+pub(crate) const BODIES: usize = 21;
+/// The chest, which the passive joint keeps upright.
+pub(crate) const CHEST: usize = 4;
+/// The head.
+pub(crate) const HEAD: usize = 6;
+/// The last body of each arm.
+pub(crate) const HAND: [usize; ARMS] = [13, 20];
+
+/// A value for the joint of each body, rad or m.
+pub(crate) type Coordinates = [f64; BODIES];
+
+/// Which way a joint moves its body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Axis {
+    SlideY,
+    TurnY,
+    TurnMinusY,
+    TurnZ,
+}
+
+/// A body and the joint that moves it.
+#[derive(Debug, Clone)]
+pub(crate) struct Body {
+    /// The body that carries the joint; none for the first.
+    pub(crate) parent: Option<usize>,
+    /// From the joint's frame, before it moves, to the parent's.
+    rotation: Matrix3<f64>,
+    /// The joint's origin in the parent's frame, m.
+    translation: Vector3<f64>,
+    pub(crate) axis: Axis,
+    /// kg.
+    pub(crate) mass: f64,
+    /// Centre of mass in the body's frame, m.
+    pub(crate) centre: Vector3<f64>,
+    /// Principal moments about it, axes parallel to the body's, kg m^2.
+    pub(crate) inertia: Vector3<f64>,
+}
+
+/// Where a body is.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Place {
+    /// Of its origin, m.
+    pub(crate) position: Vector3<f64>,
+    /// From its frame to the inertial one.
+    pub(crate) rotation: Matrix3<f64>,
+    /// Its joint's axis.
+    pub(crate) axis: Vector3<f64>,
+}
+
+/// How fast a body moves.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Velocity {
+    /// Of its origin, m/s.
+    pub(crate) linear: Vector3<f64>,
+    /// rad/s.
+    pub(crate) angular: Vector3<f64>,
+}
+
+/// The bodies, each after the one that carries it.
+#[derive(Debug, Clone)]
+pub(crate) struct Tree {
+    pub(crate) bodies: [Body; BODIES],
+    /// From the last body of each arm to the catch frame, m along its z axis.
+    to_catch: [f64; ARMS],
+}
+
+impl Tree {
+    /// Builds the tree; each arm stands `mount_errors` (m, chest's frame) away from where the description says.
+    pub(crate) fn new(robot: &RobotDescription, mount_errors: &[Vector3<f64>; ARMS]) -> Self {
+        let up = |height: f64| Vector3::new(0.0, 0.0, height);
+        let straight = Matrix3::identity();
+        let body = |parent: usize, axis, translation, rotation, link: &Link| Body {
+            parent: Some(parent),
+            rotation,
+            translation,
+            axis,
+            mass: link.mass,
+            centre: link.centre.into(),
+            inertia: link.inertia.into(),
+        };
+        let torso = &robot.torso;
+        let neck = &robot.neck;
+        let mut bodies = vec![
+            Body {
+                parent: None,
+                ..body(
+                    0,
+                    Axis::SlideY,
+                    Vector3::zeros(),
+                    straight,
+                    &robot.platform.link,
+                )
+            },
+            body(
+                0,
+                Axis::TurnZ,
+                up(torso.lower_pitch_height),
+                straight,
+                &torso.links[0],
+            ),
+            body(1, Axis::TurnY, Vector3::zeros(), straight, &torso.links[1]),
+            body(
+                2,
+                Axis::TurnY,
+                up(torso.lower_length),
+                straight,
+                &torso.links[2],
+            ),
+            body(
+                3,
+                Axis::TurnY,
+                up(torso.upper_length),
+                straight,
+                &torso.links[3],
+            ),
+            body(
+                CHEST,
+                Axis::TurnZ,
+                up(neck.height),
+                straight,
+                &neck.links[0],
+            ),
+            body(5, Axis::TurnY, Vector3::zeros(), straight, &neck.links[1]),
+        ];
+        for (arm, error) in robot.arms.iter().zip(mount_errors) {
+            let lean = Rotation3::from_axis_angle(&Vector3::x_axis(), arm.lean).into_inner();
+            let shoulder = Vector3::from(arm.position) + error + lean * up(arm.base_to_shoulder);
+            for joint in 0..ARM_JOINTS {
+                let axis = match joint {
+                    1 | 5 => Axis::TurnMinusY,
+                    3 => Axis::TurnY,
+                    _ => Axis::TurnZ,
+                };
+                let link = &arm.links[joint];
+                bodies.push(match joint {
+                    0 => body(CHEST, axis, shoulder, lean, link),
+                    3 => body(
+                        bodies.len() - 1,
+                        axis,
+                        up(arm.shoulder_to_elbow),
+                        straight,
+                        link,
+                    ),
+                    5 => body(
+                        bodies.len() - 1,
+                        axis,
+                        up(arm.elbow_to_wrist),
+                        straight,
+                        link,
+                    ),
+                    _ => body(bodies.len() - 1, axis, Vector3::zeros(), straight, link),
+                });
+            }
+        }
+        Self {
+            bodies: bodies.try_into().expect("as many bodies as were counted"),
+            to_catch: std::array::from_fn(|arm| robot.arms[arm].wrist_to_catch),
+        }
+    }
+
+    /// Returns where the bodies are.
+    pub(crate) fn places(&self, q: &Coordinates) -> [Place; BODIES] {
+        let mut places = [Place {
+            position: Vector3::zeros(),
+            rotation: Matrix3::identity(),
+            axis: Vector3::zeros(),
+        }; BODIES];
+        for (i, body) in self.bodies.iter().enumerate() {
+            let (origin, parent) = match body.parent {
+                Some(parent) => (places[parent].position, places[parent].rotation),
+                None => (Vector3::zeros(), Matrix3::identity()),
+            };
+            let place = &mut places[i];
+            place.position = origin + parent * body.translation;
+            // Only the arms' mounts are turned.
+            place.rotation = if body.parent == Some(CHEST) {
+                parent * body.rotation
+            } else {
+                parent
+            };
+            let (sin, cos) = q[i].sin_cos();
+            match body.axis {
+                Axis::SlideY => {
+                    place.axis = place.rotation.column(1).into_owned();
+                    place.position += place.axis * q[i];
+                }
+                Axis::TurnY => {
+                    place.axis = place.rotation.column(1).into_owned();
+                    turn_y(&mut place.rotation, sin, cos);
+                }
+                Axis::TurnMinusY => {
+                    place.axis = -place.rotation.column(1);
+                    turn_y(&mut place.rotation, -sin, cos);
+                }
+                Axis::TurnZ => {
+                    place.axis = place.rotation.column(2).into_owned();
+                    turn_z(&mut place.rotation, sin, cos);
+                }
+            }
+        }
+        places
+    }
+
+    /// Returns how fast the bodies move.
+    pub(crate) fn velocities(
+        &self,
+        places: &[Place; BODIES],
+        dq: &Coordinates,
+    ) -> [Velocity; BODIES] {
+        let mut velocities = [Velocity {
+            linear: Vector3::zeros(),
+            angular: Vector3::zeros(),
+        }; BODIES];
+        for (i, body) in self.bodies.iter().enumerate() {
+            let mut velocity = velocities[i];
+            if let Some(parent) = body.parent {
+                velocity.angular = velocities[parent].angular;
+                velocity.linear = velocities[parent].linear
+                    + velocity
+                        .angular
+                        .cross(&(places[i].position - places[parent].position));
+            }
+            match body.axis {
+                Axis::SlideY => velocity.linear += places[i].axis * dq[i],
+                _ => velocity.angular += places[i].axis * dq[i],
+            }
+            velocities[i] = velocity;
+        }
+        velocities
+    }
+
+    /// Returns the middle of an arm's catch frame, m; its rotation is that of the arm's last body.
+    pub(crate) fn catch_position(&self, places: &[Place; BODIES], arm: usize) -> Vector3<f64> {
+        let hand = &places[HAND[arm]];
+        hand.position + hand.rotation.column(2) * self.to_catch[arm]
+    }
+}
+
+/// Returns the value of every body's joint: the passive one undoes both pitches. For positions, rates and accelerations alike.
+pub(crate) fn with_passive(joints: &[f64; JOINTS]) -> Coordinates {
+    std::array::from_fn(|i| match i {
+        0..CHEST => joints[i],
+        CHEST => -(joints[2] + joints[3]),
+        _ => joints[i - 1],
+    })
+}
+
+/// Returns the torques of the driven joints: what the passive joint carries, the pitches carry (its tendon does no work).
+pub(crate) fn without_passive(torques: &Coordinates) -> [f64; JOINTS] {
+    std::array::from_fn(|i| match i {
+        2 | 3 => torques[i] - torques[CHEST],
+        0..CHEST => torques[i],
+        _ => torques[i + 1],
+    })
+}
+
+fn turn_y(rotation: &mut Matrix3<f64>, sin: f64, cos: f64) {
+    let (x, z) = (
+        rotation.column(0).into_owned(),
+        rotation.column(2).into_owned(),
+    );
+    rotation.set_column(0, &(x * cos - z * sin));
+    rotation.set_column(2, &(x * sin + z * cos));
+}
+
+fn turn_z(rotation: &mut Matrix3<f64>, sin: f64, cos: f64) {
+    let (x, y) = (
+        rotation.column(0).into_owned(),
+        rotation.column(1).into_owned(),
+    );
+    rotation.set_column(0, &(x * cos + y * sin));
+    rotation.set_column(1, &(y * cos - x * sin));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn tree() -> Tree {
+        Tree::new(&RobotDescription::nominal(), &[Vector3::zeros(); ARMS])
+    }
+
+    proptest! {
+        #[test]
+        fn the_chest_stays_upright(q in proptest::array::uniform20(-1.0..1.0f64)) {
+            let places = tree().places(&with_passive(&q));
+            let up = places[CHEST].rotation.column(2).into_owned();
+            prop_assert!((up - Vector3::z()).norm() < 1e-14);
+        }
+
+        #[test]
+        fn velocities_are_the_derivatives_of_places(
+            q in proptest::array::uniform20(-2.0..2.0f64),
+            dq in proptest::array::uniform20(-2.0..2.0f64),
+        ) {
+            let tree = tree();
+            let h = 1e-6;
+            let at = |t: f64| tree.places(&with_passive(&std::array::from_fn(|i| q[i] + dq[i] * t)));
+            let (before, now, after) = (at(-h), at(0.0), at(h));
+            let velocities = tree.velocities(&now, &with_passive(&dq));
+            for i in 0..BODIES {
+                let linear = (after[i].position - before[i].position) / (2.0 * h);
+                let turned = (after[i].rotation - before[i].rotation) / (2.0 * h);
+                let expected = velocities[i].angular.cross_matrix() * now[i].rotation;
+                // Central differences: rounding 1e-16 / h.
+                prop_assert!((linear - velocities[i].linear).norm() < 1e-7);
+                prop_assert!((turned - expected).norm() < 1e-7);
+            }
+        }
+    }
+
+    /// With all joints at zero the arms stretch out along their leaning axes; by hand from the description's lengths.
+    #[test]
+    fn at_zero_the_robot_stands_as_described() {
+        let robot = RobotDescription::nominal();
+        let tree = tree();
+        let places = tree.places(&[0.0; BODIES]);
+        assert!((places[CHEST].position - Vector3::new(0.0, 0.0, 1.2)).norm() < 1e-14);
+        assert!((places[HEAD].position - Vector3::new(0.0, 0.0, 1.45)).norm() < 1e-14);
+        let length = 0.3105 + 0.4 + 0.39 + 0.278;
+        for arm in 0..ARMS {
+            let lean = robot.arms[arm].lean;
+            let expected = Vector3::new(0.0, robot.arms[arm].position[1], 1.2)
+                + Vector3::new(0.0, -lean.sin(), lean.cos()) * length;
+            assert!((tree.catch_position(&places, arm) - expected).norm() < 1e-14);
+        }
+    }
+}

@@ -1,0 +1,60 @@
+//! A simulated robot, ball and sensors, and the judge of catches. Depends on nothing of the stack that it judges, and is worse than the
+//! robot's description says: its torso gives way, its wheels slip, its arms may be mounted elsewhere.
+//!
+//! A [`World`] goes in ticks of a millisecond and repeats to the bit from its seed. It reads no clock, starts no threads, and its step
+//! does not allocate.
+//!
+//! | part | model | step |
+//! |---|---|---|
+//! | ball | `(m + m_a) dv/dt = -(m - m_b) g - 1/2 rho C_d A \|v\| v + lift`, Runge-Kutta | 0.1 ms |
+//! | drives | `ddq = a_c + w^2 (q_c - q) + 2 w (dq_c - dq)`, limits kept | 0.5 ms |
+//! | torso | `M_ee dde = -K e - D de - b(q, dq, ddq)`, Newton-Euler over 21 bodies (Luh, Walker and Paul 1980), drift-kick-drift | 0.5 ms |
+//! | platform | true place = drive + slip, `s tanh(way / 0.15 m)` | 0.5 ms |
+//! | inertial unit | specific force and rate of its place in the true head, with bias, scale, noise | 512 Hz |
+//! | cameras | outline of a sphere, with noise, misses, clutter; both exposed together | 25 Hz |
+//! | hands | close once, 10 ms after they begin to | 1 ms |
+//!
+//! The drives prescribe the motion of their joints, whatever torque it takes; the reaction of arms, neck and platform goes into the
+//! torso's springs, and so shakes chest and head. Arms and neck are stiff.
+//!
+//! Frames and joint numbers are those of [`tactnet_catching_packets`]. The numbers that the thesis does not give (springs, damping, noise,
+//! latency, spin) are settings; the defaults are ours, most from the digest of its chapter 3.
+//!
+//! Left out: self-collision, contact of ball with robot and fingers, arms hiding the ball, motion blur, the delay from exposure to
+//! circles (the runner's), elasticity of arms and neck, torque limits.
+
+mod ball;
+mod cameras;
+mod config;
+mod drives;
+mod dynamics;
+mod error;
+mod hand;
+mod imu;
+mod judge;
+mod kinematics;
+mod planted;
+#[cfg(test)]
+mod pose;
+mod robot;
+mod stream;
+mod thrower;
+mod torso;
+mod world;
+
+pub use ball::{BallConfig, BallState};
+pub use cameras::CamerasConfig;
+pub use config::WorldConfig;
+pub use drives::{ACCELERATION_HEADROOM, DrivesConfig};
+pub use error::WorldError;
+pub use hand::{CLOSED_NS, CLOSING_NS};
+pub use imu::ImuConfig;
+pub use judge::{Crossing, MOST_ACROSS, MOST_ALONG_NS, MOST_ANGLE, Miss, NEAR, Verdict};
+pub use planted::PlantedErrors;
+pub use robot::FrameMotion;
+pub use thrower::ThrowerConfig;
+pub use torso::{Stiffness, TorsoConfig};
+pub use world::{BallTruth, FlightSample, Ignored, Sensed, TICK_NS, Truth, World};
+
+/// Gravity, m/s^2.
+pub const GRAVITY: f64 = 9.81;

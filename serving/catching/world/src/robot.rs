@@ -1,0 +1,325 @@
+//! The true robot: drives that follow, links that give way, wheels that slip.
+
+use nalgebra::{Matrix3, Vector3};
+use tactnet_catching_packets::packets::JointCommand;
+use tactnet_catching_packets::{ARMS, JOINTS, RobotDescription, joint};
+
+use crate::GRAVITY;
+use crate::config::WorldConfig;
+use crate::drives::{Drives, TICK};
+use crate::dynamics::Acceleration;
+use crate::error::WorldError;
+use crate::kinematics::{BODIES, CHEST, HAND, HEAD, Place, Tree, without_passive};
+use crate::planted::{Moving, Slip};
+use crate::torso::{Prescribed, Torso, deflected};
+
+/// Substeps of a tick.
+pub(crate) const SUBSTEPS: usize = 2;
+
+/// Where a frame is and how it moves, inertial frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrameMotion {
+    /// Of its origin, m.
+    pub position: Vector3<f64>,
+    /// From it to the inertial frame; a catch frame's third column is the hand's axis, which points away from the wrist.
+    pub rotation: Matrix3<f64>,
+    /// Of its origin, m/s.
+    pub velocity: Vector3<f64>,
+    /// Rotation, inertial frame, rad/s.
+    pub rate: Vector3<f64>,
+}
+
+/// What an inertial unit without errors would feel at one moment, in the head's frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Felt {
+    /// m/s^2.
+    pub(crate) specific_force: Vector3<f64>,
+    /// rad/s.
+    pub(crate) rate: Vector3<f64>,
+}
+
+/// Frames of interest at the end of a tick.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Frames {
+    pub(crate) head: FrameMotion,
+    pub(crate) chest: FrameMotion,
+    pub(crate) hands: [FrameMotion; ARMS],
+}
+
+/// All of the robot but its hands.
+#[derive(Debug, Clone)]
+pub(crate) struct Robot {
+    tree: Tree,
+    pub(crate) drives: Drives,
+    torso: Torso,
+    slip: Slip,
+    /// Of the inertial unit, m, head's frame.
+    imu: Vector3<f64>,
+    /// Torques and forces that the links carry.
+    pub(crate) torques: [f64; JOINTS],
+    /// In the middle of each substep of the last tick.
+    pub(crate) felt: [Felt; SUBSTEPS],
+    pub(crate) frames: Frames,
+}
+
+impl Robot {
+    /// A robot that stands still at `start`.
+    pub(crate) fn new(
+        description: &RobotDescription,
+        config: &WorldConfig,
+        seed: u64,
+        start: &[f64; JOINTS],
+    ) -> Result<Self, WorldError> {
+        let limits = description.joints();
+        for (joint, (limit, q)) in limits.iter().zip(start).enumerate() {
+            let [low, high] = limit.range;
+            if !(low..=high).contains(q) {
+                return Err(WorldError::Start {
+                    joint,
+                    found: *q,
+                    low,
+                    high,
+                });
+            }
+        }
+        let tree = Tree::new(description, &config.errors.arm_mounts(seed));
+        let torso = Torso::new(&tree, &config.torso, GRAVITY, start)?;
+        let still = deflected(start, &torso.e);
+        let places = tree.places(&still);
+        let weight = tree.inverse_dynamics(&places, &[0.0; BODIES], &[0.0; BODIES], GRAVITY);
+        let frames = frames(&tree, &places, &[0.0; BODIES]);
+        let felt = Felt {
+            specific_force: frames.head.rotation.transpose() * Vector3::z() * GRAVITY,
+            rate: Vector3::zeros(),
+        };
+        Ok(Self {
+            slip: config.errors.slip(seed, start[joint::PLATFORM]),
+            drives: Drives::new(limits, &config.drives, *start),
+            imu: description.imu.position.into(),
+            torques: without_passive(&weight.torques),
+            felt: [felt; SUBSTEPS],
+            frames,
+            tree,
+            torso,
+        })
+    }
+
+    /// Moves on by a tick.
+    pub(crate) fn advance(&mut self, command: &JointCommand) {
+        self.drives.receive(command);
+        let h = TICK / SUBSTEPS as f64;
+        for substep in 0..SUBSTEPS {
+            let (q, dq) = (self.drives.q, self.drives.dq);
+            let ddq = self.drives.advance(h);
+            let middle = self.with_slip(Prescribed {
+                q: std::array::from_fn(|i| q[i] + (dq[i] + ddq[i] * h / 4.0) * h / 2.0),
+                dq: std::array::from_fn(|i| dq[i] + ddq[i] * h / 2.0),
+                ddq,
+            });
+            let (inverse, places) = self.torso.advance(&self.tree, &middle, h);
+            self.felt[substep] = self.feel(&places[HEAD], &inverse.accelerations[HEAD]);
+            self.torques = without_passive(&inverse.torques);
+        }
+        let end = self.with_slip(Prescribed {
+            q: self.drives.q,
+            dq: self.drives.dq,
+            ddq: [0.0; JOINTS],
+        });
+        let places = self.tree.places(&deflected(&end.q, &self.torso.e));
+        let rates = deflected(&end.dq, &self.torso.de);
+        self.frames = frames(&self.tree, &places, &rates);
+    }
+
+    /// Returns by how much the torso's links stand off their drives, rad: yaw, lower pitch, upper pitch.
+    pub(crate) fn deflection(&self) -> [f64; 3] {
+        self.torso.e.into()
+    }
+
+    /// Returns the platform's slip, m.
+    pub(crate) fn slip(&self) -> f64 {
+        self.slip.at(self.drives.q[joint::PLATFORM])
+    }
+
+    fn feel(&self, head: &Place, acceleration: &Acceleration) -> Felt {
+        let arm = head.rotation * self.imu;
+        let there = acceleration.specific_force
+            + acceleration.angular.cross(&arm)
+            + acceleration.rate.cross(&acceleration.rate.cross(&arm));
+        Felt {
+            specific_force: head.rotation.tr_mul(&there),
+            rate: head.rotation.tr_mul(&acceleration.rate),
+        }
+    }
+
+    fn with_slip(&self, mut motion: Prescribed) -> Prescribed {
+        let platform = self.slip.apply(Moving {
+            q: motion.q[joint::PLATFORM],
+            dq: motion.dq[joint::PLATFORM],
+            ddq: motion.ddq[joint::PLATFORM],
+        });
+        motion.q[joint::PLATFORM] = platform.q;
+        motion.dq[joint::PLATFORM] = platform.dq;
+        motion.ddq[joint::PLATFORM] = platform.ddq;
+        motion
+    }
+}
+
+fn frames(tree: &Tree, places: &[Place; BODIES], rates: &[f64; BODIES]) -> Frames {
+    let velocities = tree.velocities(places, rates);
+    let frame = |body: usize, position: Vector3<f64>| FrameMotion {
+        position,
+        rotation: places[body].rotation,
+        velocity: velocities[body].linear
+            + velocities[body]
+                .angular
+                .cross(&(position - places[body].position)),
+        rate: velocities[body].angular,
+    };
+    Frames {
+        head: frame(HEAD, places[HEAD].position),
+        chest: frame(CHEST, places[CHEST].position),
+        hands: std::array::from_fn(|arm| frame(HAND[arm], tree.catch_position(places, arm))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pose::ready;
+
+    fn command(q: [f64; JOINTS], dq: [f64; JOINTS]) -> JointCommand {
+        JointCommand {
+            number: 0,
+            command_ns: 0,
+            q,
+            dq,
+        }
+    }
+
+    fn robot(config: &WorldConfig) -> Robot {
+        Robot::new(&RobotDescription::nominal(), config, 1, &ready()).unwrap()
+    }
+
+    /// A reach of 0.6 s with the left arm: speeds up in 0.1 s, runs, slows down in 0.1 s.
+    fn reach(t: f64) -> ([f64; JOINTS], [f64; JOINTS]) {
+        let (mut q, mut dq) = (ready(), [0.0; JOINTS]);
+        let sped_up = t.clamp(0.0, 0.1).powi(2) / 0.2;
+        let run = (t - 0.1).clamp(0.0, 0.4);
+        let slowed = (t - 0.5).clamp(0.0, 0.1);
+        let way = sped_up + run + slowed - slowed * slowed / 0.2;
+        let rate = (t / 0.1).min((0.6 - t) / 0.1).clamp(0.0, 1.0);
+        // Near the description's speeds.
+        for (joint, speed) in [(6, 1.6), (7, -1.2), (8, 1.0), (9, -1.5), (11, 1.5)] {
+            q[joint] += speed * way;
+            dq[joint] = speed * rate;
+        }
+        (q, dq)
+    }
+
+    #[test]
+    fn a_robot_without_commands_stands_still() {
+        let mut robot = robot(&WorldConfig::default());
+        let before = robot.frames;
+        for _ in 0..1000 {
+            robot.advance(&command(ready(), [0.0; JOINTS]));
+        }
+        let moved = (robot.frames.head.position - before.head.position).norm();
+        // The balance is found to 1e-14 rad; rounding shakes it.
+        assert!(moved < 1e-10, "{moved}");
+        assert!((robot.felt[0].specific_force.norm() - GRAVITY).abs() < 1e-8);
+        // It sags under its weight, a little.
+        assert!(robot.deflection()[1].abs() < 0.02);
+    }
+
+    /// Thesis, figure 3.12: the torso's vertical joint is off by 1.5 degrees in a catch.
+    #[test]
+    fn a_reaching_arm_shakes_the_torso_by_about_a_degree() {
+        let mut robot = robot(&WorldConfig::default());
+        let before = robot.frames;
+        let rest = robot.deflection();
+        let (mut yaw, mut pitch, mut head, mut late_yaw) = (0.0f64, 0.0f64, 0.0f64, 0.0f64);
+        for tick in 0..1000 {
+            let t = f64::from(tick) * TICK;
+            let (q, dq) = reach(t);
+            robot.advance(&command(q, dq));
+            let now = robot.deflection();
+            yaw = yaw.max((now[0] - rest[0]).abs());
+            pitch = pitch.max((now[1] - rest[1]).abs().max((now[2] - rest[2]).abs()));
+            head = head.max((robot.frames.head.position - before.head.position).norm());
+            if (0.5..0.6).contains(&t) {
+                late_yaw = late_yaw.max((now[0] - rest[0]).abs());
+            }
+        }
+        println!(
+            "yaw {:.2} deg (last 0.1 s of the reach {:.2}), pitches {:.2} deg, head {:.1} mm",
+            yaw.to_degrees(),
+            late_yaw.to_degrees(),
+            pitch.to_degrees(),
+            head * 1e3
+        );
+        assert!(
+            (0.5..3.0).contains(&yaw.to_degrees()),
+            "{}",
+            yaw.to_degrees()
+        );
+        assert!((5e-4..0.05).contains(&head), "{head}");
+    }
+
+    #[test]
+    fn a_rigid_torso_does_not_shake() {
+        let mut config = WorldConfig::default();
+        config.torso.stiffness = crate::Stiffness::Rigid;
+        let mut robot = robot(&config);
+        let before = robot.frames.head;
+        for tick in 0..700 {
+            let (q, dq) = reach(f64::from(tick) * TICK);
+            robot.advance(&command(q, dq));
+        }
+        assert_eq!(robot.frames.head, before);
+    }
+
+    /// What is felt, integrated, is how the head moves: half-tick steps of the very accelerations, so only the rotation's second order is
+    /// lost.
+    #[test]
+    fn what_the_imu_feels_is_the_motion_of_the_head() {
+        let mut robot = robot(&WorldConfig::default());
+        let arm = robot.imu;
+        let at = |head: &FrameMotion| {
+            let arm = head.rotation * arm;
+            (head.position + arm, head.velocity + head.rate.cross(&arm))
+        };
+        let (mut position, mut velocity) = at(&robot.frames.head);
+        let mut rotation = nalgebra::Rotation3::from_matrix_unchecked(robot.frames.head.rotation);
+        let h = TICK / SUBSTEPS as f64;
+        for tick in 0..800 {
+            let (mut q, mut dq) = reach(f64::from(tick) * TICK);
+            // The head turns and the platform moves, too.
+            q[0] += 0.1 * (1.0 - (f64::from(tick) * 0.004).cos());
+            dq[0] += 0.4 * (f64::from(tick) * 0.004).sin();
+            q[4] += 0.3 * (1.0 - (f64::from(tick) * 0.005).cos());
+            dq[4] += 1.5 * (f64::from(tick) * 0.005).sin();
+            robot.advance(&command(q, dq));
+            for felt in robot.felt {
+                let turn = |part: f64| nalgebra::Rotation3::new(felt.rate * (h * part));
+                let middle = rotation * turn(0.5);
+                let a = middle * felt.specific_force - Vector3::z() * GRAVITY;
+                position += velocity * h + a * (h * h / 2.0);
+                velocity += a * h;
+                rotation *= turn(1.0);
+            }
+        }
+        let (true_position, true_velocity) = at(&robot.frames.head);
+        assert!(
+            (position - true_position).norm() < 5e-4,
+            "{}",
+            (position - true_position).norm()
+        );
+        assert!(
+            (velocity - true_velocity).norm() < 2e-3,
+            "{}",
+            (velocity - true_velocity).norm()
+        );
+        let turned = rotation.matrix().transpose() * robot.frames.head.rotation;
+        assert!((turned - Matrix3::identity()).norm() < 2e-4);
+    }
+}

@@ -1,0 +1,335 @@
+//! The elastic torso: a spring with a damper between each torso drive and its link.
+//!
+//! `M_ee dde = -K e - D de - b`: `e` are the deflections of yaw and both pitches, `b` the torques that the prescribed motion asks for
+//! with `dde = 0` (one pass of Newton-Euler), `M_ee` the inertia the springs see (three passes). A pitch's deflection moves the passive
+//! joint the other way, so the chest stays upright and is shifted.
+//!
+//! A step drifts half, kicks, drifts half: of second order and, without damping, symplectic. Damping is taken implicitly.
+
+use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
+use tactnet_catching_packets::JOINTS;
+
+use crate::dynamics::Inverse;
+use crate::error::{WorldError, not_negative, positive, within};
+use crate::kinematics::{BODIES, Coordinates, Place, Tree, with_passive, without_passive};
+
+/// Deflecting joints: those of the torso.
+pub(crate) const SPRINGS: usize = 3;
+
+/// Whether the torso gives way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Stiffness {
+    /// Springs and dampers.
+    Elastic,
+    /// None: links stand where drives do.
+    Rigid,
+}
+
+/// The torso's springs.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TorsoConfig {
+    /// Whether they are there.
+    pub stiffness: Stiffness,
+    /// Of yaw, lower and upper pitch, Hz: each with the inertia that it alone would swing in the starting pose. Together the pitches
+    /// swing slower and faster than apart.
+    pub frequencies: [f64; 3],
+    /// Part of the critical damping.
+    pub damping: f64,
+}
+
+impl Default for TorsoConfig {
+    fn default() -> Self {
+        Self {
+            stiffness: Stiffness::Elastic,
+            frequencies: [3.5, 4.0, 4.5],
+            damping: 0.05,
+        }
+    }
+}
+
+impl TorsoConfig {
+    pub(crate) fn check(&self) -> Result<(), WorldError> {
+        for frequency in self.frequencies {
+            positive("torso.frequencies", frequency)?;
+            within(
+                "torso.frequencies",
+                frequency,
+                [0.0, 50.0],
+                "at most 50 Hz, which substeps resolve",
+            )?;
+        }
+        not_negative("torso.damping", self.damping)
+    }
+}
+
+/// How the robot's joints move as their drives prescribe it, without deflections.
+pub(crate) struct Prescribed {
+    pub(crate) q: [f64; JOINTS],
+    pub(crate) dq: [f64; JOINTS],
+    pub(crate) ddq: [f64; JOINTS],
+}
+
+/// The deflections.
+#[derive(Debug, Clone)]
+pub(crate) struct Torso {
+    /// `None` where the torso is rigid: Nm/rad, Nm s/rad.
+    springs: Option<(Vector3<f64>, Vector3<f64>)>,
+    gravity: f64,
+    /// From drives to links, rad.
+    pub(crate) e: Vector3<f64>,
+    /// rad/s.
+    pub(crate) de: Vector3<f64>,
+    /// rad/s^2, of the step before.
+    dde: Vector3<f64>,
+}
+
+impl Torso {
+    /// Springs in balance with the weight of a robot that stands at `start`.
+    pub(crate) fn new(
+        tree: &Tree,
+        config: &TorsoConfig,
+        gravity: f64,
+        start: &[f64; JOINTS],
+    ) -> Result<Self, WorldError> {
+        let mut torso = Self {
+            springs: None,
+            gravity,
+            e: Vector3::zeros(),
+            de: Vector3::zeros(),
+            dde: Vector3::zeros(),
+        };
+        if config.stiffness == Stiffness::Rigid {
+            return Ok(torso);
+        }
+        let inertia = torso.inertia(tree, &tree.places(&with_passive(start))).0;
+        let rates = Vector3::from(config.frequencies) * std::f64::consts::TAU;
+        let stiffness = rates
+            .component_mul(&rates)
+            .component_mul(&inertia.diagonal());
+        let damping = rates.component_mul(&inertia.diagonal()) * (2.0 * config.damping);
+        torso.springs = Some((stiffness, damping));
+        let still = Prescribed {
+            q: *start,
+            dq: [0.0; JOINTS],
+            ddq: [0.0; JOINTS],
+        };
+        for _ in 0..200 {
+            let places = tree.places(&deflected(&still.q, &torso.e));
+            let weight = tree.inverse_dynamics(&places, &[0.0; BODIES], &[0.0; BODIES], gravity);
+            let balanced = -spring_torques(&weight.torques).component_div(&stiffness);
+            let change = (balanced - torso.e).norm();
+            torso.e = balanced;
+            if change < 1e-14 {
+                return Ok(torso);
+            }
+        }
+        Err(WorldError::Collapses {
+            frequencies: config.frequencies,
+        })
+    }
+
+    /// Moves on by `h`, while the drives are at `middle` half way; returns the torques and accelerations of that moment, and where the
+    /// bodies were.
+    pub(crate) fn advance(
+        &mut self,
+        tree: &Tree,
+        middle: &Prescribed,
+        h: f64,
+    ) -> (Inverse, [Place; BODIES]) {
+        self.e += self.de * (h / 2.0);
+        // At the middle; the change of rate is not yet known.
+        let rate = self.de + self.dde * (h / 2.0);
+        let places = tree.places(&deflected(&middle.q, &self.e));
+        let mut inverse = tree.inverse_dynamics(
+            &places,
+            &deflected(&middle.dq, &rate),
+            &with_passive(&middle.ddq),
+            self.gravity,
+        );
+        let Some((stiffness, damping)) = self.springs else {
+            return (inverse, places);
+        };
+        let (inertia, columns) = self.inertia(tree, &places);
+        let torques = stiffness.component_mul(&self.e)
+            + damping.component_mul(&self.de)
+            + spring_torques(&inverse.torques);
+        let implicit = inertia + Matrix3::from_diagonal(&(damping * (h / 2.0)));
+        let factor = implicit
+            .cholesky()
+            .expect("an inertia matrix is positive definite");
+        self.dde = -factor.solve(&torques);
+        self.de += self.dde * h;
+        self.e += self.de * (h / 2.0);
+        for (column, dde) in columns.iter().zip(self.dde.iter()) {
+            for i in 0..BODIES {
+                inverse.torques[i] += column.torques[i] * dde;
+                inverse.accelerations[i].specific_force +=
+                    column.accelerations[i].specific_force * *dde;
+                inverse.accelerations[i].angular += column.accelerations[i].angular * *dde;
+            }
+        }
+        (inverse, places)
+    }
+
+    /// Returns the inertia that the springs see, kg m^2, and what each deflection's acceleration alone asks for.
+    fn inertia(&self, tree: &Tree, places: &[Place; BODIES]) -> (Matrix3<f64>, [Inverse; SPRINGS]) {
+        let columns = std::array::from_fn(|spring| {
+            let mut unit = Vector3::zeros();
+            unit[spring] = 1.0;
+            let ddq = deflected(&[0.0; JOINTS], &unit);
+            tree.inverse_dynamics(places, &[0.0; BODIES], &ddq, 0.0)
+        });
+        let inertia = Matrix3::from_columns(
+            &columns
+                .each_ref()
+                .map(|column: &Inverse| spring_torques(&column.torques)),
+        );
+        (inertia, columns)
+    }
+}
+
+/// Returns the joints of all bodies, the torso's with what the springs add.
+pub(crate) fn deflected(joints: &[f64; JOINTS], e: &Vector3<f64>) -> Coordinates {
+    let mut joints = *joints;
+    for (joint, e) in joints[1..=SPRINGS].iter_mut().zip(e.iter()) {
+        *joint += e;
+    }
+    with_passive(&joints)
+}
+
+fn spring_torques(torques: &Coordinates) -> Vector3<f64> {
+    Vector3::from_column_slice(&without_passive(torques)[1..=SPRINGS])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::GRAVITY;
+    use tactnet_catching_packets::{ARMS, RobotDescription};
+
+    fn tree() -> Tree {
+        Tree::new(&RobotDescription::nominal(), &[Vector3::zeros(); ARMS])
+    }
+
+    /// Arms bent, torso leaning: nothing is symmetric.
+    fn pose() -> [f64; JOINTS] {
+        let mut q = [0.0; JOINTS];
+        q[1..4].copy_from_slice(&[0.3, 0.2, -0.1]);
+        q[6..13].copy_from_slice(&[0.4, 0.8, -0.3, 1.2, 0.2, 0.5, 0.0]);
+        q[13..20].copy_from_slice(&[-0.2, 0.5, 0.6, 0.9, 0.1, -0.4, 0.0]);
+        q
+    }
+
+    fn still(q: [f64; JOINTS]) -> Prescribed {
+        Prescribed {
+            q,
+            dq: [0.0; JOINTS],
+            ddq: [0.0; JOINTS],
+        }
+    }
+
+    #[test]
+    fn springs_without_damping_keep_their_energy() {
+        let tree = tree();
+        let config = TorsoConfig {
+            damping: 0.0,
+            ..TorsoConfig::default()
+        };
+        for gravity in [0.0, GRAVITY] {
+            let mut torso = Torso::new(&tree, &config, gravity, &pose()).unwrap();
+            let (stiffness, _) = torso.springs.unwrap();
+            let rest = torso.e;
+            let energy = |torso: &Torso| -> f64 {
+                let places = tree.places(&deflected(&pose(), &torso.e));
+                let rates = deflected(&[0.0; JOINTS], &torso.de);
+                let springs = stiffness.component_mul(&torso.e).dot(&torso.e) / 2.0;
+                springs + tree.energy(&places, &rates, gravity).iter().sum::<f64>()
+            };
+            let bottom = energy(&torso);
+            torso.e += Vector3::new(0.03, 0.01, -0.015);
+            let start = energy(&torso) - bottom;
+            for _ in 0..10_000 {
+                torso.advance(&tree, &still(pose()), 5e-4);
+                let now = energy(&torso) - bottom;
+                // Second order: (w h)^2 / 8 of the faster of both pitches together, some 100 rad/s.
+                assert!((now / start - 1.0).abs() < 2e-3, "{now} {start}");
+            }
+            assert!((torso.e - rest).norm() < 0.2);
+        }
+    }
+
+    #[test]
+    fn damping_brings_the_springs_to_rest_where_they_began() {
+        let tree = tree();
+        let mut torso = Torso::new(&tree, &TorsoConfig::default(), GRAVITY, &pose()).unwrap();
+        let rest = torso.e;
+        for _ in 0..2000 {
+            torso.advance(&tree, &still(pose()), 5e-4);
+        }
+        assert!((torso.e - rest).norm() < 1e-12, "balance");
+        torso.de = Vector3::new(0.5, -0.2, 0.1);
+        for _ in 0..20_000 {
+            torso.advance(&tree, &still(pose()), 5e-4);
+        }
+        // The slower swing of both pitches dies with about 0.8 /s: e^-8 of 0.02 rad.
+        assert!(
+            (torso.e - rest).norm() < 2e-5,
+            "{}",
+            (torso.e - rest).norm()
+        );
+    }
+
+    #[test]
+    fn the_yaw_spring_swings_with_its_frequency() {
+        let tree = tree();
+        let config = TorsoConfig {
+            damping: 0.0,
+            ..TorsoConfig::default()
+        };
+        // Upright and symmetric: yaw swings apart from the pitches.
+        let mut torso = Torso::new(&tree, &config, GRAVITY, &[0.0; JOINTS]).unwrap();
+        torso.e.x = 0.01;
+        let mut crossings = Vec::new();
+        for step in 0..4000 {
+            let before = torso.e.x;
+            torso.advance(&tree, &still([0.0; JOINTS]), 5e-4);
+            if before > 0.0 && torso.e.x <= 0.0 {
+                crossings.push(f64::from(step) * 5e-4);
+            }
+        }
+        let period = (crossings[5] - crossings[0]) / 5.0;
+        // Crossings are read to a substep: 5e-4 s in five periods.
+        assert!((period - 1.0 / 3.5).abs() < 3e-4, "{period}");
+    }
+
+    #[test]
+    fn springs_carry_what_newton_and_euler_ask_of_them() {
+        let tree = tree();
+        let mut torso = Torso::new(&tree, &TorsoConfig::default(), GRAVITY, &pose()).unwrap();
+        let mut middle = still(pose());
+        middle.ddq[7] = 15.0;
+        for _ in 0..20 {
+            let (stiffness, damping) = torso.springs.unwrap();
+            let before = torso.de;
+            let (inverse, _) = torso.advance(&tree, &middle, 5e-4);
+            let e = torso.e - torso.de * 2.5e-4;
+            let de = (before + torso.de) / 2.0;
+            let spring = -(stiffness.component_mul(&e) + damping.component_mul(&de));
+            // Torques of 100 Nm, rounding.
+            assert!((spring_torques(&inverse.torques) - spring).norm() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn springs_too_weak_for_the_robot_are_an_error() {
+        let config = TorsoConfig {
+            frequencies: [3.5, 0.2, 0.2],
+            ..TorsoConfig::default()
+        };
+        let found = Torso::new(&tree(), &config, GRAVITY, &pose());
+        assert!(matches!(found, Err(WorldError::Collapses { .. })));
+    }
+}

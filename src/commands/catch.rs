@@ -1,0 +1,73 @@
+//! `tactnet catch`: catching balls with two arms, in a simulated world.
+
+mod plan_bench;
+mod throw_series;
+mod track_bench;
+#[cfg(feature = "rerun")]
+mod view_throw;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::Context;
+use clap::{Subcommand, ValueEnum};
+use tactnet_catching::Robot;
+use tactnet_catching::plan::Objective;
+use tactnet_catching_packets::RobotDescription;
+
+#[derive(Subcommand)]
+#[command(after_help = "Examples:\n  \
+    tactnet catch throw-series --throws 100 --page throws.html     how many balls are caught, and one throw drawn\n  \
+    tactnet catch plan-bench --problems 1000                       how long plans take, how many are missed\n  \
+    tactnet catch track-bench --throws 1000                        how exactly balls are predicted, how long that takes")]
+pub enum CatchCommand {
+    /// Throw balls at the simulated robot, in stepped time, and count what it catches
+    ThrowSeries(throw_series::ThrowSeriesArgs),
+    /// Measure the planner on random catches, against a dense grid
+    PlanBench(plan_bench::PlanBenchArgs),
+    /// Measure the tracker on throws that it sees from a head that stands still
+    TrackBench(track_bench::TrackBenchArgs),
+}
+
+/// What a plan seeks.
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+pub enum ObjectiveChoice {
+    /// The gentlest motion
+    Soft,
+    /// The latest catch
+    Latest,
+    /// Move at once and wait for the ball
+    Cool,
+}
+
+impl From<ObjectiveChoice> for Objective {
+    fn from(choice: ObjectiveChoice) -> Self {
+        match choice {
+            ObjectiveChoice::Soft => Self::Soft,
+            ObjectiveChoice::Latest => Self::Latest,
+            ObjectiveChoice::Cool => Self::Cool,
+        }
+    }
+}
+
+/// Runs the command.
+pub fn run(command: CatchCommand) -> anyhow::Result<ExitCode> {
+    match command {
+        CatchCommand::ThrowSeries(arguments) => throw_series::run(&arguments),
+        CatchCommand::PlanBench(arguments) => plan_bench::run(&arguments),
+        CatchCommand::TrackBench(arguments) => track_bench::run(&arguments),
+    }
+}
+
+/// Returns the robot that a file describes, or the one that is built in.
+fn robot(path: Option<&PathBuf>) -> anyhow::Result<Robot> {
+    Ok(Robot::new(description(path.map(PathBuf::as_path))?))
+}
+
+fn description(path: Option<&Path>) -> anyhow::Result<RobotDescription> {
+    let Some(path) = path else {
+        return Ok(RobotDescription::nominal());
+    };
+    let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
+    RobotDescription::parse(&text).with_context(|| path.display().to_string())
+}

@@ -1,0 +1,216 @@
+//! `tactnet catch throw-series`: how many balls are caught.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+use anyhow::Context;
+use clap::{Args, ValueEnum};
+use tactnet_catching_trials::{Ablation, Series, SeriesReport, ThrowConfig, Timing, series_page};
+use tactnet_catching_world::WorldConfig;
+
+use crate::commands::progress_line::about;
+use crate::output;
+
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    tactnet catch throw-series --throws 1000 --seed 1 --json\n  \
+    tactnet catch throw-series --throws 200 --page throws.html       with one throw drawn\n  \
+    tactnet catch throw-series --throws 1 --view                     that throw in the Rerun viewer\n  \
+    tactnet catch throw-series --without imu --without replan        what they are worth\n  \
+    tactnet catch throw-series --balls 2\n  \
+    tactnet catch throw-series --timing thesis                       152 ms from exposure to path instead of 70")]
+pub struct ThrowSeriesArgs {
+    /// How many throws
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+    throws: u64,
+    /// Of throws, noise, everything drawn
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Balls at once
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
+    balls: u8,
+    /// How long the parts of the stack take
+    #[arg(long, value_enum, default_value_t = TimingChoice::Ours)]
+    timing: TimingChoice,
+    /// Leave this out; may be given more than once
+    #[arg(long, value_enum, value_name = "PART")]
+    without: Vec<AblationChoice>,
+    /// Where head and balls are is taken from the truth
+    #[arg(long)]
+    perfect_perception: bool,
+    /// Hands close so much too late, ms; less than 0: too early
+    #[arg(
+        long,
+        value_name = "MS",
+        default_value_t = 0.0,
+        allow_negative_numbers = true
+    )]
+    closing_error: f64,
+    /// The robot as the stack knows it and, but for the errors that the world adds, as it is [default: the one built in]
+    #[arg(long, value_name = "FILE")]
+    robot: Option<PathBuf>,
+    /// Settings of the world, JSON [default: the ones built in]
+    #[arg(long, value_name = "FILE")]
+    world: Option<PathBuf>,
+    /// Write a page with rates, errors over time and one throw drawn
+    #[arg(long, value_name = "FILE")]
+    page: Option<PathBuf>,
+    /// Show the throw that the page draws in the Rerun viewer, or write it for one, or show it in one that runs already
+    #[arg(long, value_name = "FILE.rrd|URL", num_args = 0..=1)]
+    view: Option<Option<String>>,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum TimingChoice {
+    /// 70 ms from exposure to path
+    Ours,
+    /// 152 ms, as in the thesis
+    Thesis,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum AblationChoice {
+    /// The inertial unit: the head is where the joints put it
+    Imu,
+    /// Drag: balls fly parabolas
+    Drag,
+    /// Re-planning: the first plan is carried out
+    Replan,
+    /// Several starts of a plan
+    Multistart,
+    /// Platform and torso
+    LowerBody,
+    /// Motions that come near where no exact catch is left
+    NearMiss,
+}
+
+impl From<AblationChoice> for Ablation {
+    fn from(choice: AblationChoice) -> Self {
+        match choice {
+            AblationChoice::Imu => Self::Imu,
+            AblationChoice::Drag => Self::Drag,
+            AblationChoice::Replan => Self::Replan,
+            AblationChoice::Multistart => Self::Multistart,
+            AblationChoice::LowerBody => Self::LowerBody,
+            AblationChoice::NearMiss => Self::NearMiss,
+        }
+    }
+}
+
+/// Runs the command.
+pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
+    #[cfg(not(feature = "rerun"))]
+    if arguments.view.is_some() {
+        anyhow::bail!(tactnet_models::left_out("rerun"));
+    }
+    let world: WorldConfig = match &arguments.world {
+        None => WorldConfig::default(),
+        Some(path) => {
+            let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
+            serde_json::from_str(&text).with_context(|| path.display().to_string())?
+        }
+    };
+    // Before a series is run in vain.
+    if let Some(folder) = arguments.page.as_ref().and_then(|page| page.parent())
+        && !(folder.as_os_str().is_empty() || folder.is_dir())
+    {
+        anyhow::bail!("{}: no such folder", folder.display());
+    }
+    if let Some(Some(file)) = &arguments.view
+        && Path::new(file).exists()
+    {
+        anyhow::bail!("{file}: there is such a file already");
+    }
+    let mut without: Vec<Ablation> = arguments
+        .without
+        .iter()
+        .map(|choice| (*choice).into())
+        .collect();
+    without.sort();
+    without.dedup();
+    let series = Series {
+        config: ThrowConfig {
+            robot: super::robot(arguments.robot.as_ref())?,
+            world,
+            timing: match arguments.timing {
+                TimingChoice::Ours => Timing::ours(),
+                TimingChoice::Thesis => Timing::thesis(),
+            },
+            without,
+            balls: arguments.balls.into(),
+            perfect_perception: arguments.perfect_perception,
+            closing_error: 1e-3 * arguments.closing_error,
+        },
+        throws: arguments.throws,
+        seed: arguments.seed,
+    };
+    let begun = Instant::now();
+    let (done, said) = (AtomicU64::new(0), AtomicU64::new(2));
+    let report = series.run(|| {
+        let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+        let (elapsed, next) = (begun.elapsed(), said.load(Ordering::Relaxed));
+        if elapsed.as_secs() >= next
+            && said
+                .compare_exchange(next, next + 2, Ordering::Relaxed, Ordering::Relaxed)
+                .is_ok()
+        {
+            let left = elapsed.mul_f64((arguments.throws - done) as f64 / done as f64);
+            eprintln!(
+                "{done} of {} throws, {} to go",
+                arguments.throws,
+                about(left)
+            );
+        }
+    })?;
+    if let Some(path) = &arguments.page {
+        std::fs::write(path, series_page(&series, &report)?)
+            .with_context(|| path.display().to_string())?;
+    }
+    #[cfg(feature = "rerun")]
+    if let Some(view) = &arguments.view {
+        super::view_throw::view(&series, &report, view.as_deref())?;
+    }
+    if arguments.json {
+        output::print_json(&report)?;
+    } else {
+        print(&report)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn print(report: &SeriesReport) -> anyhow::Result<()> {
+    let what = if report.balls == 1 {
+        "balls"
+    } else {
+        "pairs of balls"
+    };
+    output::print(format_args!(
+        "caught {} of {} {what} in the catch space: {:.1} % [{:.1}, {:.1}]; {:.1} % of all {} throws",
+        report.caught,
+        report.in_catch_space,
+        100.0 * report.rate,
+        100.0 * report.ci95_low,
+        100.0 * report.ci95_high,
+        100.0 * report.over_all_throws,
+        report.throws
+    ))?;
+    for (cause, count) in &report.misses {
+        output::print(format_args!("  missed, {cause}: {count}"))?;
+    }
+    if let (Some(across), Some(along)) = (report.across_mm_rms_200ms, report.along_ms_rms_200ms) {
+        output::print(format_args!(
+            "predicted 200 ms before the catch: {across:.1} mm across the flight, {along:.2} ms along it (root mean squares)"
+        ))?;
+    }
+    if let (Some(nees), Some([low, high])) = (report.nees_200ms, report.nees_band) {
+        output::print(format_args!(
+            "normalised squared error of it: {nees:.2}, {low:.2} to {high:.2} if the filter's covariance is right"
+        ))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,64 @@
+//! Catching on the command line: what is wrong is said in one line, and what is asked for comes out the same twice.
+
+use crate::command::{Lab, expect, stderr, stdout, tactnet};
+
+fn series(more: &[&str]) -> std::process::Command {
+    let mut series = tactnet(["catch", "throw-series", "--throws", "4", "--json"]);
+    series.args(more);
+    series
+}
+
+#[test]
+fn a_series_is_the_same_for_any_number_of_cores_and_its_page_needs_no_network() {
+    let lab = Lab::new();
+    let page = lab.path("throws.html");
+    let mut whole = series(&["--page"]);
+    whole.arg(&page);
+    let whole = stdout(&expect(0, whole));
+    let mut alone = series(&[]);
+    alone.env("RAYON_NUM_THREADS", "1");
+    assert_eq!(whole, stdout(&expect(0, alone)));
+    let page = std::fs::read_to_string(page).unwrap();
+    assert!(page.contains("<svg") && !page.contains("http"), "{page}");
+    let report: serde_json::Value = serde_json::from_str(&whole).unwrap();
+    assert_eq!(report["throws"], 4);
+    assert!(report["caught"].as_u64() <= report["in_catch_space"].as_u64());
+}
+
+#[test]
+fn wrong_robots_worlds_and_places_are_one_line_before_anything_is_thrown() {
+    let lab = Lab::new();
+    let write = |name: &str, text: &str| {
+        let path = lab.path(name);
+        std::fs::write(&path, text).unwrap();
+        path.display().to_string()
+    };
+    let nominal = include_str!("../../serving/catching/packets/src/robot.toml");
+    let turned = nominal.replacen("range = [-0.5, 0.5]", "range = [0.5, -0.5]", 1);
+    assert_ne!(turned, nominal);
+    let robot = write("robot.toml", &turned);
+    let unknown = write("unknown.json", r#"{"torso": {"stifness": "rigid"}}"#);
+    let light = write("light.json", r#"{"ball": {"air": -1}}"#);
+    let nowhere = lab.path("nowhere/page.html").display().to_string();
+    let there = write("there.rrd", "");
+    for (arguments, named) in [
+        (["--robot", &robot], "range"),
+        (["--world", &unknown], "stifness"),
+        (["--world", &light], "ball.air"),
+        (["--page", &nowhere], "nowhere"),
+        (
+            ["--view", &there],
+            if cfg!(feature = "rerun") {
+                "already"
+            } else {
+                "rerun"
+            },
+        ),
+    ] {
+        let said = stderr(&expect(2, series(&arguments)));
+        assert!(
+            said.contains(named) && said.trim().lines().count() == 1,
+            "{said}"
+        );
+    }
+}
