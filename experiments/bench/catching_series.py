@@ -1,0 +1,83 @@
+#!/usr/bin/env python3
+"""Throw series of the catching stack: the whole, what each part is worth, and what should catch nothing.
+
+    python experiments/bench/catching_series.py --tactnet target/release/tactnet --out experiments/results/catching_series.json
+
+Runs `tactnet catch throw-series` once for each row and keeps its JSON beside its options. Begun again, it goes on where it stopped; rows of
+another build are run anew. About 25 minutes on two cores. `--throws N` for a shorter one. Prints the table of the results page.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+# Name, options, settings of the world, share of the throws.
+ROWS = [
+    ("whole stack", [], {}, 1),
+    ("whole stack, seed 2", ["--seed", "2"], {}, 1),
+    ("two balls", ["--balls", "2"], {}, 2),
+    ("two balls, seed 2", ["--balls", "2", "--seed", "2"], {}, 2),
+    ("delays of the thesis, 152 ms", ["--timing", "thesis"], {}, 1),
+    ("head and balls known", ["--perfect-perception"], {}, 1),
+    ("torso rigid, lower body still", ["--without", "lower-body"], {"torso": {"stiffness": "rigid"}}, 1),
+    ("calibration off by 3 mm, 2 mm, 2 mrad", [], {"errors": {"arm_mount": 0.003, "camera_mount": 0.002, "camera_turn": 0.002}}, 1),
+    ("without the inertial unit", ["--without", "imu"], {}, 0.5),
+    ("without drag", ["--without", "drag"], {}, 0.5),
+    ("without re-planning", ["--without", "replan"], {}, 0.5),
+    ("without near misses", ["--without", "near-miss"], {}, 1),
+    ("one start of a plan", ["--without", "multistart"], {}, 1),
+    ("without the lower body", ["--without", "lower-body"], {}, 1),
+    ("hands close 30 ms late", ["--closing-error", "30"], {}, 0.2),
+    ("hands 4 cm beside", [], {"errors": {"arm_mount": 0.04}}, 0.2),
+    ("balls without air, drag believed", [], {"ball": {"air": 0.0}}, 0.2),
+    ("balls without air, no drag believed", ["--without", "drag"], {"ball": {"air": 0.0}}, 0.2),
+]
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--tactnet", required=True, help="the program")
+    parser.add_argument("--throws", type=int, default=1000, help="throws of a whole row (default 1000)")
+    parser.add_argument("--out", required=True, type=Path, help="JSON file of the results")
+    arguments = parser.parse_args()
+    build = json.loads(subprocess.run([arguments.tactnet, "version", "--json"], check=True, capture_output=True, text=True).stdout)
+    kept = json.loads(arguments.out.read_text()) if arguments.out.exists() else {"rows": []}
+    if kept.get("commit") != build["git"] or kept.get("throws") != arguments.throws:
+        kept = {"rows": []}
+    done = {row["name"]: row for row in kept["rows"]}
+    for number, (name, options, world, share) in enumerate(ROWS):
+        if name in done:
+            continue
+        command = ["catch", "throw-series", "--throws", str(max(1, round(share * arguments.throws))), *options]
+        begun = time.monotonic()
+        with tempfile.NamedTemporaryFile("w", suffix=".json") as settings:
+            given = list(command)
+            if world:
+                json.dump(world, settings)
+                settings.flush()
+                given += ["--world", settings.name]
+            result = subprocess.run([arguments.tactnet, *given, "--json"], stdout=subprocess.PIPE, text=True)
+        if result.returncode:
+            sys.exit(f"{name}: `tactnet {' '.join(command)}` failed")
+        done[name] = {"name": name, "command": " ".join(["tactnet", *command]), "world": world, **json.loads(result.stdout)}
+        rows = [done[other] for other, *_ in ROWS if other in done]
+        arguments.out.write_text(json.dumps({"commit": build["git"], "throws": arguments.throws, "rows": rows}, indent=1) + "\n")
+        print(f"{number + 1} of {len(ROWS)}: {name}, {time.monotonic() - begun:.0f} s", file=sys.stderr)
+    print("| | in the catch space | caught [%] | of all throws [%] | across, along, 200 ms before | NEES | misses |\n|---|---|---|---|---|---|---|")
+    for name, *_ in ROWS:
+        row = done[name]
+        ahead = "-" if row["across_mm_rms_200ms"] is None else f"{row['across_mm_rms_200ms']:.1f} mm, {row['along_ms_rms_200ms']:.2f} ms"
+        nees = "-" if row["nees_200ms"] is None else f"{row['nees_200ms']:.2f}"
+        misses = ", ".join(f"{cause} {count}" for cause, count in row["misses"].items()) or "-"
+        print(
+            f"| {name} | {row['in_catch_space']} of {row['throws']} | {100 * row['rate']:.1f} [{100 * row['ci95_low']:.1f}, {100 * row['ci95_high']:.1f}]"
+            f" | {100 * row['over_all_throws']:.1f} | {ahead} | {nees} | {misses} |"
+        )
+
+
+if __name__ == "__main__":
+    main()
