@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use tactnet_data::{Dataset, LabelSet, Samples, SweepRecord, SweepView, sha256_hex};
 use tactnet_models::Compute;
 use tactnet_pipeline::{
-    Calibration, Classifier, EnrolledMaterial, OnlineClassifier, PipelineError, RunDir,
+    Classifier, EnrolledMaterial, OnlineClassifier, PipelineError, RunDir, Thresholds,
     TrainEmbeddings, enroll,
 };
 
@@ -98,7 +98,7 @@ pub struct ServedModel {
     classifier: Classifier,
     /// For enrolment.
     known: Option<TrainEmbeddings>,
-    calibration: Option<Calibration>,
+    thresholds: Option<Thresholds>,
 }
 
 impl ServedModel {
@@ -128,7 +128,7 @@ impl ServedModel {
         Ok(Self {
             version,
             known: run.train_embeddings().ok(),
-            calibration: run.calibration()?,
+            thresholds: run.thresholds(&classifier)?,
             classifier,
             run,
         })
@@ -151,7 +151,7 @@ impl ServedModel {
 
     /// Returns true if it can tell unknown materials.
     pub fn is_calibrated(&self) -> bool {
-        self.calibration.is_some()
+        self.thresholds.is_some()
     }
 
     /// A classifier for the frames of one finger.
@@ -161,9 +161,10 @@ impl ServedModel {
     /// # Errors
     /// A model that needs whole sweeps.
     pub fn online(&self, mc_samples: usize) -> Result<OnlineClassifier, ServeError> {
+        let calibration = self.thresholds.as_ref().map(|of| of.calibration.clone());
         Ok(OnlineClassifier::new(
             &self.classifier,
-            self.calibration.clone(),
+            calibration,
             mc_samples,
         )?)
     }
@@ -269,7 +270,13 @@ impl ServedModel {
         )
         .map_err(PipelineError::from)?;
         let view = SweepView::new(&dataset, (0..sweeps).collect());
-        let enrolled = enroll(&self.classifier, known, &view, material)?;
+        let enrolled = enroll(
+            &self.classifier,
+            known,
+            self.thresholds.as_ref(),
+            &view,
+            material,
+        )?;
         let before = self.run.weights()?;
         let record = EnrolledMaterial {
             material: material.into(),

@@ -19,9 +19,9 @@ use crate::{GIT, output, source};
     tactnet enroll runs/a --data new.h5 --material felt --sweeps 5 --out runs/a-felt     its first five sweeps in the file\n  \
     tactnet enroll runs/a --data new.h5 --material felt --out runs/a-felt-all            every sweep of it\n  \
     tactnet eval runs/a-felt --data new.h5                                               judge by the file's other sweeps\n\n\
-    Network and other rows of the output layer stay bit for bit; only sweeps that the new material now claims change their answer \
-    (`tactnet experiment run enrolment` measures how many). RUN must be a network whose training has ended. To be judged, a classifier \
-    must know every material of the file.")]
+    Network and other rows of the output layer stay bit for bit; only sweeps that the new material now claims change their most probable \
+    material (`tactnet experiment run enrolment` measures how many). After `train --calibrate`, thresholds for \"unknown\" are fitted again. \
+    RUN must be a network whose training has ended. To be judged, a classifier that is not calibrated must know every material of the file.")]
 pub struct EnrollArgs {
     /// Run directory of a trained network
     #[arg(value_name = "RUN")]
@@ -99,7 +99,14 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
     };
     let begun = Instant::now();
     let view = SweepView::new(&dataset, sweeps.clone());
-    let enrolled = enroll(&classifier, &known, &view, &arguments.material)?;
+    let thresholds = run.thresholds(&classifier)?;
+    let enrolled = enroll(
+        &classifier,
+        &known,
+        thresholds.as_ref(),
+        &view,
+        &arguments.material,
+    )?;
     let material = EnrolledMaterial {
         material: arguments.material.clone(),
         data: dataset.name().into(),
@@ -111,6 +118,12 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
     run.create_enrolled(&arguments.out, &enrolled, material.clone())
         .context("cannot write the new classifier")?;
     let seconds = begun.elapsed().as_secs_f64();
+    if thresholds.is_some_and(|thresholds| thresholds.held_out.is_none()) {
+        eprintln!(
+            "thresholds for \"unknown\" are those from before, and most likely too strict now: this run did not keep the sweeps that they were \
+             fitted to; train anew with --calibrate"
+        );
+    }
     let materials = enrolled.config.labels.len();
     if arguments.json {
         output::print_json(&EnrollResult {

@@ -93,6 +93,29 @@ fn a_calibrated_classifier_says_what_it_does_not_know() {
     assert_eq!(other["evaluations"]["plain"]["one_sweep"]["n"], known);
     assert_eq!(other["verdicts"]["coverage"]["n"], known);
 
+    // The fourth is learnt; thresholds are fitted again, also to its sweeps, and keep about what they promise.
+    twin(&lab, "four.h5", "4", "60");
+    let new = unknown[0].as_str().unwrap();
+    let ten = ["--sweeps", "10"];
+    expect(0, enroll(&lab, "run", "four.h5", new, "four", &ten));
+    assert_eq!(lab.json("four/calibration.json")["sweeps"], aside + 10);
+    let all = eval(&lab, "four", Some("four.h5"));
+    let alarms = &all["verdicts"]["false_alarms"];
+    assert_eq!(alarms["n"], all["n_test"], "it knows all four: {all}");
+    assert!(all["n_test"].as_u64().unwrap() >= 50, "{all}");
+    assert!(alarms["mean"].as_f64().unwrap() <= 0.25, "{all}");
+    assert!(
+        all["verdicts"]["coverage"]["mean"].as_f64().unwrap() >= 0.75,
+        "{all}"
+    );
+    // A run that did not keep the sweeps behind its thresholds says so.
+    std::fs::remove_file(lab.path("run/held_out.safetensors")).unwrap();
+    let kept = stderr(&expect(
+        0,
+        enroll(&lab, "run", "four.h5", new, "kept", &ten),
+    ));
+    assert!(kept.contains("train anew with --calibrate"), "{kept}");
+
     let few = stderr(&expect(2, train("twin.h5", "few", &["--calibrate"])));
     assert!(few.contains("calibration"), "{few}");
     assert!(few.contains("5 % false alarms and 90 % coverage"), "{few}");

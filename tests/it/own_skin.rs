@@ -7,10 +7,28 @@ use std::process::{Child, Command, Stdio};
 use serde_json::Value;
 use tactnet_channel::{Table, remove_bus};
 use tactnet_data::format::{Format, read};
-use tactnet_data::{Dataset, Samples};
+use tactnet_data::{Dataset, Samples, SweepRecord};
 
 use crate::command::{Lab, RecipeChange, expect, stderr, stdout, tactnet};
 use crate::serve::{Robot, Running};
+
+/// Writes the sweeps of `from` with rows and columns as said, without blocks.
+fn write_patch(from: &Path, to: &Path, (rows, cols): (usize, usize)) {
+    let twin = read(from).unwrap().with_patch(rows, cols).unwrap();
+    let records = twin.records().iter().map(|record| SweepRecord {
+        block: None,
+        ..*record
+    });
+    let own = Dataset::new(
+        "own",
+        twin.sample_rate_hz(),
+        twin.shape(),
+        twin.labels().clone(),
+        records.collect(),
+        twin.samples().clone(),
+    );
+    Format::Npz.write(to, &own.unwrap()).unwrap();
+}
 
 /// Writes the sweeps of `from` as a baseline-subtracted skin of floats would have shown them: -2.4 to 10.35 at 750 Hz.
 fn write_own(from: &Path, to: &Path) {
@@ -184,5 +202,38 @@ fn beliefs_are_echoed_in_words_and_a_second_service_is_told_of_the_first() {
     assert!(
         frame.contains(" frame ") && frame.contains("(8 more)"),
         "{frame}"
+    );
+}
+
+#[test]
+fn folds_and_grids_that_own_data_does_not_have_are_named_before_anything_is_trained() {
+    let lab = Lab::new();
+    write_patch(&lab.path("twin.h5"), &lab.path("own.npz"), (2, 8));
+    write_patch(&lab.path("twin.h5"), &lab.path("turned.npz"), (8, 2));
+    let experiment = |data: &str, folds: &str| {
+        let mut run = tactnet(["experiment", "run", "leave_block_out", "--set", folds]);
+        run.arg("--set");
+        run.arg(format!("data=\"{}\"", lab.path(data).display()));
+        run.arg("--out").arg(lab.path("out"));
+        stderr(&expect(2, run))
+    };
+    let blocks = experiment("own.npz", "folds=1");
+    assert!(blocks.contains("`blocks` of data set `own`"), "{blocks}");
+    let many = experiment("twin.h5", "folds=50");
+    assert!(many.contains("expected `folds` of at most"), "{many}");
+    assert!(!lab.path("out").exists(), "nothing was planned");
+
+    train(&lab, "own.npz", "own");
+    let mut eval = tactnet(["eval"]);
+    eval.arg(lab.path("own"));
+    eval.arg("--data").arg(lab.path("turned.npz"));
+    let turned = stderr(&expect(2, eval));
+    assert!(
+        turned.contains("rows and columns have been exchanged"),
+        "{turned}"
+    );
+    assert!(
+        !turned.contains("--shape"),
+        "that would mix up taxels: {turned}"
     );
 }

@@ -182,19 +182,12 @@ impl std::fmt::Display for Scheme {
     /// Returns what the scheme does, as a verb phrase.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::StratifiedKFold { folds, repeats } => {
-                write!(
-                    f,
-                    "split into {folds} stratified folds in each of {repeats} repeats"
-                )
+            Self::StratifiedKFold { folds, .. } => {
+                write!(f, "split into {folds} stratified folds")
             }
-            Self::HoldOut {
-                test_percent,
-                repeats,
-            } => write!(
-                f,
-                "hold out {test_percent} % of the sweeps in each of {repeats} repeats"
-            ),
+            Self::HoldOut { test_percent, .. } => {
+                write!(f, "hold out {test_percent} % of the sweeps")
+            }
             Self::TestFlag => f.write_str("split by the author's test flag"),
             Self::LeaveBlockOut => f.write_str("leave one recording block out"),
         }

@@ -27,6 +27,18 @@ use zip::write::{SimpleFileOptions, ZipWriter};
 /// Names of the sweeps' array, and of their materials'.
 const SAMPLES: &[&str] = &["samples", "X"];
 const LABELS: &[&str] = &["labels", "y"];
+/// What a rate is called that was meant to be read.
+const RATES: &[&str] = &[
+    "fps",
+    "fs",
+    "hz",
+    "rate",
+    "rate_hz",
+    "sample_rate",
+    "samplerate",
+    "sampling_rate",
+    "sampling_rate_hz",
+];
 
 /// Reads a data set whose values are all finite.
 ///
@@ -180,10 +192,12 @@ impl<'a> Arrays<'a> {
                 SAMPLES => "to be in the archive: np.savez_compressed(\"sweeps.npz\", X=X, y=y) \
                     with X [n][steps][taxels] and y [n]"
                     .to_owned(),
-                [_, other] => format!("to be in the archive (or `{other}`)"),
+                [other, _] => format!("to be in the archive (or `{other}`)"),
                 _ => "to be in the archive".to_owned(),
             };
-            self.error(names[0], expected, format!("only {found}"))
+            // As the documents write it.
+            let name = names.last().unwrap_or(&names[0]);
+            self.error(name, expected, format!("only {found}"))
         })
     }
 
@@ -261,7 +275,15 @@ impl<'a> Arrays<'a> {
 
     fn rate(&self) -> Result<Option<f64>, DataError> {
         let Some(array) = self.optional(RATE_ATTRIBUTE)? else {
-            return Ok(None);
+            let meant = |name: &&String| RATES.contains(&name.to_lowercase().as_str());
+            return match self.by_name.keys().find(meant) {
+                None => Ok(None),
+                Some(name) => Err(self.error(
+                    name,
+                    format!("the name `{RATE_ATTRIBUTE}`, if it is the frames per second"),
+                    "another",
+                )),
+            };
         };
         match array.floats().as_deref() {
             Some(&[rate]) if rate.is_finite() && rate > 0.0 => Ok(Some(rate)),

@@ -1,10 +1,14 @@
 //! Files as people have them at hand: `X` and `y`, tables, folders.
 
 use std::fmt::Write;
+use std::fs::File;
 use std::path::Path;
 
 use tactnet_data::format::{self, Format};
 use tactnet_data::{ASSUMED_RATE_HZ, DataSource, Dataset, FindingKind, Samples, SweepShape, check};
+
+use zip::write::SimpleFileOptions;
+use zip::{ZipArchive, ZipWriter};
 
 use crate::{expected_materials, expected_samples, fixture, is_same, names};
 
@@ -277,4 +281,28 @@ fn axes_in_another_order_and_short_sweeps_are_suspicious() {
     .unwrap();
     assert!(kinds(&turned).contains(&FindingKind::AxisOrder));
     assert!(kinds(&turned).contains(&FindingKind::ShortSweeps));
+}
+
+#[test]
+fn a_rate_under_another_name_is_an_error_and_not_left_out() {
+    let dir = tempfile::tempdir().unwrap();
+    let (named, misnamed) = (dir.path().join("named.npz"), dir.path().join("own.npz"));
+    let words = format::read(&fixture("read/x_y_names.npz")).unwrap();
+    Format::Npz.write(&named, &words).unwrap();
+    for other in ["sample_rate", "fs", "Rate_Hz"] {
+        let mut from = ZipArchive::new(File::open(&named).unwrap()).unwrap();
+        let mut to = ZipWriter::new(File::create(&misnamed).unwrap());
+        for index in 0..from.len() {
+            let mut member = from.by_index(index).unwrap();
+            let name = member.name().unwrap().replace("sample_rate_hz", other);
+            to.start_file(name, SimpleFileOptions::default()).unwrap();
+            std::io::copy(&mut member, &mut to).unwrap();
+        }
+        to.finish().unwrap();
+        let refused = format::read(&misnamed).unwrap_err().to_string();
+        let expected = format!(
+            "array `{other}`: expected the name `sample_rate_hz`, if it is the frames per second, found another"
+        );
+        assert!(refused.ends_with(&expected), "{refused}");
+    }
 }

@@ -1,7 +1,7 @@
 //! What a network makes of sweeps before it names a material.
 
 use tactnet_data::SweepView;
-use tactnet_models::{Features, log_softmax};
+use tactnet_models::{Features, LinearHead, NamedTensor, Weights, log_softmax};
 
 /// Features of every sweep of a view, in the order of its positions.
 #[derive(Debug, Clone)]
@@ -53,6 +53,83 @@ impl Embedding {
             })
             .collect();
         self.select(&positions)
+    }
+
+    /// Returns the same sweeps with the scores of another output layer on the same network.
+    pub fn scored_by(self, head: &LinearHead) -> Self {
+        let scores = head.scores(&self.hidden).concat();
+        Self {
+            logits: Features::new(
+                head.biases.len(),
+                scores.into_iter().map(|score| score as f32).collect(),
+            ),
+            ..self
+        }
+    }
+
+    /// As tensors `convolution`, `hidden` and `labels`.
+    pub fn to_weights(&self) -> Weights {
+        let matrix = |features: &Features| NamedTensor {
+            shape: vec![features.len(), features.width()],
+            values: features.values().to_vec(),
+        };
+        let labels = NamedTensor {
+            shape: vec![self.len()],
+            values: self.labels.iter().map(|label| *label as f32).collect(),
+        };
+        Weights(
+            [
+                ("convolution", matrix(&self.convolution)),
+                ("hidden", matrix(&self.hidden)),
+                ("labels", labels),
+            ]
+            .map(|(name, tensor)| (name.to_string(), tensor))
+            .into(),
+        )
+    }
+
+    /// From such tensors, scored by an output layer.
+    ///
+    /// # Errors
+    /// What is wrong with them.
+    pub fn from_weights(weights: &Weights, head: &LinearHead) -> Result<Self, String> {
+        let tensor = |name: &str| weights.0.get(name).ok_or(format!("no tensor `{name}`"));
+        let labels: Vec<usize> = tensor("labels")?
+            .values
+            .iter()
+            .map(|label| *label as usize)
+            .collect();
+        let matrix = |name: &str| match tensor(name)? {
+            NamedTensor { shape, values } if shape[..1] == [labels.len()] && shape.len() == 2 => {
+                Ok(Features::new(shape[1].max(1), values.clone()))
+            }
+            other => Err(format!(
+                "`{name}`: expected a row for each of {} sweeps, found {:?}",
+                labels.len(),
+                other.shape
+            )),
+        };
+        let (convolution, hidden) = (matrix("convolution")?, matrix("hidden")?);
+        let width = head.weights.first().map_or(0, Vec::len);
+        if hidden.width() != width {
+            return Err(format!(
+                "`hidden`: expected {width} features, found {}",
+                hidden.width()
+            ));
+        }
+        if let Some(label) = labels.iter().find(|label| **label >= head.biases.len()) {
+            return Err(format!(
+                "expected labels below {}, found {label}",
+                head.biases.len()
+            ));
+        }
+        let unscored = Self {
+            logits: Features::new(1, Vec::new()),
+            labels,
+            convolution,
+            hidden,
+        };
+        Ok(unscored.scored_by(head))
     }
 
     /// Log-probabilities of a plain prediction: `[sweeps][materials]`.

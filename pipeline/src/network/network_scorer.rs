@@ -131,6 +131,11 @@ impl NetworkScorer {
         &self.normalizer
     }
 
+    /// Where it computes.
+    pub fn device(&self) -> &Device {
+        &self.device
+    }
+
     /// The trained network.
     pub fn net(&self) -> &TactNet {
         &self.net

@@ -84,6 +84,35 @@ pub struct Calibration {
     pub sweeps: usize,
 }
 
+/// What a classifier says of sweeps that nothing in it was fitted to.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Judged {
+    pub(super) scores: Vec<f64>,
+    /// `[sweeps][materials]`
+    pub(super) log_probabilities: Vec<Vec<f64>>,
+    pub(super) labels: Vec<usize>,
+}
+
+impl Judged {
+    pub(super) fn of(
+        score: NoveltyScore,
+        strangeness: &NoveltyScorer<'_>,
+        embedding: &Embedding,
+    ) -> Result<Self, PipelineError> {
+        Ok(Self {
+            scores: strangeness.score(score, embedding)?,
+            log_probabilities: embedding.log_probabilities(),
+            labels: embedding.labels.clone(),
+        })
+    }
+
+    pub(super) fn append(&mut self, mut other: Self) {
+        self.scores.append(&mut other.scores);
+        self.log_probabilities.append(&mut other.log_probabilities);
+        self.labels.append(&mut other.labels);
+    }
+}
+
 /// What a calibrated classifier says of one sweep besides its probabilities.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verdict {
@@ -109,19 +138,27 @@ impl Calibration {
         strangeness: &NoveltyScorer<'_>,
         held_out: &Embedding,
     ) -> Result<Self, PipelineError> {
-        target.check(held_out.len())?;
-        let scores = strangeness.score(score, held_out)?;
-        let threshold = upper_quantile(&scores, target.false_alarms);
+        Self::of(target, score, &Judged::of(score, strangeness, held_out)?)
+    }
+
+    /// From what was said of such sweeps.
+    ///
+    /// # Errors
+    /// Too few sweeps for the target.
+    pub(super) fn of(
+        target: CalibrationTarget,
+        score: NoveltyScore,
+        judged: &Judged,
+    ) -> Result<Self, PipelineError> {
+        target.check(judged.labels.len())?;
+        let threshold = upper_quantile(&judged.scores, target.false_alarms);
         let object_thresholds = (1..=OBJECT_SWEEPS)
-            .map(|sweeps| object_means(&scores, &held_out.labels, sweeps))
+            .map(|sweeps| object_means(&judged.scores, &judged.labels, sweeps))
             .map(|means| upper_quantile(&means, target.false_alarms))
             .take_while(|threshold| threshold.is_finite())
             .collect();
-        let least_probability = least_probability(
-            &held_out.log_probabilities(),
-            &held_out.labels,
-            target.coverage,
-        );
+        let least_probability =
+            least_probability(&judged.log_probabilities, &judged.labels, target.coverage);
         Ok(Self {
             schema_version: Self::SCHEMA_VERSION,
             target,
@@ -129,7 +166,22 @@ impl Calibration {
             threshold,
             object_thresholds,
             least_probability,
-            sweeps: held_out.len(),
+            sweeps: judged.labels.len(),
+        })
+    }
+
+    /// Returns a sentence on how far the rate of false alarms may be from its target, where that is as much as the target itself.
+    pub fn caution(&self) -> Option<String> {
+        let rate = self.target.false_alarms;
+        // The rate that a threshold from n sweeps has is beta distributed around its target.
+        let spread = 1.96 * (rate * (1.0 - rate) / (self.sweeps + 2) as f64).sqrt();
+        (spread > rate).then(|| {
+            format!(
+                "thresholds rest on {} sweeps: with {:.0} % false alarms asked for, 0 to {:.0} % are likely; more sweeps narrow that",
+                self.sweeps,
+                100.0 * rate,
+                100.0 * (rate + spread)
+            )
         })
     }
 

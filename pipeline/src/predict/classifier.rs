@@ -326,7 +326,12 @@ impl Classifier {
         };
         if view.shape() != *shape {
             let mut found = view.shape().to_string();
-            if (shape.steps, shape.taxels()) == (view.shape().steps, view.shape().taxels()) {
+            let own = view.shape();
+            if own.steps == shape.steps && (own.rows, own.cols) == (shape.cols, shape.rows) {
+                found.push_str(
+                    "; most likely rows and columns have been exchanged: swap these two axes where the file is written",
+                );
+            } else if (shape.steps, shape.taxels()) == (own.steps, own.taxels()) {
                 found.push_str(&format!(
                     "; `tactnet data import FILE --out NEW --shape {}x{}` arranges the same taxels",
                     shape.rows, shape.cols

@@ -6,7 +6,11 @@ use serde::{Deserialize, Serialize};
 use tactnet_data::{LabelSet, SweepView, sha256_hex};
 use tactnet_models::{WeightPrior, Weights, fit_new_class};
 
-use crate::{Classifier, ClassifierConfig, PipelineError, TrainEmbeddings};
+use super::calibration::Judged;
+use crate::{
+    Calibration, Classifier, ClassifierConfig, Embedding, NoveltyScorer, PipelineError,
+    TrainEmbeddings,
+};
 
 /// A classifier with one more material.
 #[derive(Debug, Clone)]
@@ -17,6 +21,17 @@ pub struct Enrolled {
     pub weights: Weights,
     /// With the new sweeps.
     pub known: TrainEmbeddings,
+    /// What tells unknown materials now; absent where nothing did.
+    pub calibration: Option<Calibration>,
+}
+
+/// Thresholds of a calibrated classifier.
+#[derive(Debug, Clone)]
+pub struct Thresholds {
+    /// The thresholds.
+    pub calibration: Calibration,
+    /// The sweeps that they were fitted to; runs of former versions did not keep them.
+    pub held_out: Option<Embedding>,
 }
 
 /// `enrolled.json`: where the materials come from that were added to a trained classifier.
@@ -49,9 +64,16 @@ pub fn weights_sha256(weights: &Weights) -> Result<String, PipelineError> {
 /// `tactnet experiment run enrolment` (RESULTS.md): at full strength old materials lose more and the new one is recognised less from five sweeps on.
 const WEAKER: f64 = 10.0;
 
+/// Parts in which the new sweeps are judged by classifiers that learnt the material from the others.
+const PARTS: usize = 5;
+
 /// Adds `material` to `classifier`: all layers stay, the output layer gets one more row, which is fitted to the new sweeps and those
 /// known so far, every material with the same weight, with a tenth of the prior of the known materials' rows (after OL-mean; Bauer et al., 2017).
 ///
+/// Thresholds are fitted again, since one more row changes what all sweeps score: to the sweeps that were held out before, and to the
+/// new ones as five classifiers judge them that learnt the material from the other four fifths.
+///
+/// - `thresholds`: of `classifier`, if it is calibrated; they stay as they are where their sweeps were not kept
 /// - `sweeps`: of the new material alone, whatever their label in their data set
 ///
 /// # Errors
@@ -59,25 +81,78 @@ const WEAKER: f64 = 10.0;
 pub fn enroll(
     classifier: &Classifier,
     known: &TrainEmbeddings,
+    thresholds: Option<&Thresholds>,
     sweeps: &SweepView<'_>,
     material: &str,
 ) -> Result<Enrolled, PipelineError> {
-    let mut config = classifier.config().clone();
-    let names: Vec<&str> = config.labels.names().collect();
-    if names.contains(&material) {
-        return Err(PipelineError::Enroll {
-            material: material.into(),
-            reason: "the classifier knows a material of this name".into(),
-        });
+    let refused = |reason: &str| PipelineError::Enroll {
+        material: material.into(),
+        reason: reason.into(),
+    };
+    let mut names = classifier.config().labels.names();
+    if names.any(|name| name == material) {
+        return Err(refused("the classifier knows a material of this name"));
     }
     if sweeps.is_empty() {
-        return Err(PipelineError::Enroll {
-            material: material.into(),
-            reason: "no sweep to learn from".into(),
-        });
+        return Err(refused("no sweep to learn from"));
     }
-    config.labels = LabelSet::new(names.into_iter().chain([material]))?;
-    let embedding = classifier.embed(sweeps)?;
+    let new = classifier.embed(sweeps)?;
+    let mut enrolled = with_row(classifier, known, &new, material)?;
+    enrolled.calibration = match thresholds {
+        None => None,
+        Some(Thresholds {
+            calibration,
+            held_out: None,
+        }) => Some(calibration.clone()),
+        Some(Thresholds {
+            calibration,
+            held_out: Some(held_out),
+        }) => {
+            let mut judged = judge(classifier, &enrolled, calibration, held_out.clone())?;
+            for part in 0..new.len().min(PARTS) {
+                let (own, others): (Vec<usize>, Vec<usize>) =
+                    (0..new.len()).partition(|position| position % PARTS == part);
+                if others.is_empty() {
+                    break;
+                }
+                let without = with_row(classifier, known, &new.select(&others), material)?;
+                let mut own = new.select(&own);
+                own.labels.fill(without.config.labels.len() - 1);
+                judged.append(judge(classifier, &without, calibration, own)?);
+            }
+            Some(Calibration::of(
+                calibration.target,
+                calibration.score,
+                &judged,
+            )?)
+        }
+    };
+    Ok(enrolled)
+}
+
+/// What the classifier with the new material says of sweeps that the one before has embedded.
+fn judge(
+    before: &Classifier,
+    enrolled: &Enrolled,
+    calibration: &Calibration,
+    sweeps: Embedding,
+) -> Result<Judged, PipelineError> {
+    let device = before.scorer()?.device();
+    let after = Classifier::new(enrolled.config.clone(), &enrolled.weights, device)?;
+    let sweeps = sweeps.scored_by(&after.network()?.output_layer());
+    let strangeness = NoveltyScorer::fit(&after, &enrolled.known)?;
+    Judged::of(calibration.score, &strangeness, &sweeps)
+}
+
+/// The classifier with a row more, fitted to embedded sweeps.
+fn with_row(
+    classifier: &Classifier,
+    known: &TrainEmbeddings,
+    embedding: &Embedding,
+    material: &str,
+) -> Result<Enrolled, PipelineError> {
+    let mut config = classifier.config().clone();
+    config.labels = LabelSet::new(config.labels.names().chain([material]))?;
     let net = classifier.network()?;
     let head = net.output_layer();
     let prior = WeightPrior::of_knowledge(&head).weaker(WEAKER);
@@ -109,5 +184,6 @@ pub fn enroll(
         config,
         weights,
         known,
+        calibration: None,
     })
 }

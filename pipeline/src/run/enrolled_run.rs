@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use super::run_dir::ENROLLED;
+use super::run_dir::{ENROLLED, HELD_OUT};
 use crate::{Enrolled, EnrolledMaterial, PipelineError, Provenance, RunConfig, RunDir};
 
 impl RunDir {
@@ -38,8 +38,13 @@ impl RunDir {
         run.write_json("environment.json", &sessions)?;
         run.write_json(ENROLLED, &materials)?;
         run.write_train_embeddings(&enrolled.known)?;
-        if let Some(calibration) = self.calibration()? {
-            run.write_calibration(&calibration)?;
+        if let Some(calibration) = &enrolled.calibration {
+            run.write_calibration(calibration)?;
+        }
+        let held_out = self.file(HELD_OUT);
+        if held_out.exists() {
+            fs::copy(&held_out, run.file(HELD_OUT))
+                .map_err(|error| PipelineError::io(&held_out, "copy", error))?;
         }
         run.write_weights(&enrolled.weights)?;
         Ok(run)

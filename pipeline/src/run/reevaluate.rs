@@ -150,7 +150,11 @@ impl RuntimeSummary {
 impl std::fmt::Display for EvalResult {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         writeln!(f, "{}: {} ({} sweeps)", self.data, self.tested, self.n_test)?;
-        write!(f, "{}", EvaluationTable(&self.evaluations))?;
+        if self.evaluations.is_empty() {
+            f.write_str("no sweep of a material that it knows, so there is no accuracy")?;
+        } else {
+            write!(f, "{}", EvaluationTable(&self.evaluations))?;
+        }
         for (method, compared) in &self.runtimes {
             write!(f, "\n{}: {compared}", method.name())?;
         }

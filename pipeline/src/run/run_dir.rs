@@ -11,6 +11,7 @@
 //! | `weights.safetensors` | final weights and running statistics | at the end |
 //! | `known.safetensors` | embeddings of the training sweeps, networks only: what `enroll` needs | at the end |
 //! | `calibration.json` | bounds for unknown materials and prediction sets, with `--calibrate` only | at the end |
+//! | `held_out.safetensors` | embeddings of the sweeps behind those bounds: what `enroll` fits them to again | at the end |
 //! | `enrolled.json` | materials that were added to a trained classifier | by `enroll` |
 //! | `predictions_test.csv` | scores of every test sweep, tsml layout | at the end |
 //! | `confusion.svg` | confusion matrix | at the end |
@@ -26,13 +27,15 @@ use tactnet_models::Weights;
 use super::folder_lock::LOCK;
 use crate::network::checkpoint::{decode_checkpoint, encode_checkpoint};
 use crate::{
-    Calibration, EnrolledMaterial, EpochMetrics, PipelineError, PredictionMethod, Predictions,
-    Provenance, RunConfig, RunResult, TrainEmbeddings, TrainingState, write_whole,
+    Calibration, Classifier, Embedding, EnrolledMaterial, EpochMetrics, PipelineError,
+    PredictionMethod, Predictions, Provenance, RunConfig, RunResult, Thresholds, TrainEmbeddings,
+    TrainingState, write_whole,
 };
 
 const WEIGHTS: &str = "weights.safetensors";
 const KNOWN: &str = "known.safetensors";
 const CALIBRATION: &str = "calibration.json";
+pub(super) const HELD_OUT: &str = "held_out.safetensors";
 pub(super) const ENROLLED: &str = "enrolled.json";
 
 /// A folder that holds one run.
@@ -246,6 +249,46 @@ impl RunDir {
         self.write_json(CALIBRATION, calibration)
     }
 
+    /// Bounds with the sweeps that they were fitted to, where the classifier was calibrated.
+    ///
+    /// - `classifier`: of this run
+    ///
+    /// # Errors
+    /// Damaged, or of another version.
+    pub fn thresholds(&self, classifier: &Classifier) -> Result<Option<Thresholds>, PipelineError> {
+        let Some(calibration) = self.calibration()? else {
+            return Ok(None);
+        };
+        let path = self.file(HELD_OUT);
+        let held_out = match fs::read(&path) {
+            Ok(bytes) => {
+                let head = classifier.network()?.output_layer();
+                let read = Weights::from_safetensors(&bytes).map_err(|error| error.to_string());
+                let read = read.and_then(|weights| Embedding::from_weights(&weights, &head));
+                Some(read.map_err(|reason| PipelineError::Run { path, reason })?)
+            }
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => None,
+            Err(error) => return Err(PipelineError::io(&path, "read", error)),
+        };
+        Ok(Some(Thresholds {
+            calibration,
+            held_out,
+        }))
+    }
+
+    /// Writes embeddings of the sweeps that bounds were fitted to.
+    ///
+    /// # Errors
+    /// They cannot be written.
+    pub fn write_held_out(&self, held_out: &Embedding) -> Result<(), PipelineError> {
+        let metadata = [(
+            "format".to_string(),
+            "tactnet held-out sweeps 1".to_string(),
+        )]
+        .into();
+        self.write(HELD_OUT, &held_out.to_weights().to_safetensors(metadata)?)
+    }
+
     /// Materials that were added to the classifier after its training, in their order.
     ///
     /// # Errors
@@ -407,7 +450,7 @@ impl RunDir {
         })
     }
 
-    fn file(&self, name: &str) -> PathBuf {
+    pub(super) fn file(&self, name: &str) -> PathBuf {
         self.path.join(name)
     }
 }

@@ -46,6 +46,8 @@ pub enum TrainEvent<'a> {
         /// Time since the fit began, seconds.
         seconds: f64,
     },
+    /// Thresholds have been fitted.
+    Calibrated(&'a Calibration),
     /// The test sweeps are about to be predicted.
     Predicting {
         /// How many there are.
@@ -240,7 +242,10 @@ impl Session {
                 let novelty = NoveltyScorer::fit(&classifier, &known)?;
                 let held_out = classifier.embed(aside)?;
                 let score = NoveltyScore::BEST;
-                run.write_calibration(&Calibration::fit(*target, score, &novelty, &held_out)?)?;
+                run.write_held_out(&held_out)?;
+                let calibration = Calibration::fit(*target, score, &novelty, &held_out)?;
+                run.write_calibration(&calibration)?;
+                on_event(TrainEvent::Calibrated(&calibration));
             }
         }
         on_event(TrainEvent::Predicting {

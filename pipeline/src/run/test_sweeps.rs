@@ -82,7 +82,10 @@ impl<'a> TestSweeps<'a> {
         let (view, dropped) = without_sweeps_of(&all, &manifest.fold(&own)?.train);
         Ok(Self {
             view,
-            description: format!("every sweep but {dropped} of the training set"),
+            description: match dropped {
+                0 => "every sweep".into(),
+                dropped => format!("every sweep but {dropped} of the training set"),
+            },
             training_sweeps_known: true,
         })
     }

@@ -45,6 +45,11 @@ impl Progress {
                 }
             }
             TrainEvent::Fitting { step, seconds } => eprintln!("{seconds:>4.0} s: {step}"),
+            TrainEvent::Calibrated(calibration) => {
+                if let Some(caution) = calibration.caution() {
+                    eprintln!("hint: {caution}");
+                }
+            }
             TrainEvent::Predicting { sweeps } => {
                 if let Some(bar) = self.network.as_ref().and_then(|it| it.bar.as_ref()) {
                     bar.finish();

@@ -114,7 +114,7 @@ fn shown_model(name: &str, title: &str) -> String {
 
 pub(super) fn split_name(split: &SplitManifest, config: &RunConfig) -> String {
     let scheme = match split.scheme {
-        Scheme::StratifiedKFold { folds, .. } => format!("{folds} random folds"),
+        Scheme::StratifiedKFold { folds, .. } => format!("random split into {folds} folds"),
         Scheme::HoldOut { test_percent, .. } => format!("{test_percent} % held out"),
         Scheme::TestFlag => "author's test sweeps".into(),
         Scheme::LeaveBlockOut => "block left out".into(),
