@@ -1,8 +1,10 @@
 //! Answers to browsers and Prometheus: one thread with a small HTTP server.
 
 mod dashboard;
+mod guard;
 mod listen;
 mod objects;
+mod server;
 mod view;
 
 use std::convert::Infallible;
@@ -13,6 +15,7 @@ use std::thread::JoinHandle;
 use axum::Router;
 use axum::http::StatusCode;
 use axum::http::header::{CONTENT_TYPE, HeaderMap};
+use axum::middleware::from_fn_with_state;
 use axum::response::IntoResponse;
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::routing::{get, post};
@@ -21,12 +24,16 @@ use tokio::sync::{oneshot, watch};
 
 use crate::{Measures, ServeError};
 pub use dashboard::Dashboard;
+use guard::Guard;
+pub use guard::TOKEN_VARIABLE;
+use server::Limits;
 pub use listen::{Holder, listen};
 
 /// A server; it ends when this is dropped.
 #[derive(Debug)]
 pub struct WebServer {
     address: SocketAddr,
+    guard: Guard,
     stop: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -35,6 +42,11 @@ impl WebServer {
     /// Returns the address that it listens at.
     pub fn address(&self) -> SocketAddr {
         self.address
+    }
+
+    /// Returns the link to a path, such as `/`, with the token where others than this machine can connect.
+    pub fn link_to(&self, path: &str) -> String {
+        format!("http://{}{path}{}", self.address, self.guard.query())
     }
 }
 
@@ -121,8 +133,18 @@ fn dashboard(
 }
 
 fn serve(listener: TcpListener, router: Router) -> Result<WebServer, ServeError> {
+    serve_within(listener, router, Limits::default())
+}
+
+fn serve_within(
+    listener: TcpListener,
+    router: Router,
+    limits: Limits,
+) -> Result<WebServer, ServeError> {
     let address = listener.local_addr().map_err(ServeError::Web)?;
     let failed = |source| ServeError::Listen { address, source };
+    let guard = Guard::at(address).map_err(failed)?;
+    let router = router.layer(from_fn_with_state(guard.clone(), guard::check));
     listener.set_nonblocking(true).map_err(failed)?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
@@ -134,10 +156,9 @@ fn serve(listener: TcpListener, router: Router) -> Result<WebServer, ServeError>
             let Ok(listener) = tokio::net::TcpListener::from_std(listener) else {
                 return;
             };
-            let server = axum::serve(listener, router);
             // Open streams of events never end by themselves, so they are cut off.
             tokio::select! {
-                _ = server => {}
+                () = server::answer(listener, router, limits) => {}
                 _ = stopped => {}
             }
         });
@@ -146,7 +167,85 @@ fn serve(listener: TcpListener, router: Router) -> Result<WebServer, ServeError>
     let thread = thread.spawn(run).map_err(failed)?;
     Ok(WebServer {
         address,
+        guard,
         stop: Some(stop),
         thread: Some(thread),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::{Read, Write};
+    use std::net::TcpStream;
+    use std::time::{Duration, Instant};
+
+    use super::*;
+
+    fn asked(stream: &mut TcpStream, path: &str, host: &str) -> String {
+        write!(stream, "GET {path} HTTP/1.1\r\nHost: {host}\r\n\r\n").unwrap();
+        let mut answer = [0; 4096];
+        let read = stream.read(&mut answer).unwrap();
+        String::from_utf8_lossy(&answer[..read]).into_owned()
+    }
+
+    /// True once the server has closed it, within two seconds.
+    fn is_closed(stream: &mut TcpStream) -> bool {
+        stream
+            .set_read_timeout(Some(Duration::from_secs(2)))
+            .unwrap();
+        let mut rest = Vec::new();
+        match stream.read_to_end(&mut rest) {
+            Ok(_) => true,
+            Err(error) => error.kind() == std::io::ErrorKind::ConnectionReset,
+        }
+    }
+
+    #[test]
+    fn idle_and_slow_clients_are_let_go_and_never_more_than_the_limit_are_held() {
+        let limits = Limits {
+            connections: 4,
+            head: Duration::from_millis(300),
+            ..Limits::default()
+        };
+        let listener = listen("127.0.0.1:0".parse().unwrap()).unwrap();
+        let router = Router::new().route("/", get(|| async { "here" }));
+        let server = serve_within(listener, router, limits).unwrap();
+        let open = || TcpStream::connect(server.address()).unwrap();
+        let mut held: Vec<TcpStream> = (0..4).map(|_| open()).collect();
+        for stream in &mut held {
+            assert!(asked(stream, "/", "localhost").ends_with("here"));
+        }
+        // The four wait for their next request; others find no place.
+        let begun = Instant::now();
+        assert!(is_closed(&mut open()));
+        assert!(begun.elapsed() < Duration::from_millis(250), "at once");
+        assert!(held.iter_mut().all(is_closed), "idle ones time out");
+        // One that sends its head letter by letter.
+        let mut slow = open();
+        let begun = Instant::now();
+        while begun.elapsed() < Duration::from_secs(2) && slow.write_all(b"G").is_ok() {
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        assert!(begun.elapsed() < Duration::from_millis(1500), "{begun:?}");
+        assert!(asked(&mut open(), "/", "localhost").ends_with("here"));
+    }
+
+    #[test]
+    fn answers_forbid_frames_and_foreign_content_and_foreign_names_get_none() {
+        let listener = listen("127.0.0.1:0".parse().unwrap()).unwrap();
+        let router = Router::new().route("/", get(|| async { "here" }));
+        let server = serve(listener, router).unwrap();
+        let open = || TcpStream::connect(server.address()).unwrap();
+        let answer = asked(&mut open(), "/", "127.0.0.1");
+        for header in ["frame-ancestors 'none'", "nosniff", "x-frame-options: DENY"] {
+            assert!(answer.contains(header), "{answer}");
+        }
+        let answer = asked(&mut open(), "/", "evil.example");
+        assert!(answer.starts_with("HTTP/1.1 421 "), "{answer}");
+        assert!(!answer.contains("here"), "{answer}");
+        assert_eq!(
+            server.link_to("/"),
+            format!("http://{}/", server.address())
+        );
+    }
 }

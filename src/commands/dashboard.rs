@@ -15,7 +15,8 @@ use crate::stop::Stop;
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     tactnet dashboard --table robot.toml                            http://127.0.0.1:8750\n  \
-    tactnet dashboard --table robot.toml --listen 0.0.0.0:8750      for everybody in the network")]
+    tactnet dashboard --table robot.toml --listen 0.0.0.0:8750      for everybody in the network who has the link that is printed\n\n\
+    Beyond this machine the page and its events need a token: that of $TACTNET_WEB_TOKEN, or one that is drawn and stands in the link.")]
 pub struct DashboardArgs {
     /// The table of channels; `tactnet serve --print-table` prints one
     #[arg(long, value_name = "FILE")]
@@ -34,8 +35,8 @@ pub fn run(arguments: &DashboardArgs) -> anyhow::Result<ExitCode> {
     let bus = Bus::open(Domain::Host, &table)?;
     let mut dashboard = Dashboard::open(&bus, &config, listener)?;
     eprintln!(
-        "open http://{} in a browser; Ctrl-C ends",
-        dashboard.address()
+        "open {} in a browser; Ctrl-C ends",
+        dashboard.link()
     );
     output::print(format_args!("ready"))?;
     while !stop.asked() {

@@ -41,7 +41,6 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen_saying("stopping")?;
     // Before anything is trained: a port that is taken is said at once.
     let listener = web::listen(arguments.listen)?;
-    let address = listener.local_addr()?;
     let folder = tempfile::tempdir()?;
     let program = std::env::current_exe()?;
     let made = folder.path().join("sweeps.h5");
@@ -71,7 +70,8 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
     }
     let mut demo = Demo::start(&program, folder.path(), &run, &sweeps, listener)?;
     eprintln!(
-        "a simulated fingertip feels one object after the other, three sweeps each where there are as many; open http://{address} in a browser; Ctrl-C ends"
+        "a simulated fingertip feels one object after the other, three sweeps each where there are as many; open {} in a browser; Ctrl-C ends",
+        demo.link()
     );
     output::print(format_args!("ready"))?;
     while !stop.asked() {

@@ -89,7 +89,11 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
             let address: SocketAddr = address.parse().with_context(|| {
                 format!("--metrics: `{address}` is no address like 127.0.0.1:9464")
             })?;
-            Some(web::metrics(address, service.measures())?)
+            let web = web::metrics(address, service.measures())?;
+            if !address.ip().is_loopback() {
+                eprintln!("counters are at {}", web.link_to("/metrics"));
+            }
+            Some(web)
         }
     };
     let refused = Realtime {

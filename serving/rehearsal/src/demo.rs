@@ -80,6 +80,13 @@ impl Demo {
         Ok(page.map(Dashboard::take_news).unwrap_or_default())
     }
 
+    /// Returns the link that opens the page.
+    pub fn link(&self) -> String {
+        self.page
+            .as_ref()
+            .map_or_else(String::new, Dashboard::link)
+    }
+
     /// Ends the page and all processes, the hub last.
     ///
     /// # Errors

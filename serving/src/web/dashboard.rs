@@ -88,6 +88,11 @@ impl Dashboard {
         self.web.address()
     }
 
+    /// Returns the link that opens the page.
+    pub fn link(&self) -> String {
+        self.web.link_to("/")
+    }
+
     /// Sleeps until the next frame or the next view, and shows all that has come.
     ///
     /// # Errors
