@@ -26,8 +26,8 @@ use crate::{Measures, ServeError};
 pub use dashboard::Dashboard;
 use guard::Guard;
 pub use guard::TOKEN_VARIABLE;
-use server::Limits;
 pub use listen::{Holder, listen};
+use server::Limits;
 
 /// A server; it ends when this is dropped.
 #[derive(Debug)]
@@ -243,9 +243,6 @@ mod tests {
         let answer = asked(&mut open(), "/", "evil.example");
         assert!(answer.starts_with("HTTP/1.1 421 "), "{answer}");
         assert!(!answer.contains("here"), "{answer}");
-        assert_eq!(
-            server.link_to("/"),
-            format!("http://{}/", server.address())
-        );
+        assert_eq!(server.link_to("/"), format!("http://{}/", server.address()));
     }
 }

@@ -82,9 +82,7 @@ impl Demo {
 
     /// Returns the link that opens the page.
     pub fn link(&self) -> String {
-        self.page
-            .as_ref()
-            .map_or_else(String::new, Dashboard::link)
+        self.page.as_ref().map_or_else(String::new, Dashboard::link)
     }
 
     /// Ends the page and all processes, the hub last.

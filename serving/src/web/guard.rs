@@ -68,7 +68,10 @@ impl Guard {
         if let (None, Some(host)) = (&self.token, host)
             && !is_number_or_localhost(host)
         {
-            return Err((StatusCode::MISDIRECTED_REQUEST, "ask for this host by its address\n"));
+            return Err((
+                StatusCode::MISDIRECTED_REQUEST,
+                "ask for this host by its address\n",
+            ));
         }
         if let Some(origin) = headers.get(ORIGIN) {
             let own = host.map(|host| format!("http://{host}"));
