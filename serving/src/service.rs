@@ -11,6 +11,7 @@
 mod commands;
 mod predict;
 mod recent_sweeps;
+mod reconnect;
 mod waiting_commands;
 mod worker_events;
 
@@ -34,6 +35,7 @@ use crate::model_worker::{ModelWorker, WorkerEvent};
 use crate::skin_limits::{limits, settle};
 use crate::status_line::StatusLine;
 use recent_sweeps::RecentSweeps;
+use reconnect::Connections;
 use waiting_commands::WaitingCommands;
 
 /// Status is put at least this often.
@@ -43,6 +45,7 @@ const MAX_FRAMES: usize = 256;
 
 /// The classifier on its channels.
 pub struct Service {
+    bus: Bus,
     config: ServeConfig,
     group: SyncGroup,
     skins: Vec<GetPort<SkinFrame>>,
@@ -60,6 +63,9 @@ pub struct Service {
     sweeps: u64,
     lost_commands: u64,
     alive_ns: u64,
+    connections: Connections,
+    /// For whoever started it, since the last call.
+    news: Vec<String>,
     worker: ModelWorker,
     /// An event of the worker that waits for a pause between sweeps.
     worker_event: Option<WorkerEvent>,
@@ -80,6 +86,8 @@ struct Finger {
     next_belief: usize,
     /// First and newest frame.
     sequences: Option<(u64, u64)>,
+    /// When the newest was put; 0 before the first.
+    framed_ns: u64,
     recent: RecentSweeps,
 }
 
@@ -122,6 +130,7 @@ impl Service {
                 taken: 0,
                 next_belief: 0,
                 sequences: None,
+                framed_ns: 0,
                 recent: RecentSweeps::new(shape.values()),
             })
         });
@@ -136,6 +145,7 @@ impl Service {
         sides.push(&commands);
         let group = bus.sync_group(&sides)?;
         let mut service = Self {
+            bus: bus.clone(),
             group,
             skins,
             commands,
@@ -153,6 +163,8 @@ impl Service {
             sweeps: 0,
             lost_commands: 0,
             alive_ns: 0,
+            connections: Connections::default(),
+            news: Vec::new(),
             worker: ModelWorker::start(served, source, &config, git)?,
             worker_event: None,
             retired: None,
@@ -230,6 +242,16 @@ impl Service {
         self.counters
     }
 
+    /// Returns what its operator should know since the last call, a line each.
+    pub fn take_news(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.news)
+    }
+
+    /// Returns true if frames of a finger came once and have not for ten seconds, although a skin is connected.
+    pub fn is_blind(&self) -> bool {
+        self.connections.blind
+    }
+
     /// Waits for a frame or a command and deals with all that have come; returns after `patience` at the latest.
     ///
     /// # Errors
@@ -268,6 +290,7 @@ impl Service {
         if now.saturating_sub(self.alive_ns) >= ALIVE_EVERY_NS {
             self.model.send_history()?;
             self.publish_status(Event::Alive, 0, format_args!(""))?;
+            self.keep_connections(now)?;
         }
         self.apply_worker_event()
     }
@@ -284,6 +307,7 @@ impl Service {
         let finger = &mut self.fingers[number];
         let first = finger.sequences.map_or(frame.sequence, |(first, _)| first);
         finger.sequences = Some((first, frame.sequence));
+        finger.framed_ns = put_ns;
         let change = finger.segmenter.push(&Frame {
             sequence: frame.sequence,
             sensor_time_nanos: frame.sensor_time_ns,

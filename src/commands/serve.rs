@@ -137,7 +137,14 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
     manager.notify("READY=1");
     while !stop.asked() {
         service.step(Duration::from_millis(100))?;
-        manager.keep_alive();
+        service
+            .take_news()
+            .iter()
+            .for_each(|line| eprintln!("{line}"));
+        // A manager that watches restarts a service whose connected skin has fallen silent.
+        if !service.is_blind() {
+            manager.keep_alive();
+        }
     }
     manager.notify("STOPPING=1");
     let report = ServeReport::new(&service.counters(), service.sequences());

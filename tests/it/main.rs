@@ -6,6 +6,7 @@
 )]
 
 mod arrays;
+mod attacks;
 mod baselines;
 mod build_script;
 mod catch;

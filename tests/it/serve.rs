@@ -120,7 +120,7 @@ impl Robot {
         self.start(&[&skin[..], &objects].concat())
     }
 
-    fn bus(&self) -> Bus {
+    pub(crate) fn bus(&self) -> Bus {
         Bus::open(Domain::Host, &self.table).unwrap()
     }
 }

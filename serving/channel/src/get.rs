@@ -10,6 +10,7 @@ use iceoryx2::port::ReceiveError;
 use iceoryx2::port::subscriber::SubscriberCreateError;
 
 use crate::bus::{Opened, create_port};
+use crate::failed_connections::FailedConnections;
 use crate::transport::{AnySample, AnySubscriber, Either, both};
 use crate::wake_event::WakeEvent;
 use crate::{ChannelConfig, ChannelError, ChannelId, Header, Packet};
@@ -54,6 +55,7 @@ impl Wait {
 pub struct GetPort<T> {
     inner: Arc<GetInner>,
     senders: RefCell<Senders>,
+    failed: FailedConnections,
     packet: PhantomData<fn() -> T>,
 }
 
@@ -95,6 +97,7 @@ impl<T: Packet> GetPort<T> {
             }
             Start::History(packets) => packets,
         };
+        let failed = FailedConnections::default();
         macro_rules! subscriber {
             ($channel:expr) => {{
                 let is_full = |error: &SubscriberCreateError| {
@@ -104,6 +107,7 @@ impl<T: Packet> GetPort<T> {
                     $channel
                         .subscriber_builder()
                         .history_request(history)
+                        .set_degradation_handler(failed.counter())
                         .create()
                 })
                 .map_err(|error| match error {
@@ -132,6 +136,7 @@ impl<T: Packet> GetPort<T> {
                 crowd,
             }),
             senders,
+            failed,
             packet: PhantomData,
         })
     }
@@ -145,6 +150,12 @@ impl<T: Packet> GetPort<T> {
     /// of every sender.
     pub fn lost(&self) -> u64 {
         self.senders.borrow().lost
+    }
+
+    /// Returns how many put-ports could not be connected to, because descriptors or shared memory were short. Their packets do not come here:
+    /// a port that is opened anew tries again.
+    pub fn failed_connections(&self) -> u64 {
+        self.failed.count()
     }
 
     /// The next packet, where there is one.

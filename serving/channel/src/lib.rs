@@ -12,6 +12,7 @@
 mod bridge;
 mod bus;
 mod error;
+mod failed_connections;
 mod get;
 mod hub;
 mod hub_thread;

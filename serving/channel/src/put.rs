@@ -13,10 +13,11 @@ use iceoryx2::prelude::BackpressureStrategy;
 use parking_lot::Mutex;
 
 use crate::bus::{Opened, SHARED_MEMORY, create_port};
+use crate::failed_connections::FailedConnections;
 use crate::packet::{Block, blocks};
 use crate::transport::{AnyLoan, AnyPublisher, Either, both};
 use crate::wake_event::{WakeEvent, reserve};
-use crate::{ChannelConfig, ChannelError, ChannelId, Header, Packet, Priority};
+use crate::{Bus, ChannelConfig, ChannelError, ChannelId, Header, Packet, Priority, Start};
 
 /// Puts packets of `T` into one channel. Its functions neither allocate nor start a thread.
 #[derive(Debug)]
@@ -31,6 +32,7 @@ pub struct PutPort<T> {
     next: Mutex<u64>,
     /// Address and blocks of slots that were zeroed, in the process domain.
     zeroed: Mutex<Vec<(usize, usize)>>,
+    failed: FailedConnections,
     packet: PhantomData<fn(T)>,
 }
 
@@ -56,6 +58,7 @@ impl<T: Packet> PutPort<T> {
             most: config.put_ports,
         };
         let slots = config.slots();
+        let failed = FailedConnections::default();
         macro_rules! publisher {
             ($channel:expr) => {{
                 let is_full = |error: &PublisherCreateError| {
@@ -66,6 +69,7 @@ impl<T: Packet> PutPort<T> {
                         .publisher_builder()
                         .initial_max_slice_len(blocks(config.packet_bytes()))
                         .max_loaned_samples(config.loaned)
+                        .set_degradation_handler(failed.counter())
                         .backpressure_strategy(BackpressureStrategy::DiscardData)
                         .override_sample_preallocation(move |_| slots)
                         .create()
@@ -94,6 +98,7 @@ impl<T: Packet> PutPort<T> {
             priority,
             next: Mutex::new(0),
             zeroed: Mutex::new(Vec::with_capacity(slots)),
+            failed,
             config,
             packet: PhantomData,
         })
@@ -102,6 +107,23 @@ impl<T: Packet> PutPort<T> {
     /// The channel.
     pub fn id(&self) -> ChannelId {
         self.id
+    }
+
+    /// Returns how many get-ports could not be connected to, because descriptors or shared memory were short. Packets do not get there.
+    pub fn failed_connections(&self) -> u64 {
+        self.failed.count()
+    }
+
+    /// Tries again to connect to get-ports that could not be connected to.
+    ///
+    /// # Errors
+    /// Descriptors are still short, or no further get-port fits: for a moment, one is needed.
+    pub fn retry_connections(&self, bus: &Bus) -> Result<(), ChannelError> {
+        // All sides of a channel are looked through when one comes or goes.
+        let passer_by = bus.get_port::<T>(self.id, Start::Now)?;
+        self.failed.forget();
+        drop(passer_by);
+        self.update_connections()
     }
 
     /// Shared memory that it takes, bytes.

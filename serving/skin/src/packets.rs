@@ -277,6 +277,8 @@ pub enum Event {
     ModelRejected = 7,
     /// A new material was learnt; the text names it.
     Enrolled = 8,
+    /// A component cannot be reached; the text says why.
+    Unreachable = 9,
 }
 
 /// The materials of the model that serves, 4136 bytes.

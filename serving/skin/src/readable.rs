@@ -184,7 +184,7 @@ fn of_belief(belief: &TactileBelief, names: &[String]) -> Readable {
 }
 
 fn of_status(status: &TactileStatus) -> Readable {
-    const EVENTS: [(Event, &str); 9] = [
+    const EVENTS: [(Event, &str); 10] = [
         (Event::Alive, "alive"),
         (Event::Begun, "begun"),
         (Event::Classified, "classified"),
@@ -194,6 +194,7 @@ fn of_status(status: &TactileStatus) -> Readable {
         (Event::Swapped, "swapped"),
         (Event::ModelRejected, "model rejected"),
         (Event::Enrolled, "enrolled"),
+        (Event::Unreachable, "unreachable"),
     ];
     let event = EVENTS
         .iter()
