@@ -10,6 +10,8 @@ use crate::dense::NormalizedDense;
 use crate::initial::uniform_parameter;
 use crate::{DenseWeights, LinearHead, ModelError};
 
+/// Parameters of a network, and outputs of one of its layers for one sweep, at most: 8 GiB of 32-bit floats.
+pub const MAX_NUMBERS: u64 = 1 << 31;
 /// Ids of parameters are spaced so that every layer keeps its own, whatever the others hold.
 const IDS_PER_LAYER: u64 = 8;
 
@@ -150,12 +152,68 @@ impl TactNetConfig {
             "one positive pool for each block",
             format!("{pools:?} for {} blocks", maps.len()),
         )?;
-        Ok(Self {
+        let config = Self {
             architecture,
             input,
             materials,
             pools,
-        })
+        };
+        for (setting, numbers) in [
+            ("maps, hidden", config.parameters()),
+            ("maps, steps, taxels", config.widest_layer()),
+        ] {
+            require(
+                numbers.is_some_and(|numbers| numbers <= MAX_NUMBERS),
+                setting,
+                &format!("parameters, and outputs of each layer, of at most {MAX_NUMBERS} numbers"),
+                numbers.map_or("more than a machine addresses".into(), |n| n.to_string()),
+            )?;
+        }
+        Ok(config)
+    }
+
+    /// Returns the number of parameters; `None` where it is beyond all bounds.
+    pub fn parameters(&self) -> Option<u64> {
+        let Architecture {
+            maps,
+            kernel,
+            hidden,
+            ..
+        } = &self.architecture;
+        let product = |factors: &[usize]| {
+            factors
+                .iter()
+                .try_fold(1u64, |all, factor| all.checked_mul(*factor as u64))
+        };
+        let mut all = 0u64;
+        let mut maps_in = 1;
+        for &maps_out in maps {
+            // Weights; scale and shift of the normalisation.
+            let weights = product(&[maps_in, maps_out, kernel[0], kernel[1]])?;
+            all = all.checked_add(weights)?;
+            all = all.checked_add(product(&[2, maps_out])?)?;
+            maps_in = maps_out;
+        }
+        let features = product(&[self.pooled_steps(), self.input.taxels, maps_in])?;
+        let dense = features.checked_mul(*hidden as u64)?;
+        let output = product(&[hidden.checked_add(1)?, self.materials])?;
+        all.checked_add(dense)?
+            .checked_add(product(&[2, *hidden])?)?
+            .checked_add(output)
+    }
+
+    /// Numbers that the widest block makes of one sweep; `None` where they are beyond all bounds.
+    fn widest_layer(&self) -> Option<u64> {
+        let maps = self.architecture.maps.iter().copied().max()?;
+        (self.input.steps as u64)
+            .checked_mul(self.input.taxels as u64)?
+            .checked_mul(maps as u64)
+    }
+
+    fn pooled_steps(&self) -> usize {
+        self.pools
+            .iter()
+            .fold(self.input.steps, |steps, pool| steps.div_ceil(*pool))
     }
 
     /// The layers.
@@ -180,12 +238,8 @@ impl TactNetConfig {
 
     /// Features that reach the dropout: pooled steps times taxels times maps (16 x 128 = 2048 for TactMat).
     pub fn features(&self) -> usize {
-        let steps = self
-            .pools
-            .iter()
-            .fold(self.input.steps, |steps, pool| steps.div_ceil(*pool));
         let maps = self.architecture.maps.last().copied().unwrap_or(1);
-        steps * self.input.taxels * maps
+        self.pooled_steps() * self.input.taxels * maps
     }
 }
 

@@ -201,6 +201,16 @@ impl TactNet {
         weights: &Weights,
         device: &Device,
     ) -> Result<Self, ModelError> {
+        // Before anything is allocated that is far larger than the file; what is near is told by the tensor that differs.
+        let numbers: usize = weights.0.values().map(|tensor| tensor.values.len()).sum();
+        let expected = config.parameters().unwrap_or(u64::MAX);
+        if expected > (16 * numbers as u64).max(1 << 20) {
+            return Err(ModelError::Weights {
+                tensor: "*".into(),
+                expected: format!("{expected} numbers in all, as the configuration says"),
+                found: numbers.to_string(),
+            });
+        }
         let mut net = Self::init(config, device, &mut ChaCha8Rng::seed_from_u64(0));
         macro_rules! parameter {
             ($name:expr, $field:expr) => {

@@ -8,7 +8,8 @@
 //! | [`csv`] (text tables) | a folder, or `.csv` | yes | no | a file a sweep and a table of labels, or a row per frame |
 //! | `parquet`, with that feature | `.parquet` | yes | no | a row per frame |
 //!
-//! A file is recognised by its first bytes, not by its name; what is written goes by the extension.
+//! A file of arrays is recognised by its first bytes, not by its name; a table by its extension, a folder by what it holds. What is written
+//! goes by the extension.
 
 mod chunk_grid;
 mod chunks;

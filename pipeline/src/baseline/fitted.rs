@@ -1,11 +1,11 @@
 //! Fitted baselines: features, scaling, classifier, one after the other.
 
 use tactnet_data::SweepView;
-use tactnet_models::{
-    Knn, Lda, ModelError, PlattSigmoids, Ridge, Svm, SvmSettings, Weights, log_softmax,
-};
+use tactnet_models::{Knn, Lda, PlattSigmoids, Ridge, Svm, SvmSettings, Weights, log_softmax};
 
-use crate::features::arrays::{get, get_doubles, get_indices, put, put_doubles, put_indices};
+use crate::features::arrays::{
+    get, get_doubles, get_indices, get_indices_below, of_length, put, put_doubles, put_indices,
+};
 use crate::features::extractor::Extractor;
 use crate::features::scaler::Scaler;
 use crate::{BaselineRecipe, ClassicalClassifier, ClassifierConfig, FeatureScaling, PipelineError};
@@ -125,7 +125,7 @@ impl Baseline {
         let classifier = match recipe.classifier {
             ClassicalClassifier::Knn { .. } => FittedClassifier::Knn(Knn {
                 features: features("knn.features")?,
-                labels: get_indices(weights, "knn.labels")?,
+                labels: get_indices_below(weights, "knn.labels", materials)?,
                 materials,
                 neighbours: get_indices(weights, "knn.neighbours")?.into_iter().sum(),
             }),
@@ -136,7 +136,8 @@ impl Baseline {
                 let counts = get_indices(weights, "svm.support_counts")?;
                 of_length("svm.support_counts", counts.len(), pairs)?;
                 let support = counts.iter().sum();
-                let rows = get_indices(weights, "svm.support_rows")?;
+                let vectors = get(weights, "svm.features")?.values.len() / width;
+                let rows = get_indices_below(weights, "svm.support_rows", vectors)?;
                 of_length("svm.support_rows", rows.len(), support)?;
                 let duals = get_doubles(weights, "svm.support_weights")?;
                 of_length("svm.support_weights", duals.len(), support)?;
@@ -194,18 +195,6 @@ impl Baseline {
     }
 }
 
-/// An error unless an array has the length that it should have.
-fn of_length(name: &str, found: usize, expected: usize) -> Result<(), PipelineError> {
-    if found == expected {
-        return Ok(());
-    }
-    Err(PipelineError::Model(ModelError::Weights {
-        tensor: name.into(),
-        expected: format!("{expected} numbers"),
-        found: found.to_string(),
-    }))
-}
-
 /// All settings of a support vector machine that can be chosen.
 pub(crate) fn svm_grid(c: &[f64], gamma: &[f64], width: usize) -> Vec<SvmSettings> {
     c.iter()
@@ -216,4 +205,60 @@ pub(crate) fn svm_grid(c: &[f64], gamma: &[f64], width: usize) -> Vec<SvmSetting
             })
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::RngExt;
+    use tactnet_data::twin::{TwinConfig, generate};
+    use tactnet_data::{Fold, Scheme, Seed};
+    use tactnet_models::{Compute, Weights};
+
+    use crate::{
+        Classifier, ClassifierConfig, ModelConfig, ModelRecipe, PredictionMethod, fit_baseline,
+    };
+
+    /// A number of a weights file that is changed makes another classifier or an error, never a panic or a huge allocation.
+    #[test]
+    fn changed_weights_are_an_error_or_another_classifier() {
+        let twin = generate(&TwinConfig {
+            materials: 3,
+            sweeps: 10,
+            steps: 60,
+            ..TwinConfig::default()
+        })
+        .unwrap();
+        let fold = Fold::new(&twin, Scheme::default(), Seed(1), 0, 0).unwrap();
+        let device = Compute::Cpu.open().unwrap();
+        let mut refused = 0;
+        for name in ["minirocket", "multirocket-hydra", "svm-h", "knn-l", "lda"] {
+            let ModelRecipe::Baseline(recipe) = ModelRecipe::load(name).unwrap() else {
+                panic!("{name} is a baseline");
+            };
+            let fitted = fit_baseline(&recipe, &fold.train, Seed(1), |_| {}).unwrap();
+            let model = ModelConfig::Baseline(recipe);
+            let config = ClassifierConfig::new(model, &fold.train, Seed(1));
+            let attempt = |weights: &Weights| {
+                let classifier = Classifier::new(config.clone(), weights, &device)?;
+                classifier.predict(&fold.test, PredictionMethod::Plain)
+            };
+            attempt(&fitted.weights).unwrap();
+            let mut rng = Seed(1).rng(("changed weights", name.len()));
+            for (tensor, at) in fitted.weights.0.iter().flat_map(|(name, tensor)| {
+                let last = tensor.values.len().saturating_sub(1);
+                [0, last / 2, last].map(|at| (name, at))
+            }) {
+                let odd = [-1.0, 0.5, 1e9, f32::MAX, f32::NAN, 7.0];
+                let mut changed = fitted.weights.clone();
+                let values = &mut changed.0.get_mut(tensor).unwrap().values;
+                if let Some(value) = values.get_mut(at) {
+                    *value = odd[rng.random_range(0..odd.len())];
+                }
+                refused += usize::from(attempt(&changed).is_err());
+                changed.0.get_mut(tensor).unwrap().values.truncate(at);
+                refused += usize::from(attempt(&changed).is_err());
+            }
+        }
+        assert!(refused > 20, "{refused} of the changes were refused");
+    }
 }

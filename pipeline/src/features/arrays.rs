@@ -4,6 +4,9 @@ use tactnet_models::{ModelError, NamedTensor, Weights};
 
 use crate::PipelineError;
 
+/// Whole numbers below this are exact as `f32`.
+const LARGEST_INDEX: usize = 1 << 24;
+
 /// Stores a vector.
 pub(crate) fn put(weights: &mut Weights, name: &str, values: Vec<f32>) {
     let shape = vec![values.len()];
@@ -16,7 +19,7 @@ pub(crate) fn put(weights: &mut Weights, name: &str, values: Vec<f32>) {
 /// If one is not exact as `f32`.
 pub(crate) fn put_indices(weights: &mut Weights, name: &str, indices: &[usize]) {
     let exact = |index: &usize| {
-        assert!(*index < 1 << 24, "{name}: {index} is exact as f32");
+        assert!(*index < LARGEST_INDEX, "{name}: {index} is exact as f32");
         *index as f32
     };
     put(weights, name, indices.iter().map(exact).collect());
@@ -53,13 +56,32 @@ pub(crate) fn get<'a>(weights: &'a Weights, name: &str) -> Result<&'a NamedTenso
 /// Stored whole numbers.
 ///
 /// # Errors
-/// None of that name.
+/// None of that name; a number that [`put_indices`] does not write.
 pub(crate) fn get_indices(weights: &Weights, name: &str) -> Result<Vec<usize>, PipelineError> {
-    Ok(get(weights, name)?
-        .values
-        .iter()
-        .map(|v| *v as usize)
-        .collect())
+    get_indices_below(weights, name, LARGEST_INDEX)
+}
+
+/// Stored whole numbers below a limit.
+///
+/// # Errors
+/// None of that name; another number.
+pub(crate) fn get_indices_below(
+    weights: &Weights,
+    name: &str,
+    limit: usize,
+) -> Result<Vec<usize>, PipelineError> {
+    let whole = |value: &f32| {
+        let index = *value as usize;
+        if index as f32 == *value && index < limit {
+            return Ok(index);
+        }
+        Err(PipelineError::Model(ModelError::Weights {
+            tensor: name.into(),
+            expected: format!("whole numbers below {limit}"),
+            found: value.to_string(),
+        }))
+    };
+    get(weights, name)?.values.iter().map(whole).collect()
 }
 
 /// Stored numbers in double precision (to about 48 bits).
@@ -74,4 +96,19 @@ pub(crate) fn get_doubles(weights: &Weights, name: &str) -> Result<Vec<f64>, Pip
         .zip(low)
         .map(|(h, l)| f64::from(*h) + f64::from(*l))
         .collect())
+}
+
+/// Succeeds if an array has as many numbers as the others ask for.
+///
+/// # Errors
+/// It has not.
+pub(crate) fn of_length(name: &str, found: usize, expected: usize) -> Result<(), PipelineError> {
+    if found == expected {
+        return Ok(());
+    }
+    Err(PipelineError::Model(ModelError::Weights {
+        tensor: name.into(),
+        expected: format!("{expected} numbers"),
+        found: found.to_string(),
+    }))
 }

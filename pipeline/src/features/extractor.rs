@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use tactnet_data::{Seed, SweepShape, SweepView, TrainSplit};
 use tactnet_models::{Features, Weights};
 
-use crate::features::arrays::{get, put, put_indices};
+use crate::features::arrays::{get, get_indices, get_indices_below, of_length, put, put_indices};
 use crate::features::hydra::Hydra;
 use crate::features::log_spectra::LogSpectra;
 use crate::features::rocket::{Kernels, Order, Pooling, WAYS, Workspace};
@@ -158,16 +158,22 @@ impl Extractor {
         rate: f64,
         weights: &Weights,
     ) -> Result<Self, PipelineError> {
-        let kernels = |name: &str| load_kernels(weights, name);
+        set.check(shape, rate)?;
+        let kernels = |name: &str| {
+            let kernels = load_kernels(weights, name, shape.taxels())?;
+            kernels.check(name, shape.steps)?;
+            Ok::<_, PipelineError>(kernels)
+        };
         let kind = match set {
             FeatureSet::MiniRocket => Kind::MiniRocket(kernels("minirocket")?),
             FeatureSet::MultiRocketHydra => Kind::MultiRocketHydra {
                 base: kernels("multirocket")?,
                 difference: kernels("multirocket_difference")?,
-                hydra: Hydra {
-                    weights: get(weights, "hydra.weights")?.values.clone(),
-                    taxels: load_lists(weights, "hydra")?,
-                },
+                hydra: Hydra::of(
+                    get(weights, "hydra.weights")?.values.clone(),
+                    load_lists(weights, "hydra", shape.taxels())?,
+                    shape.steps,
+                )?,
             },
             FeatureSet::Means | FeatureSet::L | FeatureSet::H | FeatureSet::LogSpectra => {
                 return Self::unfitted(set, levels, shape, rate);
@@ -317,13 +323,17 @@ fn save_kernels(weights: &mut Weights, name: &str, kernels: &Kernels) {
     save_lists(weights, name, &kernels.taxels);
 }
 
-pub(crate) fn load_kernels(weights: &Weights, name: &str) -> Result<Kernels, PipelineError> {
-    let indices =
-        |part: &str| crate::features::arrays::get_indices(weights, &format!("{name}.{part}"));
+/// - `taxels`: of a sweep
+pub(crate) fn load_kernels(
+    weights: &Weights,
+    name: &str,
+    taxels: usize,
+) -> Result<Kernels, PipelineError> {
+    let indices = |part: &str| get_indices(weights, &format!("{name}.{part}"));
     Ok(Kernels {
         dilations: indices("dilations")?,
         biases_per_kernel: indices("biases_per_kernel")?,
-        taxels: load_lists(weights, name)?,
+        taxels: load_lists(weights, name, taxels)?,
         biases: get(weights, &format!("{name}.biases"))?.values.clone(),
     })
 }
@@ -334,14 +344,21 @@ fn save_lists(weights: &mut Weights, name: &str, lists: &[Vec<usize>]) {
     put_indices(weights, &format!("{name}.taxels"), &lists.concat());
 }
 
-pub(crate) fn load_lists(weights: &Weights, name: &str) -> Result<Vec<Vec<usize>>, PipelineError> {
-    let counts = crate::features::arrays::get_indices(weights, &format!("{name}.taxel_counts"))?;
-    let all = crate::features::arrays::get_indices(weights, &format!("{name}.taxels"))?;
+/// - `taxels`: of a sweep
+pub(crate) fn load_lists(
+    weights: &Weights,
+    name: &str,
+    taxels: usize,
+) -> Result<Vec<Vec<usize>>, PipelineError> {
+    let counts = get_indices(weights, &format!("{name}.taxel_counts"))?;
+    let name = format!("{name}.taxels");
+    let all = get_indices_below(weights, &name, taxels)?;
+    of_length(&name, all.len(), counts.iter().sum())?;
     let mut rest = all.as_slice();
     Ok(counts
         .into_iter()
         .map(|count| {
-            let (list, after) = rest.split_at(count.min(rest.len()));
+            let (list, after) = rest.split_at(count);
             rest = after;
             list.to_vec()
         })

@@ -49,7 +49,7 @@ const CASES: [&str; 3] = ["digits", "noise", "one_taxel"];
 fn minirocket_features_are_aeons() {
     let golden = golden();
     for case in CASES {
-        let kernels = load_kernels(&golden, &format!("{case}.minirocket")).unwrap();
+        let kernels = load_kernels(&golden, &format!("{case}.minirocket"), usize::MAX).unwrap();
         let expected = tensor(&golden, &format!("{case}.minirocket.features"));
         each_series(&golden, case, |index, series| {
             let mut found = vec![0.0; kernels.len()];
@@ -71,7 +71,8 @@ fn minirocket_features_are_aeons() {
 fn multirocket_features_are_aeons() {
     let golden = golden();
     for case in CASES {
-        let load = |name: &str| load_kernels(&golden, &format!("{case}.{name}")).unwrap();
+        let load =
+            |name: &str| load_kernels(&golden, &format!("{case}.{name}"), usize::MAX).unwrap();
         let (base, difference): (Kernels, Kernels) =
             (load("multirocket"), load("multirocket_difference"));
         let expected = tensor(&golden, &format!("{case}.multirocket.features"));
@@ -108,7 +109,7 @@ fn hydra_features_are_aeons() {
             weights: tensor(&golden, &format!("{case}.hydra.weights"))
                 .values
                 .clone(),
-            taxels: load_lists(&golden, &format!("{case}.hydra")).unwrap(),
+            taxels: load_lists(&golden, &format!("{case}.hydra"), usize::MAX).unwrap(),
         };
         let expected = tensor(&golden, &format!("{case}.hydra.features"));
         each_series(&golden, case, |index, series| {

@@ -9,6 +9,8 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
+use crate::PipelineError;
+use crate::features::arrays::of_length;
 use crate::features::series::Series;
 
 /// Weights of a kernel.
@@ -50,6 +52,21 @@ impl Hydra {
             .map(|_| (0..each).map(|_| rng.random_range(0..taxels)).collect())
             .collect();
         Self { weights, taxels }
+    }
+
+    /// From stored kernels, for sweeps of `steps`.
+    ///
+    /// # Errors
+    /// Not as many as [`Hydra::draw`] draws.
+    pub fn of(
+        weights: Vec<f32>,
+        taxels: Vec<Vec<usize>>,
+        steps: usize,
+    ) -> Result<Self, PipelineError> {
+        let groups = dilations(steps) * 2 * GROUPS;
+        of_length("hydra.taxel_counts", taxels.len(), groups)?;
+        of_length("hydra.weights", weights.len(), groups * KERNELS * TAPS)?;
+        Ok(Self { weights, taxels })
     }
 
     /// Number of features.

@@ -63,6 +63,11 @@ impl Normalizer {
         self.offset.len()
     }
 
+    /// Returns true if it has an offset and a gain for each of so many taxels.
+    pub fn is_of(&self, taxels: usize) -> bool {
+        (self.offset.len(), self.gain.len()) == (taxels, taxels)
+    }
+
     /// Scales whole sweeps in place: `[sweeps][steps][taxels]` digits.
     ///
     /// # Panics

@@ -18,6 +18,10 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use tactnet_data::shuffle;
 
+use tactnet_models::ModelError;
+
+use crate::PipelineError;
+use crate::features::arrays::of_length;
 use crate::features::series::Series;
 use pooling::KernelResult;
 pub(crate) use pooling::{Pooling, WAYS};
@@ -54,6 +58,41 @@ pub(crate) struct Kernels {
 }
 
 impl Kernels {
+    /// Succeeds if the parts belong together, for sweeps of `steps`.
+    ///
+    /// - `name`: of the stored arrays
+    ///
+    /// # Errors
+    /// Arrays of another length; taps that reach farther than a sweep.
+    pub fn check(&self, name: &str, steps: usize) -> Result<(), PipelineError> {
+        let part = |part: &str| format!("{name}.{part}");
+        let dilations = self.dilations.len();
+        let biases = KERNELS * self.biases_per_kernel.iter().sum::<usize>();
+        of_length(
+            &part("biases_per_kernel"),
+            self.biases_per_kernel.len(),
+            dilations,
+        )?;
+        of_length(
+            &part("taxel_counts"),
+            self.taxels.len(),
+            KERNELS * dilations,
+        )?;
+        of_length(&part("biases"), self.biases.len(), biases)?;
+        if let Some(odd) = self
+            .dilations
+            .iter()
+            .find(|dilation| !(1..=steps).contains(*dilation))
+        {
+            return Err(PipelineError::Model(ModelError::Weights {
+                tensor: part("dilations"),
+                expected: format!("1 to {steps} steps between taps"),
+                found: odd.to_string(),
+            }));
+        }
+        Ok(())
+    }
+
     /// Draws kernels for series of `taxels` x `steps` and takes their biases from training sweeps.
     ///
     /// - `features`: how many biases are wanted; rounded down to a multiple of 84

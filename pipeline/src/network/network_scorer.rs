@@ -13,6 +13,8 @@ use tactnet_models::{
 use crate::network::in_pool::in_pool;
 use crate::{Embedding, Normalizer, PipelineError, PredictionMethod, TactNetSetup};
 
+/// Numbers of all dropout masks together: a gibibyte.
+const MASK_NUMBERS: usize = 1 << 28;
 /// Sweeps that go through the network at once.
 const BATCH: usize = 36;
 
@@ -129,6 +131,22 @@ impl NetworkScorer {
     /// Returns what is done to a frame before.
     pub fn normalizer(&self) -> &Normalizer {
         &self.normalizer
+    }
+
+    /// Succeeds if so many dropout masks fit into a gibibyte.
+    ///
+    /// # Errors
+    /// They do not.
+    pub fn check_masks(&self, mc_samples: usize) -> Result<(), PipelineError> {
+        let most = MASK_NUMBERS / self.network.features().max(1);
+        if mc_samples <= most {
+            return Ok(());
+        }
+        Err(PipelineError::Spec {
+            setting: "mc",
+            expected: format!("at most {most} dropout masks of this network"),
+            found: mc_samples.to_string(),
+        })
     }
 
     /// Where it computes.

@@ -137,6 +137,13 @@ impl Classifier {
         let model = match &config.model {
             ModelConfig::TactNet2(setup) => {
                 let network = config.network_config(setup)?;
+                if !setup.normalizer.is_of(config.shape.taxels()) {
+                    return Err(PipelineError::Incompatible {
+                        item: "scaling",
+                        expected: format!("numbers for {} taxels", config.shape.taxels()),
+                        found: "another number of them".into(),
+                    });
+                }
                 let scorer = NetworkScorer::new(setup, network, weights, device, config.seed)?;
                 Model::Network(Box::new(scorer))
             }
@@ -171,7 +178,10 @@ impl Classifier {
     ) -> Result<Predictions, PipelineError> {
         let own_labels = self.own_labels(view)?;
         let rows = match (&self.model, method) {
-            (Model::Network(network), _) => network.log_probabilities(view, method),
+            (Model::Network(network), _) => {
+                network.check_masks(method.mc_samples_or(0))?;
+                network.log_probabilities(view, method)
+            }
             (Model::Baseline(baseline), PredictionMethod::Plain) => {
                 baseline.log_probabilities(view)
             }
@@ -217,9 +227,9 @@ impl Classifier {
         embedding: &Embedding,
         mc_samples: usize,
     ) -> Result<Vec<f64>, PipelineError> {
-        Ok(self
-            .scorer()?
-            .mutual_information(&embedding.convolution, mc_samples))
+        let scorer = self.scorer()?;
+        scorer.check_masks(mc_samples)?;
+        Ok(scorer.mutual_information(&embedding.convolution, mc_samples))
     }
 
     /// The trained network.
@@ -235,7 +245,9 @@ impl Classifier {
     /// # Errors
     /// A model that is no network.
     pub fn masks(&self, mc_samples: usize) -> Result<Vec<f32>, PipelineError> {
-        Ok(self.scorer()?.mask_values(mc_samples))
+        let scorer = self.scorer()?;
+        scorer.check_masks(mc_samples)?;
+        Ok(scorer.mask_values(mc_samples))
     }
 
     pub(crate) fn scorer(&self) -> Result<&NetworkScorer, PipelineError> {

@@ -72,6 +72,7 @@ impl OnlineClassifier {
             found: found.into(),
         };
         let scorer = classifier.scorer()?;
+        scorer.check_masks(mc_samples)?;
         let normalizer = scorer.normalizer().clone();
         if normalizer.needs_whole_sweep() {
             return Err(incompatible(
