@@ -5,11 +5,12 @@ use std::process::{Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
+use serde_json::Value;
 use tactnet_channel::{Start, Wait};
-use tactnet_skin::packets::{TactileBelief, TactileStatus};
+use tactnet_skin::packets::{Event, TactileBelief, TactileStatus};
 
-use crate::command::tactnet;
-use crate::serve::{Robot, Running};
+use crate::command::{expect, stderr, stdout, tactnet};
+use crate::serve::{Robot, Running, STEPS};
 
 const PATIENCE: Duration = Duration::from_secs(20);
 
@@ -80,4 +81,108 @@ fn a_service_without_descriptors_says_so_and_reaches_its_skin_when_it_has_some_a
     let patience = Wait::Block { timeout: PATIENCE };
     assert!(status.get(patience).unwrap().is_some(), "its status comes");
     assert!(beliefs.get(patience).unwrap().is_some(), "it sees the skin");
+}
+
+/// A flipped bit of a finished run once gave other numbers without a word, and an edited result another report.
+#[test]
+fn a_run_that_was_changed_after_its_end_is_refused_by_all_who_read_it() {
+    let robot = Robot::new("changed");
+    let lab = &robot.lab;
+    let data = lab.path("five.h5").display().to_string();
+    let steps = STEPS.to_string();
+    let twin = ["data", "twin", "--materials", "5", "--sweeps", "5"];
+    expect(
+        0,
+        tactnet(twin.iter().chain(&["--steps", &steps, "--out", &data])),
+    );
+    let info = stdout(&expect(0, tactnet(["data", "info", "--json", &data])));
+    let info: Value = serde_json::from_str(&info).unwrap();
+    let new = info["materials"][4]["name"].as_str().unwrap();
+    let run = lab.path("models/1").display().to_string();
+    let again = lab.path("again").display().to_string();
+    let onnx = format!("{again}.onnx");
+    let calls = [
+        vec!["eval", &run],
+        vec!["train", "--resume", &run],
+        vec!["export", &run, "--out", &onnx],
+        vec![
+            "enroll",
+            &run,
+            "--data",
+            &data,
+            "--material",
+            new,
+            "--out",
+            &again,
+        ],
+    ];
+    let files = [
+        ("weights.safetensors", vec![0, 2, 3]),
+        ("config.json", vec![0, 1, 2, 3]),
+        ("result.json", vec![1]),
+        ("calibration.json", vec![0, 2, 3]),
+        ("known.safetensors", vec![0, 3]),
+        ("held_out.safetensors", vec![3]),
+    ];
+    for (file, readers) in files {
+        let path = lab.path("models/1").join(file);
+        let whole = std::fs::read(&path).unwrap();
+        let mut changed = whole.clone();
+        // A digit of a text, a bit of a number.
+        let at = changed
+            .iter()
+            .rposition(|byte| byte.is_ascii_digit())
+            .unwrap();
+        changed[at] ^= 1;
+        std::fs::write(&path, &changed).unwrap();
+        for reader in readers {
+            let refused = stderr(&expect(2, tactnet(&calls[reader])));
+            let named = format!("{file}: has changed since the run ended");
+            assert!(refused.contains(&named), "{file}: {refused}");
+            assert_eq!(refused.lines().count(), 1, "{refused}");
+        }
+        std::fs::write(&path, whole).unwrap();
+    }
+    expect(0, tactnet(&calls[0]));
+}
+
+/// A version that asks for a terabyte once ended a service that ran, and kept it from starting again.
+#[test]
+fn a_version_that_asks_for_all_memory_is_passed_over_and_the_service_serves_on() {
+    let robot = Robot::new("monster");
+    let _hub = robot.start(&["channel", "hub"]);
+    let copy = |number: &str| {
+        let (from, to) = (robot.lab.path("models/1"), robot.lab.path("landing"));
+        std::fs::create_dir_all(&to).unwrap();
+        for entry in std::fs::read_dir(&from).unwrap() {
+            let entry = entry.unwrap();
+            std::fs::copy(entry.path(), to.join(entry.file_name())).unwrap();
+        }
+        // As from a version that wrote no digests: the configuration alone must not be believed.
+        std::fs::remove_file(to.join("manifest.json")).unwrap();
+        let text = std::fs::read_to_string(to.join("config.json")).unwrap();
+        let mut config: Value = serde_json::from_str(&text).unwrap();
+        config["classifier"]["model"]["tactnet2"]["network"]["hidden"] =
+            1_000_000_000_000_u64.into();
+        std::fs::write(to.join("config.json"), config.to_string()).unwrap();
+        std::fs::rename(&to, robot.lab.path(&format!("models/{number}"))).unwrap();
+    };
+    let status = robot
+        .bus()
+        .get_port::<TactileStatus>("tactile/status", Start::Now)
+        .unwrap();
+    let service = robot.serve("models");
+    copy("2");
+    let patience = Wait::Block { timeout: PATIENCE };
+    loop {
+        let packet = status.get(patience).unwrap().expect("the service lives");
+        if packet[0].event == Event::ModelRejected as u32 {
+            let text = packet[0].text.as_str().to_owned();
+            assert!(text.contains("hidden"), "{text}");
+            break;
+        }
+    }
+    service.end();
+    // And it starts again, with the version that is sound.
+    robot.serve("models").end();
 }

@@ -8,6 +8,7 @@ use crate::Samples;
 use half::f16;
 use hdf5_reader::ByteOrder;
 use rayon::prelude::*;
+use std::io::{ErrorKind, Read};
 
 /// An array as it stands in the file.
 pub(super) struct Array {
@@ -22,24 +23,57 @@ pub(super) struct Array {
     values: Vec<u8>,
 }
 
-impl Array {
-    /// Reads a whole `.npy`.
+/// Longest header that is read: numpy writes less than a kibibyte.
+const MAX_HEADER: usize = 1 << 16;
+/// Most dimensions: numpy has 32, formerly, and 64.
+const MAX_DIMENSIONS: usize = 64;
+
+/// What a `.npy` says of its values.
+pub(super) struct Header {
+    kind: char,
+    size: usize,
+    order: ByteOrder,
+    fortran: bool,
+    /// Extents in the order of the indices.
+    pub(super) shape: Vec<usize>,
+    /// Bytes of all values.
+    bytes: usize,
+}
+
+impl Header {
+    /// Reads the head of a `.npy`, and leaves `from` at its first value.
     ///
     /// # Errors
     /// What is wrong with it, in words.
-    pub(super) fn parse(mut file: Vec<u8>) -> Result<Self, String> {
-        let rest = file.strip_prefix(b"\x93NUMPY").ok_or("not a numpy array")?;
-        let (length, rest) = match rest {
-            [1, _, a, b, rest @ ..] => (usize::from(u16::from_le_bytes([*a, *b])), rest),
-            [2 | 3, _, a, b, c, d, rest @ ..] => {
-                (u32::from_le_bytes([*a, *b, *c, *d]) as usize, rest)
+    pub(super) fn read(from: &mut impl Read) -> Result<Self, String> {
+        let mut exactly = |bytes: usize| {
+            let mut read = vec![0; bytes];
+            from.read_exact(&mut read)
+                .map(|()| read)
+                .map_err(|error| match error.kind() {
+                    ErrorKind::UnexpectedEof => "not a numpy array, or one cut short".to_owned(),
+                    _ => error.to_string(),
+                })
+        };
+        let magic = exactly(8)?;
+        let length = match (magic.strip_prefix(b"\x93NUMPY"), magic[6]) {
+            (None, _) => return Err("not a numpy array".into()),
+            (_, 1) => usize::from(u16::from_le_bytes([exactly(1)?[0], exactly(1)?[0]])),
+            (_, 2 | 3) => {
+                let length: [u8; 4] = exactly(4)?.try_into().unwrap_or_default();
+                u32::from_le_bytes(length) as usize
             }
             _ => return Err("a numpy array of an unknown version".into()),
         };
-        let (header, values) = rest
-            .split_at_checked(length)
-            .ok_or("a numpy header cut short")?;
-        let header = str::from_utf8(header).map_err(|_| "a numpy header that is not text")?;
+        if length > MAX_HEADER {
+            return Err(format!("a numpy header of {length} bytes"));
+        }
+        let header = exactly(length)?;
+        let header = str::from_utf8(&header).map_err(|_| "a numpy header that is not text")?;
+        Self::of(header)
+    }
+
+    fn of(header: &str) -> Result<Self, String> {
         let damaged = || format!("the numpy header `{}`", header.trim());
         let descr = field(header, "descr").ok_or_else(damaged)?;
         let descr = descr
@@ -74,30 +108,62 @@ impl Array {
             .as_str()
             .parse()
             .map_err(|_| format!("values of type `{descr}`"))?;
-        let bytes = if kind == 'U' {
-            size.checked_mul(4)
-        } else {
-            Some(size)
-        };
-        let total = shape
-            .iter()
-            .try_fold(bytes.unwrap_or(usize::MAX), |n, &extent| {
-                n.checked_mul(extent)
-            });
-        if total != Some(values.len()) {
-            return Err(format!(
-                "{} bytes for {shape:?} values of type `{descr}`",
-                values.len()
-            ));
+        // Counts that no byte stands behind would be believed, however large.
+        if size == 0 || shape.contains(&0) || shape.len() > MAX_DIMENSIONS {
+            return Err(format!("no values: {shape:?} of type `{descr}`"));
         }
-        let bytes = bytes.unwrap_or_default();
-        let values = if fortran {
-            last_index_fastest(values, &shape, bytes)
-        } else {
-            let start = file.len() - values.len();
-            file.drain(..start);
-            file
-        };
+        let bytes = if kind == 'U' { 4 } else { 1 };
+        let bytes = shape
+            .iter()
+            .chain([&size])
+            .try_fold(bytes, |n: usize, &extent| n.checked_mul(extent))
+            .ok_or_else(|| format!("{shape:?} values of type `{descr}`"))?;
+        Ok(Self {
+            kind,
+            size,
+            order,
+            fortran,
+            shape,
+            bytes,
+        })
+    }
+}
+
+impl Array {
+    /// Reads a whole `.npy`, which holds what its header says and no more.
+    ///
+    /// - `room`: bytes that there can be
+    ///
+    /// # Errors
+    /// What is wrong with it, in words.
+    pub(super) fn read(mut from: impl Read, room: u64) -> Result<Self, String> {
+        let Header {
+            kind,
+            size,
+            order,
+            fortran,
+            shape,
+            bytes,
+        } = Header::read(&mut from)?;
+        let wrong = |found: String| format!("{found} for {shape:?} values of type `{kind}{size}`");
+        if bytes as u64 > room {
+            return Err(wrong(format!("at most {room} bytes")));
+        }
+        let mut values = Vec::with_capacity(bytes);
+        let read = from.by_ref().take(bytes as u64).read_to_end(&mut values);
+        read.map_err(|error| error.to_string())?;
+        if values.len() < bytes {
+            return Err(wrong(format!("{} bytes", values.len())));
+        }
+        match from.read(&mut [0]) {
+            Ok(0) => {}
+            Ok(_) => return Err(wrong(format!("more than {bytes} bytes"))),
+            Err(error) => return Err(error.to_string()),
+        }
+        if fortran {
+            let bytes = if kind == 'U' { 4 * size } else { size };
+            values = last_index_fastest(&values, &shape, bytes);
+        }
         Ok(Self {
             kind,
             size,
@@ -110,6 +176,14 @@ impl Array {
     /// The type as numpy writes it, without the byte order.
     pub(super) fn type_name(&self) -> String {
         format!("{}{}", self.kind, self.size)
+    }
+
+    /// The same as [`Array::numbers`], without a second copy of bytes.
+    pub(super) fn into_numbers(self) -> Option<Result<Samples, TooWide>> {
+        match (self.kind, self.size) {
+            ('u' | 'b', 1) => Some(Ok(Samples::U8(self.values))),
+            _ => self.numbers(),
+        }
     }
 
     /// Numbers in their smallest element type; none if the values are not numbers.

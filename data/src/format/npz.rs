@@ -19,11 +19,24 @@ use super::tactmat::{RATE_ATTRIBUTE, SYNTHETIC_ATTRIBUTE};
 use crate::twin::TwinVersion;
 use crate::{DataError, Dataset, LabelSet, Samples, SweepShape, write_whole};
 use std::collections::BTreeMap;
-use std::io::{Cursor, Read, Write};
+use std::fs::File;
+use std::io::{BufReader, Cursor, Write};
 use std::path::Path;
 use zip::CompressionMethod;
 use zip::write::{SimpleFileOptions, ZipWriter};
 
+/// Arrays that are read; whatever else is in an archive is left alone.
+const KNOWN: [&str; 9] = [
+    "samples",
+    "X",
+    "labels",
+    "y",
+    "materials",
+    "blocks",
+    "test_flag",
+    RATE_ATTRIBUTE,
+    SYNTHETIC_ATTRIBUTE,
+];
 /// Names of the sweeps' array, and of their materials'.
 const SAMPLES: &[&str] = &["samples", "X"];
 const LABELS: &[&str] = &["labels", "y"];
@@ -54,8 +67,8 @@ pub fn read(path: &Path) -> Result<Dataset, DataError> {
 /// # Errors
 /// As [`read`], except for values that are not finite.
 pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
-    let arrays = Arrays::open(path)?;
-    let (samples_name, samples) = arrays.required(SAMPLES)?;
+    let mut arrays = Arrays::open(path)?;
+    let (samples_name, samples) = arrays.take_samples()?;
     let (sweeps, shape) = match *samples.shape {
         [_, sweeps, steps, rows, cols] => (Some(sweeps), SweepShape { steps, rows, cols }),
         [_, steps, rows, cols] => (None, SweepShape { steps, rows, cols }),
@@ -99,12 +112,13 @@ pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
     if let Some(odd) = flags.iter().flatten().find(|&&flag| flag > 1) {
         return Err(arrays.error("test_flag", "0 or 1", odd.to_string()));
     }
-    let values = match samples.numbers() {
+    let type_name = samples.type_name();
+    let values = match samples.into_numbers() {
         Some(Ok(values)) => values,
         Some(Err(value)) => {
             return Err(arrays.error(samples_name, "values that a 32-bit float holds", value.0));
         }
-        None => return Err(arrays.error(samples_name, "numbers", samples.type_name())),
+        None => return Err(arrays.error(samples_name, "numbers", type_name)),
     };
     let flags = flags.map(|flags| flags.into_iter().map(|flag| flag == 1).collect());
     let records = records(&of_sweep, labels.len(), blocks, flags);
@@ -129,23 +143,54 @@ pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
     })
 }
 
-/// The arrays of one archive by name.
+/// Members that are named where an array is missing.
+const NAMED: usize = 8;
+
+/// The arrays of one archive by name: those that are known, read whole.
 struct Arrays<'a> {
     path: &'a Path,
     by_name: BTreeMap<String, Result<Array, String>>,
+    /// The other members, in their order.
+    others: Vec<String>,
 }
 
 impl<'a> Arrays<'a> {
     fn open(path: &'a Path) -> Result<Self, DataError> {
-        let bytes = std::fs::read(path).map_err(|error| DataError::io(path, "read", error))?;
-        let mut archive = zip::ZipArchive::new(Cursor::new(bytes.as_slice())).map_err(|error| {
-            let item = "npz archive with array `samples`";
+        let file = File::open(path).map_err(|error| DataError::io(path, "read", error))?;
+        let mut archive = zip::ZipArchive::new(BufReader::new(file)).map_err(|error| {
+            let item = "npz archive with array `X`";
             DataError::format(path, item, "a zip archive", error.to_string())
         })?;
-        let by_name = (0..archive.len())
-            .map(|index| unpack(&mut archive, index))
-            .collect();
-        Ok(Self { path, by_name })
+        let mut arrays = Self {
+            path,
+            by_name: BTreeMap::new(),
+            others: Vec::new(),
+        };
+        for index in 0..archive.len() {
+            let name = match archive.name_for_index(index) {
+                Some(Ok(name)) => name.strip_suffix(".npy").unwrap_or(&name).to_owned(),
+                _ => format!("member {index}"),
+            };
+            if !KNOWN.contains(&name.as_str()) {
+                arrays.others.push(name);
+                continue;
+            }
+            if arrays.by_name.contains_key(&name) {
+                return Err(arrays.error(&name, "one member of that name", "two"));
+            }
+            let array = unpack(&mut archive, index);
+            arrays.by_name.insert(name, array);
+        }
+        Ok(arrays)
+    }
+
+    /// The sweeps, which are large and read once.
+    fn take_samples(&mut self) -> Result<(&'static str, Array), DataError> {
+        let (name, _) = self.required(SAMPLES)?;
+        match self.by_name.remove(name) {
+            Some(Ok(array)) => Ok((name, array)),
+            _ => panic!("`{name}` was found"),
+        }
     }
 
     fn error(
@@ -175,19 +220,20 @@ impl<'a> Arrays<'a> {
             }
         }
         Err({
-            let there: Vec<String> = self
-                .by_name
-                .iter()
-                .map(|(name, array)| match array {
-                    Ok(array) => format!("`{name}` {:?}", array.shape),
-                    Err(_) => format!("`{name}`"),
-                })
-                .collect();
-            let found = if there.is_empty() {
-                "no array".into()
-            } else {
-                there.join(", ")
-            };
+            let known = self.by_name.iter().map(|(name, array)| match array {
+                Ok(array) => format!("`{name}` {:?}", array.shape),
+                Err(_) => format!("`{name}`"),
+            });
+            let others = self.others.iter().map(|name| format!("`{name}`"));
+            let mut there: Vec<String> = known.chain(others).collect();
+            let hidden = there.len().saturating_sub(NAMED);
+            there.truncate(NAMED);
+            let mut found = there.join(", ");
+            match (there.is_empty(), hidden) {
+                (true, _) => found = "no array".into(),
+                (false, 0) => {}
+                (false, hidden) => found.push_str(&format!(" and {hidden} more")),
+            }
             let expected = match names {
                 SAMPLES => "to be in the archive: np.savez_compressed(\"sweeps.npz\", X=X, y=y) \
                     with X [n][steps][taxels] and y [n]"
@@ -276,7 +322,7 @@ impl<'a> Arrays<'a> {
     fn rate(&self) -> Result<Option<f64>, DataError> {
         let Some(array) = self.optional(RATE_ATTRIBUTE)? else {
             let meant = |name: &&String| RATES.contains(&name.to_lowercase().as_str());
-            return match self.by_name.keys().find(meant) {
+            return match self.others.iter().find(meant) {
                 None => Ok(None),
                 Some(name) => Err(self.error(
                     name,
@@ -295,31 +341,15 @@ impl<'a> Arrays<'a> {
     }
 }
 
-/// Name and content of an archive's member, or what is wrong with it.
-fn unpack(
-    archive: &mut zip::ZipArchive<Cursor<&[u8]>>,
-    index: usize,
-) -> (String, Result<Array, String>) {
-    let name = match archive.name_for_index(index) {
-        Some(Ok(name)) => name.strip_suffix(".npy").unwrap_or(&name).to_owned(),
-        _ => format!("member {index}"),
-    };
-    let content = archive
-        .by_index(index)
-        .map_err(|error| error.to_string())
-        .and_then(|member| {
-            let (size, packed) = (member.size(), member.compressed_size());
-            let room = packed.saturating_mul(DEFLATE_LIMIT);
-            if size > room {
-                return Err(format!("{packed} bytes that unpack to {size}"));
-            }
-            let mut content = Vec::with_capacity(size as usize);
-            match member.take(room).read_to_end(&mut content) {
-                Ok(_) => Array::parse(content),
-                Err(error) => Err(error.to_string()),
-            }
-        });
-    (name, content)
+/// An archive's member, or what is wrong with it.
+fn unpack(archive: &mut zip::ZipArchive<BufReader<File>>, index: usize) -> Result<Array, String> {
+    let member = archive.by_index(index).map_err(|error| error.to_string())?;
+    let (size, packed) = (member.size(), member.compressed_size());
+    let room = packed.saturating_mul(DEFLATE_LIMIT);
+    if size > room {
+        return Err(format!("{packed} bytes that unpack to {size}"));
+    }
+    Array::read(member, room)
 }
 
 /// Writes `dataset`: five dimensions if it is ordered by material with equally many sweeps of each, else four with

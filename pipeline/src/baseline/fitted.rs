@@ -123,12 +123,19 @@ impl Baseline {
             Ok::<_, PipelineError>(values[0])
         };
         let classifier = match recipe.classifier {
-            ClassicalClassifier::Knn { .. } => FittedClassifier::Knn(Knn {
-                features: features("knn.features")?,
-                labels: get_indices_below(weights, "knn.labels", materials)?,
-                materials,
-                neighbours: get_indices(weights, "knn.neighbours")?.into_iter().sum(),
-            }),
+            ClassicalClassifier::Knn { .. } => {
+                let features = features("knn.features")?;
+                let labels = get_indices_below(weights, "knn.labels", materials)?;
+                of_length("knn.labels", labels.len(), features.len())?;
+                let neighbours = get_indices_below(weights, "knn.neighbours", labels.len() + 1)?;
+                of_length("knn.neighbours", neighbours.len(), 1)?;
+                FittedClassifier::Knn(Knn {
+                    features,
+                    labels,
+                    materials,
+                    neighbours: neighbours[0].max(1),
+                })
+            }
             ClassicalClassifier::Svm { .. } => {
                 let pairs = materials * (materials - 1) / 2;
                 let platt = get_doubles(weights, "svm.platt")?;
@@ -185,7 +192,9 @@ impl Baseline {
         };
         let scaler = match recipe.scaling {
             FeatureScaling::Raw => None,
-            FeatureScaling::Standard => Some(Scaler::load(weights, extractor.hydra_width())?),
+            FeatureScaling::Standard => {
+                Some(Scaler::load(weights, width, extractor.hydra_width())?)
+            }
         };
         Ok(Self {
             extractor,
@@ -224,7 +233,7 @@ mod tests {
         let twin = generate(&TwinConfig {
             materials: 3,
             sweeps: 10,
-            steps: 60,
+            steps: 120,
             ..TwinConfig::default()
         })
         .unwrap();

@@ -3,7 +3,7 @@
 use tactnet_models::{Features, Weights};
 
 use crate::PipelineError;
-use crate::features::arrays::{get, put};
+use crate::features::arrays::{get, of_length, put};
 
 /// Subtracts a mean from every feature and multiplies it with a gain.
 ///
@@ -96,12 +96,19 @@ impl Scaler {
 
     /// Rebuilds what [`Scaler::save`] has written.
     ///
+    /// - `width`: of a row
+    ///
     /// # Errors
-    /// Tensors that are missing.
-    pub fn load(weights: &Weights, sparse: usize) -> Result<Self, PipelineError> {
+    /// Tensors that are missing or of another length.
+    pub fn load(weights: &Weights, width: usize, sparse: usize) -> Result<Self, PipelineError> {
+        let of_width = |name: &str| {
+            let values = get(weights, name)?.values.clone();
+            of_length(name, values.len(), width)?;
+            Ok::<_, PipelineError>(values)
+        };
         Ok(Self {
-            mean: get(weights, "scaler.mean")?.values.clone(),
-            gain: get(weights, "scaler.gain")?.values.clone(),
+            mean: of_width("scaler.mean")?,
+            gain: of_width("scaler.gain")?,
             sparse,
         })
     }

@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 
 use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, TensorView};
+use sha2::{Digest, Sha256};
+use tactnet_data::hex;
 use tactnet_models::Weights;
 
 use crate::{PipelineError, Position, TrainingState};
@@ -46,11 +48,34 @@ pub(crate) fn encode_checkpoint(
     }
     let position = serde_json::to_string(&state.position)
         .map_err(|error| PipelineError::Optimizer(error.to_string()))?;
+    let seconds = seconds.to_string();
     let metadata = [
+        ("sha256".to_string(), digest(state, &position, &seconds)),
         ("position".to_string(), position),
-        ("train_seconds".to_string(), seconds.to_string()),
+        ("train_seconds".to_string(), seconds),
     ];
     safetensors::serialize(views, Some(metadata.into_iter().collect())).map_err(failed)
+}
+
+/// SHA-256 of all that a training goes on from, so that a damaged checkpoint is not gone on with.
+fn digest(state: &TrainingState, position: &str, seconds: &str) -> String {
+    let mut hash = Sha256::new();
+    let mut add = |bytes: &[u8]| {
+        hash.update((bytes.len() as u64).to_le_bytes());
+        hash.update(bytes);
+    };
+    add(position.as_bytes());
+    add(seconds.as_bytes());
+    for (name, tensor) in &state.weights.0 {
+        add(name.as_bytes());
+        for extent in &tensor.shape {
+            add(&(*extent as u64).to_le_bytes());
+        }
+        let values: Vec<u8> = tensor.values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        add(&values);
+    }
+    add(&state.optimizer);
+    hex(hash.finalize())
 }
 
 /// Reads what [`encode_checkpoint`] wrote.
@@ -71,9 +96,10 @@ pub(crate) fn decode_checkpoint(bytes: &[u8]) -> Result<(TrainingState, f64), St
             .get(name)
             .ok_or_else(|| damaged(&format!("no `{name}`")))
     };
+    let (position_text, seconds_text) = (field("position")?, field("train_seconds")?);
     let position: Position =
-        serde_json::from_str(field("position")?).map_err(|error| damaged(&error.to_string()))?;
-    let seconds = field("train_seconds")?
+        serde_json::from_str(position_text).map_err(|error| damaged(&error.to_string()))?;
+    let seconds = seconds_text
         .parse()
         .map_err(|_| damaged("`train_seconds` is no number"))?;
     let optimizer = file
@@ -82,14 +108,18 @@ pub(crate) fn decode_checkpoint(bytes: &[u8]) -> Result<(TrainingState, f64), St
         .data()
         .to_vec();
     let weights = Weights::from_safetensors(bytes).map_err(|error| damaged(&error.to_string()))?;
-    Ok((
-        TrainingState {
-            position,
-            weights,
-            optimizer,
-        },
-        seconds,
-    ))
+    let state = TrainingState {
+        position,
+        weights,
+        optimizer,
+    };
+    // Checkpoints of former versions have no digest.
+    if let Some(known) = metadata.get("sha256")
+        && *known != digest(&state, position_text, seconds_text)
+    {
+        return Err(damaged("its SHA-256 is not the one that it names"));
+    }
+    Ok((state, seconds))
 }
 
 #[cfg(test)]
@@ -129,11 +159,16 @@ mod tests {
 
     proptest! {
         #[test]
-        fn damaged_checkpoints_are_errors_never_panics(at in 0_usize..200, value in any::<u8>(), cut in 0_usize..300) {
+        fn damaged_checkpoints_are_errors_never_panics(at in any::<prop::sample::Index>(), value in any::<u8>(), cut in 0_usize..300) {
             let mut bytes = encode_checkpoint(&state(), 1.25).unwrap();
-            let at = at % bytes.len();
+            let at = at.index(bytes.len());
             bytes[at] = value;
-            let _ = decode_checkpoint(&bytes);
+            if let Ok((read, seconds)) = decode_checkpoint(&bytes) {
+                // Nothing changed, or a blank of the header.
+                prop_assert_eq!(read.weights, state().weights);
+                prop_assert_eq!(read.optimizer, state().optimizer);
+                prop_assert_eq!((read.position, seconds), (state().position, 1.25));
+            }
             bytes.truncate(cut);
             let _ = decode_checkpoint(&bytes);
         }

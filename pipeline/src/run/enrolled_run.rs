@@ -47,6 +47,7 @@ impl RunDir {
                 .map_err(|error| PipelineError::io(&held_out, "copy", error))?;
         }
         run.write_weights(&enrolled.weights)?;
+        run.write_manifest()?;
         Ok(run)
     }
 }

@@ -4,6 +4,7 @@ mod enrolled_run;
 pub(crate) mod evaluate_run;
 mod folder_lock;
 mod free_folder;
+mod manifest;
 pub(crate) mod provenance;
 pub(crate) mod read_sweeps;
 pub(crate) mod reevaluate;

@@ -15,16 +15,19 @@
 //! | `enrolled.json` | materials that were added to a trained classifier | by `enroll` |
 //! | `predictions_test.csv` | scores of every test sweep, tsml layout | at the end |
 //! | `confusion.svg` | confusion matrix | at the end |
-//! | `result.json` | what was found | last |
+//! | `result.json` | what was found | at the end |
+//! | `manifest.json` | SHA-256 of all of these but the checkpoint; what has changed since is an error | last |
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use serde::{Serialize, de::DeserializeOwned};
 use tactnet_data::SplitManifest;
 use tactnet_models::Weights;
 
 use super::folder_lock::LOCK;
+use super::manifest::Manifest;
 use crate::network::checkpoint::{decode_checkpoint, encode_checkpoint};
 use crate::{
     Calibration, Classifier, Embedding, EnrolledMaterial, EpochMetrics, PipelineError,
@@ -44,6 +47,8 @@ pub struct RunDir {
     pub(super) path: PathBuf,
     /// Locked while this process trains; the system lets go of it when the process ends, however it ends.
     pub(super) lock: Option<fs::File>,
+    /// Digests of its files, once read.
+    pub(super) manifest: OnceLock<Option<Manifest>>,
 }
 
 impl RunDir {
@@ -62,6 +67,7 @@ impl RunDir {
         let run = Self {
             path: path.to_path_buf(),
             lock: None,
+            manifest: OnceLock::new(),
         }
         .locked()?;
         if run.file("config.json").exists() {
@@ -92,6 +98,7 @@ impl RunDir {
         let run = Self {
             path: path.to_path_buf(),
             lock: None,
+            manifest: OnceLock::new(),
         };
         if run.file("config.json").is_file() {
             Ok(run)
@@ -121,8 +128,7 @@ impl RunDir {
         let config = self.config()?;
         let file = Self::predictions_file(method, config.recipe.method());
         let path = self.file(&file);
-        let text =
-            fs::read_to_string(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
+        let text = self.read_text(&file)?;
         let test = self.split()?.test;
         let predictions = Predictions::from_tsml(&text, config.classifier.labels, method, &test)
             .map_err(|reason| PipelineError::Run { path, reason })?;
@@ -163,8 +169,7 @@ impl RunDir {
     /// Missing, damaged, or of another version.
     pub fn config(&self) -> Result<RunConfig, PipelineError> {
         let path = self.file("config.json");
-        let text =
-            fs::read_to_string(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
+        let text = self.read_text("config.json")?;
         RunConfig::from_json(&text).map_err(|reason| PipelineError::Run { path, reason })
     }
 
@@ -200,7 +205,7 @@ impl RunDir {
             ));
         }
         let materials = self.config()?.classifier.labels.len();
-        let bytes = fs::read(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
+        let bytes = self.read(KNOWN)?;
         let damaged = |reason: String| PipelineError::Run {
             path: path.clone(),
             reason,
@@ -260,15 +265,14 @@ impl RunDir {
             return Ok(None);
         };
         let path = self.file(HELD_OUT);
-        let held_out = match fs::read(&path) {
-            Ok(bytes) => {
-                let head = classifier.network()?.output_layer();
-                let read = Weights::from_safetensors(&bytes).map_err(|error| error.to_string());
-                let read = read.and_then(|weights| Embedding::from_weights(&weights, &head));
-                Some(read.map_err(|reason| PipelineError::Run { path, reason })?)
-            }
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => None,
-            Err(error) => return Err(PipelineError::io(&path, "read", error)),
+        let held_out = if path.exists() {
+            let head = classifier.network()?.output_layer();
+            let read = Weights::from_safetensors(&self.read(HELD_OUT)?)
+                .map_err(|error| error.to_string())
+                .and_then(|weights| Embedding::from_weights(&weights, &head));
+            Some(read.map_err(|reason| PipelineError::Run { path, reason })?)
+        } else {
+            None
         };
         Ok(Some(Thresholds {
             calibration,
@@ -390,7 +394,7 @@ impl RunDir {
     pub fn weights(&self) -> Result<Weights, PipelineError> {
         let path = self.file(WEIGHTS);
         if path.exists() {
-            let bytes = fs::read(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
+            let bytes = self.read(WEIGHTS)?;
             return Weights::from_safetensors(&bytes).map_err(|error| PipelineError::Run {
                 path,
                 reason: error.to_string(),
@@ -441,11 +445,15 @@ impl RunDir {
     }
 
     pub(super) fn read_json<T: DeserializeOwned>(&self, name: &str) -> Result<T, PipelineError> {
-        let path = self.file(name);
-        let text =
-            fs::read_to_string(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
-        serde_json::from_str(&text).map_err(|error| PipelineError::Run {
-            path,
+        serde_json::from_str(&self.read_text(name)?).map_err(|error| PipelineError::Run {
+            path: self.file(name),
+            reason: error.to_string(),
+        })
+    }
+
+    fn read_text(&self, name: &str) -> Result<String, PipelineError> {
+        String::from_utf8(self.read(name)?).map_err(|error| PipelineError::Run {
+            path: self.file(name),
             reason: error.to_string(),
         })
     }

@@ -257,6 +257,7 @@ impl Session {
             return Ok(TrainOutcome::Stopped);
         }
         run.write_json("result.json", &result)?;
+        run.write_manifest()?;
         Ok(TrainOutcome::Finished(Box::new(result)))
     }
 
