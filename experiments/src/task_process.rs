@@ -87,7 +87,12 @@ impl TaskProcess {
 fn claim(dir: &ExperimentDir, task: &Task) -> Result<Option<File>, ExperimentError> {
     let path = dir.path().join("tasks").join(format!("{}.claim", task.id));
     let failed = |error| ExperimentError::io(&path, "claim", error);
-    let file = File::create(&path).map_err(failed)?;
+    let file = File::options()
+        .write(true)
+        .create(true)
+        .truncate(false)
+        .open(&path)
+        .map_err(failed)?;
     match file.try_lock() {
         Ok(()) => Ok(Some(file)),
         Err(std::fs::TryLockError::WouldBlock) => Ok(None),

@@ -79,7 +79,12 @@ impl ExperimentDir {
         }
         fs::create_dir_all(path).map_err(failed)?;
         // Of two runners that begin at once, one writes the plan and the other finds it.
-        let planning = fs::File::create(path.join(LOCK)).map_err(failed)?;
+        let planning = fs::File::options()
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .open(path.join(LOCK))
+            .map_err(failed)?;
         planning.lock().map_err(failed)?;
         if file.exists() {
             let known = Self::open(path)?;

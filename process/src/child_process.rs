@@ -3,7 +3,7 @@
 use std::io;
 use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, ExitStatus};
 
-/// A process in a group of its own; it is killed when this is dropped.
+/// A process in a group of its own; it is killed when this is dropped, and asked to end when the thread that started it ends.
 #[derive(Debug)]
 pub struct ChildProcess(Child);
 
@@ -19,6 +19,7 @@ impl ChildProcess {
             // Ctrl-C on a terminal is for the program that started it.
             command.process_group(0);
         }
+        end_with_this_thread(command);
         command.spawn().map(Self)
     }
 
@@ -74,6 +75,22 @@ impl Drop for ChildProcess {
         self.kill();
     }
 }
+
+/// The process does not stay when the thread that starts it, and with it usually this program, is killed.
+#[cfg(target_os = "linux")]
+fn end_with_this_thread(command: &mut Command) {
+    use std::os::unix::process::CommandExt;
+    // SAFETY: one system call between fork and exec.
+    unsafe {
+        command.pre_exec(|| {
+            libc::prctl(libc::PR_SET_PDEATHSIG, libc::SIGTERM);
+            Ok(())
+        });
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+fn end_with_this_thread(_: &mut Command) {}
 
 #[cfg(unix)]
 #[cfg(test)]

@@ -52,7 +52,6 @@ impl ReadyProcess {
 
     fn spawn(command: &mut Command) -> Result<(Self, Option<ChildStdin>), ProcessError> {
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
-        end_with_this_thread(command);
         let mut process = ChildProcess::start(command).map_err(ProcessError::Start)?;
         let (input, output, errors) = process.take_pipes();
         let process = Self {
@@ -135,22 +134,6 @@ fn joined(thread: JoinHandle<String>) -> String {
     let text = thread.join();
     text.unwrap_or_else(|panic| std::panic::resume_unwind(panic))
 }
-
-/// The process does not stay when the thread that starts it, and with it usually this program, is killed.
-#[cfg(target_os = "linux")]
-fn end_with_this_thread(command: &mut Command) {
-    use std::os::unix::process::CommandExt;
-    // SAFETY: one system call between fork and exec.
-    unsafe {
-        command.pre_exec(|| {
-            libc::prctl(libc::PR_SET_PDEATHSIG, libc::SIGTERM);
-            Ok(())
-        });
-    }
-}
-
-#[cfg(not(target_os = "linux"))]
-fn end_with_this_thread(_: &mut Command) {}
 
 #[cfg(unix)]
 #[cfg(test)]

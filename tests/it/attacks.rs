@@ -1,15 +1,18 @@
 //! Attacks that succeeded once, with real processes: each stays mended.
 
 use std::io::{BufRead, BufReader};
+use std::os::unix::fs::symlink;
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
-use std::time::Duration;
+use std::time::{Duration, Instant, SystemTime};
 
 use serde_json::Value;
-use tactnet_channel::{Start, Wait};
+use tactnet_channel::{Start, Wait, remove_bus};
+use tactnet_skin::ServeConfig;
 use tactnet_skin::packets::{Event, TactileBelief, TactileStatus};
 
-use crate::command::{expect, stderr, stdout, tactnet};
+use crate::command::{Lab, expect, stderr, stdout, tactnet};
 use crate::serve::{Robot, Running, STEPS};
 
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -185,4 +188,67 @@ fn a_version_that_asks_for_all_memory_is_passed_over_and_the_service_serves_on()
     service.end();
     // And it starts again, with the version that is sound.
     robot.serve("models").end();
+}
+
+/// A file that others had made in shared memory once emptied a file of the hub's user, and one from the future kept the hub from starting.
+#[test]
+fn a_hub_follows_no_link_and_waits_for_no_file_from_the_future() {
+    let lab = Lab::new();
+    let table = ServeConfig::default().table(&format!("links{}", std::process::id()));
+    let written = toml::to_string(&table).unwrap();
+    std::fs::write(lab.path("robot.toml"), &written).unwrap();
+    let bus = format!("{}{}", table.bus, table.network.host);
+    let hub = || {
+        let mut hub = tactnet(["channel", "hub", "--table"]);
+        hub.arg(lab.path("robot.toml"));
+        hub
+    };
+    let lock = format!("/dev/shm/{bus}_hub");
+    symlink(lab.path("robot.toml"), &lock).unwrap();
+    let refused = stderr(&expect(1, hub()));
+    assert!(refused.contains("it is a link"), "{refused}");
+    let victim = std::fs::read_to_string(lab.path("robot.toml")).unwrap();
+    assert_eq!(victim, written, "nothing was emptied");
+    std::fs::remove_file(&lock).unwrap();
+
+    let connection = format!("/dev/shm/{bus}_x.connection");
+    let file = std::fs::File::create(&connection).unwrap();
+    file.set_modified(SystemTime::now() + Duration::from_secs(100_000_000))
+        .unwrap();
+    let begun = Instant::now();
+    Running::start(hub()).end();
+    assert!(begun.elapsed() < PATIENCE, "{begun:?}");
+    assert!(!Path::new(&connection).exists());
+    remove_bus(&table).unwrap();
+}
+
+/// A runner that is killed once left its trainings behind, which held their folders.
+#[test]
+fn the_processes_of_a_killed_runner_end() {
+    let lab = Lab::new();
+    let data = format!("data=\"{}\"", lab.path("twin.h5").display());
+    let mut run = tactnet(["experiment", "run", "crossval_tactnet2", "--set", &data]);
+    run.args(["--set", "epochs=100000", "--jobs", "1", "--out"]);
+    run.arg(lab.path("killed"));
+    let mut runner = run.stderr(Stdio::null()).spawn().unwrap();
+    let folder = lab.path("killed").display().to_string();
+    let tasks = || {
+        let processes = std::fs::read_dir("/proc").unwrap().flatten();
+        let lines = processes.filter_map(|entry| std::fs::read(entry.path().join("cmdline")).ok());
+        lines
+            .map(|line| String::from_utf8_lossy(&line).into_owned())
+            .filter(|line| line.contains("\0task\0") && line.contains(&folder))
+            .count()
+    };
+    let wait_until = |wanted: &dyn Fn() -> bool| {
+        let begun = Instant::now();
+        while !wanted() {
+            assert!(begun.elapsed() < PATIENCE, "{} tasks", tasks());
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    };
+    wait_until(&|| tasks() > 0);
+    runner.kill().unwrap();
+    runner.wait().unwrap();
+    wait_until(&|| tasks() == 0);
 }

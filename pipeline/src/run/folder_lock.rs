@@ -35,7 +35,12 @@ impl RunDir {
         fs::create_dir_all(path)
             .map_err(|error| PipelineError::io(path, "make the folder", error))?;
         let name = path.join(LOCK);
-        let file = fs::File::create(&name)
+        // Not emptied: somebody may have put a link there.
+        let file = fs::File::options()
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .open(&name)
             .map_err(|error| PipelineError::io(&name, "make the lock file", error))?;
         let mut outcome = file.try_lock();
         for _ in 0..20 {

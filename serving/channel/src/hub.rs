@@ -13,6 +13,7 @@ use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::publish_subscribe;
 
 use crate::bus::{SHARED_MEMORY, create, crowd_file, iceoryx_config, node, wake_event_file};
+use crate::own_file::own_file;
 use crate::packet::{Block, Header};
 use crate::transport::Ipc;
 use crate::wake_event::WakeEvent;
@@ -23,6 +24,8 @@ const PATIENCE: Duration = Duration::from_millis(100);
 const CLEAN_EVERY: Duration = Duration::from_secs(1);
 /// No client takes so long from making a connection's file to giving it a size.
 const UNFINISHED_AFTER: Duration = Duration::from_millis(100);
+/// How long a hub that starts tries to clear up.
+const CLEARING_UP: Duration = Duration::from_secs(3);
 /// No client takes so long to begin.
 const STILLBORN_AFTER: Duration = Duration::from_secs(10);
 
@@ -69,7 +72,18 @@ impl Hub {
         remove_unfinished(&config)?;
         remove_stillborn(&config)?;
         let node: Node<Ipc> = node(&config)?;
-        while !remove_unfinished_connections(&format!("{}_", table.local_name()))? {
+        let begun = Instant::now();
+        let prefix = format!("{}_", table.local_name());
+        while !remove_unfinished_connections(&prefix)? {
+            if begun.elapsed() > CLEARING_UP {
+                return Err(ChannelError::Io {
+                    path: format!("{SHARED_MEMORY}/{prefix}*.connection").into(),
+                    action: "clear up",
+                    source: std::io::Error::other(
+                        "one of these is empty and cannot be removed; its owner must, or name another `bus` in the table",
+                    ),
+                });
+            }
             std::thread::sleep(UNFINISHED_AFTER);
         }
         node.blocking_cleanup_dead_nodes(PATIENCE);
@@ -191,7 +205,7 @@ fn lock(bus: &str) -> Result<File, ChannelError> {
         action: "lock",
         source,
     };
-    let file = File::create(&path).map_err(failed)?;
+    let file = own_file(&path).map_err(failed)?;
     let begun = Instant::now();
     let mut outcome = file.try_lock();
     // The system takes a moment to let go of what a killed hub held.
@@ -268,12 +282,11 @@ fn remove_unfinished_connections(prefix: &str) -> Result<bool, ChannelError> {
         if file.len() > 0 {
             continue;
         }
-        let age = file.modified().ok().and_then(|time| time.elapsed().ok());
-        if age.is_some_and(|age| age > UNFINISHED_AFTER) {
-            let _ = std::fs::remove_file(entry.path());
-        } else {
-            clear = false;
-        }
+        // A time to come is as old as one long past: clocks are set back, and anybody can set a file's.
+        let age = file.modified().map(|time| time.elapsed());
+        let age = age.map(|age| age.unwrap_or_else(|ahead| ahead.duration()));
+        let old = age.is_ok_and(|age| age > UNFINISHED_AFTER);
+        clear &= old && std::fs::remove_file(entry.path()).is_ok();
     }
     Ok(clear)
 }
@@ -311,7 +324,8 @@ fn remove_stillborn(config: &Config) -> Result<usize, ChannelError> {
             .metadata()
             .and_then(|file| file.modified())
             .map(|time| time.elapsed());
-        if age.is_ok_and(|age| age.is_ok_and(|age| age > STILLBORN_AFTER)) {
+        let age = age.map(|age| age.unwrap_or_else(|ahead| ahead.duration()));
+        if age.is_ok_and(|age| age > STILLBORN_AFTER) {
             // Iceoryx2 may have been faster.
             let _ = std::fs::remove_file(entry.path());
             let _ = std::fs::remove_dir_all(folder.join(number));

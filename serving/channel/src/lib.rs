@@ -17,6 +17,7 @@ mod get;
 mod hub;
 mod hub_thread;
 mod listing;
+mod own_file;
 mod packet;
 mod percentile;
 mod put;

@@ -241,17 +241,18 @@ impl Table {
 
     /// Checks that every number is in range.
     pub(crate) fn check(&self) -> Result<(), String> {
-        if self.bus.is_empty()
-            || self.bus.len() > 24
-            || !self
-                .bus
-                .chars()
-                .all(|c| c.is_ascii_alphanumeric() || c == '-')
-        {
-            return Err(format!(
-                "bus: expected 1 to 24 letters, digits or `-`, found `{}`",
-                self.bus
-            ));
+        // Both become parts of file names.
+        for (item, least, name) in [
+            ("bus", 1, &self.bus),
+            ("network.host", 0, &self.network.host),
+        ] {
+            let plain = |c: char| c.is_ascii_alphanumeric() || c == '-';
+            if !(least..=24).contains(&name.len()) || !name.chars().all(plain) {
+                return Err(format!(
+                    "{item}: expected {least} to 24 letters, digits or `-`, found `{}`",
+                    name.escape_debug()
+                ));
+            }
         }
         for (id, channel) in &self.channels {
             ChannelId::new(id).map_err(|error| error.to_string())?;
@@ -338,6 +339,10 @@ mod tests {
     fn wrong_tables_are_refused_with_the_reason() {
         for (text, reason) in [
             ("bus = \"a b\"\n[channels]", "bus: expected"),
+            (
+                "bus = \"a\"\n[network]\nhost = \"../x\"\n[channels]",
+                "network.host: expected 0 to 24",
+            ),
             (
                 "bus = \"a\"\n[channels.\"x y\"]\npacket=\"u8\"\nitem_bytes=1",
                 "no channel id",

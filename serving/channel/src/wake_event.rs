@@ -6,12 +6,14 @@
 
 use std::fs::{File, OpenOptions};
 use std::os::fd::AsRawFd;
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::ptr::NonNull;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use crate::ChannelError;
+use crate::own_file::own_file;
 
 /// Counters that one call can sleep on (`FUTEX_WAITV_MAX`).
 pub(crate) const MAX_AT_ONCE: usize = 128;
@@ -61,13 +63,7 @@ impl WakeEvent {
     /// Makes the file of a wake_event, for the hub, or leaves it as it is.
     pub(crate) fn create(path: &Path) -> Result<Self, ChannelError> {
         let failed = |source| io_error(path, "make the wake_event", source);
-        let file = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .create(true)
-            .truncate(false)
-            .open(path)
-            .map_err(failed)?;
+        let file = own_file(path).map_err(failed)?;
         reserve(&file, FILE_BYTES as u64).map_err(failed)?;
         Self::map(&file, path)
     }
@@ -77,6 +73,7 @@ impl WakeEvent {
         let file = OpenOptions::new()
             .read(true)
             .write(true)
+            .custom_flags(libc::O_NOFOLLOW)
             .open(path)
             .map_err(|source| io_error(path, "open the wake_event", source))?;
         Self::map(&file, path)
