@@ -15,6 +15,7 @@ use tactnet_serving::ServeError;
 use tactnet_skin::SkinError;
 
 use crate::Cli;
+use crate::output::harmless;
 
 /// Exit code of a failed check or a run that broke.
 pub const FAILED: u8 = 1;
@@ -56,7 +57,7 @@ pub fn usage(error: &clap::Error) -> ExitCode {
         message.push_str(separator);
         message.push_str(part);
     }
-    eprintln!("{message}; see `{verb} --help`");
+    eprintln!("{}; see `{verb} --help`", harmless(&message));
     ExitCode::from(USAGE)
 }
 
@@ -99,7 +100,7 @@ pub fn report(error: &anyhow::Error) -> ExitCode {
             message.push_str(&cause);
         }
     }
-    eprintln!("error: {}", message.replace('\n', " "));
+    eprintln!("error: {}", harmless(&message.replace('\n', " ")));
     ExitCode::from(if error.chain().any(broke) {
         FAILED
     } else {

@@ -10,8 +10,8 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use commands::{
-    catch, channel, completions, dashboard, data, demo, enroll, eval, experiment, export, man,
-    record, replay, serve, simulate, task, train, version, view,
+    catch, channel, completions, dashboard, data, demo, doctor, enroll, eval, experiment, export,
+    man, record, replay, serve, simulate, task, train, version, view,
 };
 
 #[global_allocator]
@@ -85,6 +85,8 @@ enum Command {
     Completions(completions::CompletionsArgs),
     /// Print or write manual pages
     Man(man::ManArgs),
+    /// Look at this machine: what works, what does not, what to do about it
+    Doctor(doctor::DoctorArgs),
     /// Print version, commit and the optional features of this build
     Version(version::VersionArgs),
 }
@@ -116,6 +118,7 @@ fn main() -> ExitCode {
         Command::Simulate(command) => simulate::run(command),
         Command::Catch(command) => catch::run(command),
         Command::Demo(arguments) => demo::run(&arguments),
+        Command::Doctor(arguments) => doctor::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),
         Command::Man(arguments) => man::run(&arguments),
         Command::Version(arguments) => version::run(&arguments),

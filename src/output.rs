@@ -2,10 +2,12 @@
 
 use std::io::Write;
 
-/// Writes `text` and a line end; a reader that has gone is an error, not a panic.
+use tactnet_data::is_control;
+
+/// Writes `text` and a line end; a reader that has gone is an error, not a panic. Control characters do not reach the terminal.
 pub fn print(text: impl std::fmt::Display) -> anyhow::Result<()> {
     let mut out = std::io::stdout().lock();
-    writeln!(out, "{text}")?;
+    writeln!(out, "{}", harmless(&text.to_string()))?;
     out.flush()?;
     Ok(())
 }
@@ -13,6 +15,16 @@ pub fn print(text: impl std::fmt::Display) -> anyhow::Result<()> {
 /// Writes `value` as one JSON document.
 pub fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
     print(serde_json::to_string_pretty(value)?)
+}
+
+/// Returns `text` with a mark in place of every control character but tabs and line ends.
+pub fn harmless(text: &str) -> std::borrow::Cow<'_, str> {
+    let harmful = |character: char| is_control(character) && !matches!(character, '\n' | '\t');
+    if text.contains(harmful) {
+        text.replace(harmful, "\u{fffd}").into()
+    } else {
+        text.into()
+    }
 }
 
 /// Returns `number` with its noun, in the plural unless it is one.
@@ -34,5 +46,16 @@ impl OutputFormat {
     /// Returns `Json` where `--json` was given.
     pub fn from_flag(json: bool) -> Self {
         if json { Self::Json } else { Self::Table }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_terminal_would_obey_is_shown_as_a_mark() {
+        assert_eq!(harmless("a\tb\nü"), "a\tb\nü");
+        assert_eq!(harmless("a\u{1b}[2Jb\r"), "a\u{fffd}[2Jb\u{fffd}");
     }
 }

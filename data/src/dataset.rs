@@ -1,7 +1,7 @@
 //! A data set: ordered sweeps with their material, block and checksum.
 
 use crate::twin::TwinVersion;
-use crate::{DataError, DataOrigin, LabelSet, Samples, Seed, hex, shuffle};
+use crate::{DataError, DataOrigin, LabelSet, Samples, Seed, hex, is_control, shuffle};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -132,7 +132,8 @@ impl Dataset {
         let origin = DataOrigin::of_recording(shape, &labels);
         let sha256 = digest(sample_rate_hz, shape, &labels, &records, &samples);
         Ok(Self {
-            name: name.into(),
+            // Of a file's name, which may hold anything.
+            name: name.into().replace(is_control, "\u{fffd}"),
             sample_rate_hz,
             rate_assumed: false,
             shape,

@@ -46,7 +46,7 @@ pub use frame::Frame;
 pub use hex::{hex, sha256_hex};
 pub use info::{Info, MaterialInfo, info};
 pub use known_names::{known_names, near_name};
-pub use material::{LabelSet, Material};
+pub use material::{LabelSet, Material, is_control};
 pub use material_split::MaterialSplit;
 pub use samples::Samples;
 pub use seed::Seed;

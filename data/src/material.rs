@@ -1,5 +1,7 @@
 //! Materials and the ordered label set that numbers them.
 
+use std::collections::HashMap;
+
 use crate::DataError;
 use serde::{Deserialize, Serialize};
 
@@ -10,14 +12,31 @@ pub struct Material(pub String);
 
 /// The materials of a data set in label order: label `k` is the `k`-th material.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(transparent)]
+#[serde(try_from = "Vec<String>", into = "Vec<String>")]
 pub struct LabelSet(Vec<Material>);
+
+/// Longest name of a material, bytes of UTF-8.
+const MAX_NAME: usize = 256;
+
+impl TryFrom<Vec<String>> for LabelSet {
+    type Error = DataError;
+
+    fn try_from(names: Vec<String>) -> Result<Self, DataError> {
+        Self::new(names)
+    }
+}
+
+impl From<LabelSet> for Vec<String> {
+    fn from(labels: LabelSet) -> Self {
+        labels.0.into_iter().map(|material| material.0).collect()
+    }
+}
 
 impl LabelSet {
     /// Numbers `names` in the given order.
     ///
     /// # Errors
-    /// No name at all, an empty name, or the same name twice.
+    /// No name at all, an empty name, the same name twice, a name of more than 256 bytes or with control characters.
     pub fn new<I, S>(names: I) -> Result<Self, DataError>
     where
         I: IntoIterator<Item = S>,
@@ -31,6 +50,7 @@ impl LabelSet {
                 "none",
             ));
         }
+        let mut labels = HashMap::new();
         for (label, material) in materials.iter().enumerate() {
             if material.0.trim().is_empty() {
                 return Err(DataError::inconsistent(
@@ -39,7 +59,22 @@ impl LabelSet {
                     format!("an empty name at label {label}"),
                 ));
             }
-            if let Some(first) = materials[..label].iter().position(|m| m == material) {
+            if material.0.len() > MAX_NAME {
+                return Err(DataError::inconsistent(
+                    "materials",
+                    format!("names of at most {MAX_NAME} bytes"),
+                    format!("{} bytes at label {label}", material.0.len()),
+                ));
+            }
+            // They would move a terminal's cursor, or turn a table's columns round.
+            if material.0.chars().any(is_control) {
+                return Err(DataError::inconsistent(
+                    "materials",
+                    "names without control characters",
+                    format!("{:?} at label {label}", material.0),
+                ));
+            }
+            if let Some(first) = labels.insert(material.0.as_str(), label) {
                 return Err(DataError::inconsistent(
                     "materials",
                     "distinct names",
@@ -70,9 +105,29 @@ impl LabelSet {
     }
 }
 
+/// Returns true for characters that are shown as nothing, or change how others are shown.
+pub fn is_control(character: char) -> bool {
+    character.is_control() || matches!(character, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_that_would_change_what_a_terminal_shows_are_refused_also_from_a_file() {
+        for name in ["\u{1b}[2Jcork", "co\nrk", "\u{202e}kroc", "cork\0"] {
+            let refused = LabelSet::new([name]).unwrap_err().to_string();
+            assert!(refused.contains("without control characters"), "{refused}");
+            assert!(!refused.chars().any(is_control), "{refused:?}");
+            let text = serde_json::to_string(&[name]).unwrap();
+            assert!(serde_json::from_str::<LabelSet>(&text).is_err());
+        }
+        let long = "x".repeat(10_000);
+        let refused = LabelSet::new([long.as_str()]).unwrap_err().to_string();
+        assert!(refused.len() < 200, "{refused}");
+        LabelSet::new(["Kork, grün", "コルク", &"x".repeat(256)]).unwrap();
+    }
 
     #[test]
     fn label_set_refuses_duplicate_and_empty_names() {

@@ -70,6 +70,23 @@ pub enum PipelineError {
         /// What came.
         found: String,
     },
+    /// Too few sweeps for thresholds that keep their rates.
+    #[error(
+        "calibration: {false_alarms_percent} % false alarms and {coverage_percent} % coverage need at least {needed} sweeps set aside, a fifth of \
+         the training sweeps are {found}; {remedy}"
+    )]
+    TooFewSetAside {
+        /// Sweeps that would do.
+        needed: usize,
+        /// Asked for.
+        false_alarms_percent: f64,
+        /// Asked for.
+        coverage_percent: f64,
+        /// Sweeps that there are.
+        found: usize,
+        /// What can be done.
+        remedy: String,
+    },
     /// A material that cannot be added.
     #[error("material `{material}`: {reason}")]
     Enroll {
@@ -132,6 +149,7 @@ impl PipelineError {
             | Self::Spec { .. }
             | Self::Run { .. }
             | Self::Incompatible { .. }
+            | Self::TooFewSetAside { .. }
             | Self::Enroll { .. }
             | Self::NoRuntime { .. } => true,
             Self::Io { source, .. } => is_wrong_path(source),
@@ -215,6 +233,13 @@ mod tests {
                 item: "sweeps",
                 expected: text(),
                 found: text(),
+            },
+            PipelineError::TooFewSetAside {
+                needed: 19,
+                false_alarms_percent: 5.0,
+                coverage_percent: 90.0,
+                found: 16,
+                remedy: text(),
             },
             PipelineError::Enroll {
                 material: what("felt"),

@@ -55,7 +55,10 @@ pub use predict::calibration::{
     Calibration, CalibrationTarget, Verdict, least_probability, prediction_set, upper_quantile,
 };
 pub use predict::classifier::{Classifier, ClassifierConfig, ModelConfig, TactNetSetup};
-pub use predict::enroll::{Enrolled, EnrolledMaterial, Thresholds, enroll, weights_sha256};
+pub use predict::confusion::Confusion;
+pub use predict::enroll::{
+    Enrolled, EnrolledMaterial, EnrolmentCost, Thresholds, enroll, weights_sha256,
+};
 pub use predict::evaluation::{Evaluation, evaluate_all_ways};
 pub use predict::evaluation_table::EvaluationTable;
 pub use predict::metrics::{Estimate, FusedAccuracy};

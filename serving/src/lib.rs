@@ -4,6 +4,7 @@
 //! Prometheus. [`web`] answers browsers, [`systemd`] the service manager.
 
 mod allocations;
+pub mod doctor;
 mod measures;
 mod model;
 mod model_worker;

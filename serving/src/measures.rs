@@ -1,8 +1,10 @@
 //! Counters and times of the service for other threads, and as Prometheus reads them.
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
-use std::sync::OnceLock;
+use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 use tactnet_skin::packets::{Counters, Stage};
 
@@ -22,7 +24,8 @@ pub struct Measures {
     worst_delay_ns: AtomicU64,
     compute: [Histogram; 3],
     version: AtomicU64,
-    model: OnceLock<String>,
+    /// Where versions come from.
+    models: Mutex<BTreeMap<u64, String>>,
 }
 
 /// Computing times of predictions of one stage.
@@ -52,12 +55,15 @@ impl Measures {
         }
     }
 
-    /// - `model`: where it comes from; the first one counts
-    pub(crate) fn serve(&self, model: Option<&str>, version: u64) {
+    /// Notes where a version comes from, before it serves.
+    pub(crate) fn loaded(&self, version: u64, model: &Path) {
+        let mut models = self.models.lock().unwrap_or_else(PoisonError::into_inner);
+        models.insert(version, model.display().to_string());
+    }
+
+    /// Notes which version serves. Neither allocates nor waits.
+    pub(crate) fn serve(&self, version: u64) {
         self.version.store(version, Ordering::Relaxed);
-        if let Some(model) = model {
-            self.model.get_or_init(|| model.into());
-        }
     }
 
     pub(crate) fn count_prediction(&self, stage: Stage, compute_ns: u64) {
@@ -146,8 +152,10 @@ impl Measures {
         ));
         add(format_args!("# TYPE tactnet_model_info gauge"));
         let version = read(&self.version);
-        let model = self.model.get().map_or("", String::as_str);
+        let models = self.models.lock().unwrap_or_else(PoisonError::into_inner);
+        let model = models.get(&version).map_or("", String::as_str);
         let model = model.replace('\\', "\\\\").replace('"', "\\\"");
+        let model = model.replace('\n', "\\n");
         add(format_args!(
             "tactnet_model_info{{model=\"{model}\",version=\"{version}\"}} 1"
         ));
@@ -169,7 +177,12 @@ mod tests {
             deadline_misses: 2,
             ..Counters::default()
         });
-        measures.serve(Some("a \"b\""), 3);
+        measures.loaded(3, Path::new("a \"b\""));
+        measures.loaded(4, Path::new("c\nd"));
+        measures.serve(4);
+        let newer = "tactnet_model_info{model=\"c\\nd\",version=\"4\"} 1";
+        assert!(measures.prometheus().lines().any(|line| line == newer));
+        measures.serve(3);
         let text = measures.prometheus();
         for line in [
             "tactnet_inference_total{stage=\"plain\"} 3",

@@ -1,9 +1,8 @@
 //! The model that serves: loaded from a run directory, checked against the skin, made anew when a material is learnt.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use tactnet_data::{Dataset, LabelSet, Samples, SweepRecord, SweepView, sha256_hex};
+use tactnet_data::{Dataset, LabelSet, Samples, SweepRecord, SweepView};
 use tactnet_models::Compute;
 use tactnet_pipeline::{
     Classifier, EnrolledMaterial, OnlineClassifier, PipelineError, RunDir, Thresholds,
@@ -277,15 +276,7 @@ impl ServedModel {
             &view,
             material,
         )?;
-        let before = self.run.weights()?;
-        let record = EnrolledMaterial {
-            material: material.into(),
-            data: dataset.name().into(),
-            data_sha256: dataset.sha256().into(),
-            sweeps: (0..sweeps).collect(),
-            weights_sha256: sha256_hex(before.to_safetensors(BTreeMap::new())?),
-            git: git.into(),
-        };
+        let record = EnrolledMaterial::new(material, &view, &self.run.weights()?, git)?;
         // Under another name until it is whole and can be loaded.
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let draft = path.with_file_name(format!(".{name}"));

@@ -13,6 +13,7 @@ use tactnet_skin::ServeConfig;
 use tactnet_skin::packets::{Event, ModelNames, Text};
 
 use crate::ServeError;
+use crate::measures::Measures;
 use crate::model::{ModelSource, ServedModel, numbered};
 
 /// How often it looks for a new version.
@@ -63,6 +64,7 @@ impl ModelWorker {
         model: ServedModel,
         source: ModelSource,
         config: &ServeConfig,
+        measures: Arc<Measures>,
         git: &'static str,
     ) -> Result<Self, ServeError> {
         let (jobs, wanted) = sync_channel(4);
@@ -75,6 +77,7 @@ impl ModelWorker {
             fingers: config.fingers.len(),
             mc_samples: config.mc_samples,
             git,
+            measures,
             sender,
             has_event: has_event.clone(),
             scratch: None,
@@ -143,6 +146,7 @@ struct Worker {
     fingers: usize,
     mc_samples: usize,
     git: &'static str,
+    measures: Arc<Measures>,
     sender: SyncSender<WorkerEvent>,
     has_event: Arc<AtomicBool>,
     /// Versions that cannot serve, each said once.
@@ -280,6 +284,7 @@ impl Worker {
             .collect();
         match classifiers {
             Ok(classifiers) => {
+                self.measures.loaded(model.version(), model.path());
                 let sent = self.send(WorkerEvent::Ready {
                     classifiers,
                     names: Box::new(model.names(self.mc_samples)),

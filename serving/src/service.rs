@@ -108,7 +108,8 @@ impl Service {
         let version = served.version();
         let names = Box::new(served.names(config.mc_samples));
         let measures = Arc::<Measures>::default();
-        measures.serve(Some(&served.path().display().to_string()), version);
+        measures.loaded(version, served.path());
+        measures.serve(version);
         let shape = served.classifier().config().shape;
         let rate_assumed = served.classifier().config().sample_rate_assumed;
         let segmenter = settle(&config.segmenter, served.classifier().config());
@@ -159,13 +160,13 @@ impl Service {
             fingers,
             waiting: WaitingCommands::new(config.fingers.len()),
             counters: Counters::default(),
-            measures,
+            measures: measures.clone(),
             sweeps: 0,
             lost_commands: 0,
             alive_ns: 0,
             connections: Connections::default(),
             news: Vec::new(),
-            worker: ModelWorker::start(served, source, &config, git)?,
+            worker: ModelWorker::start(served, source, &config, measures, git)?,
             worker_event: None,
             retired: None,
             allocations: || 0,

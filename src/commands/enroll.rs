@@ -9,7 +9,9 @@ use clap::Args;
 use serde::Serialize;
 use tactnet_data::{SweepView, known_names, refuse_errors};
 use tactnet_models::Compute;
-use tactnet_pipeline::{Classifier, EnrolledMaterial, LabelOrder, RunDir, enroll, weights_sha256};
+use tactnet_pipeline::{
+    Calibration, Classifier, EnrolledMaterial, EnrolmentCost, LabelOrder, RunDir, enroll,
+};
 
 use super::choices::DeviceChoice;
 use crate::{GIT, output, source};
@@ -54,6 +56,9 @@ struct EnrollResult<'a> {
     #[serde(flatten)]
     enrolled: &'a EnrolledMaterial,
     materials: usize,
+    /// Only where sweeps of the known materials were set aside, by `train --calibrate`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cost: Option<EnrolmentCost>,
     /// Embedding, fit and writing, without loading data and network.
     seconds: f64,
 }
@@ -107,14 +112,7 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
         &view,
         &arguments.material,
     )?;
-    let material = EnrolledMaterial {
-        material: arguments.material.clone(),
-        data: dataset.name().into(),
-        data_sha256: dataset.sha256().into(),
-        sweeps,
-        weights_sha256: weights_sha256(&weights)?,
-        git: GIT.into(),
-    };
+    let material = EnrolledMaterial::new(&arguments.material, &view, &weights, GIT)?;
     run.create_enrolled(&arguments.out, &enrolled, material.clone())
         .context("cannot write the new classifier")?;
     let seconds = begun.elapsed().as_secs_f64();
@@ -124,6 +122,12 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
              fitted to; train anew with --calibrate"
         );
     }
+    if let Some(caution) = enrolled.cost.and_then(|cost| cost.caution()) {
+        eprintln!("warning: {caution}");
+    }
+    if let Some(caution) = enrolled.calibration.as_ref().and_then(Calibration::caution) {
+        eprintln!("hint: {caution}");
+    }
     let materials = enrolled.config.labels.len();
     if arguments.json {
         output::print_json(&EnrollResult {
@@ -131,6 +135,7 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
             run: arguments.out.display().to_string(),
             enrolled: &material,
             materials,
+            cost: enrolled.cost,
             seconds,
         })?;
     } else {

@@ -7,6 +7,7 @@ pub mod completions;
 pub mod dashboard;
 pub mod data;
 pub mod demo;
+pub mod doctor;
 pub mod enroll;
 pub mod eval;
 pub mod experiment;

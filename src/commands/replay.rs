@@ -10,8 +10,9 @@ use tactnet_pipeline::{RunDir, weights_sha256};
 use tactnet_recording::{FrameLosses, Recording, ReplayReport, play, unpack_run};
 use tactnet_rehearsal::replay_alone;
 
+use crate::output::counted;
 use crate::stop::Stop;
-use crate::{GIT, output};
+use crate::{GIT, failure, output};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
@@ -86,6 +87,12 @@ pub fn run(arguments: &ReplayArgs) -> anyhow::Result<ExitCode> {
     if stop.asked() {
         eprintln!("stopped before the end");
     }
+    if report.pauses_cut > 0 {
+        eprintln!(
+            "{} of over a minute cut to one: a damaged time stamp, or a robot that did nothing",
+            counted(report.pauses_cut, "pause")
+        );
+    }
     if recording.foreign > 0 {
         eprintln!(
             "left out: {} messages that are none of ours",
@@ -97,5 +104,9 @@ pub fn run(arguments: &ReplayArgs) -> anyhow::Result<ExitCode> {
     } else {
         output::print(report)?;
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(if stop.asked() {
+        ExitCode::from(failure::INTERRUPTED)
+    } else {
+        ExitCode::SUCCESS
+    })
 }

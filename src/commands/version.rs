@@ -27,6 +27,16 @@ pub fn text() -> &'static str {
     &TEXT
 }
 
+/// Returns version and commit.
+pub fn name() -> &'static str {
+    text().lines().next().unwrap_or_default()
+}
+
+/// Returns the optional cargo features of this build.
+pub fn features() -> Vec<&'static str> {
+    Version::of_this_build().features
+}
+
 #[derive(Args)]
 #[command(after_help = "Examples:\n  tactnet version\n  tactnet version --json")]
 pub struct VersionArgs {

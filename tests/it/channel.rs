@@ -196,7 +196,7 @@ fn a_killed_putter_leaves_its_place_and_its_memory_to_the_next() {
         drop(putter);
     }
     robot.wait_for_ports(0, 0);
-    let memory = std::fs::read_dir("/dev/shm")
+    let memory = std::fs::read_dir(tactnet_channel::memory_folder().unwrap().join(&robot.bus))
         .unwrap()
         .flatten()
         .filter(|entry| {
@@ -327,7 +327,8 @@ fn an_amok_putter_does_not_disturb_another_channel() {
 fn too_little_shared_memory_is_an_error_and_no_crash() {
     let free = String::from_utf8(
         Command::new("df")
-            .args(["--output=avail", "-B1", "/dev/shm"])
+            .args(["--output=avail", "-B1"])
+            .arg(tactnet_channel::memory_folder().unwrap())
             .output()
             .unwrap()
             .stdout,

@@ -10,6 +10,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
+use tactnet_channel::MEMORY_FOLDER_VARIABLE;
 use tempfile::TempDir;
 
 /// Size of a packet, bytes.
@@ -46,8 +47,13 @@ fn sh(command: &str) -> String {
 
 impl Host {
     fn new(folder: &TempDir, name: &str, network: &str) -> Self {
-        let script = "mount -t tmpfs shm /dev/shm && mkdir -p /tmp/iceoryx2 && mount -t tmpfs iceoryx2 /tmp/iceoryx2 \
-                      && ip link set lo up && echo ready && exec sleep 1000";
+        Self::with_rights(folder, name, network, "")
+    }
+
+    /// - `rights`: settings of the channel
+    fn with_rights(folder: &TempDir, name: &str, network: &str, rights: &str) -> Self {
+        let script =
+            "mount -t tmpfs shm /dev/shm && ip link set lo up && echo ready && exec sleep 1000";
         let mut anchor = Command::new("unshare")
             .args(["--net", "--mount", "sh", "-c", script])
             .stdout(Stdio::piped())
@@ -58,7 +64,7 @@ impl Host {
         let table = folder.path().join(format!("{name}.toml"));
         let text = format!(
             "bus = \"hosts\"\n[network]\n{network}\n[channels.a]\npacket = \"u8\"\nitem_bytes = 1\nitems = {PACKET}\n\
-             get_ports = 6\ndepth = 64\ndistributed = true\ncongestion = \"block\"\n"
+             get_ports = 6\ndepth = 64\ndistributed = true\ncongestion = \"block\"\n{rights}"
         );
         std::fs::write(&table, text).unwrap();
         Self {
@@ -72,7 +78,8 @@ impl Host {
         command
             .arg(format!("--target={}", self.anchor.id()))
             .args(["--net", "--mount", "--"])
-            .arg(program);
+            .arg(program)
+            .env(MEMORY_FOLDER_VARIABLE, "/dev/shm/tactnet");
         command
     }
 
@@ -147,22 +154,141 @@ fn three_hosts(folder: &TempDir) -> [Host; 3] {
     let a = Host::new(
         folder,
         "a",
-        "listen = [\"tcp/10.77.1.1:7447\", \"tcp/10.77.2.1:7447\"]",
+        "plain_text = true\nlisten = [\"tcp/10.77.1.1:7447\", \"tcp/10.77.2.1:7447\"]",
     );
-    let b = Host::new(folder, "b", "connect = [\"tcp/10.77.1.1:7447\"]");
-    let c = Host::new(folder, "c", "connect = [\"tcp/10.77.2.1:7447\"]");
-    for (number, other) in [(1, &b), (2, &c)] {
+    let b = Host::new(
+        folder,
+        "b",
+        "plain_text = true\nconnect = [\"tcp/10.77.1.1:7447\"]",
+    );
+    let c = Host::new(
+        folder,
+        "c",
+        "plain_text = true\nconnect = [\"tcp/10.77.2.1:7447\"]",
+    );
+    connect(&a, &b, &c);
+    [a, b, c]
+}
+
+/// Cables from `a` to both others.
+fn connect(a: &Host, b: &Host, c: &Host) {
+    for (number, other) in [(1, b), (2, c)] {
         let (near, far) = (
             format!("tn{number}a{}", a.anchor.id()),
             format!("tn{number}b{}", a.anchor.id()),
         );
         sh(&format!("ip link add {near} type veth peer name {far}"));
-        for (cable, host, end) in [(&near, &a, 1), (&far, other, 2)] {
+        for (cable, host, end) in [(&near, a, 1), (&far, other, 2)] {
             sh(&format!("ip link set {cable} netns {}", host.anchor.id()));
             host.configure(cable, &format!("10.77.{number}.{end}/24"));
         }
     }
-    [a, b, c]
+}
+
+/// Authorities and certificates in a folder, by openssl.
+struct Certificates<'a>(&'a TempDir);
+
+impl Certificates<'_> {
+    fn openssl(&self, arguments: &str) {
+        let folder = self.0.path().display();
+        sh(&format!("cd {folder} && openssl {arguments} 2>&1"));
+    }
+
+    fn authority(&self, name: &str) {
+        self.openssl(&format!(
+            "req -x509 -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -days 2 -subj /CN={name} -keyout {name}.key -out {name}.pem"
+        ));
+    }
+
+    /// The lines of a table for a host of this name that `authority` vouches for.
+    fn host(&self, name: &str, authority: &str) -> String {
+        self.openssl(&format!(
+            "req -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -subj /CN={name} -keyout {name}.key -out {name}.csr"
+        ));
+        let extensions = self.0.path().join(format!("{name}.ext"));
+        std::fs::write(
+            extensions,
+            "subjectAltName = IP:10.77.1.1, IP:10.77.2.1\nextendedKeyUsage = serverAuth, clientAuth\nbasicConstraints = CA:FALSE\n",
+        )
+        .unwrap();
+        self.openssl(&format!(
+            "x509 -req -days 2 -in {name}.csr -CA {authority}.pem -CAkey {authority}.key -CAcreateserial -extfile {name}.ext -out {name}.pem"
+        ));
+        let path = |file: String| self.0.path().join(file).display().to_string();
+        format!(
+            "authority = {:?}\ncertificate = {:?}\nprivate_key = {:?}\n",
+            path(format!("{authority}.pem")),
+            path(format!("{name}.pem")),
+            path(format!("{name}.key"))
+        )
+    }
+}
+
+fn may_have_namespaces() -> bool {
+    let may = Command::new("unshare")
+        .args(["--net", "--mount", "true"])
+        .output();
+    let may = may.is_ok_and(|output| output.status.success());
+    if !may {
+        eprintln!("SKIPPED: network namespaces need root");
+    }
+    may
+}
+
+/// A second hub without credentials once put what it liked, and read everything.
+#[test]
+fn a_host_puts_and_gets_only_what_its_certificate_allows() {
+    if !may_have_namespaces() {
+        return;
+    }
+    let folder = TempDir::new().unwrap();
+    let certificates = Certificates(&folder);
+    certificates.authority("robot");
+    certificates.authority("stranger");
+    let arm = certificates.host("arm", "robot");
+    let a = Host::with_rights(
+        &folder,
+        "a",
+        &format!("listen = [\"tls/10.77.1.1:7447\", \"tls/10.77.2.1:7447\"]\n{arm}"),
+        "put_from = [\"head\"]\nget_from = [\"head\"]\nput_ports = 3\n",
+    );
+    let head = certificates.host("head", "robot");
+    let b = Host::new(
+        &folder,
+        "b",
+        &format!("connect = [\"tls/10.77.1.1:7447\"]\n{head}"),
+    );
+    // One that the robot's authority vouches for, but that may neither put nor get; one of another authority; one without TLS.
+    let leg = certificates.host("leg", "robot");
+    let other = certificates.host("other", "stranger");
+    let intruders = [
+        format!("connect = [\"tls/10.77.2.1:7447\"]\n{leg}"),
+        format!("connect = [\"tls/10.77.2.1:7447\"]\n{other}"),
+        "plain_text = true\nconnect = [\"tcp/10.77.2.1:7447\"]".to_owned(),
+    ];
+    let c = Host::new(&folder, "c", &intruders[0]);
+    connect(&a, &b, &c);
+    let _hubs = [a.hub(), b.hub()];
+    let put = |host: &Host, count: usize| {
+        let mut put = host.channel(&["put", "a", "--rate", "100"]);
+        put.args(["--count", &count.to_string()]);
+        assert!(put.output().unwrap().status.success());
+    };
+    for intruder in &intruders {
+        let table = std::fs::read_to_string(&c.table).unwrap();
+        let begin = table.find("[network]").unwrap() + "[network]\n".len();
+        let end = table.find("[channels.a]").unwrap();
+        let table = format!("{}{intruder}\n{}", &table[..begin], &table[end..]);
+        std::fs::write(&c.table, table).unwrap();
+        let _hub = c.hub();
+        let heard = [a.hz(1, "6"), b.hz(1, "6"), c.hz(1, "6")].map(|mut hz| hz.remove(0));
+        settle();
+        put(&b, 40);
+        put(&c, 50);
+        put(&a, 60);
+        let [a, b, c] = heard.map(|hz| found(hz)["packets"].as_u64().unwrap());
+        assert_eq!((a, b, c), (40 + 60, 40 + 60, 50), "{intruder}");
+    }
 }
 
 fn cable(a: &Host, number: usize) -> String {
@@ -176,11 +302,7 @@ fn settle() {
 
 #[test]
 fn packets_cross_the_wire_once_for_a_host_that_listens_and_a_killed_hub_comes_back() {
-    let may = Command::new("unshare")
-        .args(["--net", "--mount", "true"])
-        .output();
-    if !may.is_ok_and(|output| output.status.success()) {
-        eprintln!("SKIPPED: network namespaces need root");
+    if !may_have_namespaces() {
         return;
     }
     let folder = TempDir::new().unwrap();

@@ -96,8 +96,16 @@ fn a_calibrated_classifier_says_what_it_does_not_know() {
     // The fourth is learnt; thresholds are fitted again, also to its sweeps, and keep about what they promise.
     twin(&lab, "four.h5", "4", "60");
     let new = unknown[0].as_str().unwrap();
-    let ten = ["--sweeps", "10"];
-    expect(0, enroll(&lab, "run", "four.h5", new, "four", &ten));
+    let ten = ["--sweeps", "10", "--json"];
+    let found = json(enroll(&lab, "run", "four.h5", new, "four", &ten));
+    let cost = &found["cost"];
+    assert_eq!(cost["held_out"], aside, "{found}");
+    let count = |name: &str| cost[name].as_u64().unwrap();
+    assert!(
+        count("right_before") <= aside && count("claimed") <= aside,
+        "{found}"
+    );
+    assert!(count("right_after") + count("claimed") <= aside, "{found}");
     assert_eq!(lab.json("four/calibration.json")["sweeps"], aside + 10);
     let all = eval(&lab, "four", Some("four.h5"));
     let alarms = &all["verdicts"]["false_alarms"];
@@ -201,6 +209,25 @@ fn a_new_material_is_added_and_the_old_rows_stay() {
             .contains("5 that were enrolled"),
         "{other}"
     );
+    let mut copy = tactnet(["data", "import"]);
+    copy.arg(lab.path("five.h5"))
+        .arg("--out")
+        .arg(lab.path("copy.npz"));
+    expect(0, copy);
+    let copied = eval(&lab, "more", Some("copy.npz"));
+    assert_eq!(
+        (&copied["tested"], &copied["n_test"]),
+        (&other["tested"], &other["n_test"]),
+        "sweeps are known by their content"
+    );
+    let counts: Vec<Vec<u64>> =
+        serde_json::from_value(copied["confusion"]["counts"].clone()).unwrap();
+    assert_eq!(copied["confusion"]["materials"][4], new);
+    assert_eq!(counts.iter().flatten().sum::<u64>(), copied["n_test"]);
+    let right: u64 = (0..5).map(|material| counts[material][material]).sum();
+    let accuracy = &copied["evaluations"]["plain"]["one_sweep"];
+    let share = accuracy["mean"].as_f64().unwrap() * accuracy["n"].as_f64().unwrap();
+    assert_eq!(right, share.round() as u64, "{copied}");
     let known = eval(&lab, "more", Some("twin.h5"));
     assert!(known["evaluations"]["plain"]["one_sweep"]["mean"].is_number());
 

@@ -143,6 +143,22 @@ fn an_experiment_reports_every_task_and_runs_none_twice() {
         "{}",
         stderr(&again)
     );
+
+    // An accuracy that somebody raised, digests and all, is not reported.
+    let task = lab.path("moved/tasks/twin-knn-l-run0-fold1");
+    let mut forged = lab.json("moved/tasks/twin-knn-l-run0-fold1/result.json");
+    for evaluation in forged["evaluations"].as_object_mut().unwrap().values_mut() {
+        evaluation["one_sweep"]["mean"] = 0.667.into();
+    }
+    std::fs::write(task.join("result.json"), forged.to_string()).unwrap();
+    std::fs::remove_file(task.join("manifest.json")).unwrap();
+    let mut report = tactnet(["experiment", "report"]);
+    report.arg(lab.path("moved"));
+    let refused = stderr(&expect(2, report));
+    assert!(
+        refused.contains("66.7 % of 8 by result.json: one of the two was edited"),
+        "{refused}"
+    );
 }
 
 #[test]

@@ -172,7 +172,7 @@ impl Scheme {
     fn missing(self, dataset: &Dataset, item: &str) -> DataError {
         DataError::inconsistent(
             format!("`{item}` of data set `{}`", dataset.name()),
-            format!("a value for every sweep, to {self}"),
+            format!("a value for every sweep, in an array or data set of this name, to {self}"),
             "none",
         )
     }

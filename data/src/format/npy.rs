@@ -19,9 +19,14 @@ pub(super) struct Array {
     order: ByteOrder,
     /// Extents in the order of the indices; empty for a single value.
     pub(super) shape: Vec<usize>,
-    /// The values, last index fastest.
+    /// The values, last index fastest; none if they are in `pieces`.
     values: Vec<u8>,
+    /// The same of an array that was read by [`Array::read_samples`], already narrowed.
+    pieces: Option<Result<Vec<Samples>, TooWide>>,
 }
+
+/// Values that are narrowed at once.
+const PIECE: usize = 1 << 16;
 
 /// Longest header that is read: numpy writes less than a kibibyte.
 const MAX_HEADER: usize = 1 << 16;
@@ -129,6 +134,32 @@ impl Header {
     }
 }
 
+impl Header {
+    fn wrong(&self, found: String) -> String {
+        let Self {
+            kind, size, shape, ..
+        } = self;
+        format!("{found} for {shape:?} values of type `{kind}{size}`")
+    }
+
+    /// Succeeds if there can be as many bytes as the values take.
+    fn check_room(&self, room: u64) -> Result<(), String> {
+        if self.bytes as u64 > room {
+            return Err(self.wrong(format!("at most {room} bytes")));
+        }
+        Ok(())
+    }
+
+    /// Succeeds if nothing follows the values.
+    fn check_end(&self, from: &mut impl Read) -> Result<(), String> {
+        match from.read(&mut [0]) {
+            Ok(0) => Ok(()),
+            Ok(_) => Err(self.wrong(format!("more than {} bytes", self.bytes))),
+            Err(error) => Err(error.to_string()),
+        }
+    }
+}
+
 impl Array {
     /// Reads a whole `.npy`, which holds what its header says and no more.
     ///
@@ -137,40 +168,76 @@ impl Array {
     /// # Errors
     /// What is wrong with it, in words.
     pub(super) fn read(mut from: impl Read, room: u64) -> Result<Self, String> {
-        let Header {
-            kind,
-            size,
-            order,
-            fortran,
-            shape,
-            bytes,
-        } = Header::read(&mut from)?;
-        let wrong = |found: String| format!("{found} for {shape:?} values of type `{kind}{size}`");
-        if bytes as u64 > room {
-            return Err(wrong(format!("at most {room} bytes")));
+        let header = Header::read(&mut from)?;
+        header.check_room(room)?;
+        Self::whole(header, from)
+    }
+
+    /// The same for numbers that are wanted as [`Samples`] alone: they are narrowed while they are read, so that they never stand in memory
+    /// twice.
+    pub(super) fn read_samples(mut from: impl Read, room: u64) -> Result<Self, String> {
+        let header = Header::read(&mut from)?;
+        header.check_room(room)?;
+        let mut array = Self::empty(&header);
+        // Bytes are taken as they are, and turning an array round takes all of it.
+        let is_plain = (array.kind, array.size) == ('u', 1);
+        if header.fortran || is_plain || array.narrowed(Vec::new()).is_none() {
+            return Self::whole(header, from);
         }
-        let mut values = Vec::with_capacity(bytes);
-        let read = from.by_ref().take(bytes as u64).read_to_end(&mut values);
+        let mut pieces = Ok(Vec::new());
+        let mut left = header.bytes;
+        while left > 0 {
+            let mut piece = vec![0; left.min(array.size * PIECE)];
+            from.read_exact(&mut piece)
+                .map_err(|_| header.wrong(format!("less than {} bytes", header.bytes)))?;
+            left -= piece.len();
+            if let Ok(found) = &mut pieces {
+                match array.narrowed(piece) {
+                    Some(Ok(piece)) => found.push(piece),
+                    Some(Err(too_wide)) => pieces = Err(too_wide),
+                    None => return Err(header.wrong("no numbers".into())),
+                }
+            }
+        }
+        header.check_end(&mut from)?;
+        array.pieces = Some(pieces);
+        Ok(array)
+    }
+
+    fn whole(header: Header, mut from: impl Read) -> Result<Self, String> {
+        let mut values = Vec::with_capacity(header.bytes);
+        let read = from
+            .by_ref()
+            .take(header.bytes as u64)
+            .read_to_end(&mut values);
         read.map_err(|error| error.to_string())?;
-        if values.len() < bytes {
-            return Err(wrong(format!("{} bytes", values.len())));
+        if values.len() < header.bytes {
+            return Err(header.wrong(format!("{} bytes", values.len())));
         }
-        match from.read(&mut [0]) {
-            Ok(0) => {}
-            Ok(_) => return Err(wrong(format!("more than {bytes} bytes"))),
-            Err(error) => return Err(error.to_string()),
+        header.check_end(&mut from)?;
+        let mut array = Self::empty(&header);
+        array.values = if header.fortran {
+            let bytes = if header.kind == 'U' {
+                4 * header.size
+            } else {
+                header.size
+            };
+            last_index_fastest(&values, &header.shape, bytes)
+        } else {
+            values
+        };
+        Ok(array)
+    }
+
+    fn empty(header: &Header) -> Self {
+        Self {
+            kind: header.kind,
+            size: header.size,
+            order: header.order,
+            shape: header.shape.clone(),
+            values: Vec::new(),
+            pieces: None,
         }
-        if fortran {
-            let bytes = if kind == 'U' { 4 * size } else { size };
-            values = last_index_fastest(&values, &shape, bytes);
-        }
-        Ok(Self {
-            kind,
-            size,
-            order,
-            shape,
-            values,
-        })
     }
 
     /// The type as numpy writes it, without the byte order.
@@ -178,9 +245,10 @@ impl Array {
         format!("{}{}", self.kind, self.size)
     }
 
-    /// The same as [`Array::numbers`], without a second copy of bytes.
+    /// The same as [`Array::numbers`], without a second copy.
     pub(super) fn into_numbers(self) -> Option<Result<Samples, TooWide>> {
         match (self.kind, self.size) {
+            _ if self.pieces.is_some() => self.pieces.map(|pieces| pieces.map(join)),
             ('u' | 'b', 1) => Some(Ok(Samples::U8(self.values))),
             _ => self.numbers(),
         }
@@ -189,35 +257,36 @@ impl Array {
     /// Numbers in their smallest element type; none if the values are not numbers.
     pub(super) fn numbers(&self) -> Option<Result<Samples, TooWide>> {
         // A piece at a time, so that wide values never stand in memory twice.
-        fn all<T: Stored>(array: &Array) -> Option<Result<Samples, TooWide>> {
-            let pieces: Result<Vec<Samples>, TooWide> = array
-                .values
-                .par_chunks(array.size << 16)
-                .map(|piece| narrow(&T::decode(piece.to_vec(), array.order)))
-                .collect();
-            Some(pieces.map(join))
-        }
-        match (self.kind, self.size) {
-            ('u' | 'b', 1) => all::<u8>(self),
-            ('u', 2) => all::<u16>(self),
-            ('u', 4) => all::<u32>(self),
-            ('u', 8) => all::<u64>(self),
-            ('i', 1) => all::<i8>(self),
-            ('i', 2) => all::<i16>(self),
-            ('i', 4) => all::<i32>(self),
-            ('i', 8) => all::<i64>(self),
-            ('f', 2) => Some(narrow(&self.halves())),
-            ('f', 4) => all::<f32>(self),
-            ('f', 8) => all::<f64>(self),
-            _ => None,
-        }
+        self.narrowed(Vec::new())?.ok()?;
+        let pieces: Result<Vec<Samples>, TooWide> = self
+            .values
+            .par_chunks(self.size * PIECE)
+            .filter_map(|piece| self.narrowed(piece.to_vec()))
+            .collect();
+        Some(pieces.map(join))
     }
 
-    /// The values of a `float16` array.
-    fn halves(&self) -> Vec<f32> {
-        let halves = u16::decode(self.values.clone(), self.order);
-        let widened = halves.into_iter().map(|bits| f16::from_bits(bits).to_f32());
-        widened.collect()
+    /// The numbers of `bytes` in their smallest element type; none if the array's values are not numbers.
+    fn narrowed(&self, bytes: Vec<u8>) -> Option<Result<Samples, TooWide>> {
+        let order = self.order;
+        Some(match (self.kind, self.size) {
+            ('u' | 'b', 1) => Ok(Samples::U8(bytes)),
+            ('u', 2) => narrow(&u16::decode(bytes, order)),
+            ('u', 4) => narrow(&u32::decode(bytes, order)),
+            ('u', 8) => narrow(&u64::decode(bytes, order)),
+            ('i', 1) => narrow(&i8::decode(bytes, order)),
+            ('i', 2) => narrow(&i16::decode(bytes, order)),
+            ('i', 4) => narrow(&i32::decode(bytes, order)),
+            ('i', 8) => narrow(&i64::decode(bytes, order)),
+            ('f', 2) => {
+                let halves = u16::decode(bytes, order).into_iter();
+                let widened = halves.map(|bits| f16::from_bits(bits).to_f32());
+                narrow(&widened.collect::<Vec<f32>>())
+            }
+            ('f', 4) => narrow(&f32::decode(bytes, order)),
+            ('f', 8) => narrow(&f64::decode(bytes, order)),
+            _ => return None,
+        })
     }
 
     /// Whole numbers, also those that are stored as floats; none if the values are anything else.

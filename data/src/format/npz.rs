@@ -178,7 +178,7 @@ impl<'a> Arrays<'a> {
             if arrays.by_name.contains_key(&name) {
                 return Err(arrays.error(&name, "one member of that name", "two"));
             }
-            let array = unpack(&mut archive, index);
+            let array = unpack(&mut archive, index, SAMPLES.contains(&name.as_str()));
             arrays.by_name.insert(name, array);
         }
         Ok(arrays)
@@ -326,8 +326,10 @@ impl<'a> Arrays<'a> {
                 None => Ok(None),
                 Some(name) => Err(self.error(
                     name,
-                    format!("the name `{RATE_ATTRIBUTE}`, if it is the frames per second"),
-                    "another",
+                    format!(
+                        "the name `{RATE_ATTRIBUTE}` if it is the frames per second, and one that does not sound like a rate if it is not"
+                    ),
+                    "this one",
                 )),
             };
         };
@@ -342,14 +344,24 @@ impl<'a> Arrays<'a> {
 }
 
 /// An archive's member, or what is wrong with it.
-fn unpack(archive: &mut zip::ZipArchive<BufReader<File>>, index: usize) -> Result<Array, String> {
+///
+/// - `samples`: it is wanted as sweeps alone
+fn unpack(
+    archive: &mut zip::ZipArchive<BufReader<File>>,
+    index: usize,
+    samples: bool,
+) -> Result<Array, String> {
     let member = archive.by_index(index).map_err(|error| error.to_string())?;
     let (size, packed) = (member.size(), member.compressed_size());
     let room = packed.saturating_mul(DEFLATE_LIMIT);
     if size > room {
         return Err(format!("{packed} bytes that unpack to {size}"));
     }
-    Array::read(member, room)
+    if samples {
+        Array::read_samples(member, room)
+    } else {
+        Array::read(member, room)
+    }
 }
 
 /// Writes `dataset`: five dimensions if it is ordered by material with equally many sweeps of each, else four with

@@ -96,8 +96,8 @@ const TERMS: [(&str, &str); 2] = [
         "Accuracy on test sweeps of the known materials before and after one more was added, and the difference.",
     ),
     (
-        "Knowledge prior; a tenth of it; knowledge mean, weak",
-        "The new row is drawn towards the mean of the known rows, with the precision of their spread; with a tenth of that precision; with the strength of the network's own L2.",
+        "Knowledge prior; a tenth of it; knowledge mean, weak; bias penalised",
+        "The new row is drawn towards the mean of the known rows, with the precision of their spread; with a tenth of that precision; with the strength of the network's own L2. Its bias is as good as free, or is penalised as the weights are, with a hundredth or a thousandth of the precision.",
     ),
 ];
 
@@ -131,6 +131,8 @@ fn enrolment(task: &Enrolment, context: &StudyContext<'_>) -> Result<Answer, Can
     let known = split.known.labels().len();
     let knowledge = WeightPrior::of_knowledge(&head);
     let tenth = knowledge.weaker(10.0);
+    let with_bias = knowledge.with_penalised_bias();
+    let (hundredth, thousandth) = (with_bias.weaker(100.0), with_bias.weaker(1000.0));
     let decay = WeightPrior {
         strength: WeightPrior::weight_decay(0, context.recipe.training.l2, seen.len()).strength,
         ..knowledge.clone()
@@ -139,6 +141,8 @@ fn enrolment(task: &Enrolment, context: &StudyContext<'_>) -> Result<Answer, Can
         ("knowledge prior", &knowledge),
         ("knowledge prior, a tenth", &tenth),
         ("knowledge mean, weak", &decay),
+        ("bias penalised, a hundredth", &hundredth),
+        ("bias penalised, a thousandth", &thousandth),
     ];
     let mut measurements = Vec::new();
     for &shots in &task.shots {

@@ -72,6 +72,14 @@ impl WeightPrior {
         }
     }
 
+    /// The same, with a bias that is penalised as the weights are, not as good as free.
+    pub fn with_penalised_bias(&self) -> Self {
+        Self {
+            bias_scale: 1.0,
+            ..self.clone()
+        }
+    }
+
     /// Centred at zero: the penalty that training a network with this L2 puts on the sum of the losses of `sweeps` sweeps. Adding
     /// `l2 * w` to the gradient of their mean is a penalty of `sweeps * l2 / 2` on their sum.
     pub fn weight_decay(width: usize, l2: f64, sweeps: usize) -> Self {

@@ -43,14 +43,26 @@ impl CalibrationTarget {
             return Ok(());
         }
         let percent = |share: f64| (1e6 * share).round() / 1e4;
-        Err(PipelineError::Incompatible {
-            item: "calibration",
-            expected: format!(
-                "at least {needed} sweeps set aside, for {} % false alarms and {} % coverage (`--false-alarms`, `--coverage`)",
-                percent(self.false_alarms),
-                percent(self.coverage)
-            ),
-            found: format!("{sweeps}, a fifth of the training sweeps"),
+        let possible = 1.0 / (sweeps + 1) as f64 - 1e-9;
+        // Rounded to where it still works.
+        let smallest = (100.0 * possible).ceil() / 100.0;
+        let mut remedies = Vec::new();
+        if self.false_alarms < possible {
+            remedies.push(format!("`--false-alarms {smallest:.2}`"));
+        }
+        if 1.0 - self.coverage < possible {
+            remedies.push(format!("`--coverage {:.2}`", 1.0 - smallest));
+        }
+        Err(PipelineError::TooFewSetAside {
+            needed,
+            false_alarms_percent: percent(self.false_alarms),
+            coverage_percent: percent(self.coverage),
+            found: sweeps,
+            remedy: if sweeps < 2 {
+                "record more sweeps".into()
+            } else {
+                format!("{} can be kept with them", remedies.join(" with "))
+            },
         })
     }
 
@@ -323,6 +335,27 @@ mod tests {
                     .all(|share| upper_quantile(&values, *share).is_finite());
                 assert_eq!(target.check(sweeps).is_ok(), finite, "{target:?} {sweeps}");
             }
+        }
+        let coverage = 0.9;
+        for (sweeps, false_alarms) in [(16, 0.06), (9, 0.1), (4, 0.2), (12, 0.08)] {
+            let strict = CalibrationTarget {
+                false_alarms: 0.01,
+                coverage,
+            };
+            let refused = strict.check(sweeps).unwrap_err().to_string();
+            let named = format!("`--false-alarms {false_alarms:.2}`");
+            assert!(refused.contains(&named), "{refused}");
+            let needs_both = sweeps < 9;
+            assert_eq!(
+                refused.contains("`--coverage 0.80`"),
+                needs_both,
+                "{refused}"
+            );
+            let named = CalibrationTarget {
+                false_alarms,
+                coverage: if needs_both { 0.8 } else { coverage },
+            };
+            named.check(sweeps).unwrap();
         }
         let refused = CalibrationTarget::default().check(15).unwrap_err();
         assert!(refused.to_string().contains("at least 19"), "{refused}");

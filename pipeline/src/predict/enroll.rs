@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 use tactnet_data::{LabelSet, SweepView, sha256_hex};
-use tactnet_models::{WeightPrior, Weights, fit_new_class};
+use tactnet_models::{WeightPrior, Weights, argmax, fit_new_class};
 
 use super::calibration::Judged;
+use super::overlap::sweep_sha256;
 use crate::{
     Calibration, Classifier, ClassifierConfig, Embedding, NoveltyScorer, PipelineError,
     TrainEmbeddings,
@@ -23,6 +24,35 @@ pub struct Enrolled {
     pub known: TrainEmbeddings,
     /// What tells unknown materials now; absent where nothing did.
     pub calibration: Option<Calibration>,
+    /// What the others lose by it; absent where no sweeps of them were held out.
+    pub cost: Option<EnrolmentCost>,
+}
+
+/// Accuracy on sweeps of the known materials that nothing was fitted to, before and after a material was added.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct EnrolmentCost {
+    /// Number of these sweeps.
+    pub held_out: usize,
+    /// Recognised before.
+    pub right_before: usize,
+    /// Recognised after.
+    pub right_after: usize,
+    /// Taken for the new material now.
+    pub claimed: usize,
+}
+
+impl EnrolmentCost {
+    /// Returns a warning if more than one in twenty of the known materials' sweeps are lost, and at least two.
+    pub fn caution(&self) -> Option<String> {
+        let lost = self.right_before.saturating_sub(self.right_after);
+        (lost >= 2 && lost * 20 > self.held_out).then(|| {
+            format!(
+                "the new material costs the others: of {} sweeps set aside, {} were recognised before and {} are now ({} are taken for it); \
+                 more sweeps of it, or a training anew with all materials, avoids that",
+                self.held_out, self.right_before, self.right_after, self.claimed
+            )
+        })
+    }
 }
 
 /// Thresholds of a calibrated classifier.
@@ -46,10 +76,41 @@ pub struct EnrolledMaterial {
     pub data_sha256: String,
     /// The sweeps, as indices into it.
     pub sweeps: Vec<usize>,
+    /// SHA-256 of each sweep's values, by which it is recognised in another file; absent in files of former versions.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sweeps_sha256: Vec<String>,
     /// SHA-256 of the weights before.
     pub weights_sha256: String,
     /// Commit of the program.
     pub git: String,
+}
+
+impl EnrolledMaterial {
+    /// Describes a material that was learnt from `sweeps`.
+    ///
+    /// - `weights`: of the classifier before
+    /// - `git`: commit of the program
+    ///
+    /// # Errors
+    /// None with weights of a network.
+    pub fn new(
+        material: &str,
+        sweeps: &SweepView<'_>,
+        weights: &Weights,
+        git: &str,
+    ) -> Result<Self, PipelineError> {
+        Ok(Self {
+            material: material.into(),
+            data: sweeps.dataset().name().into(),
+            data_sha256: sweeps.dataset().sha256().into(),
+            sweeps: sweeps.indices().to_vec(),
+            sweeps_sha256: (0..sweeps.len())
+                .map(|position| sweep_sha256(sweeps, position))
+                .collect(),
+            weights_sha256: weights_sha256(weights)?,
+            git: git.into(),
+        })
+    }
 }
 
 /// SHA-256 of weights as a safetensors file without metadata, in hexadecimal digits: names a classifier in files made from it.
@@ -98,6 +159,10 @@ pub fn enroll(
     }
     let new = classifier.embed(sweeps)?;
     let mut enrolled = with_row(classifier, known, &new, material)?;
+    enrolled.cost = thresholds
+        .and_then(|thresholds| thresholds.held_out.as_ref())
+        .map(|held_out| cost(classifier, &enrolled, held_out))
+        .transpose()?;
     enrolled.calibration = match thresholds {
         None => None,
         Some(Thresholds {
@@ -128,6 +193,35 @@ pub fn enroll(
         }
     };
     Ok(enrolled)
+}
+
+/// What the known materials lose.
+fn cost(
+    before: &Classifier,
+    enrolled: &Enrolled,
+    held_out: &Embedding,
+) -> Result<EnrolmentCost, PipelineError> {
+    let device = before.scorer()?.device();
+    let after = Classifier::new(enrolled.config.clone(), &enrolled.weights, device)?;
+    let predicted = |classifier: &Classifier| -> Result<Vec<usize>, PipelineError> {
+        let scored = held_out
+            .clone()
+            .scored_by(&classifier.network()?.output_layer());
+        let rows = scored.log_probabilities();
+        Ok(rows.iter().map(|row| argmax(row)).collect())
+    };
+    let right = |predicted: &[usize]| {
+        let pairs = predicted.iter().zip(&held_out.labels);
+        pairs.filter(|(found, label)| found == label).count()
+    };
+    let (before, after) = (predicted(before)?, predicted(&after)?);
+    let new = enrolled.config.labels.len() - 1;
+    Ok(EnrolmentCost {
+        held_out: held_out.len(),
+        right_before: right(&before),
+        right_after: right(&after),
+        claimed: after.iter().filter(|label| **label == new).count(),
+    })
 }
 
 /// What the classifier with the new material says of sweeps that the one before has embedded.
@@ -185,5 +279,6 @@ fn with_row(
         weights,
         known,
         calibration: None,
+        cost: None,
     })
 }

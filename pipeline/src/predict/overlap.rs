@@ -3,30 +3,41 @@
 use std::collections::BTreeSet;
 
 use sha2::{Digest, Sha256};
-use tactnet_data::SweepView;
+use tactnet_data::{SweepView, hex};
 
-/// `view` without the sweeps whose values also occur in `train`, and how many those were.
+/// Returns `view` without the sweeps whose values also occur in `train`, and how many those were.
 ///
 /// Values are compared as `f32`, so a copy in another element type or file format is still recognised.
 pub fn without_sweeps_of<'a>(
     view: &SweepView<'a>,
     train: &SweepView<'_>,
 ) -> (SweepView<'a>, usize) {
-    let known: BTreeSet<[u8; 32]> = (0..train.len()).map(|p| fingerprint(train, p)).collect();
-    let unseen: Vec<usize> = (0..view.len())
-        .filter(|position| !known.contains(&fingerprint(view, *position)))
-        .map(|position| view.indices()[position])
-        .collect();
-    let dropped = view.len() - unseen.len();
-    (SweepView::new(view.dataset(), unseen), dropped)
+    without_sweeps(
+        view,
+        &(0..train.len()).map(|p| sweep_sha256(train, p)).collect(),
+    )
 }
 
-fn fingerprint(view: &SweepView<'_>, position: usize) -> [u8; 32] {
+/// Returns `view` without the sweeps of these values ([`sweep_sha256`]), and how many those were.
+pub(crate) fn without_sweeps<'a>(
+    view: &SweepView<'a>,
+    sha256: &BTreeSet<String>,
+) -> (SweepView<'a>, usize) {
+    let others: Vec<usize> = (0..view.len())
+        .filter(|position| !sha256.contains(&sweep_sha256(view, *position)))
+        .map(|position| view.indices()[position])
+        .collect();
+    let dropped = view.len() - others.len();
+    (SweepView::new(view.dataset(), others), dropped)
+}
+
+/// Returns the SHA-256 of a sweep's values as little-endian `f32`, in hexadecimal digits.
+pub(crate) fn sweep_sha256(view: &SweepView<'_>, position: usize) -> String {
     let mut values = vec![0.0; view.shape().values()];
     view.copy_batch(&[position], &mut values);
     let mut hash = Sha256::new();
     for value in values {
         hash.update(value.to_le_bytes());
     }
-    hash.finalize().into()
+    hex(hash.finalize())
 }

@@ -25,6 +25,9 @@ pub struct Verdicts {
     pub unknown_materials: Vec<String>,
     /// Of sweeps of unknown materials: share called unknown.
     pub detected: Option<Estimate>,
+    /// How far the rates may be from their targets, where that is much.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub caution: Option<String>,
 }
 
 impl Verdicts {
@@ -67,6 +70,7 @@ impl Verdicts {
             set_size: (!inside.is_empty()).then(|| sizes as f64 / inside.len() as f64),
             unknown_materials,
             detected: share(detected, outside.len()),
+            caution: calibration.caution(),
         })
     }
 }
@@ -96,6 +100,7 @@ impl fmt::Display for Verdicts {
                 self.unknown_materials.join(", ")
             ));
         }
+        lines.extend(self.caution.clone());
         f.write_str(&lines.join("\n"))
     }
 }

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use super::run_dir::{ENROLLED, HELD_OUT};
+use super::run_dir::{ENROLLED, ENVIRONMENT, HELD_OUT};
 use crate::{Enrolled, EnrolledMaterial, PipelineError, Provenance, RunConfig, RunDir};
 
 impl RunDir {
@@ -30,12 +30,12 @@ impl RunDir {
             classifier: enrolled.config.clone(),
             ..self.config()?
         };
-        let sessions: Vec<Provenance> = self.read_json("environment.json")?;
+        let sessions: Vec<Provenance> = self.read_json(ENVIRONMENT)?;
         let Some(last) = sessions.last() else {
             return Err(self.refused("environment.json names no session"));
         };
         let run = Self::create(path, &config, &self.split()?, last)?;
-        run.write_json("environment.json", &sessions)?;
+        run.write_json(ENVIRONMENT, &sessions)?;
         run.write_json(ENROLLED, &materials)?;
         run.write_train_embeddings(&enrolled.known)?;
         if let Some(calibration) = &enrolled.calibration {

@@ -10,7 +10,7 @@ use crate::{
 };
 
 /// Sweeps that are fused where a result speaks of several.
-const FUSED: usize = 3;
+pub(super) const FUSED: usize = 3;
 /// Monte Carlo passes where the recipe names none.
 const MC_SAMPLES: usize = 100;
 

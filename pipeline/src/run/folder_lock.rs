@@ -3,6 +3,8 @@
 use std::fs;
 use std::path::Path;
 
+use tactnet_data::UNFINISHED;
+
 use crate::{PipelineError, RunDir};
 
 /// Name of the lock file.
@@ -17,12 +19,19 @@ impl RunDir {
         matches!(file.try_lock_shared(), Err(fs::TryLockError::WouldBlock))
     }
 
-    /// Locks the folder for training in it.
+    /// Locks the folder for training in it, and removes what killed processes have not finished writing there.
     ///
     /// # Errors
-    /// Another process trains in it.
+    /// Another process trains in it; a folder that cannot be read.
     pub fn locked(mut self) -> Result<Self, PipelineError> {
         self.lock = Some(Self::lock(&self.path)?);
+        let failed = |error| PipelineError::io(&self.path, "clear up", error);
+        for entry in fs::read_dir(&self.path).map_err(failed)? {
+            let entry = entry.map_err(failed)?;
+            if entry.file_name().to_string_lossy().starts_with(UNFINISHED) {
+                fs::remove_file(entry.path()).map_err(failed)?;
+            }
+        }
         Ok(self)
     }
 

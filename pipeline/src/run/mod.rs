@@ -15,4 +15,5 @@ pub(crate) mod session;
 pub(crate) mod test_sweeps;
 pub(crate) mod training_record;
 pub(crate) mod training_steps;
+mod verified_result;
 pub(crate) mod write_whole;

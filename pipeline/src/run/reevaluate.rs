@@ -6,7 +6,7 @@ use serde::Serialize;
 use tactnet_data::{Dataset, Seed};
 
 use crate::{
-    Classifier, Evaluation, EvaluationTable, PipelineError, PredictionMethod, RunDir,
+    Classifier, Confusion, Evaluation, EvaluationTable, PipelineError, PredictionMethod, RunDir,
     RuntimeComparison, RuntimeKind, TestSweeps, Verdicts, compare_runtime, evaluate_all_ways,
     serialize_by_method,
 };
@@ -38,6 +38,9 @@ pub struct EvalResult {
     n_test: usize,
     #[serde(serialize_with = "serialize_by_method")]
     evaluations: BTreeMap<PredictionMethod, Evaluation>,
+    /// Of plain predictions; absent where no sweep is of a known material.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    confusion: Option<Confusion>,
     /// By way of predicting; only of other runtimes.
     #[serde(
         skip_serializing_if = "BTreeMap::is_empty",
@@ -100,6 +103,7 @@ impl Reevaluation {
             &tested.view
         };
         let (mut evaluations, mut runtimes) = (BTreeMap::new(), BTreeMap::new());
+        let mut confusion = None;
         if !view.is_empty() {
             let ways = evaluate_all_ways(classifier, view, mc_samples, self.fused, seed)?;
             for (burn, mut evaluation) in ways {
@@ -107,6 +111,9 @@ impl Reevaluation {
                     let compared = compare_runtime(kind, classifier, view, &burn)?;
                     evaluation = Evaluation::of(&compared.predictions, self.fused, seed);
                     runtimes.insert(burn.method, RuntimeSummary::of(kind, &compared));
+                }
+                if burn.method == PredictionMethod::Plain {
+                    confusion = Some(Confusion::from(&burn));
                 }
                 evaluations.insert(burn.method, evaluation);
             }
@@ -123,6 +130,7 @@ impl Reevaluation {
             n_test: tested.view.len(),
             tested: tested.description,
             evaluations,
+            confusion,
             runtimes,
             verdicts,
         })
@@ -157,6 +165,9 @@ impl std::fmt::Display for EvalResult {
         }
         for (method, compared) in &self.runtimes {
             write!(f, "\n{}: {compared}", method.name())?;
+        }
+        if let Some(confusion) = &self.confusion {
+            write!(f, "\n{confusion}")?;
         }
         match &self.verdicts {
             Some(verdicts) => write!(f, "\n{verdicts}"),

@@ -35,6 +35,8 @@ use crate::{
     TrainingState, write_whole,
 };
 
+const SPLIT: &str = "split.json";
+pub(super) const ENVIRONMENT: &str = "environment.json";
 const WEIGHTS: &str = "weights.safetensors";
 const KNOWN: &str = "known.safetensors";
 const CALIBRATION: &str = "calibration.json";
@@ -77,15 +79,18 @@ impl RunDir {
         }
         for entry in fs::read_dir(path).map_err(failed)? {
             let name = entry.map_err(failed)?.file_name();
-            if name != LOCK {
+            // What a process left that was killed while it made a run.
+            let begun = [LOCK, SPLIT, ENVIRONMENT].iter().any(|file| name == *file);
+            if !begun {
                 let name = name.to_string_lossy();
                 return Err(run.refused(&format!(
                     "a new run needs an empty folder, found `{name}`; name another with `--out`"
                 )));
             }
         }
-        run.write_json("split.json", split)?;
-        run.write_json("environment.json", &[provenance])?;
+        run.write_json(SPLIT, split)?;
+        run.write_json(ENVIRONMENT, &[provenance])?;
+        // Last: with it there is a run.
         run.write_json("config.json", config)?;
         Ok(run)
     }
@@ -143,10 +148,10 @@ impl RunDir {
         &self,
         provenance: &Provenance,
     ) -> Result<Vec<Provenance>, PipelineError> {
-        let mut sessions: Vec<Provenance> = self.read_json("environment.json")?;
+        let mut sessions: Vec<Provenance> = self.read_json(ENVIRONMENT)?;
         if sessions.last() != Some(provenance) {
             sessions.push(provenance.clone());
-            self.write_json("environment.json", &sessions)?;
+            self.write_json(ENVIRONMENT, &sessions)?;
         }
         Ok(sessions)
     }
@@ -178,7 +183,7 @@ impl RunDir {
     /// # Errors
     /// Missing or damaged.
     pub fn split(&self) -> Result<SplitManifest, PipelineError> {
-        self.read_json("split.json")
+        self.read_json(SPLIT)
     }
 
     /// `result.json`, or `None` while the run has not ended.

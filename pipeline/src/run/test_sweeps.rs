@@ -2,7 +2,8 @@
 
 use tactnet_data::{Dataset, SplitManifest, SweepView};
 
-use crate::{PipelineError, RunConfig, RunDir, without_sweeps_of};
+use crate::predict::overlap::{without_sweeps, without_sweeps_of};
+use crate::{PipelineError, RunConfig, RunDir};
 
 /// Sweeps of a data set without those that a classifier was trained on.
 #[derive(Debug, Clone)]
@@ -32,15 +33,21 @@ impl<'a> TestSweeps<'a> {
         } else {
             Self::unseen(dataset, &config, &manifest)?
         };
-        let enrolled: Vec<usize> = run
-            .enrolled()?
+        let enrolled = run.enrolled()?;
+        let before = found.view.len();
+        if !enrolled.is_empty() {
+            let hashes = enrolled.iter().flat_map(|it| it.sweeps_sha256.clone());
+            found.view = without_sweeps(&found.view, &hashes.collect()).0;
+        }
+        // Former versions name the sweeps of a file alone.
+        let of_file: Vec<usize> = enrolled
             .into_iter()
             .filter(|material| material.data_sha256 == dataset.sha256())
             .flat_map(|material| material.sweeps)
             .collect();
         let all = found.view.indices().iter().copied();
-        let left: Vec<usize> = all.filter(|index| !enrolled.contains(index)).collect();
-        let dropped = found.view.len() - left.len();
+        let left: Vec<usize> = all.filter(|index| !of_file.contains(index)).collect();
+        let dropped = before - left.len();
         if dropped > 0 {
             found.view = SweepView::new(dataset, left);
             found.description += &format!(", but {dropped} that were enrolled");

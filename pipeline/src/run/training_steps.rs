@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::TrainingSettings;
+
 /// Steps of a training that are few: below, networks are seldom as good as their data allow.
 const FEW: usize = 300;
 /// Steps of the default recipe on TactMat: 12 epochs of 80 batches.
@@ -17,6 +19,14 @@ pub struct TrainingSteps {
 }
 
 impl TrainingSteps {
+    /// Returns the steps of a recipe on so many sweeps.
+    pub fn of(settings: &TrainingSettings, sweeps: usize) -> Self {
+        Self {
+            epochs: settings.epochs,
+            batches: sweeps.div_ceil(settings.batch),
+        }
+    }
+
     /// Returns the number of steps.
     pub fn count(self) -> usize {
         self.epochs * self.batches

@@ -11,14 +11,16 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use zenoh::Wait as _;
 use zenoh::pubsub::{Publisher, Subscriber};
 use zenoh::qos::{CongestionControl, Priority as WirePriority};
 use zenoh::sample::{Locality, Sample};
 
+use crate::network_settings::{key, settings};
 use crate::packet::Header;
+use crate::rate_limit::RateLimit;
 use crate::{
     Bus, ChannelConfig, ChannelError, ChannelId, ChannelState, Congestion, Domain, GetPort,
     Priority, PutPort, Table, Wait,
@@ -62,20 +64,7 @@ impl Bridge {
         if network.listen.is_empty() && network.connect.is_empty() {
             return Ok(Self { network: None });
         }
-        let mut config = zenoh::Config::default();
-        for (key, value) in [
-            ("mode", "\"peer\"".to_string()),
-            ("listen/endpoints", format!("{:?}", network.listen)),
-            ("connect/endpoints", format!("{:?}", network.connect)),
-            ("scouting/multicast/enabled", "false".to_string()),
-            // A packet is in shared memory already, before and after.
-            ("transport/shared_memory/enabled", "false".to_string()),
-        ] {
-            config
-                .insert_json5(key, &value)
-                .map_err(|error| ChannelError::transport(key, error))?;
-        }
-        let session = zenoh::open(config)
+        let session = zenoh::open(settings(table)?)
             .wait()
             .map_err(|error| ChannelError::transport("network", error))?;
         let bus = Bus::open(Domain::Host, table)?;
@@ -85,20 +74,10 @@ impl Bridge {
             .filter(|(_, config)| config.distributed);
         let mirrors = distributed
             .map(|(id, config)| {
-                // Hubs whose packets differ do not hear each other.
-                let packet: String = config
-                    .packet
-                    .chars()
-                    .filter(char::is_ascii_alphanumeric)
-                    .collect();
-                let key = format!(
-                    "{}/{id}/{packet}-{}-{}",
-                    table.bus, config.version, config.item_bytes
-                );
                 Ok(Mirror {
                     id: ChannelId::new(id)?,
                     config: config.clone(),
-                    key,
+                    key: key(table, id, config),
                     forwarder: None,
                     deliverer: None,
                 })
@@ -135,11 +114,18 @@ impl Bridge {
                     Err(ChannelError::TooManyPorts { .. }) => continue,
                     Err(error) => return Err(error),
                 };
+                let rate = Mutex::new(RateLimit::new(mirror.config.remote_rate));
                 let deliverer = network
                     .session
                     .declare_subscriber(mirror.key.clone())
                     .allowed_origin(Locality::Remote)
-                    .callback(move |sample| deliver(&put, &sample))
+                    .callback(move |sample| {
+                        let mut rate = rate.lock().unwrap_or_else(PoisonError::into_inner);
+                        if rate.allows(Instant::now()) {
+                            drop(rate);
+                            deliver(&put, &sample);
+                        }
+                    })
                     .wait()
                     .map_err(|error| ChannelError::transport(mirror.id, error))?;
                 mirror.deliverer = Some(deliverer);

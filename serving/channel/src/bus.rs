@@ -1,7 +1,7 @@
 //! Where ports come from.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path as FilePath, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use iceoryx2::prelude::*;
 use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
 
+use crate::memory_folder::bus_folder;
 use crate::packet::{Block, Header};
 use crate::table::describe;
 use crate::transport::{AnyChannel, AnyNode, Either, both};
@@ -46,6 +47,8 @@ struct Inner {
     wake_events: Mutex<BTreeMap<ChannelId, Arc<WakeEvent>>>,
     /// Rung for groups that are too large for the kernel.
     crowd: Arc<WakeEvent>,
+    /// Of the files in [`Domain::Host`].
+    folder: PathBuf,
 }
 
 /// A channel that was opened.
@@ -55,8 +58,8 @@ pub(crate) struct Opened {
     pub(crate) channel: AnyChannel,
     pub(crate) wake_event: Arc<WakeEvent>,
     pub(crate) crowd: Arc<WakeEvent>,
-    /// Folder and beginning of the names of its files in shared memory.
-    pub(crate) prefix: Option<String>,
+    /// Folder of its files in shared memory, and how their names begin.
+    pub(crate) files: Option<(PathBuf, String)>,
 }
 
 impl Opened {
@@ -79,22 +82,25 @@ impl Bus {
             reason,
         })?;
         set_log_level(LogLevel::Fatal);
-        let (node, crowd) = match domain {
+        let (node, crowd, folder) = match domain {
             Domain::Process => {
                 static BUSES: AtomicU32 = AtomicU32::new(0);
                 let number = BUSES.fetch_add(1, Ordering::Relaxed);
-                let config = iceoryx_config(&format!("{}-{number}", table.bus))?;
-                (Either::Process(node(&config)?), WakeEvent::local())
+                let folder = PathBuf::new();
+                let config = iceoryx_config(&folder, &format!("{}-{number}", table.bus))?;
+                (Either::Process(node(&config)?), WakeEvent::local(), folder)
             }
             Domain::Host => {
-                let crowd = crowd_file(&table.local_name());
+                let folder = bus_folder(table)?;
+                let crowd = crowd_file(&folder);
                 if !crowd.exists() {
                     return Err(ChannelError::NoHub {
                         bus: table.bus.clone(),
                     });
                 }
-                let config = iceoryx_config(&table.local_name())?;
-                (Either::Host(node(&config)?), WakeEvent::open(&crowd)?)
+                let config = iceoryx_config(&folder, &table.local_name())?;
+                let crowd = WakeEvent::open(&crowd)?;
+                (Either::Host(node(&config)?), crowd, folder)
             }
         };
         Ok(Self {
@@ -103,6 +109,7 @@ impl Bus {
                 table: table.clone(),
                 wake_events: Mutex::default(),
                 crowd: Arc::new(crowd),
+                folder,
             }),
         })
     }
@@ -221,10 +228,8 @@ impl Bus {
             Either::Host(node) => {
                 let channel = open(node, id, &self.inner.table.bus)?;
                 check_attributes(&channel, id, config)?;
-                let wake_event = Arc::new(WakeEvent::open(&wake_event_file(
-                    &self.inner.table.local_name(),
-                    id,
-                )?)?);
+                let wake_event =
+                    Arc::new(WakeEvent::open(&wake_event_file(&self.inner.folder, id)?)?);
                 (Either::Host(channel), wake_event)
             }
         };
@@ -234,8 +239,10 @@ impl Bus {
             channel,
             wake_event,
             crowd: self.inner.crowd.clone(),
-            prefix: matches!(self.inner.node, Either::Host(_))
-                .then(|| format!("{}_", self.inner.table.local_name())),
+            files: matches!(self.inner.node, Either::Host(_)).then(|| {
+                let prefix = format!("{}_", self.inner.table.local_name());
+                (self.inner.folder.clone(), prefix)
+            }),
         })
     }
 
@@ -274,8 +281,15 @@ impl AsChannelId for ChannelId {
 }
 
 /// Iceoryx2's own settings, never those of a file of this machine.
-pub(crate) fn iceoryx_config(prefix: &str) -> Result<Config, ChannelError> {
+///
+/// - `folder`: of its files; an empty one for memory of the process
+pub(crate) fn iceoryx_config(folder: &FilePath, prefix: &str) -> Result<Config, ChannelError> {
     let mut config = Config::default();
+    if !folder.as_os_str().is_empty() {
+        let root = Path::new(folder.as_os_str().as_encoded_bytes())
+            .map_err(|error| ChannelError::transport(folder.display(), format!("{error:?}")))?;
+        config.global.set_root_path(&root);
+    }
     config.global.prefix = FileName::new(format!("{prefix}_").as_bytes())
         .map_err(|error| ChannelError::transport(prefix, format!("{error:?}")))?;
     // The hub clears up; a client must not be held up by what others have left.
@@ -454,16 +468,12 @@ fn check_attributes<S: Service>(
     Ok(())
 }
 
-/// Where shared memory is.
-pub(crate) const SHARED_MEMORY: &str = "/dev/shm";
-
 /// The file of a channel's wake_event.
-pub(crate) fn wake_event_file(bus: &str, id: ChannelId) -> Result<PathBuf, ChannelError> {
-    let name = id.as_str()?.replace('/', "+");
-    Ok(PathBuf::from(format!("{SHARED_MEMORY}/{bus}_wake_{name}")))
+pub(crate) fn wake_event_file(folder: &FilePath, id: ChannelId) -> Result<PathBuf, ChannelError> {
+    Ok(folder.join(format!("wake_{}", id.as_str()?.replace('/', "+"))))
 }
 
 /// The file of the wake_event for large groups; it is there while a hub is or was.
-pub(crate) fn crowd_file(bus: &str) -> PathBuf {
-    PathBuf::from(format!("{SHARED_MEMORY}/{bus}_wake+"))
+pub(crate) fn crowd_file(folder: &FilePath) -> PathBuf {
+    folder.join("wake+")
 }

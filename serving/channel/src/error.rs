@@ -102,7 +102,7 @@ pub enum ChannelError {
         id: ChannelId,
         /// Memory of the port.
         needed: u64,
-        /// Memory that is left in `/dev/shm`.
+        /// Memory that is left where the bus has its files.
         free: u64,
     },
     /// A sync group of nothing.

@@ -6,13 +6,14 @@
 
 use std::fs::File;
 use std::os::unix::fs::PermissionsExt;
-use std::path::PathBuf;
+use std::path::{Path as FilePath, PathBuf};
 use std::time::{Duration, Instant};
 
 use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::publish_subscribe;
 
-use crate::bus::{SHARED_MEMORY, create, crowd_file, iceoryx_config, node, wake_event_file};
+use crate::bus::{create, crowd_file, iceoryx_config, node, wake_event_file};
+use crate::memory_folder::{bus_folder, own_folder};
 use crate::own_file::own_file;
 use crate::packet::{Block, Header};
 use crate::transport::Ipc;
@@ -36,6 +37,7 @@ type Channel = publish_subscribe::PortFactory<Ipc, [Block], Header>;
 pub struct Hub {
     bus: String,
     local_name: String,
+    folder: PathBuf,
     node: Node<Ipc>,
     channels: Vec<(ChannelId, Channel)>,
     cleaned: Instant,
@@ -67,17 +69,19 @@ impl Hub {
             reason,
         })?;
         set_log_level(LogLevel::Fatal);
-        let lock = lock(&table.local_name())?;
-        let config = iceoryx_config(&table.local_name())?;
-        remove_unfinished(&config)?;
+        let folder = bus_folder(table)?;
+        own_folder(&folder)?;
+        let lock = lock(&folder, &table.bus)?;
+        let config = iceoryx_config(&folder, &table.local_name())?;
+        remove_unfinished(&folder, &config)?;
         remove_stillborn(&config)?;
         let node: Node<Ipc> = node(&config)?;
         let begun = Instant::now();
         let prefix = format!("{}_", table.local_name());
-        while !remove_unfinished_connections(&prefix)? {
+        while !remove_unfinished_connections(&folder, &prefix)? {
             if begun.elapsed() > CLEARING_UP {
                 return Err(ChannelError::Io {
-                    path: format!("{SHARED_MEMORY}/{prefix}*.connection").into(),
+                    path: folder.join(format!("{prefix}*.connection")),
                     action: "clear up",
                     source: std::io::Error::other(
                         "one of these is empty and cannot be removed; its owner must, or name another `bus` in the table",
@@ -91,15 +95,16 @@ impl Hub {
         for (id, config) in &table.channels {
             let id = ChannelId::new(id)?;
             let channel = create(&node, id, config)?;
-            WakeEvent::create(&wake_event_file(&table.local_name(), id)?)?;
+            WakeEvent::create(&wake_event_file(&folder, id)?)?;
             channels.push((id, channel));
         }
-        WakeEvent::create(&crowd_file(&table.local_name()))?;
+        WakeEvent::create(&crowd_file(&folder))?;
         Ok(Self {
             #[cfg(feature = "zenoh")]
             bridge: crate::bridge::Bridge::start(table)?,
             bus: table.bus.clone(),
             local_name: table.local_name(),
+            folder,
             node,
             channels,
             cleaned: Instant::now(),
@@ -140,7 +145,7 @@ impl Hub {
         let mut outcome = Ok(());
         let _ = Node::<Ipc>::list(self.node.config(), |state| {
             if let NodeState::Dead(client) = state {
-                match remove_unfinished_connections(&prefix) {
+                match remove_unfinished_connections(&self.folder, &prefix) {
                     Ok(true) => {
                         found +=
                             usize::from(client.blocking_remove_stale_resources(PATIENCE).is_ok());
@@ -171,35 +176,8 @@ impl Hub {
     }
 }
 
-/// Removes what a bus leaves in this host's shared memory, for a bus that will not be used again: wake_events, locks, what killed clients left.
-/// Whoever still uses it keeps the memory that it has, but meets nobody any more.
-///
-/// # Errors
-/// A file that cannot be removed.
-pub fn remove_bus(table: &Table) -> Result<(), ChannelError> {
-    let prefix = format!("{}_", table.local_name());
-    let folder = PathBuf::from(SHARED_MEMORY);
-    let failed = |source| ChannelError::Io {
-        path: folder.clone(),
-        action: "clear up",
-        source,
-    };
-    for entry in std::fs::read_dir(&folder).map_err(failed)? {
-        let entry = entry.map_err(failed)?;
-        if entry.file_name().to_string_lossy().starts_with(&prefix) {
-            match std::fs::remove_file(entry.path()) {
-                Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                    return Err(failed(error));
-                }
-                _ => {}
-            }
-        }
-    }
-    Ok(())
-}
-
-fn lock(bus: &str) -> Result<File, ChannelError> {
-    let path = PathBuf::from(format!("{SHARED_MEMORY}/{bus}_hub"));
+fn lock(folder: &FilePath, bus: &str) -> Result<File, ChannelError> {
+    let path = folder.join("hub");
     let failed = |source| ChannelError::Io {
         path: path.clone(),
         action: "lock",
@@ -224,17 +202,17 @@ fn lock(bus: &str) -> Result<File, ChannelError> {
 /// Removes what a hub left that was killed while it created a channel: a service's description that is not yet closed to writing, or its
 /// state (or the bus's) that is not yet open to reading. Iceoryx2 can neither open nor create nor clean up such a service. Only a hub creates channels, and
 /// there is no other.
-fn remove_unfinished(config: &Config) -> Result<(), ChannelError> {
-    let services = config.global.service_dir().to_string();
+fn remove_unfinished(memory: &FilePath, config: &Config) -> Result<(), ChannelError> {
+    let services = PathBuf::from(config.global.service_dir().to_string());
     let prefix = config.global.prefix.to_string();
     let states = [
         config.global.service.dynamic_config_storage_suffix,
         config.global.node.global_mgmt_suffix,
     ]
     .map(|suffix| suffix.to_string());
-    for folder in [services.as_str(), SHARED_MEMORY] {
+    for folder in [services.as_path(), memory] {
         let failed = |source| ChannelError::Io {
-            path: PathBuf::from(folder),
+            path: folder.into(),
             action: "clear up",
             source,
         };
@@ -246,7 +224,7 @@ fn remove_unfinished(config: &Config) -> Result<(), ChannelError> {
             let name = entry.file_name().to_string_lossy().into_owned();
             // Another bus may remove its own meanwhile.
             let Ok(file) = entry.metadata() else { continue };
-            let unfinished = if folder == SHARED_MEMORY {
+            let unfinished = if folder == memory {
                 states.iter().any(|state| name.ends_with(state))
                     && file.permissions().mode() & 0o400 == 0
             } else {
@@ -262,15 +240,14 @@ fn remove_unfinished(config: &Config) -> Result<(), ChannelError> {
 
 /// Removes connections whose file has no size, because the client that made them was killed before: whoever clears up after it would wait for
 /// them for ever (iceoryx2 0.10 forgets its timeout there). Gives false while there are some that a living client may just be making.
-fn remove_unfinished_connections(prefix: &str) -> Result<bool, ChannelError> {
-    let folder = PathBuf::from(SHARED_MEMORY);
+fn remove_unfinished_connections(folder: &FilePath, prefix: &str) -> Result<bool, ChannelError> {
     let failed = |source| ChannelError::Io {
-        path: folder.clone(),
+        path: folder.into(),
         action: "clear up",
         source,
     };
     let mut clear = true;
-    for entry in std::fs::read_dir(&folder).map_err(failed)? {
+    for entry in std::fs::read_dir(folder).map_err(failed)? {
         let entry = entry.map_err(failed)?;
         let name = entry.file_name();
         let name = name.to_string_lossy();

@@ -17,11 +17,16 @@ mod get;
 mod hub;
 mod hub_thread;
 mod listing;
+mod memory_folder;
+#[cfg(feature = "zenoh")]
+mod network_settings;
 mod own_file;
 mod packet;
 mod percentile;
 mod put;
 mod rate;
+#[cfg(feature = "zenoh")]
+mod rate_limit;
 mod received_summary;
 mod shared;
 mod sync_group;
@@ -32,9 +37,12 @@ mod wake_event;
 pub use bus::{AsChannelId, Bus, Domain};
 pub use error::{ChannelError, is_wrong_path};
 pub use get::{GetPort, GetSide, Received, Start, Wait};
-pub use hub::{ChannelState, Hub, remove_bus};
+pub use hub::{ChannelState, Hub};
 pub use hub_thread::HubThread;
 pub use listing::{ListedChannel, list_channels};
+pub use memory_folder::{
+    MEMORY_FOLDER_VARIABLE, free_memory, memory_folder, remove_abandoned_buses, remove_bus,
+};
 pub use packet::{ChannelId, Header, Packet, Priority};
 pub use percentile::percentile;
 pub use put::{Loan, PutPort, now_ns};

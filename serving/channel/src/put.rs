@@ -12,8 +12,9 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::BackpressureStrategy;
 use parking_lot::Mutex;
 
-use crate::bus::{Opened, SHARED_MEMORY, create_port};
+use crate::bus::{Opened, create_port};
 use crate::failed_connections::FailedConnections;
+use crate::memory_folder::free_memory;
 use crate::packet::{Block, blocks};
 use crate::transport::{AnyLoan, AnyPublisher, Either, both};
 use crate::wake_event::{WakeEvent, reserve};
@@ -44,7 +45,7 @@ impl<T: Packet> PutPort<T> {
             channel,
             wake_event,
             crowd,
-            prefix,
+            files,
         } = opened;
         const {
             assert!(
@@ -59,6 +60,10 @@ impl<T: Packet> PutPort<T> {
         };
         let slots = config.slots();
         let failed = FailedConnections::default();
+        let no_memory = || {
+            let free = files.as_ref().map_or(0, |(folder, _)| free_memory(folder));
+            memory_error(id, &config, free)
+        };
         macro_rules! publisher {
             ($channel:expr) => {{
                 let is_full = |error: &PublisherCreateError| {
@@ -76,7 +81,7 @@ impl<T: Packet> PutPort<T> {
                 })
                 .map_err(|error| match error {
                     PublisherCreateError::ExceedsMaxSupportedPublishers => full(),
-                    PublisherCreateError::UnableToCreateDataSegment => memory_error(id, &config),
+                    PublisherCreateError::UnableToCreateDataSegment => no_memory(),
                     error => ChannelError::transport(id, error),
                 })?
             }};
@@ -86,8 +91,8 @@ impl<T: Packet> PutPort<T> {
             Either::Host(channel) => Either::Host(publisher!(&channel)),
         };
         let number = both!(&publisher, publisher => publisher.id().value());
-        if let Some(prefix) = prefix {
-            reserve_segment(&prefix, number, id, &config)?;
+        if let Some((folder, prefix)) = &files {
+            reserve_segment(folder, prefix, number, id, &config)?;
         }
         Ok(Self {
             id,
@@ -292,35 +297,35 @@ pub fn now_ns() -> u64 {
     time.tv_sec as u64 * 1_000_000_000 + time.tv_nsec as u64
 }
 
-/// Fills the files of a new put-port with pages, so that a full `/dev/shm` is an error now and no signal at some later packet.
+/// Fills the files of a new put-port with pages, so that full memory is an error now and no signal at some later packet.
 fn reserve_segment(
+    folder: &Path,
     prefix: &str,
     number: u128,
     id: ChannelId,
     config: &ChannelConfig,
 ) -> Result<(), ChannelError> {
     let failed = |source| ChannelError::Io {
-        path: SHARED_MEMORY.into(),
+        path: folder.into(),
         action: "reserve memory",
         source,
     };
     let number = number.to_string();
-    for entry in std::fs::read_dir(SHARED_MEMORY).map_err(failed)? {
+    for entry in std::fs::read_dir(folder).map_err(failed)? {
         let name = entry.map_err(failed)?.file_name();
         let name = name.to_string_lossy();
         if !name.starts_with(prefix) || !name.contains(&number) || !name.ends_with(".data") {
             continue;
         }
-        let path = Path::new(SHARED_MEMORY).join(&*name);
         let file = std::fs::OpenOptions::new()
             .read(true)
             .write(true)
-            .open(&path)
+            .open(folder.join(&*name))
             .map_err(failed)?;
         let length = file.metadata().map_err(failed)?.len();
         return match reserve(&file, length) {
             Err(error) if error.raw_os_error() == Some(libc::ENOSPC) => {
-                Err(memory_error(id, config))
+                Err(memory_error(id, config, free_memory(folder)))
             }
             outcome => outcome.map_err(failed),
         };
@@ -331,16 +336,10 @@ fn reserve_segment(
     ))
 }
 
-fn memory_error(id: ChannelId, config: &ChannelConfig) -> ChannelError {
-    let mut space = MaybeUninit::<libc::statvfs>::zeroed();
-    // SAFETY: a valid path and a place for the answer, which is all zeros if the call fails.
-    let space = unsafe {
-        libc::statvfs(c"/dev/shm".as_ptr(), space.as_mut_ptr());
-        space.assume_init()
-    };
+fn memory_error(id: ChannelId, config: &ChannelConfig, free: u64) -> ChannelError {
     ChannelError::Memory {
         id,
         needed: config.put_port_bytes(),
-        free: space.f_bavail * space.f_frsize,
+        free,
     }
 }

@@ -1,7 +1,7 @@
 //! The table of channels: every resource is known before the first packet.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
@@ -47,9 +47,92 @@ pub struct Network {
     /// Where the hub waits for others.
     #[serde(default)]
     pub listen: Vec<String>,
-    /// Hubs to connect to.
+    /// Hubs to connect to. Hubs do not pass on what they get: each names, or is named by, all that it exchanges packets with.
     #[serde(default)]
     pub connect: Vec<String>,
+    /// For `tls/` endpoints: file (PEM) with the certificate of who vouches for this robot's hosts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub authority: Option<PathBuf>,
+    /// This host's certificate (PEM); its common name is what [`ChannelConfig::put_from`] and [`ChannelConfig::get_from`] of other hosts call
+    /// it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub certificate: Option<PathBuf>,
+    /// The certificate's private key (PEM).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub private_key: Option<PathBuf>,
+    /// Endpoints without TLS may be beyond this machine: whoever reaches them reads and puts what they like.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub plain_text: bool,
+}
+
+impl Network {
+    /// Returns true if its endpoints are encrypted, and both sides show a certificate.
+    pub(crate) fn has_tls(&self) -> bool {
+        self.endpoints().any(|endpoint| endpoint.starts_with(TLS))
+    }
+
+    pub(crate) fn endpoints(&self) -> impl Iterator<Item = &String> {
+        self.listen.iter().chain(&self.connect)
+    }
+
+    /// Checks that nothing beyond this machine is without TLS, unless that was asked for.
+    fn check(&self) -> Result<(), String> {
+        let (mut tls, mut plain) = (None, None);
+        for endpoint in self.endpoints() {
+            if endpoint.starts_with(TLS) {
+                tls = Some(endpoint);
+            } else {
+                plain = Some(endpoint);
+            }
+            if !(endpoint.starts_with(TLS) || self.plain_text || is_loopback(endpoint)) {
+                return Err(format!(
+                    "network: `{endpoint}` is beyond this machine and neither encrypted nor restricted; use `{TLS}…` with `authority`, `certificate` \
+                     and `private_key`, or allow it by `plain_text = true`"
+                ));
+            }
+        }
+        if let (Some(tls), Some(plain)) = (tls, plain) {
+            return Err(format!(
+                "network: expected all endpoints with TLS or none, found `{tls}` and `{plain}`"
+            ));
+        }
+        for (name, file) in [
+            ("authority", &self.authority),
+            ("certificate", &self.certificate),
+            ("private_key", &self.private_key),
+        ] {
+            if let (Some(endpoint), None) = (tls, file) {
+                return Err(format!("network: `{endpoint}` needs `{name}`, a PEM file"));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// How endpoints begin that are encrypted.
+const TLS: &str = "tls/";
+
+/// Returns true for `tcp/127.0.0.1:7447` and its like.
+fn is_loopback(endpoint: &str) -> bool {
+    let address = endpoint.split_once('/').map_or(endpoint, |(_, rest)| rest);
+    let host = address.rsplit_once(':').map_or(address, |(host, _)| host);
+    let host = host.trim_start_matches('[').trim_end_matches(']');
+    host == "localhost"
+        || host
+            .parse()
+            .is_ok_and(|address: std::net::IpAddr| address.is_loopback())
+}
+
+fn is_false(value: &bool) -> bool {
+    !value
+}
+
+fn ten_thousand() -> u32 {
+    10_000
+}
+
+fn is_ten_thousand(value: &u32) -> bool {
+    *value == ten_thousand()
 }
 
 /// One channel's resources; all static.
@@ -90,6 +173,15 @@ pub struct ChannelConfig {
     /// Policy when the network is slower than the putters.
     #[serde(default)]
     pub congestion: Congestion,
+    /// Hosts whose packets are taken, by the common names of their certificates; none named: every host's.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub put_from: Vec<String>,
+    /// Hosts that may have its packets; none named: every host.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub get_from: Vec<String>,
+    /// Most packets a second that are taken from all other hosts together; more are lost.
+    #[serde(default = "ten_thousand", skip_serializing_if = "is_ten_thousand")]
+    pub remote_rate: u32,
 }
 
 /// Policy when the network is slower than the putters.
@@ -135,6 +227,9 @@ impl ChannelConfig {
             loaned: one(),
             distributed: false,
             congestion: Congestion::default(),
+            put_from: Vec::new(),
+            get_from: Vec::new(),
+            remote_rate: ten_thousand(),
         }
     }
 
@@ -254,8 +349,16 @@ impl Table {
                 ));
             }
         }
+        self.network.check()?;
         for (id, channel) in &self.channels {
             ChannelId::new(id).map_err(|error| error.to_string())?;
+            let is_restricted = !(channel.put_from.is_empty() && channel.get_from.is_empty());
+            let is_open = self.network.endpoints().next().is_some() && !self.network.has_tls();
+            if is_restricted && is_open {
+                return Err(format!(
+                    "channel `{id}`: put_from, get_from: hosts are known by their certificates, so all endpoints must be `{TLS}…`"
+                ));
+            }
             for (name, value) in [
                 ("item_bytes", channel.item_bytes),
                 ("items", channel.items),
@@ -325,6 +428,58 @@ impl Table {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn nothing_leaves_this_machine_in_plain_text_unless_that_was_asked_for() {
+        let check = |network: &str, channel: &str| {
+            Table::parse(&format!(
+                "bus = \"a\"\n[network]\n{network}\n[channels.a]\npacket = \"u8\"\nitem_bytes = 1\n{channel}"
+            ))
+            .map_err(|error| error.to_string())
+        };
+        let keys = "authority = \"a\"\ncertificate = \"b\"\nprivate_key = \"c\"";
+        for allowed in [
+            "listen = [\"tcp/127.0.0.1:7447\", \"tcp/[::1]:7447\"]\nconnect = [\"tcp/localhost:1\"]".to_owned(),
+            "listen = [\"tcp/10.0.0.2:7447\"]\nplain_text = true".into(),
+            format!("listen = [\"tls/10.0.0.2:7447\"]\n{keys}"),
+        ] {
+            check(&allowed, "").unwrap();
+        }
+        for (refused, why) in [
+            (
+                "connect = [\"tcp/10.0.0.2:7447\"]",
+                "neither encrypted nor restricted",
+            ),
+            (
+                "listen = [\"tcp/0.0.0.0:7447\"]",
+                "neither encrypted nor restricted",
+            ),
+            (
+                "listen = [\"udp/[::]:7447\"]",
+                "neither encrypted nor restricted",
+            ),
+            (
+                "connect = [\"tcp/localhost.evil.example:7447\"]",
+                "neither encrypted nor restricted",
+            ),
+            (
+                "listen = [\"tls/10.0.0.2:7447\"]\nauthority = \"a\"",
+                "needs `certificate`",
+            ),
+            (
+                &format!(
+                    "listen = [\"tls/10.0.0.2:7447\"]\nconnect = [\"tcp/127.0.0.1:1\"]\n{keys}"
+                ),
+                "all endpoints with TLS or none",
+            ),
+        ] {
+            let found = check(refused, "").unwrap_err();
+            assert!(found.contains(why), "{refused}: {found}");
+        }
+        let open = "listen = [\"tcp/127.0.0.1:7447\"]";
+        let found = check(open, "put_from = [\"arm\"]").unwrap_err();
+        assert!(found.contains("known by their certificates"), "{found}");
+    }
 
     #[test]
     fn a_table_is_what_it_says() {

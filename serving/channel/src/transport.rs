@@ -48,7 +48,8 @@ impl Service for Local {
 
 impl ServiceInternal<Local> for Local {}
 
-/// Memory of the host: iceoryx2's `ipc_threadsafe` with a state of our own.
+/// Memory of the host: iceoryx2's `ipc_threadsafe` with a state of our own, and with files in a folder that other users cannot enter,
+/// where `ipc_threadsafe` has named shared memory that all users see and some of which all may write.
 #[derive(Debug, Clone)]
 pub struct Ipc;
 
@@ -56,21 +57,22 @@ impl Service for Ipc {
     type StaticStorage = static_storage::recommended::Ipc;
     type ConfigSerializer = serialize::recommended::Recommended;
     type PersistentDynamicStorage<T: Debug + Send + Sync + ZeroCopySend + 'static> =
-        dynamic_storage::recommended::PersistentIpc<T>;
+        dynamic_storage::file::Storage<T>;
     type Bag = bag::recommended::Recommended;
     type DynamicStorage<T: Debug + Send + Sync + ZeroCopySend + 'static> =
-        dynamic_storage::recommended::Ipc<T>;
+        dynamic_storage::file::Storage<T>;
     type ServiceNameHasher = hash::recommended::Recommended;
-    type SharedMemory = shared_memory::recommended::Ipc<PoolAllocator>;
-    type ResizableSharedMemory = resizable_shared_memory::recommended::Ipc<PoolAllocator>;
-    type Connection = zero_copy_connection::recommended::Ipc;
+    type SharedMemory = shared_memory::file::Memory<PoolAllocator>;
+    type ResizableSharedMemory =
+        resizable_shared_memory::dynamic::DynamicMemory<PoolAllocator, Self::SharedMemory>;
+    type Connection = zero_copy_connection::file::Connection;
     type Event = event::recommended::Ipc;
     type Monitoring = monitoring::recommended::Ipc;
     type Reactor = reactor::recommended::Ipc;
     type ArcThreadSafetyPolicy<T: Send + Debug + Abandonable> = Shared<T>;
     type BlackboardMgmt<T: Send + Sync + Debug + ZeroCopySend + 'static> =
-        dynamic_storage::recommended::Ipc<T>;
-    type BlackboardPayload = shared_memory::recommended::Ipc<BumpAllocator>;
+        dynamic_storage::file::Storage<T>;
+    type BlackboardPayload = shared_memory::file::Memory<BumpAllocator>;
     type UniqueId = UniqueSystemId;
 }
 

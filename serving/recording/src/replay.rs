@@ -20,6 +20,9 @@ pub use sweep_beliefs::SweepBeliefs;
 /// No belief comes so long after its last frame.
 const SILENCE: Duration = Duration::from_millis(500);
 
+/// A longer pause is a damaged time stamp or an idle robot, and is cut to this, seconds.
+const LONGEST_PAUSE_S: f64 = 60.0;
+
 /// Counts of the packets that were put onto the channels, and the beliefs that came.
 #[derive(Debug)]
 pub struct Played {
@@ -29,6 +32,8 @@ pub struct Played {
     pub frames: usize,
     /// Commands that were put.
     pub commands: usize,
+    /// Pauses of over a minute that were cut to one.
+    pub pauses_cut: usize,
     /// Sequence of the last frame that was put, by finger.
     pub last_frames: BTreeMap<u32, u64>,
     /// In the order in which they came.
@@ -52,6 +57,8 @@ pub struct ReplayReport {
     pub frames_lost: u64,
     /// Commands that were put.
     pub commands: usize,
+    /// Pauses of over a minute that were cut to one: a damaged time stamp, or a robot that did nothing.
+    pub pauses_cut: usize,
     /// Beliefs that came now.
     #[serde(flatten)]
     pub replayed: SweepBeliefs,
@@ -101,6 +108,7 @@ impl ReplayReport {
             frames: played.frames,
             frames_lost,
             commands: played.commands,
+            pauses_cut: played.pauses_cut,
             identical: (!recorded.about.is_empty()).then_some(differing == 0),
             differing,
             another_asked,
@@ -135,7 +143,7 @@ impl fmt::Display for ReplayReport {
     }
 }
 
-/// Puts frames and commands onto the channels at their times, and listens to the beliefs about them.
+/// Puts frames and commands onto the channels at their times, and listens to the beliefs about them. Pauses of over a minute are cut to one.
 ///
 /// - `speed`: how much faster than it happened
 /// - `stopped`: ends it early when it returns true
@@ -159,7 +167,7 @@ pub fn play(
     }
     let mut last_frames = BTreeMap::new();
     let over = &AtomicBool::new(false);
-    let (mut frames, mut put_commands) = (0, 0);
+    let (mut frames, mut put_commands, mut pauses_cut) = (0, 0, 0);
     let begun = Instant::now();
     let heard = std::thread::scope(|scope| -> Result<Vec<TactileBelief>, RecordingError> {
         let over_now = EndOnDrop(over);
@@ -186,9 +194,14 @@ pub fn play(
             )
         };
         let entries = || recording.entries.iter().filter(moves);
-        let first_ns = entries().next().map_or(0, |entry| entry.time_ns);
+        let mut before_ns = entries().next().map_or(0, |entry| entry.time_ns);
+        let mut due = 0.0;
         for entry in entries() {
-            let due = (entry.time_ns - first_ns) as f64 / 1e9 / speed;
+            // They are in the order of their times.
+            let pause = entry.time_ns.saturating_sub(before_ns) as f64 / 1e9;
+            before_ns = entry.time_ns;
+            pauses_cut += usize::from(pause > LONGEST_PAUSE_S);
+            due += pause.min(LONGEST_PAUSE_S) / speed;
             if !wait_until(begun, due, stopped) {
                 break;
             }
@@ -219,6 +232,7 @@ pub fn play(
         seconds: begun.elapsed().as_secs_f64(),
         frames,
         commands: put_commands,
+        pauses_cut,
         last_frames,
         beliefs: heard,
     })

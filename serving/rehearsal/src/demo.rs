@@ -8,7 +8,7 @@ use tactnet_serving::web::Dashboard;
 use tactnet_skin::ServeConfig;
 
 use crate::write_table::write_table;
-use crate::{ChildProcess, RehearsalError};
+use crate::{ChildProcess, RehearsalError, own_bus_name};
 
 /// The processes of a demonstration, on a bus of their own, and the page; they are killed if this is dropped before [`Demo::end`].
 pub struct Demo {
@@ -37,7 +37,7 @@ impl Demo {
         listener: TcpListener,
     ) -> Result<Self, RehearsalError> {
         let config = ServeConfig::default();
-        let table = config.table(&format!("demo{}", std::process::id()));
+        let table = config.table(&own_bus_name("demo"));
         let path = write_table(&table, folder)?;
         let (run, sweeps) = (run.display().to_string(), sweeps.display().to_string());
         let mut demo = Self {

@@ -24,7 +24,7 @@ pub use catching::{CatchingReport, CatchingRole, catching_table, run_role};
 pub use child_process::ChildProcess;
 pub use demo::Demo;
 pub use error::RehearsalError;
-pub use own_bus::OwnBus;
+pub use own_bus::{OwnBus, own_bus_name};
 pub use play_order::play_order;
 pub use put_numbered::put_numbered;
 pub use replay_alone::replay_alone;

@@ -1,6 +1,15 @@
 //! A bus that nobody else uses.
 
-use tactnet_channel::{Table, remove_bus};
+use tactnet_channel::{Table, remove_abandoned_buses, remove_bus};
+
+/// Returns the name of a bus of this process, after those of killed ones have been removed.
+///
+/// - `purpose`: how it begins
+pub fn own_bus_name(purpose: &str) -> String {
+    // Nothing depends on it.
+    let _ = remove_abandoned_buses(purpose);
+    format!("{purpose}{}", std::process::id())
+}
 
 /// A bus whose shared memory is removed when this is dropped.
 pub struct OwnBus<'a>(pub &'a Table);

@@ -7,7 +7,7 @@ use tactnet_recording::{Played, Recording, play};
 use tactnet_serving::ServeReport;
 
 use crate::write_table::write_table;
-use crate::{ChildProcess, OwnBus, RehearsalError};
+use crate::{ChildProcess, OwnBus, RehearsalError, own_bus_name};
 
 /// Plays a recording to a classifier of its own; returns what was put and heard, and how many frames the classifier has lost.
 ///
@@ -28,7 +28,7 @@ pub fn replay_alone(
     stopped: &dyn Fn() -> bool,
 ) -> Result<(Played, u64), RehearsalError> {
     let mut table = Table {
-        bus: format!("replay{}", std::process::id()),
+        bus: own_bus_name("replay"),
         network: Network::default(),
         ..recording.table.clone()
     };

@@ -15,7 +15,7 @@ use crate::stack::with_priority;
 use crate::write_table::write_table;
 use crate::{
     CatchingStack, ChildProcess, OwnBus, REST_FRAMES, RehearsalError, Scheduling, SkinDriver,
-    SkinSimulator, catching_table,
+    SkinSimulator, catching_table, own_bus_name,
 };
 pub use played::Played;
 pub use report::SoakReport;
@@ -58,7 +58,7 @@ impl Soak<'_> {
         stopped: &dyn Fn() -> bool,
     ) -> Result<SoakReport, RehearsalError> {
         let config = ServeConfig::default();
-        let table = catching_table(config.table(&format!("soak{}", std::process::id())));
+        let table = catching_table(config.table(&own_bus_name("soak")));
         let path = write_table(&table, self.folder)?;
         let _own = OwnBus(&table);
         let hub = Hub::spawn(&table)?;

@@ -39,7 +39,7 @@ const fn follows(
 const CLASSIFIER: &str = "components.tactnet";
 const SEGMENTER: &str = "components.tactnet.segmenter";
 
-const SETTINGS: [Setting; 34] = [
+const SETTINGS: [Setting; 41] = [
     setting(
         "",
         "bus",
@@ -56,6 +56,26 @@ const SETTINGS: [Setting; 34] = [
         "where the hub waits for other hosts, like \"tcp/10.0.0.2:7447\"",
     ),
     setting("network", "connect", "hubs of other hosts to connect to"),
+    setting(
+        "network",
+        "authority",
+        "PEM file of who vouches for this robot's hosts, for endpoints like \"tls/10.0.0.2:7447\"",
+    ),
+    setting(
+        "network",
+        "certificate",
+        "PEM file of this host's certificate",
+    ),
+    setting(
+        "network",
+        "private_key",
+        "PEM file of the certificate's key",
+    ),
+    setting(
+        "network",
+        "plain_text",
+        "endpoints beyond this machine may be without TLS",
+    ),
     setting("channels", "packet", "type of its packets"),
     setting("channels", "version", "version of that type"),
     setting("channels", "item_bytes", "size of an item, bytes"),
@@ -91,6 +111,21 @@ const SETTINGS: [Setting; 34] = [
         "channels",
         "congestion",
         "when the network is too slow: \"drop\" packets or \"block\"",
+    ),
+    setting(
+        "channels",
+        "put_from",
+        "hosts whose packets are taken, by the common name of their certificate [default: every host]",
+    ),
+    setting(
+        "channels",
+        "get_from",
+        "hosts that may have its packets [default: every host]",
+    ),
+    setting(
+        "channels",
+        "remote_rate",
+        "most packets a second from other hosts [default: 10000]",
     ),
     setting(
         CLASSIFIER,

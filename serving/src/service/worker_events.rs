@@ -49,7 +49,7 @@ impl Service {
                         && classifier.fused().sweeps() > 0;
                 }
                 self.names = names;
-                self.measures.serve(None, self.names.version);
+                self.measures.serve(self.names.version);
                 self.retired = Some(classifiers);
                 self.model.put_copy(&[*self.names])?;
                 self.publish_status(event, asked, format_args!("{}", text.as_str()))?;

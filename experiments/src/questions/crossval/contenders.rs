@@ -204,10 +204,7 @@ fn training(fold: &Fold<'_>) -> Option<TrainingSteps> {
     let ModelRecipe::TactNet2(recipe) = &fold.config.recipe else {
         return None;
     };
-    Some(TrainingSteps {
-        epochs: recipe.training.epochs,
-        batches: fold.result.n_train.div_ceil(recipe.training.batch),
-    })
+    Some(TrainingSteps::of(&recipe.training, fold.result.n_train))
 }
 
 fn record(fold: &Fold<'_>) -> FoldRecord {

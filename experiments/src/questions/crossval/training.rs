@@ -10,17 +10,19 @@ use crate::{ExperimentError, Measure, Measurement, Part, Task, TaskRecord};
 /// Reads the run directory of a training that has ended.
 ///
 /// # Errors
-/// A run directory that is damaged.
+/// A run directory that is damaged, or whose result its predictions do not confirm.
 pub(crate) fn read_training<'a>(
     dir: &'a ExperimentDir,
     task: &'a Task,
 ) -> Result<FinishedTask<'a>, ExperimentError> {
     let path = dir.task_dir(task);
     let run = RunDir::open(&path)?;
-    let result = run.result()?.ok_or_else(|| ExperimentError::Folder {
-        path: path.clone(),
-        reason: "expected a result.json, found none".into(),
-    })?;
+    let result = run
+        .verified_result()?
+        .ok_or_else(|| ExperimentError::Folder {
+            path: path.clone(),
+            reason: "expected a result.json, found none".into(),
+        })?;
     let (config, split) = (run.config()?, run.split()?);
     let setting = split_name(&split, &config);
     let mut measurements = Vec::new();

@@ -59,11 +59,13 @@ impl Namespaces {
             Network {
                 host: "a".into(),
                 listen: endpoint.clone(),
+                plain_text: true,
                 ..Network::default()
             },
             Network {
                 host: "b".into(),
                 connect: endpoint,
+                plain_text: true,
                 ..Network::default()
             },
         ];

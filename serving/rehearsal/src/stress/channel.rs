@@ -58,6 +58,7 @@ fn table(cell: &Cell, name: &str, host: usize) -> Table {
             host: format!("h{host}"),
             listen: vec![port(host)],
             connect: (0..host).map(port).collect(),
+            ..Network::default()
         };
     }
     table

@@ -32,10 +32,14 @@ struct Get {
     spin: bool,
 }
 
+fn prefix(name: &str) -> String {
+    format!("{name}raw_")
+}
+
 fn node(name: &str) -> Result<Node<ipc::Service>, Failure> {
     set_log_level(LogLevel::Fatal);
     let mut config = Config::default();
-    config.global.prefix = FileName::new(format!("{name}raw_").as_bytes()).map_err(debug)?;
+    config.global.prefix = FileName::new(prefix(name).as_bytes()).map_err(debug)?;
     NodeBuilder::new()
         .config(&config)
         .signal_handling_mode(SignalHandlingMode::Disabled)
@@ -136,6 +140,28 @@ pub(super) struct IceoryxMaster {
     there: Put,
     back: Get,
     _node: Node<ipc::Service>,
+    /// Last, when the node is closed.
+    _segment: ManagementSegment,
+}
+
+/// What iceoryx2 leaves in shared memory for ever: 16 bytes for each prefix, which every user may write to.
+struct ManagementSegment {
+    prefix: String,
+}
+
+impl Drop for ManagementSegment {
+    fn drop(&mut self) {
+        let Ok(entries) = std::fs::read_dir("/dev/shm") else {
+            return;
+        };
+        for entry in entries.flatten() {
+            let name = entry.file_name().to_string_lossy().into_owned();
+            if name.starts_with(&self.prefix) && name.ends_with(".global_mgmt") {
+                // Nothing depends on it.
+                let _ = std::fs::remove_file(entry.path());
+            }
+        }
+    }
 }
 
 impl IceoryxMaster {
@@ -145,6 +171,9 @@ impl IceoryxMaster {
             there: Way::open(&node, "there", cell, 1, cell.clients)?.put()?,
             back: Way::open(&node, "back", cell, cell.clients, 1)?.get(cell.spin)?,
             _node: node,
+            _segment: ManagementSegment {
+                prefix: prefix(name),
+            },
         })
     }
 }

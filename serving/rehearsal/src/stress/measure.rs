@@ -12,6 +12,8 @@ use serde::Serialize;
 use tactnet_channel::percentile;
 use tactnet_process::ReadyProcess;
 
+use crate::own_bus_name;
+
 use super::plan::{Cell, StressDomain, Transport};
 use super::{ClientTask, END, Failure, Master, PATIENCE, channel, futex, iceoryx, unix};
 
@@ -137,7 +139,7 @@ impl Cell {
         program: &Path,
         arguments: &[&str],
     ) -> Result<(Vec<Duration>, usize), Failure> {
-        let name = format!("stress{}", std::process::id());
+        let name = own_bus_name("stress");
         let mut open = Opened::open(self, &name)?;
         let mut clients = Clients::start(self, &name, &open, program, arguments)?;
         let master = &mut *open.master;

@@ -1,0 +1,3 @@
+#![no_main]
+
+tactnet_fuzz::target!("hdf5");

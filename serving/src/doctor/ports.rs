@@ -1,0 +1,27 @@
+//! Ports that `tactnet` listens at unless told otherwise.
+
+use std::net::TcpListener;
+
+use super::{Check, Status};
+
+pub(super) fn checks() -> Vec<Check> {
+    [
+        (
+            "port of demo",
+            8750,
+            "demo and dashboard take another with `--listen 127.0.0.1:8751`",
+        ),
+        (
+            "port of serve",
+            9464,
+            "serve takes another with `--metrics 127.0.0.1:9465`",
+        ),
+    ]
+    .map(
+        |(name, port, advice)| match TcpListener::bind(("127.0.0.1", port)) {
+            Ok(_) => Check::ok(name, format!("{port} is free")),
+            Err(error) => Check::not_ok(Status::Note, name, format!("{port}: {error}"), advice),
+        },
+    )
+    .into()
+}

@@ -1,0 +1,39 @@
+#!/usr/bin/env bash
+# Attacks on everything that reads files or packets of others, and kills at random moments. Prints one JSON with a row for each attack.
+#
+#   tests/attacks/run.sh --quick     two minutes, in CI
+#   tests/attacks/run.sh --full      hours: ten million inputs or an hour for each target, 200 kills of each kind, 500 on the channels
+#
+# --programs DIR names the folder with `tactnet` and `tactnet-attacks` [default: target/release, built where they are missing].
+set -euo pipefail
+repository=$(cd "$(dirname "$0")/../.." && pwd)
+programs=$repository/target/release how=''
+while [ $# -gt 0 ]; do
+  case $1 in
+    --quick) how=quick ;;
+    --full) how=full ;;
+    --programs) programs=$(realpath "$2"); shift ;;
+    *) how='' && break ;;
+  esac
+  shift
+done
+[ -n "$how" ] || { sed -n '2,7s/^# \{0,1\}//p' "$0"; exit 2; }
+if [ ! -x "$programs/tactnet" ] || [ ! -x "$programs/tactnet-attacks" ]; then
+  (cd "$repository" && cargo build --release --locked --package tactnet --package tactnet-attacks)
+fi
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+if [ $how = quick ]; then
+  inputs=(--seconds 4) kills=(--kills 3)
+else
+  inputs=(--seconds 3600 --executions 10000000) kills=(--kills 200 --channel-kills 500)
+fi
+failed=0
+"$programs/tactnet-attacks" "${inputs[@]}" --out attacks >"$work/inputs.json" || failed=1
+python3 "$repository/tests/attacks/kills.py" --tactnet "$programs/tactnet" "${kills[@]}" >"$work/kills.json" || failed=1
+python3 - "$how" "$work"/*.json <<'PY'
+import json, sys
+rows = [row for file in sorted(sys.argv[2:]) for row in json.load(open(file))["rows"]]
+print(json.dumps({"schema_version": 1, "how": sys.argv[1], "rows": rows}, indent=2))
+PY
+exit $failed

@@ -1,0 +1,71 @@
+//! All targets, each in a process of its own.
+
+use std::process::Command;
+
+use serde::Serialize;
+
+use crate::run::{HANGS, Limits, Row};
+use crate::targets;
+
+/// What `tactnet-attacks` prints.
+#[derive(Debug, Serialize)]
+pub struct Report {
+    schema_version: u32,
+    seed: u64,
+    rows: Vec<Row>,
+}
+
+impl Report {
+    /// Attacks every target, or one, by calling this program again.
+    ///
+    /// # Errors
+    /// As [`crate::attack`].
+    pub fn of(target: Option<&str>, limits: &Limits) -> anyhow::Result<Self> {
+        let names = match target {
+            Some(name) => vec![name],
+            None => targets::NAMES.to_vec(),
+        };
+        let mut rows = Vec::new();
+        for name in names {
+            eprintln!("{name} …");
+            rows.push(row(name, limits)?);
+        }
+        Ok(Self {
+            schema_version: 1,
+            seed: limits.seed,
+            rows,
+        })
+    }
+
+    /// Returns true if nothing broke.
+    pub fn is_clean(&self) -> bool {
+        self.rows
+            .iter()
+            .all(|row| row.panics + row.hangs + row.over_memory + row.lost == 0)
+    }
+}
+
+fn row(name: &str, limits: &Limits) -> anyhow::Result<Row> {
+    let output = Command::new(std::env::current_exe()?)
+        .args(["--child", "--target", name])
+        .args(["--seconds", &limits.seconds.to_string()])
+        .args(["--executions", &limits.executions.to_string()])
+        .args(["--seed", &limits.seed.to_string()])
+        .arg("--out")
+        .arg(&limits.out)
+        .output()?;
+    if output.status.success() {
+        return Ok(serde_json::from_slice(&output.stdout)?);
+    }
+    let hangs = output.status.code() == Some(HANGS);
+    // Ended by a signal: out of memory, or a panic that could not unwind.
+    if hangs || output.status.code().is_none() {
+        return Ok(Row {
+            target: name.into(),
+            hangs: u64::from(hangs),
+            panics: u64::from(!hangs),
+            ..Row::default()
+        });
+    }
+    anyhow::bail!("{}", String::from_utf8_lossy(&output.stderr).trim());
+}

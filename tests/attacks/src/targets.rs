@@ -1,0 +1,67 @@
+//! Everything that reads files or packets of others.
+
+mod datasets;
+mod messages;
+mod recording;
+mod run_dir;
+mod texts;
+
+use anyhow::bail;
+
+/// Names of all targets.
+pub const NAMES: [&str; 9] = [
+    "npz",
+    "npz members",
+    "hdf5",
+    "csv",
+    "parquet",
+    "mcap",
+    "messages",
+    "run",
+    "tables",
+];
+
+/// Reads an input; returns whether it is taken as valid.
+type Run = dyn FnMut(&[u8]) -> bool;
+
+/// What is attacked.
+pub struct Target {
+    /// Valid inputs.
+    pub seeds: Vec<Vec<u8>>,
+    /// Reads an input; returns whether it is taken as valid.
+    pub run: Box<Run>,
+    /// Most bytes that a call may hold.
+    pub ceiling: usize,
+    /// True if a call might end the process, so that its input is kept before.
+    pub may_abort: bool,
+}
+
+impl Target {
+    fn new(seeds: Vec<Vec<u8>>, run: impl FnMut(&[u8]) -> bool + 'static) -> Self {
+        Self {
+            seeds,
+            run: Box::new(run),
+            ceiling: 64 << 20,
+            may_abort: true,
+        }
+    }
+}
+
+/// Makes a target ready.
+///
+/// # Errors
+/// No such target; no shared memory for its files.
+pub fn open(name: &str) -> anyhow::Result<Target> {
+    match name {
+        "npz" => datasets::whole("npz"),
+        "npz members" => datasets::npz_members(),
+        "hdf5" => datasets::whole("h5"),
+        "csv" => datasets::csv(),
+        "parquet" => datasets::parquet(),
+        "mcap" => recording::mcap(),
+        "messages" => Ok(messages::messages()),
+        "run" => run_dir::run(),
+        "tables" => Ok(texts::tables()),
+        _ => bail!("no target `{name}`; there are {}", NAMES.join(", ")),
+    }
+}

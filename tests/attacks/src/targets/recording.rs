@@ -1,0 +1,72 @@
+//! Recordings.
+
+use std::io::Cursor;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use bytemuck::Zeroable;
+use mcap::records::Record;
+use tactnet_channel::{Bus, Domain, Priority};
+use tactnet_recording::{About, Recorder, Recording};
+use tactnet_skin::ServeConfig;
+use tactnet_skin::packets::SkinFrame;
+
+use super::Target;
+
+/// Two files of the same recording: as it is written, and without compression and checksums, so that changes reach what they protect.
+pub(super) fn mcap() -> anyhow::Result<Target> {
+    let folder = tempfile::tempdir_in("/dev/shm")?;
+    let path: PathBuf = folder.path().join("recorded.mcap");
+    let config = ServeConfig::default();
+    let table = config.table("attacked");
+    let bus = Bus::open(Domain::Process, &table)?;
+    let about = About {
+        material: Some("felt".into()),
+        git: "0".into(),
+        files: vec![("notes".into(), b"attached".to_vec())],
+    };
+    let mut recorder = Recorder::start(&bus, &table, &path, &about)?;
+    let skin = bus.put_port::<SkinFrame>(config.fingers[0].as_str(), Priority::High)?;
+    for sequence in 0..20 {
+        let mut frame = SkinFrame::zeroed();
+        frame.sequence = sequence;
+        frame.taxels = 4;
+        skin.put_copy(&[frame])?;
+        recorder.step(Duration::from_millis(1))?;
+    }
+    recorder.finish()?;
+    let written = std::fs::read(&path)?;
+    let seeds = vec![plain(&written)?, written];
+    Ok(Target::new(seeds, move |input| {
+        let _folder = &folder;
+        std::fs::write(&path, input).is_ok() && Recording::read(&path).is_ok()
+    }))
+}
+
+fn plain(written: &[u8]) -> anyhow::Result<Vec<u8>> {
+    let mut writer = mcap::WriteOptions::new()
+        .compression(None)
+        .use_chunks(false)
+        .calculate_data_section_crc(false)
+        .calculate_summary_section_crc(false)
+        .calculate_attachment_crcs(false)
+        .create(Cursor::new(Vec::new()))?;
+    for message in mcap::MessageStream::new(written)? {
+        writer.write(&message?)?;
+    }
+    for record in mcap::read::LinearReader::new(written)? {
+        match record? {
+            Record::Metadata(metadata) => writer.write_metadata(&metadata)?,
+            Record::Attachment { header, data, .. } => writer.attach(&mcap::Attachment {
+                log_time: header.log_time,
+                create_time: header.create_time,
+                name: header.name,
+                media_type: header.media_type,
+                data,
+            })?,
+            _ => {}
+        }
+    }
+    writer.finish()?;
+    Ok(writer.into_inner().into_inner())
+}
