@@ -91,7 +91,18 @@ enum Command {
     Version(version::VersionArgs),
 }
 
+/// Keeps quiet about panics that become an error of one line.
+fn quiet_readers() {
+    let shown = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        if std::thread::current().name() != Some(tactnet_data::format::READING) {
+            shown(panic);
+        }
+    }));
+}
+
 fn main() -> ExitCode {
+    quiet_readers();
     tracing_subscriber::fmt()
         .with_env_filter(tracing_subscriber::EnvFilter::from_default_env())
         .with_writer(std::io::stderr)

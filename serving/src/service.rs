@@ -19,7 +19,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use tactnet_channel::{
-    Bus, GetPort, GetSide, Priority, PutPort, Received, Start, SyncGroup, Wait, now_ns,
+    Bus, GetPort, GetSide, Priority, PutPort, RateLimit, Received, Start, SyncGroup, Wait, now_ns,
 };
 use tactnet_data::Frame;
 use tactnet_pipeline::OnlineClassifier;
@@ -62,6 +62,8 @@ pub struct Service {
     measures: Arc<Measures>,
     sweeps: u64,
     lost_commands: u64,
+    command_rate: RateLimit,
+    refused_commands: u64,
     alive_ns: u64,
     connections: Connections,
     /// For whoever started it, since the last call.
@@ -163,6 +165,8 @@ impl Service {
             measures: measures.clone(),
             sweeps: 0,
             lost_commands: 0,
+            command_rate: RateLimit::new(commands::COMMAND_RATE),
+            refused_commands: 0,
             alive_ns: 0,
             connections: Connections::default(),
             news: Vec::new(),

@@ -88,6 +88,52 @@ fn a_service_without_descriptors_says_so_and_reaches_its_skin_when_it_has_some_a
     assert!(beliefs.get(patience).unwrap().is_some(), "it sees the skin");
 }
 
+/// Two programs that put commands as fast as they can once stopped all beliefs.
+#[test]
+fn a_flood_of_commands_stops_no_belief() {
+    let robot = Robot::new("flood");
+    let _hub = robot.start(&["channel", "hub"]);
+    let _service = robot.serve("models");
+    let _skin = robot.skin("1000");
+    let bus = robot.bus();
+    let status = bus
+        .get_port::<TactileStatus>("tactile/status", Start::Now)
+        .unwrap();
+    let _flood: Vec<Running> = (0..2)
+        .map(|_| {
+            let mut put = tactnet([
+                "channel",
+                "put",
+                "sweep/command",
+                "--rate",
+                "200000",
+                "--table",
+            ]);
+            put.arg(robot.lab.path("robot.toml")).stderr(Stdio::null());
+            Running(put.stdout(Stdio::null()).spawn().unwrap())
+        })
+        .collect();
+    let begun = Instant::now();
+    let patience = Wait::Block { timeout: PATIENCE };
+    loop {
+        let event = status.get(patience).unwrap().unwrap();
+        let text = event.first().unwrap().text;
+        if text
+            .as_str()
+            .contains("commands refused: more than 1000 a second")
+        {
+            break;
+        }
+        assert!(begun.elapsed() < PATIENCE, "the flood is not noticed");
+    }
+    let beliefs = bus
+        .get_port::<TactileBelief>("tactile/belief", Start::Now)
+        .unwrap();
+    for _ in 0..20 {
+        assert!(beliefs.get(patience).unwrap().is_some(), "it sees the skin");
+    }
+}
+
 /// A flipped bit of a finished run once gave other numbers without a word, and an edited result another report.
 #[test]
 fn a_run_that_was_changed_after_its_end_is_refused_by_all_who_read_it() {

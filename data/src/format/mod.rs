@@ -190,6 +190,9 @@ fn read_arrays(path: &Path) -> Result<Dataset, DataError> {
     }
 }
 
+/// Name of threads that read files with crates that may panic at damaged ones; what they would print need not be shown.
+pub const READING: &str = "reading a file";
+
 /// Passes `dataset` on unless it holds a NaN or an infinity.
 fn refuse_non_finite(path: &Path, dataset: Dataset) -> Result<Dataset, DataError> {
     let Samples::F32(values) = dataset.samples() else {

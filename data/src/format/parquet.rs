@@ -20,7 +20,24 @@ use crate::{DataError, Dataset};
 /// # Errors
 /// What cannot be read; nested columns, missing values, words where numbers belong; sweeps of different lengths.
 pub fn read_with_gaps(path: &Path, steps: Option<usize>) -> Result<Dataset, DataError> {
-    let table = table(path)?;
+    // The crate panics at some damaged files, in a thread that then is all that ends.
+    let read = || {
+        std::thread::scope(|scope| {
+            let thread = std::thread::Builder::new().name(super::READING.into());
+            let thread = thread.spawn_scoped(scope, || table(path))?;
+            Ok(thread.join())
+        })
+    };
+    let table = read()
+        .map_err(|error| DataError::io(path, "read", error))?
+        .unwrap_or_else(|_| {
+            Err(DataError::format(
+                path,
+                "file",
+                "a Parquet table",
+                "one that is damaged",
+            ))
+        })?;
     let sweeps = table.into_sweeps(steps)?;
     sweeps
         .into_dataset()

@@ -25,7 +25,6 @@ mod packet;
 mod percentile;
 mod put;
 mod rate;
-#[cfg(feature = "zenoh")]
 mod rate_limit;
 mod received_summary;
 mod shared;
@@ -47,6 +46,7 @@ pub use packet::{ChannelId, Header, Packet, Priority};
 pub use percentile::percentile;
 pub use put::{Loan, PutPort, now_ns};
 pub use rate::{PacketRate, measure_rate};
+pub use rate_limit::RateLimit;
 pub use received_summary::ReceivedSummary;
 pub use sync_group::SyncGroup;
 pub use table::{ChannelConfig, Congestion, Network, Table};

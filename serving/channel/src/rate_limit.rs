@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 /// Lets packets pass at a rate, and as many at once as come in a tenth of a second at that rate.
 #[derive(Debug)]
-pub(crate) struct RateLimit {
+pub struct RateLimit {
     /// Time that one packet takes.
     each: Duration,
     /// Time that packets may be ahead.
@@ -14,8 +14,10 @@ pub(crate) struct RateLimit {
 }
 
 impl RateLimit {
+    /// Begins to count.
+    ///
     /// - `rate`: packets a second, above 0
-    pub(crate) fn new(rate: u32) -> Self {
+    pub fn new(rate: u32) -> Self {
         let each = Duration::from_secs(1) / rate.max(1);
         Self {
             each,
@@ -25,7 +27,7 @@ impl RateLimit {
     }
 
     /// Counts a packet that comes at `now`; returns false for one too many.
-    pub(crate) fn allows(&mut self, now: Instant) -> bool {
+    pub fn allows(&mut self, now: Instant) -> bool {
         let due = self.due.unwrap_or(now).max(now);
         if due > now + self.ahead {
             return false;

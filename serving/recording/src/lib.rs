@@ -5,6 +5,7 @@
 
 mod error;
 mod kept_run;
+mod lengths;
 mod listener;
 mod messages;
 mod recorder;

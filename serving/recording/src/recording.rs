@@ -12,11 +12,21 @@ use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use tactnet_channel::Table;
 use tactnet_skin::packets::{ModelNames, SkinFrame, SweepCommand, TactileBelief, TactileStatus};
 
+use crate::lengths::lengths_fit;
 use crate::messages::Recordable;
 use crate::{METADATA, RecordingError};
 
 /// Records may always be so long, bytes; longer ones only in longer files.
 const LONGEST_RECORD: u64 = 64 << 20;
+const NOT_NEEDED: [u8; 7] = [
+    op::MESSAGE_INDEX,
+    op::CHUNK_INDEX,
+    op::ATTACHMENT_INDEX,
+    op::STATISTICS,
+    op::METADATA_INDEX,
+    op::SUMMARY_OFFSET,
+    op::DATA_END,
+];
 
 /// One packet of a recording.
 #[derive(Debug, Clone)]
@@ -158,8 +168,12 @@ impl Recording {
 impl Found {
     /// Takes one record; gives why nothing behind it can be trusted.
     fn take(&mut self, opcode: u8, data: &[u8]) -> Result<(), String> {
-        if opcode == op::ATTACHMENT && !attachment_is_whole(data) {
-            return Err("an attachment is damaged".into());
+        if !lengths_fit(opcode, data) {
+            return Err(format!("a record of kind {opcode:#04x} is damaged"));
+        }
+        // Indices and statistics are not needed, and would be read at the word of what they say of themselves.
+        if NOT_NEEDED.contains(&opcode) {
+            return Ok(());
         }
         match parse_record(opcode, data).map_err(|error| error.to_string())? {
             Record::Schema { header, .. } => {
@@ -204,25 +218,6 @@ impl Found {
         }
         Ok(())
     }
-}
-
-/// Returns true if the lengths in an attachment add up; mcap 0.26 panics where they do not.
-fn attachment_is_whole(data: &[u8]) -> bool {
-    let integer = |at: usize, bytes: usize| -> Option<usize> {
-        let mut value = [0; 8];
-        value[..bytes].copy_from_slice(data.get(at..at.checked_add(bytes)?)?);
-        usize::try_from(u64::from_le_bytes(value)).ok()
-    };
-    let end = || -> Option<usize> {
-        // Two times, two texts, the data, a checksum.
-        let mut at: usize = 16;
-        for bytes in [4, 4, 8] {
-            let length = integer(at, bytes)?;
-            at = at.checked_add(bytes)?.checked_add(length)?;
-        }
-        at.checked_add(4)
-    };
-    end().is_some_and(|end| end <= data.len())
 }
 
 fn decoded(name: &str, data: &[u8]) -> Option<RecordedPacket> {

@@ -1,5 +1,7 @@
 //! Commands of motion controllers and people.
 
+use std::time::Instant;
+
 use tactnet_skin::packets::{Command, Event, SweepCommand};
 use tactnet_skin::{Segmentation, SweepChange};
 
@@ -8,6 +10,9 @@ use super::waiting_commands::MAX_COMMANDS;
 use crate::ServeError;
 use crate::model_worker::Job;
 
+/// Commands a second that are followed; a flood of more keeps no frame waiting.
+pub(super) const COMMAND_RATE: u32 = 1000;
+
 impl Service {
     /// Takes all commands that have come.
     pub(super) fn receive_commands(&mut self) -> Result<(), ServeError> {
@@ -15,6 +20,10 @@ impl Service {
             let Some(command) = self.commands.try_get()? else {
                 break;
             };
+            if !self.command_rate.allows(Instant::now()) {
+                self.refused_commands += 1;
+                continue;
+            }
             let header = *command.header();
             // Another host's clock says nothing here.
             let put_ns = if header.remote == 1 { 0 } else { header.put_ns };
@@ -29,6 +38,14 @@ impl Service {
                     ),
                 )?;
             }
+        }
+        if self.refused_commands > 0 && self.command_rate.allows(Instant::now()) {
+            let refused = std::mem::take(&mut self.refused_commands);
+            self.publish_status(
+                Event::Refused,
+                0,
+                format_args!("{refused} commands refused: more than {COMMAND_RATE} a second"),
+            )?;
         }
         let lost = self.commands.lost();
         if lost > self.lost_commands {
