@@ -24,13 +24,16 @@ fi
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 if [ $how = quick ]; then
-  inputs=(--seconds 4) kills=(--kills 3)
+  inputs=(--seconds 3) kills=(--kills 3) long=(--frames 150000 --speed 10)
 else
   inputs=(--seconds 3600 --executions 10000000) kills=(--kills 200 --channel-kills 500)
+  # A day of a skin.
+  long=(--frames 64800000 --speed 20)
 fi
 failed=0
 "$programs/tactnet-attacks" "${inputs[@]}" --out attacks >"$work/inputs.json" || failed=1
 python3 "$repository/tests/attacks/kills.py" --tactnet "$programs/tactnet" "${kills[@]}" >"$work/kills.json" || failed=1
+python3 "$repository/tests/attacks/long_run.py" --tactnet "$programs/tactnet" "${long[@]}" >"$work/long.json" || failed=1
 python3 - "$how" "$work"/*.json <<'PY'
 import json, sys
 rows = [row for file in sorted(sys.argv[2:]) for row in json.load(open(file))["rows"]]

@@ -10,6 +10,7 @@ use crate::{RehearsalError, SkinSimulator, Ticker};
 pub struct SkinDriver {
     frames: PutPort<SkinFrame>,
     commands: PutPort<SweepCommand>,
+    speed: f64,
 }
 
 impl SkinDriver {
@@ -21,7 +22,13 @@ impl SkinDriver {
         Ok(Self {
             frames: bus.put_port(config.fingers[0].as_str(), Priority::High)?,
             commands: bus.put_port(config.command.as_str(), Priority::High)?,
+            speed: 1.0,
         })
+    }
+
+    /// Puts so many times as many frames a second; the sensor's clock goes on as before.
+    pub fn at_speed(self, speed: f64) -> Self {
+        Self { speed, ..self }
     }
 
     /// Puts frames and commands at the skin's rate.
@@ -38,7 +45,7 @@ impl SkinDriver {
         ended: &dyn Fn(u64) -> bool,
     ) -> Result<(), E> {
         let failed = |error| E::from(RehearsalError::Channel(error));
-        let mut ticker = Ticker::new(skin.rate_hz());
+        let mut ticker = Ticker::new(skin.rate_hz() * self.speed);
         let mut motions = 0;
         while !ended(motions) {
             ticker.wait();

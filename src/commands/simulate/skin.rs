@@ -38,6 +38,9 @@ pub struct SkinArgs {
     /// End after N sweeps [default: go on]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     sweeps: Option<u64>,
+    /// How much faster than a skin is; too fast for the classifier, frames are lost
+    #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = speed)]
+    speed: f64,
     /// Decides the order of the sweeps
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -52,6 +55,13 @@ fn object_sweeps(text: &str) -> Result<u64, String> {
         Ok(sweeps @ 0..=1000) => Ok(sweeps),
         _ if text == "none" => Ok(0),
         _ => Err("expected 1 to 1000 sweeps, or `none`".into()),
+    }
+}
+
+fn speed(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(speed) if speed > 0.0 && speed <= 1000.0 => Ok(speed),
+        _ => Err("expected a number above 0, at most 1000".into()),
     }
 }
 
@@ -91,14 +101,14 @@ pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
             }
         }
     };
-    let driver = SkinDriver::open(&bus, &config)?;
+    let driver = SkinDriver::open(&bus, &config)?.at_speed(arguments.speed);
     let mut skin = SkinSimulator::new(&dataset, order, config.segmenter.skip, REST_FRAMES);
     if object_sweeps > 0 {
         skin = skin.with_objects_of(object_sweeps);
     }
     eprintln!(
         "putting {} frames a second on {}; Ctrl-C ends",
-        dataset.sample_rate_hz(),
+        dataset.sample_rate_hz() * arguments.speed,
         config.fingers[0]
     );
     output::print(format_args!("ready"))?;

@@ -1,10 +1,10 @@
 //! All targets, each in a process of its own.
 
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 use serde::Serialize;
 
-use crate::run::{HANGS, Limits, Row};
+use crate::run::{HANGS, Limits, Row, last_input};
 use crate::targets;
 
 /// What `tactnet-attacks` prints.
@@ -46,14 +46,22 @@ impl Report {
 }
 
 fn row(name: &str, limits: &Limits) -> anyhow::Result<Row> {
-    let output = Command::new(std::env::current_exe()?)
+    let child = Command::new(std::env::current_exe()?)
         .args(["--child", "--target", name])
         .args(["--seconds", &limits.seconds.to_string()])
         .args(["--executions", &limits.executions.to_string()])
         .args(["--seed", &limits.seed.to_string()])
         .arg("--out")
         .arg(&limits.out)
-        .output()?;
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()?;
+    let last = last_input(child.id());
+    let output = child.wait_with_output()?;
+    if !output.status.success() && last.exists() {
+        std::fs::copy(&last, limits.out.join(format!("{name}-last")))?;
+    }
+    let _ = std::fs::remove_file(&last);
     if output.status.success() {
         return Ok(serde_json::from_slice(&output.stdout)?);
     }
