@@ -6,8 +6,12 @@ use std::path::Path;
 use super::run_dir::{ENROLLED, ENVIRONMENT, HELD_OUT};
 use crate::{Enrolled, EnrolledMaterial, PipelineError, Provenance, RunConfig, RunDir};
 
+/// How the name of a folder begins that is not whole yet.
+const DRAFT: &str = ".enrolling-";
+
 impl RunDir {
-    /// Makes a new run directory for a classifier with one more material: what `self` holds, but for the training's course and results.
+    /// Makes a new run directory for a classifier with one more material: what `self` holds, but for the training's course and results. It is
+    /// made beside `path` under another name, and moved there when it is whole.
     ///
     /// # Errors
     /// A folder that holds anything already; a file that cannot be written.
@@ -24,6 +28,14 @@ impl RunDir {
                 reason: "is not empty; name a new folder with `--out`".into(),
             });
         }
+        let mut name = std::ffi::OsString::from(DRAFT);
+        name.push(path.file_name().unwrap_or_default());
+        let draft = path.with_file_name(name);
+        let failed = |error| PipelineError::io(path, "make the run directory", error);
+        if draft.exists() {
+            // Of a process that was killed.
+            fs::remove_dir_all(&draft).map_err(failed)?;
+        }
         let mut materials = self.enrolled()?;
         materials.push(material);
         let config = RunConfig {
@@ -34,7 +46,7 @@ impl RunDir {
         let Some(last) = sessions.last() else {
             return Err(self.refused("environment.json names no session"));
         };
-        let run = Self::create(path, &config, &self.split()?, last)?;
+        let run = Self::create(&draft, &config, &self.split()?, last)?;
         run.write_json(ENVIRONMENT, &sessions)?;
         run.write_json(ENROLLED, &materials)?;
         run.write_train_embeddings(&enrolled.known)?;
@@ -48,6 +60,8 @@ impl RunDir {
         }
         run.write_weights(&enrolled.weights)?;
         run.write_manifest()?;
-        Ok(run)
+        drop(run);
+        fs::rename(&draft, path).map_err(failed)?;
+        Self::open(path)
     }
 }
