@@ -57,7 +57,7 @@ pub use predict::calibration::{
 pub use predict::classifier::{Classifier, ClassifierConfig, ModelConfig, TactNetSetup};
 pub use predict::confusion::Confusion;
 pub use predict::enroll::{
-    Enrolled, EnrolledMaterial, EnrolmentCost, Thresholds, enroll, weights_sha256,
+    Enrolled, EnrolledMaterial, EnrolmentCost, RowPrior, Thresholds, enroll, weights_sha256,
 };
 pub use predict::evaluation::{Evaluation, evaluate_all_ways};
 pub use predict::evaluation_table::EvaluationTable;

@@ -10,7 +10,7 @@ use serde::Serialize;
 use tactnet_data::{SweepView, known_names, refuse_errors};
 use tactnet_models::Compute;
 use tactnet_pipeline::{
-    Calibration, Classifier, EnrolledMaterial, EnrolmentCost, LabelOrder, RunDir, enroll,
+    Calibration, Classifier, EnrolledMaterial, EnrolmentCost, LabelOrder, RowPrior, RunDir, enroll,
 };
 
 use super::choices::DeviceChoice;
@@ -56,6 +56,7 @@ struct EnrollResult<'a> {
     #[serde(flatten)]
     enrolled: &'a EnrolledMaterial,
     materials: usize,
+    prior: RowPrior,
     /// Only where sweeps of the known materials were set aside, by `train --calibrate`.
     #[serde(skip_serializing_if = "Option::is_none")]
     cost: Option<EnrolmentCost>,
@@ -116,6 +117,12 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
     run.create_enrolled(&arguments.out, &enrolled, material.clone())
         .context("cannot write the new classifier")?;
     let seconds = begun.elapsed().as_secs_f64();
+    if thresholds.is_none() {
+        eprintln!(
+            "hint: what it costs the known materials is not known, since no sweeps were set aside by `train --calibrate`; `tactnet eval {}` counts",
+            arguments.out.display()
+        );
+    }
     if thresholds.is_some_and(|thresholds| thresholds.held_out.is_none()) {
         eprintln!(
             "thresholds for \"unknown\" are those from before, and most likely too strict now: this run did not keep the sweeps that they were \
@@ -135,6 +142,7 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
             run: arguments.out.display().to_string(),
             enrolled: &material,
             materials,
+            prior: enrolled.prior,
             cost: enrolled.cost,
             seconds,
         })?;

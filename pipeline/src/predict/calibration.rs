@@ -118,6 +118,13 @@ impl Judged {
         })
     }
 
+    /// Share of the sweeps whose most probable material is the true one; 0 without sweeps.
+    pub(super) fn accuracy(&self) -> f64 {
+        let rows = self.log_probabilities.iter().zip(&self.labels);
+        let right = rows.filter(|(row, label)| argmax(row) == **label).count();
+        right as f64 / self.labels.len().max(1) as f64
+    }
+
     pub(super) fn append(&mut self, mut other: Self) {
         self.scores.append(&mut other.scores);
         self.log_probabilities.append(&mut other.log_probabilities);

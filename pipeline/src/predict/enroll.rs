@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 use tactnet_data::{LabelSet, SweepView, sha256_hex};
-use tactnet_models::{WeightPrior, Weights, argmax, fit_new_class};
+use tactnet_models::{LinearHead, WeightPrior, Weights, argmax, fit_new_class};
 
 use super::calibration::Judged;
 use super::overlap::sweep_sha256;
@@ -26,6 +26,8 @@ pub struct Enrolled {
     pub calibration: Option<Calibration>,
     /// What the others lose by it; absent where no sweeps of them were held out.
     pub cost: Option<EnrolmentCost>,
+    /// How the new row was fitted.
+    pub prior: RowPrior,
 }
 
 /// Accuracy on sweeps of the known materials that nothing was fitted to, before and after a material was added.
@@ -42,10 +44,15 @@ pub struct EnrolmentCost {
 }
 
 impl EnrolmentCost {
+    /// Returns true if more than one in twenty of the known materials' sweeps are lost, and at least two.
+    fn is_high(&self) -> bool {
+        let lost = self.right_before.saturating_sub(self.right_after);
+        lost >= 2 && lost * 20 > self.held_out
+    }
+
     /// Returns a warning if more than one in twenty of the known materials' sweeps are lost, and at least two.
     pub fn caution(&self) -> Option<String> {
-        let lost = self.right_before.saturating_sub(self.right_after);
-        (lost >= 2 && lost * 20 > self.held_out).then(|| {
+        self.is_high().then(|| {
             format!(
                 "the new material costs the others: of {} sweeps set aside, {} were recognised before and {} are now ({} are taken for it); \
                  more sweeps of it, or a training anew with all materials, avoids that",
@@ -121,15 +128,39 @@ pub fn weights_sha256(weights: &Weights) -> Result<String, PipelineError> {
     Ok(sha256_hex(weights.to_safetensors(BTreeMap::new())?))
 }
 
-/// What divides the strength of the prior from the known materials' rows: one material is not drawn as firmly as a draw of many is. Chosen by
-/// `tactnet experiment run enrolment` (RESULTS.md): at full strength old materials lose more and the new one is recognised less from five sweeps on.
-const WEAKER: f64 = 10.0;
+/// What the new material's row is drawn towards, and how firmly.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RowPrior {
+    /// A tenth of the prior of the known materials' rows, with a bias that is as good as free: one material is not drawn as firmly as a draw of
+    /// many is. Chosen by `tactnet experiment run enrolment` (few-sweeps.md): at full strength the known materials lose more and the new one is
+    /// recognised less from ten sweeps on; with a penalised bias it is recognised less.
+    Tenth,
+    /// A hundredth, with a bias that is penalised as the weights are.
+    HundredthWithBias,
+    /// A thousandth, likewise. A network that knows its training sweeps by heart feels others less strongly, and a free bias comes to stand for
+    /// "not strongly felt": the new material then takes sweeps of the known ones.
+    ThousandthWithBias,
+}
+
+impl RowPrior {
+    fn of(self, head: &LinearHead) -> WeightPrior {
+        let knowledge = WeightPrior::of_knowledge(head);
+        match self {
+            Self::Tenth => knowledge.weaker(10.0),
+            Self::HundredthWithBias => knowledge.with_penalised_bias().weaker(100.0),
+            Self::ThousandthWithBias => knowledge.with_penalised_bias().weaker(1000.0),
+        }
+    }
+}
 
 /// Parts in which the new sweeps are judged by classifiers that learnt the material from the others.
 const PARTS: usize = 5;
 
 /// Adds `material` to `classifier`: all layers stay, the output layer gets one more row, which is fitted to the new sweeps and those
 /// known so far, every material with the same weight, with a tenth of the prior of the known materials' rows (after OL-mean; Bauer et al., 2017).
+/// If that costs the known materials more than one in twenty of the sweeps that were held out, the two other priors of [`RowPrior`] are tried,
+/// and the one with the best accuracy over all materials is kept: of the held-out sweeps, and of the new ones as below.
 ///
 /// Thresholds are fitted again, since one more row changes what all sweeps score: to the sweeps that were held out before, and to the
 /// new ones as five classifiers judge them that learnt the material from the other four fifths.
@@ -158,41 +189,72 @@ pub fn enroll(
         return Err(refused("no sweep to learn from"));
     }
     let new = classifier.embed(sweeps)?;
-    let mut enrolled = with_row(classifier, known, &new, material)?;
-    enrolled.cost = thresholds
-        .and_then(|thresholds| thresholds.held_out.as_ref())
-        .map(|held_out| cost(classifier, &enrolled, held_out))
-        .transpose()?;
-    enrolled.calibration = match thresholds {
-        None => None,
-        Some(Thresholds {
-            calibration,
-            held_out: None,
-        }) => Some(calibration.clone()),
-        Some(Thresholds {
-            calibration,
-            held_out: Some(held_out),
-        }) => {
-            let mut judged = judge(classifier, &enrolled, calibration, held_out.clone())?;
-            for part in 0..new.len().min(PARTS) {
-                let (own, others): (Vec<usize>, Vec<usize>) =
-                    (0..new.len()).partition(|position| position % PARTS == part);
-                if others.is_empty() {
-                    break;
-                }
-                let without = with_row(classifier, known, &new.select(&others), material)?;
-                let mut own = new.select(&own);
-                own.labels.fill(without.config.labels.len() - 1);
-                judged.append(judge(classifier, &without, calibration, own)?);
-            }
-            Some(Calibration::of(
-                calibration.target,
-                calibration.score,
-                &judged,
-            )?)
-        }
+    let fitted = |prior| with_row(classifier, known, &new, material, prior);
+    let mut enrolled = fitted(RowPrior::Tenth)?;
+    let Some(thresholds) = thresholds else {
+        return Ok(enrolled);
     };
+    let calibration = &thresholds.calibration;
+    let Some(held_out) = &thresholds.held_out else {
+        enrolled.calibration = Some(calibration.clone());
+        return Ok(enrolled);
+    };
+    let first = cost(classifier, &enrolled, held_out)?;
+    enrolled.cost = Some(first);
+    let mut in_turns = judge_in_turns(classifier, known, &new, &enrolled, calibration)?;
+    if first.is_high() {
+        let known_materials = classifier.config().labels.len() as f64;
+        // Every material weighs the same.
+        let balanced = |cost: &EnrolmentCost, new: &Judged| {
+            let known = cost.right_after as f64 / cost.held_out.max(1) as f64;
+            known_materials * known + new.accuracy()
+        };
+        let mut best = balanced(&first, &in_turns);
+        for prior in [RowPrior::HundredthWithBias, RowPrior::ThousandthWithBias] {
+            let mut other = fitted(prior)?;
+            let cost = cost(classifier, &other, held_out)?;
+            let turns = judge_in_turns(classifier, known, &new, &other, calibration)?;
+            let score = balanced(&cost, &turns);
+            if score > best {
+                other.cost = Some(cost);
+                (best, enrolled, in_turns) = (score, other, turns);
+            }
+        }
+    }
+    let mut judged = judge(classifier, &enrolled, calibration, held_out.clone())?;
+    judged.append(in_turns);
+    enrolled.calibration = Some(Calibration::of(
+        calibration.target,
+        calibration.score,
+        &judged,
+    )?);
     Ok(enrolled)
+}
+
+/// What classifiers say of each fifth of the new sweeps that learnt the material from the other four; nothing of a single sweep.
+fn judge_in_turns(
+    classifier: &Classifier,
+    known: &TrainEmbeddings,
+    new: &Embedding,
+    enrolled: &Enrolled,
+    calibration: &Calibration,
+) -> Result<Judged, PipelineError> {
+    let label = enrolled.config.labels.len() - 1;
+    let material = enrolled.config.labels.name(label);
+    let mut judged = Judged::default();
+    for part in 0..new.len().min(PARTS) {
+        let (own, others): (Vec<usize>, Vec<usize>) =
+            (0..new.len()).partition(|position| position % PARTS == part);
+        if others.is_empty() {
+            break;
+        }
+        let others = new.select(&others);
+        let without = with_row(classifier, known, &others, material, enrolled.prior)?;
+        let mut own = new.select(&own);
+        own.labels.fill(label);
+        judged.append(judge(classifier, &without, calibration, own)?);
+    }
+    Ok(judged)
 }
 
 /// What the known materials lose.
@@ -244,18 +306,18 @@ fn with_row(
     known: &TrainEmbeddings,
     embedding: &Embedding,
     material: &str,
+    prior: RowPrior,
 ) -> Result<Enrolled, PipelineError> {
     let mut config = classifier.config().clone();
     config.labels = LabelSet::new(config.labels.names().chain([material]))?;
     let net = classifier.network()?;
     let head = net.output_layer();
-    let prior = WeightPrior::of_knowledge(&head).weaker(WEAKER);
     let new = fit_new_class(
         &head,
         &known.hidden,
         &known.labels,
         &embedding.hidden,
-        &prior,
+        &prior.of(&head),
     )?;
     let mut weights = net.weights();
     for (name, row) in [
@@ -280,5 +342,6 @@ fn with_row(
         known,
         calibration: None,
         cost: None,
+        prior,
     })
 }
