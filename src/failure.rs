@@ -28,8 +28,12 @@ pub const INTERRUPTED: u8 = 130;
 pub fn usage(error: &clap::Error) -> ExitCode {
     match error.kind() {
         ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
-            let _ = error.print();
-            return ExitCode::SUCCESS;
+            return match error.print() {
+                Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+                    report(&error.into())
+                }
+                _ => ExitCode::SUCCESS,
+            };
         }
         ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
             let _ = error.print();
@@ -57,7 +61,7 @@ pub fn usage(error: &clap::Error) -> ExitCode {
         message.push_str(separator);
         message.push_str(part);
     }
-    eprintln!("{}; see `{verb} --help`", harmless(&message));
+    say!("{}; see `{verb} --help`", harmless(&message));
     ExitCode::from(USAGE)
 }
 
@@ -100,12 +104,26 @@ pub fn report(error: &anyhow::Error) -> ExitCode {
             message.push_str(&cause);
         }
     }
-    eprintln!("error: {}", harmless(&message.replace('\n', " ")));
+    say!(
+        "error: {}",
+        shortened(&harmless(&message.replace('\n', " ")))
+    );
     ExitCode::from(if error.chain().any(broke) {
         FAILED
     } else {
         USAGE
     })
+}
+
+/// Longest error that is printed whole, characters.
+const LONGEST: usize = 2000;
+
+/// Returns the beginning of a text that repeats too much of a damaged file.
+fn shortened(text: &str) -> String {
+    match text.char_indices().nth(LONGEST) {
+        None => text.into(),
+        Some((end, _)) => format!("{}… and {} bytes more", &text[..end], text.len() - end),
+    }
 }
 
 /// Returns true if whoever read our output has gone (`tactnet … | head`).

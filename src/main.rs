@@ -1,5 +1,8 @@
 //! The `tactnet` command line: one verb a subcommand, results on stdout, everything else on stderr.
 
+#[macro_use]
+mod say;
+
 mod commands;
 mod failure;
 mod output;

@@ -6,7 +6,7 @@ use tactnet_pipeline::{LabelOrder, TrainSpec};
 /// Says so where the twin is about to be generated, which takes a moment and is no recording.
 pub fn announce(data: &str) {
     if DataSource::is_twin(data) {
-        eprintln!("generating the twin (synthetic sweeps, not TactMat) …");
+        say!("generating the twin (synthetic sweeps, not TactMat) …");
     }
 }
 
@@ -25,7 +25,7 @@ pub fn load_as(spec: &TrainSpec, data: &str, order: LabelOrder) -> Result<Datase
 /// Says so where the sample rate is assumed.
 pub fn warn_of_assumed_rate(assumed: bool, rate_hz: f64) {
     if assumed {
-        eprintln!(
+        say!(
             "warning: the data does not say its sample rate; {rate_hz} Hz is assumed, `--rate HZ` names it"
         );
     }

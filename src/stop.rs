@@ -23,7 +23,7 @@ impl Stop {
             if flag.swap(true, Ordering::SeqCst) {
                 std::process::exit(i32::from(crate::failure::INTERRUPTED));
             }
-            eprintln!("\n{text}");
+            say!("\n{text}");
         })
         .context("cannot listen for Ctrl-C")?;
         Ok(Self(asked))

@@ -160,7 +160,7 @@ impl ExperimentRecipe {
         if !path.exists() {
             return Err(unknown(name_or_path));
         }
-        let text = std::fs::read_to_string(path)
+        let text = tactnet_data::read_text(path)
             .map_err(|error| ExperimentError::io(path, "read the experiment", error))?;
         Self::parse(name_or_path, &text, settings)
     }

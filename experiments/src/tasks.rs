@@ -123,8 +123,8 @@ impl ExperimentDir {
                 reason: "no experiment here (no experiment.json); name a folder that `tactnet experiment run` made".into(),
             });
         }
-        let text =
-            fs::read_to_string(&file).map_err(|error| ExperimentError::io(&file, "read", error))?;
+        let text = tactnet_data::read_text(&file)
+            .map_err(|error| ExperimentError::io(&file, "read", error))?;
         let refused = |reason: String| ExperimentError::Folder {
             path: file.clone(),
             reason,
@@ -231,8 +231,8 @@ impl ExperimentDir {
     /// No result there, a damaged one, or one of another version.
     pub(crate) fn question_result(&self, task: &Task) -> Result<QuestionResult, ExperimentError> {
         let path = self.task_dir(task).join("result.json");
-        let text =
-            fs::read_to_string(&path).map_err(|error| ExperimentError::io(&path, "read", error))?;
+        let text = tactnet_data::read_text(&path)
+            .map_err(|error| ExperimentError::io(&path, "read", error))?;
         let damaged = |reason: String| ExperimentError::Folder {
             path: path.clone(),
             reason,

@@ -85,6 +85,23 @@ impl Weights {
         Ok(Self(tensors))
     }
 
+    /// Succeeds if every value is a finite number.
+    ///
+    /// # Errors
+    /// The first tensor with one that is not.
+    pub fn check_finite(&self) -> Result<(), ModelError> {
+        for (name, tensor) in &self.0 {
+            if let Some(value) = tensor.values.iter().find(|value| !value.is_finite()) {
+                return Err(ModelError::Weights {
+                    tensor: name.clone(),
+                    expected: "finite numbers".into(),
+                    found: value.to_string(),
+                });
+            }
+        }
+        Ok(())
+    }
+
     fn put<const D: usize>(&mut self, name: String, tensor: Tensor<D>) {
         let shape = tensor.dims().to_vec();
         let values = values(tensor);

@@ -73,7 +73,7 @@ impl ModelRecipe {
                 known: known_names(name_or_path, Self::built_in_names()),
             });
         }
-        let text = std::fs::read_to_string(path)
+        let text = tactnet_data::read_text(path)
             .map_err(|error| PipelineError::io(path, "read the recipe", error))?;
         Self::parse(name_or_path, &text)
     }

@@ -81,7 +81,7 @@ fn hub(arguments: &HubArgs) -> anyhow::Result<ExitCode> {
         );
     }
     let mut hub = Hub::start(&table)?;
-    eprintln!(
+    say!(
         "holding {} of bus `{}`; Ctrl-C ends",
         output::counted(table.channels.len(), "channel"),
         table.bus
@@ -90,7 +90,7 @@ fn hub(arguments: &HubArgs) -> anyhow::Result<ExitCode> {
     while !stop.asked() {
         let cleaned = hub.tick()?;
         if cleaned > 0 {
-            eprintln!(
+            say!(
                 "cleaned up after {}",
                 output::counted(cleaned, "dead client")
             );

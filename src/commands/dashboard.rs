@@ -34,7 +34,7 @@ pub fn run(arguments: &DashboardArgs) -> anyhow::Result<ExitCode> {
     let config = ServeConfig::of(&table)?;
     let bus = Bus::open(Domain::Host, &table)?;
     let mut dashboard = Dashboard::open(&bus, &config, listener)?;
-    eprintln!("open {} in a browser; Ctrl-C ends", dashboard.link());
+    say!("open {} in a browser; Ctrl-C ends", dashboard.link());
     output::print(format_args!("ready"))?;
     while !stop.asked() {
         dashboard.step()?;

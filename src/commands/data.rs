@@ -130,9 +130,7 @@ fn show_info(arguments: &FileArgs) -> anyhow::Result<ExitCode> {
 fn run_check(arguments: &CheckArgs) -> anyhow::Result<ExitCode> {
     let dataset = load_with_gaps(&arguments.file)?;
     if let Some(reason) = unfit(dataset.shape().taxels(), dataset.labels().len()) {
-        eprintln!(
-            "note: such sweeps can be trained on and evaluated, not classified online: {reason}"
-        );
+        say!("note: such sweeps can be trained on and evaluated, not classified online: {reason}");
     }
     let report = CheckReport::of(check(&dataset));
     let CheckReport {
@@ -159,7 +157,7 @@ fn convert(arguments: &ConvertArgs) -> anyhow::Result<ExitCode> {
     refuse_to_overwrite(&arguments.out, arguments.force)?;
     let dataset = source::load(&arguments.data)?;
     format.write(&arguments.out, &dataset)?;
-    eprintln!(
+    say!(
         "{}: {} sweeps ({})",
         arguments.out.display(),
         dataset.len(),

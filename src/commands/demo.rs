@@ -41,7 +41,7 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen_saying("stopping")?;
     // Before anything is trained: a port that is taken is said at once.
     let listener = web::listen(arguments.listen)?;
-    let folder = tempfile::tempdir()?;
+    let folder = tempfile::Builder::new().prefix("tactnet-demo-").tempdir()?;
     let program = std::env::current_exe()?;
     let made = folder.path().join("sweeps.h5");
     let (run, sweeps) = match &arguments.run {
@@ -59,7 +59,7 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
             (run.clone(), sweeps)
         }
         None => {
-            eprintln!("training a small network on {SMALL_MATERIALS} materials of the twin …");
+            say!("training a small network on {SMALL_MATERIALS} materials of the twin …");
             let run = train_small_network(&program, folder.path())?;
             make_twin(&program, &made, SMALL_MATERIALS + UNTAUGHT, SMALL_SWEEPS)?;
             (run, made)
@@ -69,7 +69,7 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     let mut demo = Demo::start(&program, folder.path(), &run, &sweeps, listener)?;
-    eprintln!(
+    say!(
         "a simulated fingertip feels one object after the other, three sweeps each where there are as many; open {} in a browser; Ctrl-C ends",
         demo.link()
     );

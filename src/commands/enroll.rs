@@ -118,22 +118,22 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
         .context("cannot write the new classifier")?;
     let seconds = begun.elapsed().as_secs_f64();
     if thresholds.is_none() {
-        eprintln!(
+        say!(
             "hint: what it costs the known materials is not known, since no sweeps were set aside by `train --calibrate`; `tactnet eval {}` counts",
             arguments.out.display()
         );
     }
     if thresholds.is_some_and(|thresholds| thresholds.held_out.is_none()) {
-        eprintln!(
+        say!(
             "thresholds for \"unknown\" are those from before, and most likely too strict now: this run did not keep the sweeps that they were \
              fitted to; train anew with --calibrate"
         );
     }
     if let Some(caution) = enrolled.cost.and_then(|cost| cost.caution()) {
-        eprintln!("warning: {caution}");
+        say!("warning: {caution}");
     }
     if let Some(caution) = enrolled.calibration.as_ref().and_then(Calibration::caution) {
-        eprintln!("hint: {caution}");
+        say!("hint: {caution}");
     }
     let materials = enrolled.config.labels.len();
     if arguments.json {

@@ -58,7 +58,7 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
     let device = Compute::from(arguments.device).open()?;
     let weights = run.weights()?;
     if !run.has_final_weights() {
-        eprintln!("this run has not ended: judging the weights of its last checkpoint");
+        say!("this run has not ended: judging the weights of its last checkpoint");
     }
     let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
     let mut spec = config.spec.clone();
@@ -68,7 +68,7 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
     let dataset = spec.read_sweeps_of_run(arguments.data.as_deref())?;
     let tested = TestSweeps::of_run(&run, &dataset)?;
     if !tested.training_sweeps_known {
-        eprintln!("{}: {}", dataset.name(), tested.description);
+        say!("{}: {}", dataset.name(), tested.description);
     }
     let how = Reevaluation {
         fused: arguments.sweeps as usize,

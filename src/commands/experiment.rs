@@ -106,7 +106,7 @@ fn run_experiment(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
     };
     let dir = ExperimentDir::create(&out, &recipe, &arguments.command_line())?;
     for line in recipe.assumed_rates() {
-        eprintln!("warning: {line}");
+        say!("warning: {line}");
     }
     let program = this_program()?;
     let mut progress = Progress::new();
@@ -132,7 +132,7 @@ fn run_experiment(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
     };
     progress.end();
     if stop.asked() {
-        eprintln!(
+        say!(
             "stopped; the same call goes on with {}",
             dir.path().display()
         );

@@ -94,7 +94,7 @@ pub fn run(arguments: &ExportArgs) -> anyhow::Result<ExitCode> {
         }
     };
     write_whole(&arguments.out, &bytes).context("cannot export")?;
-    eprintln!(
+    say!(
         "{}: {} materials, {:.1} MB",
         arguments.out.display(),
         config.classifier.labels.len(),

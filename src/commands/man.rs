@@ -32,6 +32,6 @@ pub fn run(arguments: &ManArgs) -> anyhow::Result<ExitCode> {
     let refused = || format!("{}: cannot write manual pages", folder.display());
     std::fs::create_dir_all(folder).with_context(refused)?;
     generate_to(command, folder).with_context(refused)?;
-    eprintln!("{}: manual pages of section 1", folder.display());
+    say!("{}: manual pages of section 1", folder.display());
     Ok(ExitCode::SUCCESS)
 }

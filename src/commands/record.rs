@@ -74,7 +74,7 @@ pub fn run(arguments: &RecordArgs) -> anyhow::Result<ExitCode> {
     let table = Table::load(&arguments.table)?;
     let bus = Bus::open(Domain::Host, &table)?;
     let mut recorder = Recorder::start(&bus, &table, &arguments.out, &about)?;
-    eprintln!("recording to {}; Ctrl-C ends", arguments.out.display());
+    say!("recording to {}; Ctrl-C ends", arguments.out.display());
     output::print(format_args!("ready"))?;
     let begun = Instant::now();
     let mut told = begun;
@@ -83,7 +83,7 @@ pub fn run(arguments: &RecordArgs) -> anyhow::Result<ExitCode> {
         if told.elapsed() >= TOLD_EVERY {
             told = Instant::now();
             let so_far = recorder.counts();
-            eprintln!(
+            say!(
                 "{:.0} s: {} frames, {} beliefs, {} lost",
                 begun.elapsed().as_secs_f64(),
                 so_far.frames,

@@ -51,7 +51,7 @@ pub fn run(arguments: &ReplayArgs) -> anyhow::Result<ExitCode> {
     }
     let recording = Recording::read(&arguments.file)?;
     if let Some(cut) = &recording.cut {
-        eprintln!(
+        say!(
             "{}: the end is missing ({cut}); {} messages are there",
             arguments.file.display(),
             recording.entries.len()
@@ -85,16 +85,16 @@ pub fn run(arguments: &ReplayArgs) -> anyhow::Result<ExitCode> {
     };
     let report = ReplayReport::new(GIT, &recording, played, frames_lost, speed, another_asked)?;
     if stop.asked() {
-        eprintln!("stopped before the end");
+        say!("stopped before the end");
     }
     if report.pauses_cut > 0 {
-        eprintln!(
+        say!(
             "{} of over a minute cut to one: a damaged time stamp, or a robot that did nothing",
             counted(report.pauses_cut, "pause")
         );
     }
     if recording.foreign > 0 {
-        eprintln!(
+        say!(
             "left out: {} messages that are none of ours",
             recording.foreign
         );

@@ -91,7 +91,7 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
             })?;
             let web = web::metrics(address, service.measures())?;
             if !address.ip().is_loopback() {
-                eprintln!("counters are at {}", web.link_to("/metrics"));
+                say!("counters are at {}", web.link_to("/metrics"));
             }
             Some(web)
         }
@@ -103,10 +103,10 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
     }
     .apply();
     for line in refused {
-        eprintln!("{line}; going on without");
+        say!("{line}; going on without");
     }
     let names = service.names();
-    eprintln!(
+    say!(
         "serving {} materials, {} frames of {} x {} taxels at {} Hz, {} dropout masks; Ctrl-C ends",
         names.materials,
         names.steps,
@@ -116,18 +116,18 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
         names.mc_samples
     );
     if let Some([least, greatest]) = service.values() {
-        eprintln!(
+        say!(
             "a sweep with values outside {least} to {greatest} is rejected (`values` in the table)"
         );
     }
     if service.is_rate_assumed() {
-        eprintln!(
+        say!(
             "warning: the rate of {} Hz is assumed, since the training data did not say; train with `--rate HZ`",
             names.sample_rate_hz
         );
     }
     if !service.tells_unknown() {
-        eprintln!(
+        say!(
             "unknown materials are not told: the run was trained without `--calibrate`, or there are no dropout masks"
         );
     }
@@ -137,10 +137,7 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
     manager.notify("READY=1");
     while !stop.asked() {
         service.step(Duration::from_millis(100))?;
-        service
-            .take_news()
-            .iter()
-            .for_each(|line| eprintln!("{line}"));
+        service.take_news().iter().for_each(|line| say!("{line}"));
         // A manager that watches restarts a service whose connected skin has fallen silent.
         if !service.is_blind() {
             manager.keep_alive();
@@ -151,7 +148,7 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
     if arguments.json {
         output::print_json(&report)?;
     } else {
-        eprintln!("{report}");
+        say!("{report}");
     }
     Ok(ExitCode::SUCCESS)
 }

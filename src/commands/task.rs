@@ -76,8 +76,8 @@ fn answer(
         if batch.is_none() || told.get().elapsed() > EVERY {
             told.set(Instant::now());
             match batch {
-                None => eprintln!("{what}"),
-                Some(batch) => eprintln!(
+                None => say!("{what}"),
+                Some(batch) => say!(
                     "{what}: epoch {}, batch {} of {}",
                     batch.epoch + 1,
                     batch.batch + 1,
@@ -88,7 +88,7 @@ fn answer(
         !stop.asked()
     };
     if answer_question(task, &dataset, recipe, folder, program, &go_on)?.is_none() {
-        eprintln!("stopped; the task goes on with its next network when it is run again");
+        say!("stopped; the task goes on with its next network when it is run again");
         return Ok(ExitCode::from(failure::INTERRUPTED));
     }
     output::print(folder.join("result.json").display())?;

@@ -46,12 +46,12 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
     source::warn_of_assumed_rate(classifier.sample_rate_assumed, classifier.sample_rate_hz);
     let unfit = unfit(classifier.shape.taxels(), classifier.labels.len());
     if let Some(reason) = &unfit {
-        eprintln!("note: `tactnet serve` will not take this classifier: {reason}");
+        say!("note: `tactnet serve` will not take this classifier: {reason}");
     }
     let format = OutputFormat::from_flag(arguments.json);
     let (code, finished) = train(&session, &stop, format)?;
     if finished {
-        eprintln!("{}", next_steps(session.run(), unfit.is_none())?);
+        say!("{}", next_steps(session.run(), unfit.is_none())?);
     }
     Ok(code)
 }
@@ -60,7 +60,7 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
 fn warn(finding: &Finding) {
     let other = finding.kind != FindingKind::AssumedRate;
     if finding.severity == Severity::Warning && finding.is_general() && other {
-        eprintln!("{finding}");
+        say!("{finding}");
     }
 }
 
@@ -84,7 +84,7 @@ pub fn train(
             Ok((ExitCode::SUCCESS, true))
         }
         TrainOutcome::Stopped => {
-            eprintln!("stopped; continue with `tactnet train --resume {path}`");
+            say!("stopped; continue with `tactnet train --resume {path}`");
             Ok((ExitCode::from(failure::INTERRUPTED), false))
         }
     }

@@ -11,6 +11,7 @@ use std::time::{Duration, Instant, SystemTime};
 
 use serde_json::Value;
 use tactnet_channel::{MEMORY_FOLDER_VARIABLE, Start, Wait, memory_folder, remove_bus};
+use tactnet_models::Weights;
 use tactnet_skin::ServeConfig;
 use tactnet_skin::packets::{Event, TactileBelief, TactileStatus};
 
@@ -351,6 +352,88 @@ fn a_run_that_was_killed_at_its_very_beginning_is_begun_again() {
     std::fs::write(strange.join("thesis.tex"), "").unwrap();
     let refused = stderr(&expect(2, lab.train(&recipe, "strange")));
     assert!(refused.contains("found `thesis.tex`"), "{refused}");
+}
+
+/// Pipes and devices under the names of a run's files once were read for ever; weights that are no numbers were believed, or ended in a panic.
+#[test]
+fn what_is_no_file_and_no_number_is_refused_in_a_line() {
+    let lab = Lab::new();
+    let recipe = lab.recipe(RecipeChange::default());
+    expect(0, lab.train(&recipe, "run"));
+    std::fs::remove_file(lab.path("run/manifest.json")).unwrap();
+    let eval = || {
+        let mut eval = tactnet(["eval"]);
+        eval.arg(lab.path("run"));
+        eval
+    };
+    for file in ["split.json", "weights.safetensors", "manifest.json"] {
+        let (path, kept) = (lab.path("run").join(file), lab.path("kept"));
+        let was_there = std::fs::rename(&path, &kept).is_ok();
+        for fifo in [false, true] {
+            if fifo {
+                let made = Command::new("mkfifo").arg(&path).status().unwrap();
+                assert!(made.success());
+            } else {
+                symlink("/dev/zero", &path).unwrap();
+            }
+            let refused = stderr(&expect(2, eval()));
+            assert!(
+                refused.contains("is a pipe or a device"),
+                "{file}: {refused}"
+            );
+            std::fs::remove_file(&path).unwrap();
+        }
+        if was_there {
+            std::fs::rename(&kept, &path).unwrap();
+        }
+    }
+    let path = lab.path("run/weights.safetensors");
+    let mut weights = Weights::from_safetensors(&std::fs::read(&path).unwrap()).unwrap();
+    for tensor in weights.0.values_mut() {
+        tensor.values.fill(f32::NAN);
+    }
+    let bytes = weights
+        .to_safetensors(std::collections::BTreeMap::new())
+        .unwrap();
+    std::fs::write(&path, bytes).unwrap();
+    let mut export = tactnet(["export"]);
+    export
+        .arg(lab.path("run"))
+        .arg("--out")
+        .arg(lab.path("a.onnx"));
+    for command in [eval(), export] {
+        let refused = stderr(&expect(2, command));
+        assert!(
+            refused.contains("expected finite numbers, found NaN"),
+            "{refused}"
+        );
+        assert_eq!(
+            refused
+                .lines()
+                .filter(|line| line.starts_with("error"))
+                .count(),
+            1
+        );
+    }
+}
+
+/// A full disk behind standard error once ended a training; help that could not be written was a success.
+#[test]
+fn messages_that_cannot_be_written_end_nothing_and_lost_results_are_failures() {
+    let full = || {
+        std::fs::File::options()
+            .write(true)
+            .open("/dev/full")
+            .unwrap()
+    };
+    let lab = Lab::new();
+    let recipe = lab.recipe(RecipeChange::default());
+    let mut train = lab.train(&recipe, "run");
+    assert!(train.stderr(full()).output().unwrap().status.success());
+    for words in [&["--help"][..], &["help", "train"], &["version"]] {
+        let status = tactnet(words).stdout(full()).status().unwrap();
+        assert_eq!(status.code(), Some(1), "{words:?}");
+    }
 }
 
 /// The hub's unit once let it do nearly everything.

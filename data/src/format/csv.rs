@@ -282,7 +282,7 @@ struct Rows<'a> {
 
 impl<'a> Rows<'a> {
     fn open(path: &'a Path) -> Result<Self, DataError> {
-        let open = || std::fs::File::open(path).map_err(|error| DataError::io(path, "open", error));
+        let open = || crate::open_file(path).map_err(|error| DataError::io(path, "open", error));
         let mut head = [0; 4096];
         let filled = std::io::Read::read(&mut open()?, &mut head)
             .map_err(|error| DataError::io(path, "read", error))?;

@@ -156,7 +156,7 @@ fn table_with_gaps(path: &Path, steps: Option<usize>) -> Option<Result<Dataset, 
 /// Reads HDF5 or npz, recognised by its first bytes.
 fn read_arrays(path: &Path) -> Result<Dataset, DataError> {
     let mut head = [0; 8];
-    let mut file = std::fs::File::open(path).map_err(|e| DataError::io(path, "open", e))?;
+    let mut file = crate::open_file(path).map_err(|e| DataError::io(path, "open", e))?;
     let mut filled = 0;
     while filled < head.len() {
         match file

@@ -156,7 +156,7 @@ struct Arrays<'a> {
 
 impl<'a> Arrays<'a> {
     fn open(path: &'a Path) -> Result<Self, DataError> {
-        let file = File::open(path).map_err(|error| DataError::io(path, "read", error))?;
+        let file = crate::open_file(path).map_err(|error| DataError::io(path, "read", error))?;
         let mut archive = zip::ZipArchive::new(BufReader::new(file)).map_err(|error| {
             let item = "npz archive with array `X`";
             DataError::format(path, item, "a zip archive", error.to_string())

@@ -1,6 +1,5 @@
 //! Parquet: a table with a row per frame, as `frame_table.rs` describes it. Behind the feature `parquet`.
 
-use std::fs::File;
 use std::path::Path;
 
 use parquet::basic::{LogicalType, TimeUnit};
@@ -47,7 +46,7 @@ pub fn read_with_gaps(path: &Path, steps: Option<usize>) -> Result<Dataset, Data
 fn table(path: &Path) -> Result<FrameTable<'_>, DataError> {
     let refused =
         |error: ParquetError| DataError::format(path, "file", "a Parquet table", error.to_string());
-    let file = File::open(path).map_err(|error| DataError::io(path, "open", error))?;
+    let file = crate::open_file(path).map_err(|error| DataError::io(path, "open", error))?;
     let reader = SerializedFileReader::new(file).map_err(refused)?;
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
     let mut columns = Vec::new();

@@ -129,7 +129,7 @@ fn open(path: &Path) -> Result<Hdf5File, DataError> {
     let file = Hdf5File::open_with_options(path, options).map_err(|error| match root(error) {
         Error::Io(source) => DataError::io(path, "read", source),
         Error::InvalidMagic => {
-            let head = std::fs::read(path).unwrap_or_default();
+            let head = crate::read_file(path).unwrap_or_default();
             DataError::format(
                 path,
                 item,

@@ -13,10 +13,10 @@ mod message;
 use std::collections::BTreeMap;
 
 use prost::Message;
-use tactnet_models::{NORM_EPSILON, Weights};
+use tactnet_models::{Compute, NORM_EPSILON, Weights};
 
 use super::properties::{network_setup, properties};
-use crate::{Calibration, ClassifierConfig, PipelineError};
+use crate::{Calibration, Classifier, ClassifierConfig, PipelineError};
 use message::{
     Attribute, Graph, IR_VERSION, Model, Node, OPSET, OperatorSet, Property, Size, Tensor, Value,
 };
@@ -190,6 +190,8 @@ pub fn to_onnx(
 ) -> Result<Vec<u8>, PipelineError> {
     let setup = network_setup(config)?;
     let network = config.network_config(setup)?;
+    // Tensors of the sizes that the configuration asks for.
+    Classifier::new(config.clone(), weights, &Compute::Cpu.open()?)?;
     let mut builder = Builder::default();
     let (steps, taxels) = (config.shape.steps, config.shape.taxels());
     let (features, materials) = (network.features(), network.materials());

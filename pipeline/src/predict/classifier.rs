@@ -144,6 +144,7 @@ impl Classifier {
                         found: "another number of them".into(),
                     });
                 }
+                weights.check_finite()?;
                 let scorer = NetworkScorer::new(setup, network, weights, device, config.seed)?;
                 Model::Network(Box::new(scorer))
             }

@@ -188,6 +188,12 @@ pub fn enroll(
     if sweeps.is_empty() {
         return Err(refused("no sweep to learn from"));
     }
+    let rows = classifier.network()?.output_layer().weights;
+    if rows.windows(2).all(|pair| pair[0] == pair[1]) {
+        return Err(refused(
+            "the classifier's output layer is the same for every material; its weights are damaged",
+        ));
+    }
     let new = classifier.embed(sweeps)?;
     let fitted = |prior| with_row(classifier, known, &new, material, prior);
     let mut enrolled = fitted(RowPrior::Tenth)?;

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use tactnet_data::sha256_hex;
+use tactnet_data::{read_file, sha256_hex};
 
 use super::run_dir::RunDir;
 use crate::PipelineError;
@@ -62,7 +62,7 @@ impl RunDir {
     /// No such file; one that has changed; a manifest that cannot be read.
     pub(super) fn read(&self, name: &str) -> Result<Vec<u8>, PipelineError> {
         let path = self.file(name);
-        let bytes = fs::read(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
+        let bytes = read_file(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
         let known = self
             .manifest()?
             .and_then(|manifest| manifest.files.get(name));
@@ -86,7 +86,7 @@ impl RunDir {
             path: path.clone(),
             reason,
         };
-        let read = match fs::read(&path) {
+        let read = match read_file(&path) {
             Ok(bytes) => {
                 let manifest: Manifest =
                     serde_json::from_slice(&bytes).map_err(|error| failed(error.to_string()))?;

@@ -23,7 +23,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use serde::{Serialize, de::DeserializeOwned};
-use tactnet_data::SplitManifest;
+use tactnet_data::{SplitManifest, read_file, read_text};
 use tactnet_models::Weights;
 
 use super::folder_lock::LOCK;
@@ -335,7 +335,7 @@ impl RunDir {
         if !path.exists() {
             return Ok(None);
         }
-        let bytes = fs::read(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
+        let bytes = read_file(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
         decode_checkpoint(&bytes)
             .map(Some)
             .map_err(|reason| PipelineError::Run { path, reason })
@@ -363,8 +363,7 @@ impl RunDir {
         if !path.exists() {
             return Ok(Vec::new());
         }
-        let text =
-            fs::read_to_string(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
+        let text = read_text(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
         let mut metrics = Vec::new();
         for line in text.lines() {
             let line: EpochMetrics =

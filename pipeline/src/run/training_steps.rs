@@ -23,7 +23,7 @@ impl TrainingSteps {
     pub fn of(settings: &TrainingSettings, sweeps: usize) -> Self {
         Self {
             epochs: settings.epochs,
-            batches: sweeps.div_ceil(settings.batch),
+            batches: sweeps.div_ceil(settings.batch.max(1)),
         }
     }
 

@@ -1,7 +1,6 @@
 //! A recording read back, as far as it goes.
 
 use std::collections::{BTreeMap, HashMap};
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
@@ -113,7 +112,7 @@ impl Recording {
             path: path.into(),
             reason,
         };
-        let mut file = File::open(path).map_err(failed)?;
+        let mut file = tactnet_data::open_file(path).map_err(failed)?;
         let length = file.metadata().map_err(failed)?.len();
         let limit = length.max(LONGEST_RECORD) as usize;
         let mut reader = LinearReader::new_with_options(

@@ -63,7 +63,7 @@ pub fn run(arguments: &PlanBenchArgs) -> anyhow::Result<ExitCode> {
             let left = begun
                 .elapsed()
                 .mul_f64((problems - done.min(problems)) as f64 / done.max(1) as f64);
-            eprintln!("{done} of {problems} problems, {} to go", about(left));
+            say!("{done} of {problems} problems, {} to go", about(left));
         }
     });
     if arguments.json {

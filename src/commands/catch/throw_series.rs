@@ -160,7 +160,7 @@ pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
                 .is_ok()
         {
             let left = elapsed.mul_f64((arguments.throws - done) as f64 / done as f64);
-            eprintln!(
+            say!(
                 "{done} of {} throws, {} to go",
                 arguments.throws,
                 about(left)

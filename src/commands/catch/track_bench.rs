@@ -48,7 +48,7 @@ pub fn run(arguments: &TrackBenchArgs) -> anyhow::Result<ExitCode> {
             let left = begun
                 .elapsed()
                 .mul_f64((throws - done) as f64 / done.max(1) as f64);
-            eprintln!("{done} of {throws} throws, {} to go", about(left));
+            say!("{done} of {throws} throws, {} to go", about(left));
         }
     };
     if let Some(path) = &arguments.peer_circles {

@@ -59,7 +59,7 @@ pub fn put(arguments: &PutArgs) -> anyhow::Result<ExitCode> {
     let id = ChannelId::new(&arguments.channel)?;
     let port = bus.raw_put_port(id, arguments.priority.priority())?;
     let bytes = table.channel(&arguments.channel)?.packet_bytes();
-    eprintln!(
+    say!(
         "putting packets of {bytes} bytes; {:.1} KiB of shared memory reserved",
         port.memory_bytes() as f64 / 1024.0
     );

@@ -100,14 +100,14 @@ pub fn run(arguments: StressArgs) -> anyhow::Result<ExitCode> {
     for _ in 0..arguments.repeat {
         for cell in &cells {
             if stop.asked() {
-                eprintln!("stopped; what was measured so far follows");
+                say!("stopped; what was measured so far follows");
                 break;
             }
             let row = cell.measure(time, &program, &["channel", "stress-client"]);
             let what = row.failure.clone().unwrap_or_else(|| {
                 format!("{:.1} us, 99 % below {:.1}", row.median_us, row.p99_us)
             });
-            eprintln!(
+            say!(
                 "{}/{total} {:<10} {:<12} {:>10} B {:>4} clients: {what}",
                 rows.len() + 1,
                 row.transport,
@@ -152,7 +152,7 @@ fn write_page(
     );
     let page = page(rows, &format!("tactnet {}", words.join(" ")), &machine);
     write_whole(file, page.as_bytes())?;
-    eprintln!("{} written", file.display());
+    say!("{} written", file.display());
     Ok(ExitCode::SUCCESS)
 }
 

@@ -66,7 +66,7 @@ fn import_data_set(arguments: &ImportArgs, format: Format) -> anyhow::Result<Exi
     }
     source::warn_of_assumed_rate(dataset.is_rate_assumed(), dataset.sample_rate_hz());
     format.write(out, &dataset)?;
-    eprintln!(
+    say!(
         "{}: {} sweeps of {} materials ({})",
         out.display(),
         dataset.len(),
@@ -93,10 +93,10 @@ pub fn run(arguments: &ImportArgs) -> anyhow::Result<ExitCode> {
     refuse_to_overwrite(out, convert_arguments.force)?;
     let recording = Recording::read(path)?;
     if let Some(cut) = &recording.cut {
-        eprintln!("{}: the end is missing ({cut})", path.display());
+        say!("{}: the end is missing ({cut})", path.display());
     }
     if recording.foreign > 0 {
-        eprintln!(
+        say!(
             "left out: {} messages that are none of ours",
             recording.foreign
         );
@@ -108,10 +108,10 @@ pub fn run(arguments: &ImportArgs) -> anyhow::Result<ExitCode> {
     };
     let found = sweeps(path, &recording, arguments.material.as_deref(), settings)?;
     for reason in &found.rejected {
-        eprintln!("left out: {reason}");
+        say!("left out: {reason}");
     }
     if found.unlabelled > 0 {
-        eprintln!(
+        say!(
             "left out: {} sweeps of which nobody said what was swept over (`--material` names it)",
             found.unlabelled
         );
@@ -126,7 +126,7 @@ pub fn run(arguments: &ImportArgs) -> anyhow::Result<ExitCode> {
         );
     }
     format.write(out, &found.dataset)?;
-    eprintln!(
+    say!(
         "{}: {} sweeps of {} materials ({})",
         out.display(),
         found.dataset.len(),

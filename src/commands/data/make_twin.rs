@@ -125,7 +125,7 @@ pub fn run(arguments: &TwinArgs) -> anyhow::Result<ExitCode> {
     }
     if let Some(out) = &arguments.out {
         Format::from_extension(out)?.write(out, &twin)?;
-        eprintln!(
+        say!(
             "{}: {} synthetic sweeps ({})",
             out.display(),
             twin.len(),

@@ -37,7 +37,7 @@ impl Progress {
                     .is_terminal()
                     .then(|| task_bar(*done, *all, ProgressDrawTarget::stderr()));
                 if self.bar.is_none() {
-                    eprintln!("{all} tasks, {done} done");
+                    say!("{all} tasks, {done} done");
                 }
             }
             Event::Started { task } => {
@@ -55,7 +55,7 @@ impl Progress {
                         let left = spent.mul_f64((self.all - self.done) as f64 / here);
                         let counted = format!("{}/{}", self.done, self.all);
                         let took = Duration::from_secs_f64(*seconds);
-                        eprintln!("{}", done_text(&counted, &task.id, took, left));
+                        say!("{}", done_text(&counted, &task.id, took, left));
                     }
                 }
             }
@@ -67,7 +67,7 @@ impl Progress {
                 let line = format!("{} failed (attempt {attempt}): {reason}", task.id);
                 match &self.bar {
                     Some(bar) => bar.println(line),
-                    None => eprintln!("{line}"),
+                    None => say!("{line}"),
                 }
             }
         }

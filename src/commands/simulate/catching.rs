@@ -52,7 +52,7 @@ pub fn run(arguments: &CatchingArgs) -> anyhow::Result<ExitCode> {
             ..Realtime::default()
         };
         for line in realtime.apply() {
-            eprintln!("{line}; going on without");
+            say!("{line}; going on without");
         }
         output::print(format_args!("ready"))?;
         let report = run_role(role, &bus, &|| stop.asked())?;

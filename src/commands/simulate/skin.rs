@@ -106,7 +106,7 @@ pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
     if object_sweeps > 0 {
         skin = skin.with_objects_of(object_sweeps);
     }
-    eprintln!(
+    say!(
         "putting {} frames a second on {}; Ctrl-C ends",
         dataset.sample_rate_hz() * arguments.speed,
         config.fingers[0]

@@ -56,7 +56,7 @@ impl SchedulingChoice {
             Self::Usual => Ok(Scheduling::Usual),
             Self::Fifo => Ok(Scheduling::fifo()?),
             Self::Auto => Ok(Scheduling::fifo().unwrap_or_else(|refused| {
-                eprintln!("as usual, not under SCHED_FIFO: {refused}");
+                say!("as usual, not under SCHED_FIFO: {refused}");
                 Scheduling::Usual
             })),
         }
@@ -84,7 +84,7 @@ pub fn run(arguments: &SoakArgs) -> anyhow::Result<ExitCode> {
     let run = match &arguments.run {
         Some(run) => run.clone(),
         None => {
-            eprintln!("training a small network on {SMALL_MATERIALS} materials of the twin …");
+            say!("training a small network on {SMALL_MATERIALS} materials of the twin …");
             train_small_network(&program, folder.path())?
         }
     };
@@ -101,7 +101,7 @@ pub fn run(arguments: &SoakArgs) -> anyhow::Result<ExitCode> {
     };
     let report = soak.run(
         &played,
-        |turn, turns| eprintln!("turn {turn} of {turns}"),
+        |turn, turns| say!("turn {turn} of {turns}"),
         &|| stop.asked(),
     )?;
     if arguments.json {

@@ -25,9 +25,9 @@ impl Progress {
     /// Shows what a session does in the run directory `run`.
     pub fn show(&mut self, event: &TrainEvent<'_>, run: &Path) {
         match *event {
-            TrainEvent::AlreadyEnded => eprintln!("{}: this run has ended already", run.display()),
+            TrainEvent::AlreadyEnded => say!("{}: this run has ended already", run.display()),
             TrainEvent::OtherBuild => {
-                eprintln!("this run was begun by another build; its result will name both commits");
+                say!("this run was begun by another build; its result will name both commits");
             }
             TrainEvent::Begun {
                 batches_before,
@@ -35,7 +35,7 @@ impl Progress {
             } => {
                 // A run that goes on keeps its epochs.
                 if let Some(hint) = steps.hint("--epochs ").filter(|_| batches_before == 0) {
-                    eprintln!("hint: {hint}");
+                    say!("hint: {hint}");
                 }
                 self.network = Some(NetworkProgress::new(batches_before, steps.count()));
             }
@@ -44,17 +44,17 @@ impl Progress {
                     network.show(batch, epochs);
                 }
             }
-            TrainEvent::Fitting { step, seconds } => eprintln!("{seconds:>4.0} s: {step}"),
+            TrainEvent::Fitting { step, seconds } => say!("{seconds:>4.0} s: {step}"),
             TrainEvent::Calibrated(calibration) => {
                 if let Some(caution) = calibration.caution() {
-                    eprintln!("hint: {caution}");
+                    say!("hint: {caution}");
                 }
             }
             TrainEvent::Predicting { sweeps } => {
                 if let Some(bar) = self.network.as_ref().and_then(|it| it.bar.as_ref()) {
                     bar.finish();
                 }
-                eprintln!("predicting {sweeps} test sweeps …");
+                say!("predicting {sweeps} test sweeps …");
             }
         }
     }
@@ -86,7 +86,7 @@ impl NetworkProgress {
                 let done = (batch.epoch + 1) * batch.batches - self.batches_before;
                 let left = (epochs - batch.epoch - 1) * batch.batches;
                 let eta = self.begun.elapsed().mul_f64(left as f64 / done as f64);
-                eprintln!("{text}, {} to go", about(eta));
+                say!("{text}, {} to go", about(eta));
             }
             None => {}
         }

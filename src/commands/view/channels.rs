@@ -48,7 +48,7 @@ pub fn run(arguments: &ViewArgs) -> anyhow::Result<ExitCode> {
         (None, None) => bail!("expected a recording, or `--table` to look on live"),
     };
     if let Some(gone) = &viewed.gone {
-        eprintln!("{gone}");
+        say!("{gone}");
     }
     if arguments.target.json {
         output::print_json(&viewed)?;
@@ -61,7 +61,7 @@ pub fn run(arguments: &ViewArgs) -> anyhow::Result<ExitCode> {
 fn view_recording(file: &Path, target: &Target) -> anyhow::Result<Viewed> {
     let recording = Recording::read(file)?;
     if let Some(cut) = &recording.cut {
-        eprintln!("{}: the end is missing ({cut})", file.display());
+        say!("{}: the end is missing ({cut})", file.display());
     }
     let title = file.display().to_string();
     Ok(show_recording(&recording, &title, target)?)
@@ -72,7 +72,7 @@ fn view_channels(path: &Path, target: &Target, seconds: f64) -> anyhow::Result<V
     let table = Table::load(path)?;
     let bus = Bus::open(Domain::Host, &table)?;
     let on_ready = || {
-        eprintln!("looking on; Ctrl-C ends");
+        say!("looking on; Ctrl-C ends");
         // Whoever waits for this line and has gone does not miss it.
         let _ = output::print(format_args!("ready"));
     };
