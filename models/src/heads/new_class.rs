@@ -148,4 +148,72 @@ mod tests {
                 .all(|l| *l == 3)
         );
     }
+
+    /// A network that knows its training sweeps by heart feels others less strongly. A free bias then stands for "not strongly felt".
+    #[test]
+    fn a_penalised_bias_leaves_weakly_felt_sweeps_of_known_classes_to_them() {
+        const CLASSES: usize = 4;
+        const WIDTH: usize = 8 * (CLASSES + 1);
+        // Each class has eight features of its own; the last eight are the new one's.
+        let felt = |class: usize, strength: f32| -> Vec<f32> {
+            let own = 8 * class..8 * class + 8;
+            (0..WIDTH)
+                .map(|feature| {
+                    if own.contains(&feature) {
+                        strength
+                    } else {
+                        0.0
+                    }
+                })
+                .collect()
+        };
+        let jitter = |i: usize| 0.8 + 0.1 * (i % 5) as f32;
+        let sweeps = |strength: f32| {
+            let rows = (0..CLASSES * 12).flat_map(|i| felt(i / 12, strength * jitter(i)));
+            Features::new(WIDTH, rows.collect())
+        };
+        let (learnt, others) = (sweeps(1.0), sweeps(0.3));
+        let labels: Vec<usize> = (0..CLASSES * 12).map(|i| i / 12).collect();
+        let news = |range: std::ops::Range<usize>| {
+            let rows = range.flat_map(|i| {
+                let beside = felt(i % 2, 0.15);
+                let own = felt(CLASSES, 0.4 * jitter(i));
+                own.into_iter()
+                    .zip(beside)
+                    .map(|(a, b)| a + b)
+                    .collect::<Vec<_>>()
+            });
+            Features::new(WIDTH, rows.collect())
+        };
+        let head = LinearHead {
+            weights: (0..CLASSES)
+                .map(|class| {
+                    felt(class, 0.5)
+                        .iter()
+                        .map(|w| f64::from(w - 0.05))
+                        .collect()
+                })
+                .collect(),
+            biases: vec![0.0; CLASSES],
+        };
+        let knowledge = WeightPrior::of_knowledge(&head);
+        let claimed = |prior: &WeightPrior, features: &Features| {
+            let NewClass { weights, bias } =
+                fit_new_class(&head, &learnt, &labels, &news(0..6), prior).unwrap();
+            let mut both = head.clone();
+            both.weights.push(weights);
+            both.biases.push(bias);
+            let scores = both.scores(features);
+            let claimed = scores.iter().filter(|row| crate::argmax(row) == CLASSES);
+            claimed.count()
+        };
+        let free = knowledge.weaker(10.0);
+        assert_eq!(claimed(&free, &learnt), 0);
+        assert!(claimed(&free, &others) > 24, "half of the others are lost");
+        for times in [100.0, 1000.0] {
+            let penalised = knowledge.with_penalised_bias().weaker(times);
+            assert_eq!(claimed(&penalised, &others), 0);
+            assert_eq!(claimed(&penalised, &news(6..10)), 4);
+        }
+    }
 }
