@@ -4,7 +4,7 @@ use std::error::Error;
 use std::process::ExitCode;
 
 use clap::CommandFactory;
-use clap::error::ErrorKind;
+use clap::error::{ContextKind, ErrorKind};
 use tactnet_channel::ChannelError;
 use tactnet_data::{DataError, FetchError};
 use tactnet_experiments::ExperimentError;
@@ -61,8 +61,35 @@ pub fn usage(error: &clap::Error) -> ExitCode {
         message.push_str(separator);
         message.push_str(part);
     }
+    if let Some(tip) = misplaced_path(error, &verb) {
+        message.push_str(&format!("; did you mean `{tip}`?"));
+    }
     say!("{}; see `{verb} --help`", harmless(&message));
     ExitCode::from(USAGE)
+}
+
+/// Returns the option that a file or folder belongs behind which was given without one.
+fn misplaced_path(error: &clap::Error, verb: &str) -> Option<String> {
+    if error.kind() != ErrorKind::UnknownArgument {
+        return None;
+    }
+    let clap::error::ContextValue::String(word) = error.get(ContextKind::InvalidArg)? else {
+        return None;
+    };
+    let path = std::path::Path::new(word);
+    let option = match (path.is_dir(), path.is_file()) {
+        (true, _) => "run",
+        (_, true) => "data",
+        _ => return None,
+    };
+    let mut command = Cli::command();
+    for name in verb.split_whitespace().skip(1) {
+        command = command.find_subcommand(name)?.clone();
+    }
+    let has = command
+        .get_arguments()
+        .any(|argument| argument.get_long() == Some(option));
+    has.then(|| format!("--{option} {}", tactnet_pipeline::quoted(word)))
 }
 
 /// `tactnet data check` of the words `data check --rate fast own.npz`, for errors that come without their usage.

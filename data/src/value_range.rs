@@ -47,6 +47,20 @@ impl ValueRange {
         })
     }
 
+    /// Returns a sentence if the values of `sweeps` are most likely in another unit than those that this is the range of: if they span less
+    /// than a fifth of it or more than five times as much, or lie wholly outside.
+    pub fn caution(&self, sweeps: &SweepView<'_>) -> Option<String> {
+        let found = Self::of(sweeps)?;
+        let (own, other) = (self.greatest - self.least, found.greatest - found.least);
+        let apart = found.greatest < self.least || found.least > self.greatest;
+        (apart || other < own / 5.0 || other > own * 5.0).then(|| {
+            format!(
+                "values are {} to {}, those that it was trained on {} to {}: is this another unit?",
+                found.least, found.greatest, self.least, self.greatest
+            )
+        })
+    }
+
     /// Returns the least and the greatest value that a skin with such sweeps may show: 0 to 255 where all values are within it, as a raw 8-bit skin's
     /// are, and otherwise once more the width of the range on either side.
     pub fn limits(&self) -> [f32; 2] {

@@ -143,7 +143,7 @@ impl Plan {
             let (a, b) = (own.get(name), theirs.get(name));
             if a != b {
                 let shown =
-                    |value: Option<&Value>| value.map_or("nothing".into(), ToString::to_string);
+                    |value: Option<&Value>| value.map_or("not set".into(), ToString::to_string);
                 return Some(format!(
                     "its `{name}` is {}, asked for is {}",
                     shown(a),

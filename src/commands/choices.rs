@@ -1,5 +1,7 @@
 //! Closed choices of the command line, as clap shows them.
 
+use std::net::SocketAddr;
+
 use clap::ValueEnum;
 use tactnet_models::Compute;
 use tactnet_pipeline::{MeanRemoval, RuntimeKind, SplitKind};
@@ -44,6 +46,16 @@ impl ModelChoice {
             Self::MultirocketHydra => "multirocket-hydra",
             Self::Means => "means",
         }
+    }
+}
+
+/// Reads where to listen: an address with a port, or a port of this machine alone.
+pub fn listen(text: &str) -> Result<SocketAddr, String> {
+    match text.parse() {
+        Ok(port) => Ok(SocketAddr::from(([127, 0, 0, 1], port))),
+        Err(_) => text
+            .parse()
+            .map_err(|_| "expected an address like 127.0.0.1:8750, or a port like 8750".into()),
     }
 }
 

@@ -9,6 +9,7 @@ use tactnet_channel::{Bus, Domain, Table};
 use tactnet_serving::web::{self, Dashboard};
 use tactnet_skin::ServeConfig;
 
+use super::choices::listen;
 use crate::output;
 use crate::stop::Stop;
 
@@ -22,7 +23,7 @@ pub struct DashboardArgs {
     #[arg(long, value_name = "FILE")]
     table: PathBuf,
     /// Where to answer browsers
-    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8750")]
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8750", value_parser = listen)]
     listen: SocketAddr,
 }
 

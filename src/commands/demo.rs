@@ -10,6 +10,7 @@ use tactnet_pipeline::RunDir;
 use tactnet_rehearsal::{Demo, SMALL_MATERIALS, SMALL_SWEEPS, make_twin, train_small_network};
 use tactnet_serving::web;
 
+use super::choices::listen;
 use crate::output;
 use crate::stop::Stop;
 
@@ -32,7 +33,7 @@ pub struct DemoArgs {
     #[arg(long, value_name = "FILE|twin", requires = "run")]
     data: Option<String>,
     /// Where to answer browsers
-    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8750")]
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8750", value_parser = listen)]
     listen: SocketAddr,
 }
 

@@ -148,11 +148,15 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
         })?;
     } else {
         output::print(format_args!(
-            "`{}` learnt from {} sweeps in {seconds:.2} s; {} knows {materials} materials",
+            "`{}` learnt from {} in {seconds:.2} s; {} knows {materials} materials",
             arguments.material,
-            material.sweeps.len(),
+            output::counted(material.sweeps.len(), "sweep"),
             arguments.out.display()
         ))?;
     }
+    let out = tactnet_pipeline::quoted(&arguments.out.display().to_string());
+    say!(
+        "next: `tactnet eval {out} --data FILE` tests it on other sweeps\n      `tactnet demo --run {out} --data FILE` shows it live on them"
+    );
     Ok(ExitCode::SUCCESS)
 }

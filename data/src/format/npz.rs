@@ -101,7 +101,7 @@ pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
                 .collect();
             (arrays.label_set(names)?, of_sweep)
         }
-        None => arrays.labels(samples.shape[0], samples_name)?,
+        None => arrays.labels(&samples.shape, samples_name)?,
     };
     let leading = match sweeps {
         Some(_) => &samples.shape[..2],
@@ -262,12 +262,20 @@ impl<'a> Arrays<'a> {
         LabelSet::new(names).map_err(|error| super::in_file(self.path, error))
     }
 
-    /// The material of each of the `count` sweeps of the array `samples`.
-    fn labels(&self, count: usize, samples: &str) -> Result<(LabelSet, Vec<usize>), DataError> {
+    /// The material of each of the sweeps of the array `samples`, which has this shape.
+    fn labels(&self, shape: &[usize], samples: &str) -> Result<(LabelSet, Vec<usize>), DataError> {
+        let count = shape[0];
         let (name, labels) = self.required(LABELS)?;
         // scikit-learn's column vectors are taken too.
         if labels.shape != [count] && labels.shape != [count, 1] {
-            let found = format!("shape {:?}", labels.shape);
+            let mut found = format!("shape {:?}", labels.shape);
+            if let [own, ..] = labels.shape[..]
+                && let Some(axis) = shape.iter().position(|extent| *extent == own)
+            {
+                found.push_str(&format!(
+                    "; `{samples}` has shape {shape:?}: are its sweeps along axis {axis}? np.moveaxis({samples}, {axis}, 0) puts them first"
+                ));
+            }
             let expected = format!("shape [{count}], as `{samples}`");
             return Err(self.error(name, expected, found));
         }

@@ -312,7 +312,7 @@ impl Classifier {
                 some(self.config.labels.names().collect(), 4, "")
             ),
             found: format!(
-                "materials named {}, which it does not know",
+                "materials named {}, which it does not know (`tactnet enroll` adds one; a network of `train --calibrate` can say \"unknown\")",
                 some(
                     met.iter().map(|&label| labels.name(label)).collect(),
                     3,

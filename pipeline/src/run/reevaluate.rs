@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use serde::Serialize;
-use tactnet_data::{Dataset, Seed};
+use tactnet_data::{Dataset, Seed, SweepView};
+use tactnet_models::argmax;
 
 use crate::{
     Classifier, Confusion, Evaluation, EvaluationTable, PipelineError, PredictionMethod, RunDir,
@@ -50,6 +51,14 @@ pub struct EvalResult {
     /// Only after `train --calibrate`.
     #[serde(skip_serializing_if = "Option::is_none")]
     verdicts: Option<Verdicts>,
+    /// Sweeps among them of materials that the classifier does not know.
+    n_unknown: usize,
+    /// What they were taken for: sweeps by material, then by the most probable known one.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    unknown_taken_for: BTreeMap<String, BTreeMap<String, usize>>,
+    /// What is strange about the values of the sweeps.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    values: Option<String>,
 }
 
 /// How another form compares with Burn's predictions of whole batches, and how fast it is.
@@ -104,6 +113,10 @@ impl Reevaluation {
         };
         let (mut evaluations, mut runtimes) = (BTreeMap::new(), BTreeMap::new());
         let mut confusion = None;
+        let mut unknown_taken_for = BTreeMap::new();
+        if verdicts.is_some() && !unknown.is_empty() {
+            unknown_taken_for = taken_for(classifier, &unknown)?;
+        }
         if !view.is_empty() {
             let ways = evaluate_all_ways(classifier, view, mc_samples, self.fused, seed)?;
             for (burn, mut evaluation) in ways {
@@ -133,8 +146,33 @@ impl Reevaluation {
             confusion,
             runtimes,
             verdicts,
+            n_unknown: unknown.len(),
+            unknown_taken_for,
+            values: config
+                .classifier
+                .values
+                .and_then(|known| known.caution(&tested.view)),
         })
     }
+}
+
+/// Counts the most probable known materials of sweeps of unknown ones.
+fn taken_for(
+    classifier: &Classifier,
+    unknown: &SweepView<'_>,
+) -> Result<BTreeMap<String, BTreeMap<String, usize>>, PipelineError> {
+    let mut found: BTreeMap<String, BTreeMap<String, usize>> = BTreeMap::new();
+    let rows = classifier.embed(unknown)?.log_probabilities();
+    for (position, row) in rows.iter().enumerate() {
+        let truth = unknown.dataset().labels().name(unknown.label(position));
+        let label = classifier.config().labels.name(argmax(row));
+        *found
+            .entry(truth.into())
+            .or_default()
+            .entry(label.into())
+            .or_default() += 1;
+    }
+    Ok(found)
 }
 
 impl RuntimeSummary {
@@ -161,6 +199,13 @@ impl std::fmt::Display for EvalResult {
         if self.evaluations.is_empty() {
             f.write_str("no sweep of a material that it knows, so there is no accuracy")?;
         } else {
+            if self.n_unknown > 0 {
+                writeln!(
+                    f,
+                    "the {} sweeps of materials that it knows:",
+                    self.n_test - self.n_unknown
+                )?;
+            }
             write!(f, "{}", EvaluationTable(&self.evaluations))?;
         }
         for (method, compared) in &self.runtimes {
@@ -169,8 +214,24 @@ impl std::fmt::Display for EvalResult {
         if let Some(confusion) = &self.confusion {
             write!(f, "\n{confusion}")?;
         }
-        match &self.verdicts {
-            Some(verdicts) => write!(f, "\n{verdicts}"),
+        if let Some(verdicts) = &self.verdicts {
+            write!(f, "\n{verdicts}")?;
+        }
+        for (material, taken) in &self.unknown_taken_for {
+            let mut taken: Vec<_> = taken.iter().collect();
+            taken.sort_by_key(|(_, count)| std::cmp::Reverse(**count));
+            let taken: Vec<String> = taken
+                .iter()
+                .map(|(label, count)| format!("{label} ({count})"))
+                .collect();
+            write!(
+                f,
+                "\n{material}, which it does not know, is most like {}",
+                taken.join(", ")
+            )?;
+        }
+        match &self.values {
+            Some(values) => write!(f, "\nwarning: {values}"),
             None => Ok(()),
         }
     }

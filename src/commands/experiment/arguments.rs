@@ -27,6 +27,9 @@ pub struct RunArgs {
     /// Folder for tasks and report [default: experiments-out/NAME]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+    /// The data set, as `--set data=FILE` says
+    #[arg(long, value_name = "FILE|twin")]
+    pub data: Option<String>,
     /// Set a field of the recipe anew; may be repeated
     #[arg(long = "set", value_name = "FIELD=VALUE")]
     pub settings: Vec<String>,
@@ -106,7 +109,9 @@ impl RunArgs {
             .device
             .and_then(|device| device.to_possible_value())
             .map(|device| format!("device={}", device.get_name()));
-        self.settings.iter().cloned().chain(device).collect()
+        let data = self.data.as_ref().map(|data| format!("data={data}"));
+        let settings = self.settings.iter().cloned();
+        settings.chain(data).chain(device).collect()
     }
 
     /// Returns the call, with file names only.

@@ -75,7 +75,8 @@ pub(crate) fn few_steps(contenders: &[Scored<'_>]) -> Vec<String> {
     for row in contenders {
         let hint = row
             .few_steps()
-            .and_then(|steps| steps.hint("--set epochs="));
+            .and_then(|steps| steps.hint("--set epochs="))
+            .map(|hint| format!("{hint}; name another folder with `--out`"));
         if let Some(hint) = hint {
             let line = format!("{} on {}: {hint}", row.model_name(), row.data);
             if !lines.contains(&line) {

@@ -72,10 +72,17 @@ impl SweepBeliefs {
 
     /// Returns how many of these are not among `others`, bit by bit, with label, verdict and strangeness.
     pub fn missing_in(&self, others: &Self) -> usize {
+        // A skin that was started anew counts its frames from the beginning: several beliefs may have one key.
         let key = |b: &TactileBelief| (b.finger, b.last_frame, b.stage);
-        let others: BTreeMap<_, _> = others.about.iter().map(|b| (key(b), b)).collect();
+        let mut by_key: BTreeMap<_, Vec<&TactileBelief>> = BTreeMap::new();
+        for belief in &others.about {
+            by_key.entry(key(belief)).or_default().push(belief);
+        }
         let missing = self.about.iter().filter(|belief| {
-            !others.get(&key(belief)).is_some_and(|other| {
+            let Some(left) = by_key.get_mut(&key(belief)) else {
+                return true;
+            };
+            let same = left.iter().position(|other| {
                 let numbers = |b: &TactileBelief| (b.frames, b.filled_in, b.label, b.verdict);
                 let floats =
                     |b: &TactileBelief| [b.entropy, b.strangeness, b.threshold].map(f32::to_bits);
@@ -85,7 +92,9 @@ impl SweepBeliefs {
                 numbers(belief) == numbers(other)
                     && floats(belief) == floats(other)
                     && bits(belief) == bits(other)
-            })
+            });
+            // Each is found once.
+            same.map(|place| left.remove(place)).is_none()
         });
         missing.count()
     }
@@ -146,6 +155,17 @@ mod tests {
         let beliefs = SweepBeliefs::of(&came);
         assert_eq!((beliefs.sweeps, beliefs.beliefs), (1, 3));
         assert_eq!(beliefs.missing_in(&SweepBeliefs::of(&came)), 0);
+        // Two skins, one after the other, whose frames have the same numbers.
+        let mut other = came.map(|mut belief| {
+            belief.sweep += 10;
+            belief.posterior[0] = 0.25;
+            belief
+        });
+        let both = SweepBeliefs::of(&[came, other].concat());
+        assert_eq!(both.missing_in(&both), 0);
+        other[3].posterior[0] = 0.5;
+        let changed = SweepBeliefs::of(&[came, other].concat());
+        assert_eq!(both.missing_in(&changed), 1);
         let mut changed = came;
         changed[3].posterior[1] = f32::MIN_POSITIVE;
         let changed = SweepBeliefs::of(&changed);
