@@ -41,7 +41,7 @@ strip "$folder/bin/tactnet"
 "$program" completions bash >"$folder/share/bash-completion/completions/tactnet"
 "$program" completions zsh >"$folder/share/zsh/site-functions/_tactnet"
 "$program" completions fish >"$folder/share/fish/vendor_completions.d/tactnet.fish"
-cp -r README.md CHANGELOG.md LICENSE* docs packaging/INSTALL.md "$folder/"
+cp -r README.md CHANGELOG.md SECURITY.md LICENSE* docs packaging/INSTALL.md "$folder/"
 # What the documents link to, and what those link to.
 declare -A packed
 more=1

@@ -129,4 +129,39 @@ mod tests {
         assert_eq!((range.least, range.greatest), (2.0, 2.0));
         assert_eq!(ValueRange::of_frame(&[f32::NAN]), None);
     }
+
+    #[test]
+    fn another_unit_is_noticed_and_a_firmer_hand_is_not() {
+        let sweeps = |values: [f32; 4]| {
+            let labels = LabelSet::new(["wood"]).unwrap();
+            let shape = SweepShape {
+                steps: 2,
+                rows: 1,
+                cols: 2,
+            };
+            let record = SweepRecord {
+                label: 0,
+                sweep: 0,
+                block: None,
+                test: None,
+            };
+            let samples = Samples::F32(values.to_vec());
+            Dataset::new("a", 750.0, shape, labels, vec![record], samples).unwrap()
+        };
+        let known = sweeps([23.0, 100.0, 200.0, 338.0]);
+        let known = ValueRange::of(&SweepView::all(&known)).unwrap();
+        for (scale, shift, other_unit) in [
+            (1.0, 0.0, false),
+            (0.5, 0.0, false),
+            (1.5, 20.0, false),
+            (1.0 / 1023.0, 0.0, true),
+            (100.0, 0.0, true),
+            (1.0, 1000.0, true),
+        ] {
+            let values = [23.0, 100.0, 200.0, 338.0].map(|value| value * scale + shift);
+            let other = sweeps(values);
+            let said = known.caution(&SweepView::all(&other));
+            assert_eq!(said.is_some(), other_unit, "{scale} {shift}: {said:?}");
+        }
+    }
 }

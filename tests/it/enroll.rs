@@ -92,6 +92,13 @@ fn a_calibrated_classifier_says_what_it_does_not_know() {
     assert!((1..30).contains(&known), "{other}");
     assert_eq!(other["evaluations"]["plain"]["one_sweep"]["n"], known);
     assert_eq!(other["verdicts"]["coverage"]["n"], known);
+    assert_eq!(other["n_unknown"], 10, "{other}");
+    let taken_for = other["unknown_taken_for"].as_object().unwrap();
+    assert_eq!(taken_for.len(), 1, "{other}");
+    let counts = taken_for.values().next().unwrap().as_object().unwrap();
+    let counted: u64 = counts.values().map(|count| count.as_u64().unwrap()).sum();
+    assert_eq!(counted, 10, "{other}");
+    assert!(other["values"].is_null(), "the same unit: {other}");
 
     // The fourth is learnt; thresholds are fitted again, also to its sweeps, and keep about what they promise.
     twin(&lab, "four.h5", "4", "60");

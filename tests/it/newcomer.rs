@@ -189,3 +189,25 @@ fn training_warns_of_wrong_axes_and_of_sweeps_too_few_to_calibrate() {
         "{refused}"
     );
 }
+
+#[test]
+fn a_path_without_its_option_is_answered_with_the_option() {
+    let lab = Lab::new();
+    std::fs::create_dir(lab.path("run")).unwrap();
+    for (verb, path, option) in [
+        (&["train"][..], "twin.h5", "--data"),
+        (&["demo"], "run", "--run"),
+        (&["serve"], "run", "--run"),
+    ] {
+        let mut command = tactnet(verb.iter().copied());
+        command.arg(path).current_dir(lab.folder.path());
+        let said = stderr(&expect(2, command));
+        let tip = format!("did you mean `{option} {path}`?");
+        assert!(said.contains(&tip), "{said}");
+    }
+    let mut run = tactnet(["experiment", "run", "crossval_baselines"]);
+    run.args(["--data", "missing.npz", "--out", "out"]);
+    run.current_dir(lab.folder.path());
+    let said = stderr(&expect(2, run));
+    assert!(said.contains("missing.npz"), "{said}");
+}
