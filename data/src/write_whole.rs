@@ -20,6 +20,13 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), DataError> {
         .parent()
         .filter(|folder| !folder.as_os_str().is_empty())
         .unwrap_or_else(|| Path::new("."));
+    if !folder.is_dir() {
+        let reason = format!("there is no folder {}", folder.display());
+        return Err(failed(std::io::Error::new(
+            std::io::ErrorKind::NotFound,
+            reason,
+        )));
+    }
     let mut file = tempfile::Builder::new()
         .prefix(UNFINISHED)
         .tempfile_in(folder)
@@ -61,7 +68,8 @@ mod tests {
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
         let refused = write_whole(&folder.path().join("no/such/file"), b"").unwrap_err();
         assert!(
-            refused.to_string().contains("file: cannot write"),
+            refused.to_string().contains("file: cannot write")
+                && refused.to_string().contains("there is no folder"),
             "{refused}"
         );
     }

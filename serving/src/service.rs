@@ -8,6 +8,7 @@
 //!
 //! One thread, no clock but the channels' own. While frames come nothing is allocated, and the only system calls are the waits and wake-ups of the channels.
 
+mod command_rates;
 mod commands;
 mod predict;
 mod recent_sweeps;
@@ -16,10 +17,10 @@ mod waiting_commands;
 mod worker_events;
 
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tactnet_channel::{
-    Bus, GetPort, GetSide, Priority, PutPort, RateLimit, Received, Start, SyncGroup, Wait, now_ns,
+    Bus, GetPort, GetSide, Priority, PutPort, Received, Start, SyncGroup, Wait, now_ns,
 };
 use tactnet_data::Frame;
 use tactnet_pipeline::OnlineClassifier;
@@ -34,6 +35,7 @@ use crate::model::ModelSource;
 use crate::model_worker::{ModelWorker, WorkerEvent};
 use crate::skin_limits::{limits, settle};
 use crate::status_line::StatusLine;
+use command_rates::CommandRates;
 use recent_sweeps::RecentSweeps;
 use reconnect::Connections;
 use waiting_commands::WaitingCommands;
@@ -62,7 +64,8 @@ pub struct Service {
     measures: Arc<Measures>,
     sweeps: u64,
     lost_commands: u64,
-    command_rate: RateLimit,
+    command_rates: CommandRates,
+    told_refused: Instant,
     refused_commands: u64,
     alive_ns: u64,
     connections: Connections,
@@ -165,7 +168,8 @@ impl Service {
             measures: measures.clone(),
             sweeps: 0,
             lost_commands: 0,
-            command_rate: RateLimit::new(commands::COMMAND_RATE),
+            command_rates: CommandRates::new(),
+            told_refused: Instant::now(),
             refused_commands: 0,
             alive_ns: 0,
             connections: Connections::default(),

@@ -47,8 +47,17 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
     let made = folder.path().join("sweeps.h5");
     let (run, sweeps) = match &arguments.run {
         Some(run) => {
-            let config = RunDir::open(run)?.config()?;
+            let opened = RunDir::open(run)?;
+            let config = opened.config()?;
             config.require_network(run, "be served")?;
+            if arguments.data.is_none() {
+                for added in opened.enrolled()? {
+                    say!(
+                        "note: `{}` was enrolled from other data; `--data FILE` plays sweeps of it",
+                        added.material
+                    );
+                }
+            }
             let data = arguments.data.as_deref().unwrap_or(&config.spec.data);
             let sweeps = match DataSource::named(data) {
                 DataSource::Twin(_) => {

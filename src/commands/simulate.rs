@@ -34,9 +34,10 @@ pub fn run(command: SimulateCommand) -> anyhow::Result<ExitCode> {
     }
 }
 
-/// Returns the numbers of sweeps that a run was not trained on.
+/// Returns the numbers of sweeps that a run has learnt nothing from.
 fn unseen_by(dataset: &Dataset, run: &Path) -> anyhow::Result<Vec<usize>> {
     let run = RunDir::open(run)?;
-    let view = TestSweeps::unseen(dataset, &run.config()?, &run.split()?)?.view;
+    let unseen = TestSweeps::unseen(dataset, &run.config()?, &run.split()?)?;
+    let view = unseen.without_enrolled(&run)?.view;
     Ok(view.indices().to_vec())
 }

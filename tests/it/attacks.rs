@@ -121,7 +121,7 @@ fn a_flood_of_commands_stops_no_belief() {
         let text = event.first().unwrap().text;
         if text
             .as_str()
-            .contains("commands refused: more than 1000 a second")
+            .contains("commands refused: more than 1000 a second of one putter")
         {
             break;
         }

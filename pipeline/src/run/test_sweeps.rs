@@ -33,25 +33,7 @@ impl<'a> TestSweeps<'a> {
         } else {
             Self::unseen(dataset, &config, &manifest)?
         };
-        let enrolled = run.enrolled()?;
-        let before = found.view.len();
-        if !enrolled.is_empty() {
-            let hashes = enrolled.iter().flat_map(|it| it.sweeps_sha256.clone());
-            found.view = without_sweeps(&found.view, &hashes.collect()).0;
-        }
-        // Former versions name the sweeps of a file alone.
-        let of_file: Vec<usize> = enrolled
-            .into_iter()
-            .filter(|material| material.data_sha256 == dataset.sha256())
-            .flat_map(|material| material.sweeps)
-            .collect();
-        let all = found.view.indices().iter().copied();
-        let left: Vec<usize> = all.filter(|index| !of_file.contains(index)).collect();
-        let dropped = before - left.len();
-        if dropped > 0 {
-            found.view = SweepView::new(dataset, left);
-            found.description += &format!(", but {dropped} that were enrolled");
-        }
+        found = found.without_enrolled(run)?;
         if found.view.is_empty() {
             return Err(PipelineError::Incompatible {
                 item: "test sweeps",
@@ -60,6 +42,34 @@ impl<'a> TestSweeps<'a> {
             });
         }
         Ok(found)
+    }
+
+    /// Leaves out the sweeps from which materials were added to the classifier.
+    ///
+    /// # Errors
+    /// A damaged run directory.
+    pub fn without_enrolled(mut self, run: &RunDir) -> Result<Self, PipelineError> {
+        let enrolled = run.enrolled()?;
+        let before = self.view.len();
+        if !enrolled.is_empty() {
+            let hashes = enrolled.iter().flat_map(|it| it.sweeps_sha256.clone());
+            self.view = without_sweeps(&self.view, &hashes.collect()).0;
+        }
+        let dataset = self.view.dataset();
+        // Former versions name the sweeps of a file alone.
+        let of_file: Vec<usize> = enrolled
+            .into_iter()
+            .filter(|material| material.data_sha256 == dataset.sha256())
+            .flat_map(|material| material.sweeps)
+            .collect();
+        let all = self.view.indices().iter().copied();
+        let left: Vec<usize> = all.filter(|index| !of_file.contains(index)).collect();
+        let dropped = before - left.len();
+        if dropped > 0 {
+            self.view = SweepView::new(dataset, left);
+            self.description += &format!(", but {dropped} that were enrolled");
+        }
+        Ok(self)
     }
 
     /// Every sweep of `dataset` but those of the training set that `config` and `manifest` describe.

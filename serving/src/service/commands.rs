@@ -1,30 +1,40 @@
 //! Commands of motion controllers and people.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use tactnet_skin::packets::{Command, Event, SweepCommand};
 use tactnet_skin::{Segmentation, SweepChange};
 
 use super::Service;
+use super::command_rates::COMMAND_RATE;
 use super::waiting_commands::MAX_COMMANDS;
 use crate::ServeError;
 use crate::model_worker::Job;
 
-/// Commands a second that are followed; a flood of more keeps no frame waiting.
-pub(super) const COMMAND_RATE: u32 = 1000;
+/// Commands that are looked at before the next frame.
+const MOST_LOOKED_AT: usize = 4096;
+/// How often it is said that commands were refused.
+const TELL_EVERY: Duration = Duration::from_secs(1);
 
 impl Service {
     /// Takes all commands that have come.
     pub(super) fn receive_commands(&mut self) -> Result<(), ServeError> {
-        for _ in 0..MAX_COMMANDS {
+        let mut followed = 0;
+        // A port looks at those who put in a fixed order: what the first has too many of is passed over, to come to the others.
+        for _ in 0..MOST_LOOKED_AT {
             let Some(command) = self.commands.try_get()? else {
                 break;
             };
-            if !self.command_rate.allows(Instant::now()) {
+            let header = *command.header();
+            if !self.command_rates.allow(header.sender, Instant::now()) {
                 self.refused_commands += 1;
                 continue;
             }
-            let header = *command.header();
+            followed += 1;
+            if followed > MAX_COMMANDS {
+                self.refused_commands += 1;
+                break;
+            }
             // Another host's clock says nothing here.
             let put_ns = if header.remote == 1 { 0 } else { header.put_ns };
             if let Some(command) = command.first()
@@ -39,12 +49,15 @@ impl Service {
                 )?;
             }
         }
-        if self.refused_commands > 0 && self.command_rate.allows(Instant::now()) {
+        if self.refused_commands > 0 && self.told_refused.elapsed() > TELL_EVERY {
+            self.told_refused = Instant::now();
             let refused = std::mem::take(&mut self.refused_commands);
             self.publish_status(
                 Event::Refused,
                 0,
-                format_args!("{refused} commands refused: more than {COMMAND_RATE} a second"),
+                format_args!(
+                    "{refused} commands refused: more than {COMMAND_RATE} a second of one putter"
+                ),
             )?;
         }
         let lost = self.commands.lost();

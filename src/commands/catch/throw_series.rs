@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use anyhow::Context;
 use clap::{Args, ValueEnum};
-use tactnet_catching_trials::{Ablation, Series, SeriesReport, ThrowConfig, Timing, series_page};
+use tactnet_catching_trials::{Ablation, Series, ThrowConfig, Timing, series_page};
 use tactnet_catching_world::WorldConfig;
 
 use crate::commands::progress_line::about;
@@ -178,39 +178,7 @@ pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
     if arguments.json {
         output::print_json(&report)?;
     } else {
-        print(&report)?;
+        output::print(&report)?;
     }
     Ok(ExitCode::SUCCESS)
-}
-
-fn print(report: &SeriesReport) -> anyhow::Result<()> {
-    let what = if report.balls == 1 {
-        "balls"
-    } else {
-        "pairs of balls"
-    };
-    output::print(format_args!(
-        "caught {} of {} {what} in the catch space: {:.1} % [{:.1}, {:.1}]; {:.1} % of all {} throws",
-        report.caught,
-        report.in_catch_space,
-        100.0 * report.rate,
-        100.0 * report.ci95_low,
-        100.0 * report.ci95_high,
-        100.0 * report.over_all_throws,
-        report.throws
-    ))?;
-    for (cause, count) in &report.misses {
-        output::print(format_args!("  missed, {cause}: {count}"))?;
-    }
-    if let (Some(across), Some(along)) = (report.across_mm_rms_200ms, report.along_ms_rms_200ms) {
-        output::print(format_args!(
-            "predicted 200 ms before the catch: {across:.1} mm across the flight, {along:.2} ms along it (root mean squares)"
-        ))?;
-    }
-    if let (Some(nees), Some([low, high])) = (report.nees_200ms, report.nees_band) {
-        output::print(format_args!(
-            "normalised squared error of it: {nees:.2}, {low:.2} to {high:.2} if the filter's covariance is right"
-        ))?;
-    }
-    Ok(())
 }

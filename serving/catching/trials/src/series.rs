@@ -1,6 +1,7 @@
 //! Many throws, with what a reader wants to know of them.
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -83,6 +84,43 @@ pub struct SeriesReport {
     /// What the curve of errors is made of.
     #[serde(skip)]
     pub outcomes: Vec<ThrowOutcome>,
+}
+
+impl fmt::Display for SeriesReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let what = if self.balls == 1 {
+            "balls"
+        } else {
+            "pairs of balls"
+        };
+        write!(
+            f,
+            "caught {} of {} {what} in the catch space: {:.1} % [{:.1}, {:.1}]; {:.1} % of all {} throws",
+            self.caught,
+            self.in_catch_space,
+            100.0 * self.rate,
+            100.0 * self.ci95_low,
+            100.0 * self.ci95_high,
+            100.0 * self.over_all_throws,
+            self.throws
+        )?;
+        for (cause, count) in &self.misses {
+            write!(f, "\n  missed, {cause}: {count}")?;
+        }
+        if let (Some(across), Some(along)) = (self.across_mm_rms_200ms, self.along_ms_rms_200ms) {
+            write!(
+                f,
+                "\npredicted 200 ms before the catch: {across:.1} mm across the flight, {along:.2} ms along it (root mean squares)"
+            )?;
+        }
+        if let (Some(nees), Some([low, high])) = (self.nees_200ms, self.nees_band) {
+            write!(
+                f,
+                "\nnormalised squared error of it: {nees:.2}, {low:.2} to {high:.2} if the filter's covariance is right"
+            )?;
+        }
+        Ok(())
+    }
 }
 
 impl Series {
