@@ -1,7 +1,7 @@
 //! Damaged and hostile input against everything that reads files or packets of others, in process.
 //!
 //! [`open`] makes a target ready, [`attack`] gives it inputs that were made from valid ones, [`Report`] attacks all of them in processes of
-//! their own. The same targets stand in `fuzz` for `cargo fuzz`, which finds its inputs by what the program does with them.
+//! their own.
 
 mod ceiling;
 mod mutate;

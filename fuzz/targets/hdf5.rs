@@ -1,3 +1,0 @@
-#![no_main]
-
-tactnet_fuzz::target!("hdf5");
