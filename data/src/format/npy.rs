@@ -173,8 +173,8 @@ impl Array {
         Self::whole(header, from)
     }
 
-    /// The same for numbers that are wanted as [`Samples`] alone: they are narrowed while they are read, so that they never stand in memory
-    /// twice.
+    /// The same for numbers that are wanted as [`Samples`] alone: they are narrowed while they are read, so that the
+    /// file's bytes never stand beside all of them.
     pub(super) fn read_samples(mut from: impl Read, room: u64) -> Result<Self, String> {
         let header = Header::read(&mut from)?;
         header.check_room(room)?;
