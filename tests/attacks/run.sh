@@ -25,7 +25,7 @@ fi
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 if [ $how = quick ]; then
-  inputs=(--seconds 2) kills=(--kills 2) long=(--frames 40000 --speed 4)
+  inputs=(--seconds 2) kills=(--kills 2) long=(--frames 100000 --speed 6)
 else
   inputs=(--seconds 3600 --executions 10000000) kills=(--kills 200 --channel-kills 500)
   # A day of a skin.
