@@ -308,6 +308,13 @@ fn another_user_gets_nowhere_near_a_bus() {
         }
     }
     assert!(files.len() > 5, "{files:?}");
+    // The stranger is somebody, and may do what anybody may.
+    let mut stranger = Command::new("sh");
+    stranger
+        .args(["-c", "cat /etc/passwd"])
+        .uid(65534)
+        .gid(65534);
+    assert!(stranger.output().unwrap().status.success());
     for file in files {
         let shown = file.display();
         for attack in [
