@@ -14,7 +14,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use commands::{
     catch, channel, completions, dashboard, data, demo, doctor, enroll, eval, experiment, export,
-    man, record, replay, serve, simulate, task, train, version, view,
+    man, predict, record, replay, serve, simulate, task, train, version, view,
 };
 
 #[global_allocator]
@@ -34,6 +34,7 @@ const GIT: &str = env!("TACTNET_GIT");
         tactnet demo                                 a simulated fingertip, classified live in the browser\n  \
         tactnet train --data sweeps.h5               train on recorded sweeps\n  \
         tactnet eval runs/twin-fast-fold0-1          judge a trained classifier again\n  \
+        tactnet predict runs/twin-fast-fold0-1 --data new.npz   of what material are these?\n  \
         tactnet enroll runs/twin-fast-fold0-1 --data new.h5 --material felt --out runs/with-felt\n  \
         tactnet experiment run crossval_baselines    compare models over folds\n  \
         tactnet data info sweeps.h5                  look at a data set\n\n\
@@ -50,6 +51,8 @@ enum Command {
     Train(train::TrainArgs),
     /// Judge a trained classifier
     Eval(eval::EvalArgs),
+    /// Say of what material sweeps are
+    Predict(predict::PredictArgs),
     /// Add a material to a trained classifier from a few sweeps
     Enroll(enroll::EnrollArgs),
     /// Write a trained network for other programs: ONNX, safetensors
@@ -118,6 +121,7 @@ fn main() -> ExitCode {
     let outcome = match cli.command {
         Command::Train(arguments) => train::run(&arguments),
         Command::Eval(arguments) => eval::run(&arguments),
+        Command::Predict(arguments) => predict::run(&arguments),
         Command::Enroll(arguments) => enroll::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Experiment(command) => experiment::run(command),

@@ -13,6 +13,7 @@ mistake in the call or in the list.
 """
 
 import argparse
+import atexit
 import hashlib
 import json
 import os
@@ -20,8 +21,10 @@ import random
 import re
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
+import tempfile
 import time
 import tomllib
 from pathlib import Path
@@ -54,12 +57,17 @@ def read_list():
     return mutations
 
 
+def package(folder):
+    """Returns the name of the package in a folder."""
+    return tomllib.loads((folder / "Cargo.toml").read_text())["package"]["name"]
+
+
 def crate_of(file):
     """Returns the package that a source file belongs to."""
     for folder in (ROOT / file).parents:
         manifest = folder / "Cargo.toml"
         if manifest.exists():
-            return tomllib.loads(manifest.read_text())["package"]["name"]
+            return package(manifest.parent)
     raise Mistake(f"{file} belongs to no package")
 
 
@@ -70,42 +78,69 @@ def target_folder():
 
 
 class Copy:
-    """A copy of the sources, beside what cargo builds of it, so that a second mutation compiles one crate."""
+    """A copy of the sources that shares what cargo built of them: file times are copied, too, and cargo goes by those.
+
+    It must not lie in the target folder: cargo would remember its files by their place there, and take what was built of them for what a
+    checkout holds.
+    """
 
     def __init__(self, folder, cargo=()):
         self.folder = folder
         self.cargo = list(cargo)
+        self.begun = time.time()
         names = subprocess.run(
             ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"], cwd=ROOT, check=True, capture_output=True
         ).stdout.decode()
         wanted = {name for name in names.split("\0") if name and (ROOT / name).is_file()}
         for name in wanted:
-            source, copy = ROOT / name, folder / name
-            if not copy.exists() or copy.read_bytes() != source.read_bytes():
-                copy.parent.mkdir(parents=True, exist_ok=True)
-                shutil.copyfile(source, copy)
-        for path in sorted(folder.rglob("*"), reverse=True):
-            if path.is_file() and str(path.relative_to(folder)) not in wanted:
-                path.unlink()
+            copy = folder / name
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, copy)
 
-    def tests(self, arguments, crate=None):
-        """Builds unit tests and runs them, those of `crate` first, up to the first crate that fails.
+    def forget(self):
+        """Deletes the copy, and makes cargo build anew what it built of it: file times do not tell a mutated crate from the right one."""
+        shutil.rmtree(self.folder)
+        for fingerprint in (target_folder() / "ci" / ".fingerprint").glob("tactnet*"):
+            if fingerprint.stat().st_mtime >= self.begun or any(file.stat().st_mtime >= self.begun for file in fingerprint.iterdir()):
+                shutil.rmtree(fingerprint)
 
-        Returns 'passed', 'failed' or 'broken', and the first test that failed or what cargo said.
+    def build(self, arguments, until=None):
+        """Builds unit tests, or only up to those of the package `until`.
+
+        Returns folders and programs, and what cargo said if it failed.
         """
         cargo = ["cargo", "test", "--profile", "ci", "--locked", "--lib", "--no-run", "--message-format", "json-render-diagnostics", *(self.cargo or arguments)]
         environment = {**os.environ, "CARGO_TARGET_DIR": str(target_folder())}
-        built = subprocess.run(cargo, cwd=self.folder, env=environment, capture_output=True, text=True)
-        if built.returncode != 0:
-            return "broken", "\n".join(built.stderr.splitlines()[-30:])
-        messages = [json.loads(line) for line in built.stdout.splitlines()]
-        tests = [(Path(message["manifest_path"]).parent, message["executable"]) for message in messages if message.get("executable")]
+        tests = []
+        with tempfile.TemporaryFile("w+") as said:
+            cargo = subprocess.Popen(cargo, cwd=self.folder, env=environment, stdout=subprocess.PIPE, stderr=said, text=True, start_new_session=True)
+            for line in cargo.stdout:
+                message = json.loads(line)
+                if not message.get("executable"):
+                    continue
+                tests.append((Path(message["manifest_path"]).parent, message["executable"]))
+                if until and package(tests[-1][0]) == until:
+                    os.killpg(cargo.pid, signal.SIGTERM)
+                    cargo.communicate()
+                    return tests[-1:], None
+            if cargo.wait() != 0:
+                said.seek(0)
+                return [], "\n".join(said.read().splitlines()[-30:])
         if not tests:
             raise Mistake(f"no unit tests are built by cargo test {' '.join(self.cargo or arguments)}")
-        tests.sort(key=lambda test: tomllib.loads((test[0] / "Cargo.toml").read_text())["package"]["name"] != crate)
+        return tests, None
+
+    def tests(self, arguments, until=None):
+        """Builds unit tests, or only those of the package `until`, and runs them up to the first crate that fails.
+
+        Returns 'passed', 'failed' or 'broken', and the first test that failed or what cargo said.
+        """
+        tests, complaint = self.build(arguments, until)
+        if complaint:
+            return "broken", complaint
         for folder, program in tests:
             try:
-                ran = subprocess.run([program], cwd=folder, env=environment, capture_output=True, text=True, timeout=LIMIT_SECONDS)
+                ran = subprocess.run([program], cwd=folder, capture_output=True, text=True, timeout=LIMIT_SECONDS)
             except subprocess.TimeoutExpired:
                 return "failed", "a test that did not end"
             if ran.returncode != 0:
@@ -120,8 +155,8 @@ class Copy:
         path.write_text(original.replace(mutation["find"], mutation["replace"]))
         try:
             crate = crate_of(mutation["file"])
-            for arguments in ([self.cargo] if self.cargo else (["-p", crate], ["--workspace"])):
-                verdict, what = self.tests(arguments, crate)
+            for arguments, until in ((["-p", crate], crate), (["--workspace"], None)):
+                verdict, what = self.tests(arguments, until)
                 if verdict == "broken":
                     raise Mistake(f"{mutation['id']} does not compile:\n{what}")
                 if verdict == "failed":
@@ -181,7 +216,8 @@ def main():
         mutations = random.Random(commit.strip()).sample(mutations, min(arguments.random, len(mutations)))
     work = target_folder() / "mutations"
     work.mkdir(parents=True, exist_ok=True)
-    copy = Copy(work / "sources", shlex.split(arguments.cargo))
+    copy = Copy(Path(tempfile.mkdtemp(prefix="tactnet-mutations-")), shlex.split(arguments.cargo))
+    atexit.register(copy.forget)
     log = work / f"{content_key()[:16]}.jsonl"
     known = {}
     if log.exists():

@@ -15,8 +15,10 @@
 //! | [`NumberedMaterials`](FindingKind::NumberedMaterials) | note | every material's name is a bare number |
 //! | [`AxisOrder`](FindingKind::AxisOrder) | warning | more than 32 taxels side by side, and more than time steps |
 //! | [`ShortSweeps`](FindingKind::ShortSweeps) | warning | sweeps under 50 ms |
+//! | [`SingleMaterial`](FindingKind::SingleMaterial) | warning | nothing to tell apart |
+//! | [`AlikeNames`](FindingKind::AlikeNames) | warning | names that differ in nothing but case or blanks |
 
-use crate::{DataError, Dataset, Finding, FindingKind, Place, Severity, SweepShape};
+use crate::{DataError, Dataset, Finding, FindingKind, Place, Severity, SweepShape, plain_name};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::collections::hash_map::DefaultHasher;
@@ -55,6 +57,7 @@ pub fn check(dataset: &Dataset) -> Vec<Finding> {
     findings.extend(out_of_range(dataset, &sweeps));
     findings.extend(sweeps_per_material(dataset));
     findings.extend(numbered_materials(dataset));
+    findings.extend(material_names(dataset));
     findings.extend(time_axis(dataset));
     findings.sort_by_key(|finding| (finding.severity, finding.kind, finding.at.sweep));
     findings
@@ -535,6 +538,28 @@ fn numbered_materials(dataset: &Dataset) -> Option<Finding> {
         let kind = FindingKind::NumberedMaterials;
         finding(Severity::Note, kind, Place::default(), message)
     })
+}
+
+/// What is odd about the names of the materials.
+fn material_names(dataset: &Dataset) -> Vec<Finding> {
+    let names: Vec<&str> = dataset.labels().names().collect();
+    let warn = |kind, message| finding(Severity::Warning, kind, Place::default(), message);
+    if let [only] = names[..] {
+        let message = format!(
+            "all sweeps are of `{only}`: a classifier of one material is always right; `train` wants at least two, `enroll` adds one"
+        );
+        return vec![warn(FindingKind::SingleMaterial, message)];
+    }
+    let mut plain = BTreeMap::new();
+    let mut findings = Vec::new();
+    for name in names {
+        if let Some(other) = plain.insert(plain_name(name), name) {
+            let message =
+                format!("`{other}` and `{name}` are two materials: the same, spelt differently?");
+            findings.push(warn(FindingKind::AlikeNames, message));
+        }
+    }
+    findings
 }
 
 #[cfg(test)]

@@ -46,6 +46,10 @@ pub enum FindingKind {
     AxisOrder,
     /// Sweeps of less than a twentieth of a second.
     ShortSweeps,
+    /// A single material, so that there is nothing to tell apart.
+    SingleMaterial,
+    /// Materials whose names differ in nothing but case or blanks.
+    AlikeNames,
 }
 
 /// Where a finding is, as far as it has a place.
@@ -98,6 +102,8 @@ impl fmt::Display for FindingKind {
             Self::NumberedMaterials => "numbered materials",
             Self::AxisOrder => "suspicious order of axes",
             Self::ShortSweeps => "short sweeps",
+            Self::SingleMaterial => "a single material",
+            Self::AlikeNames => "names that are alike",
         })
     }
 }

@@ -41,6 +41,16 @@ pub fn near_name<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Op
     nearest.1
 }
 
+/// Returns true if two names differ in nothing but case and blanks.
+pub fn is_same_name(one: &str, other: &str) -> bool {
+    plain_name(one) == plain_name(other)
+}
+
+/// Returns a name in lower case, without blanks.
+pub(crate) fn plain_name(name: &str) -> String {
+    name.to_lowercase().split_whitespace().collect()
+}
+
 /// 1 for the same letters, 0 for nothing in common. Part of a name is more than any other spelling.
 fn likeness(name: &str, known: &str) -> f64 {
     let [name, known] = [name, known].map(str::to_lowercase);

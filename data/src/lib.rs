@@ -46,7 +46,8 @@ pub use folds::{Fold, Scheme, SplitManifest, SweepView, TestSplit, TrainSplit, V
 pub use frame::Frame;
 pub use hex::{hex, sha256_hex};
 pub use info::{Info, MaterialInfo, info};
-pub use known_names::{known_names, near_name};
+pub(crate) use known_names::plain_name;
+pub use known_names::{is_same_name, known_names, near_name};
 pub use material::{LabelSet, Material, is_control};
 pub use material_split::MaterialSplit;
 pub use read_file::{open_file, read_file, read_text};

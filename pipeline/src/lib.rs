@@ -55,6 +55,7 @@ pub use predict::calibration::{
     Calibration, CalibrationTarget, Verdict, least_probability, prediction_set, upper_quantile,
 };
 pub use predict::classifier::{Classifier, ClassifierConfig, ModelConfig, TactNetSetup};
+pub use predict::classify::{ClassifiedObject, ClassifiedSweep, ClassifiedSweeps};
 pub use predict::confusion::Confusion;
 pub use predict::enroll::{
     Enrolled, EnrolledMaterial, EnrolmentCost, RowPrior, Thresholds, enroll, weights_sha256,

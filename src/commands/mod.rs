@@ -13,6 +13,7 @@ pub mod eval;
 pub mod experiment;
 pub mod export;
 pub mod man;
+pub mod predict;
 pub mod progress_line;
 pub mod record;
 pub mod replay;

@@ -211,3 +211,120 @@ fn a_path_without_its_option_is_answered_with_the_option() {
     let said = stderr(&expect(2, run));
     assert!(said.contains("missing.npz"), "{said}");
 }
+
+/// Writes sweeps of the small twin without their materials: a folder of `.csv`, and one file of one sweep.
+fn without_labels(lab: &Lab) -> Vec<String> {
+    let dataset = tactnet_data::format::read(&lab.path("twin.h5")).unwrap();
+    let folder = lab.path("new");
+    std::fs::create_dir(&folder).unwrap();
+    // One of each material, and three more of the last.
+    let chosen = [0, 10, 20, 30, 31, 32, 33];
+    for (place, sweep) in chosen.iter().enumerate() {
+        let rows: String = dataset
+            .sweep(*sweep)
+            .chunks_exact(16)
+            .map(|frame| {
+                frame
+                    .iter()
+                    .map(f32::to_string)
+                    .collect::<Vec<_>>()
+                    .join(",")
+                    + "\n"
+            })
+            .collect();
+        std::fs::write(folder.join(format!("{place}.csv")), rows).unwrap();
+    }
+    let name = |sweep: &usize| dataset.labels().name(dataset.records()[*sweep].label);
+    chosen.iter().map(|sweep| name(sweep).into()).collect()
+}
+
+#[test]
+fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
+    let lab = Lab::new();
+    let named = without_labels(&lab);
+    let recipe = lab.recipe(RecipeChange {
+        epochs: Some(12),
+        ..RecipeChange::default()
+    });
+    let mut train = lab.train(&recipe, "run");
+    train.args(["--calibrate", "--false-alarms", "0.2", "--coverage", "0.8"]);
+    expect(0, train);
+    let predict = |data: &str, options: &[&str]| {
+        let mut command = with(&lab, &["predict"], "run", options);
+        command.args(["--data", data]);
+        command
+    };
+    let found = expect(
+        0,
+        predict("new", &["--json", "--one-object", "--out", "found.csv"]),
+    );
+    let found: serde_json::Value = serde_json::from_str(&stdout(&found)).unwrap();
+    let rows = found["sweeps"].as_array().unwrap();
+    assert_eq!(rows.len(), named.len());
+    let run = tactnet::Classifier::load(lab.path("run")).unwrap();
+    let dataset = tactnet_data::format::read(&lab.path("twin.h5")).unwrap();
+    let view = tactnet::SweepView::new(&dataset, vec![0, 10, 20, 30, 31, 32, 33]);
+    let expected = run.predict(&view).unwrap();
+    let materials: Vec<&str> = run.materials().collect();
+    let mut sums = vec![0.0; materials.len()];
+    for (place, (row, score)) in rows.iter().zip(&expected.sweeps).enumerate() {
+        assert_eq!(row["sweep"], place.to_string());
+        assert_eq!(row["material"], materials[score.predicted()]);
+        assert!(row["unknown"].is_boolean() && row["prediction_set"].is_array());
+        assert!(row.get("named").is_none());
+        for (sum, (found, log_p)) in sums.iter_mut().zip(
+            row["probabilities"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .zip(&score.log_probability),
+        ) {
+            assert!((found.as_f64().unwrap() - log_p.exp()).abs() < 1e-12);
+            *sum += log_p;
+        }
+    }
+    let fused = &found["object"];
+    let best = (0..sums.len())
+        .max_by(|a, b| sums[*a].total_cmp(&sums[*b]))
+        .unwrap();
+    assert_eq!(fused["material"], materials[best]);
+    assert_eq!(fused["sweeps"], rows.len());
+    let table = String::from_utf8(lab.read("found.csv")).unwrap();
+    assert_eq!(table.lines().count(), 1 + rows.len());
+    assert!(
+        table.starts_with("sweep,material,unknown,prediction_set,named,p("),
+        "{table}"
+    );
+
+    // A file alone, and a data set with materials, which then stand beside.
+    let one = stdout(&expect(0, predict("new/0.csv", &[])));
+    assert!(
+        one.contains("or else") && one.contains("1 sweep of 0"),
+        "{one}"
+    );
+    let known = expect(0, predict("twin.h5", &["--json", "--mc", "0"]));
+    let known: serde_json::Value = serde_json::from_str(&stdout(&known)).unwrap();
+    assert_eq!(known["sweeps"][30]["named"], named[3]);
+    let refused = stderr(&expect(2, predict("new", &["--rate", "100"])));
+    assert!(refused.contains("expects 750 Hz"), "{refused}");
+    let refused = stderr(&expect(2, predict("nothing", &[])));
+    assert!(refused.contains("nothing"), "{refused}");
+}
+
+#[test]
+fn a_material_spelt_otherwise_is_answered_with_the_one_that_is_known() {
+    let lab = Lab::new();
+    own_sweeps(&lab, "own", ["cork", "felt"], 6, 4);
+    own_sweeps(&lab, "other", ["Cork", "felt"], 6, 4);
+    let run = lab.path("run").display().to_string();
+    let means = ["--model", "means", "--out", &run];
+    expect(0, with(&lab, &["train", "--data"], "own", &means));
+    let refused = stderr(&expect(
+        2,
+        with(&lab, &["eval", &run, "--data"], "other", &[]),
+    ));
+    assert!(
+        refused.contains("is `Cork` the `cork` that it knows?"),
+        "{refused}"
+    );
+}

@@ -220,3 +220,30 @@ fn groups_print_a_heading_and_a_limited_number_of_lines() {
     assert!(text.starts_with("error: values that are not finite (6)\n  `cork` sweep 0: 1 "));
     assert!(text.ends_with("\n  and 4 more"), "{text}");
 }
+
+#[test]
+fn names_that_tell_nothing_apart_are_found() {
+    let named = |names: [&str; 3], labels: &[usize]| {
+        let plain = dataset_of(values(), labels);
+        let labels = LabelSet::new(names).unwrap();
+        let records = plain.records().to_vec();
+        let dataset = Dataset::new("t", 100.0, SHAPE, labels, records, plain.samples().clone());
+        let found = check(&dataset.unwrap()).into_iter();
+        let found = found.filter(|found| found.kind != FindingKind::FewSweeps);
+        found
+            .map(|found| (found.kind, found.message))
+            .collect::<Vec<_>>()
+    };
+    let pairs = &[0, 0, 1, 1, 2, 2];
+    assert_eq!(named(["cork", "denim", "wood"], pairs), []);
+    let found = named(["oak wood", "denim", "Oakwood"], pairs);
+    assert_eq!(found[0].0, FindingKind::AlikeNames);
+    assert!(
+        found[0].1.contains("`oak wood` and `Oakwood`"),
+        "{}",
+        found[0].1
+    );
+    let cork = dataset_of(values(), pairs).of_materials(&[0]).unwrap();
+    let kinds: Vec<_> = check(&cork).iter().map(|found| found.kind).collect();
+    assert!(kinds.contains(&FindingKind::SingleMaterial), "{kinds:?}");
+}

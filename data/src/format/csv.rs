@@ -16,9 +16,9 @@ use rayon::prelude::*;
 use super::frame_table::{
     Column, FrameTable, TIME, common_length, is_one_of, may_hold_words, rate_of,
 };
-use super::named_sweeps::NamedSweeps;
+use super::named_sweeps::{Labels, NamedSweeps};
 use super::narrow::{TooWide, narrow};
-use crate::{DataError, Dataset, SweepShape};
+use crate::{DataError, SweepShape};
 
 /// The table of a folder's labels.
 const LABELS: &str = "labels.csv";
@@ -26,19 +26,49 @@ const LABELS: &str = "labels.csv";
 /// Reads a folder or a file that may hold NaN or infinities.
 ///
 /// - `steps`: frames of every sweep that are kept, from its beginning; `None`: all, and all sweeps must be equally long
+/// - `labels`: where they are optional, a file may be one sweep
 ///
 /// # Errors
 /// What cannot be read; a row with more or fewer values than the first; a word where a number belongs, with file and line; sweeps of
 /// different lengths or numbers of taxels.
-pub fn read_with_gaps(path: &Path, steps: Option<usize>) -> Result<Dataset, DataError> {
-    let sweeps = if path.is_dir() {
-        read_folder(path, steps)?
-    } else {
-        read_table(path)?.into_sweeps(steps)?
-    };
-    sweeps
-        .into_dataset()
-        .map_err(|error| super::in_file(path, error))
+pub(super) fn read_with_gaps(
+    path: &Path,
+    steps: Option<usize>,
+    labels: Labels,
+) -> Result<NamedSweeps, DataError> {
+    if path.is_dir() {
+        let entries = if path.join(LABELS).is_file() {
+            listed(&path.join(LABELS))?
+        } else {
+            files_by_folder(path)?
+        };
+        return read_files(path, entries, steps);
+    }
+    if labels == Labels::Optional && !has_line_of_names(path)? {
+        return read_files(path, vec![Entry::unlabelled(path.into())], steps);
+    }
+    read_table(path)?.into_sweeps(steps, labels)
+}
+
+/// Reads the `.csv` files that lie in a folder itself, each a sweep, in the order of their names; `None` where there is none.
+///
+/// # Errors
+/// As [`read_with_gaps`].
+pub(super) fn read_flat_folder(
+    path: &Path,
+    steps: Option<usize>,
+) -> Result<Option<NamedSweeps>, DataError> {
+    let entries: Vec<Entry> = tables_in(path)?.map(Entry::unlabelled).collect();
+    if entries.is_empty() {
+        return Ok(None);
+    }
+    read_files(path, entries, steps).map(Some)
+}
+
+/// Returns true if the first line of a table holds more than numbers.
+fn has_line_of_names(path: &Path) -> Result<bool, DataError> {
+    let first = Rows::open(path)?.next()?.unwrap_or_default();
+    Ok(first.iter().any(|cell| cell.trim().parse::<f64>().is_err()))
 }
 
 /// Returns true if a folder looks like one of sweeps: it has a table of labels or folders with `.csv` files.
@@ -49,18 +79,30 @@ pub fn is_folder_of_sweeps(path: &Path) -> bool {
 /// A sweep's file, and what is known of it.
 struct Entry {
     file: PathBuf,
-    material: String,
+    material: Option<String>,
     block: Option<u32>,
     test: Option<bool>,
 }
 
-fn read_folder(path: &Path, steps: Option<usize>) -> Result<NamedSweeps, DataError> {
-    let table = path.join(LABELS);
-    let entries = if table.is_file() {
-        listed(&table)?
-    } else {
-        files_by_folder(path)?
-    };
+impl Entry {
+    fn unlabelled(file: PathBuf) -> Self {
+        Self {
+            file,
+            material: None,
+            block: None,
+            test: None,
+        }
+    }
+}
+
+/// Reads the files of sweeps.
+///
+/// - `path`: what people named, a folder or one file
+fn read_files(
+    path: &Path,
+    entries: Vec<Entry>,
+    steps: Option<usize>,
+) -> Result<NamedSweeps, DataError> {
     if entries.is_empty() {
         let expected =
             format!("{LABELS} with columns file, material; or a folder of .csv files per material");
@@ -106,11 +148,12 @@ fn read_folder(path: &Path, steps: Option<usize>) -> Result<NamedSweeps, DataErr
         DataError::format(path, "taxels", "values that a 32-bit float holds", value)
     })?;
     Ok(NamedSweeps {
-        name: path
-            .file_name()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned(),
+        name: if path.is_dir() {
+            let name = path.file_name().unwrap_or_default();
+            name.to_string_lossy().into_owned()
+        } else {
+            super::stem(path)
+        },
         rate_hz,
         shape: SweepShape {
             steps,
@@ -119,6 +162,10 @@ fn read_folder(path: &Path, steps: Option<usize>) -> Result<NamedSweeps, DataErr
         },
         blocks: entries.iter().map(|entry| entry.block).collect(),
         test: entries.iter().map(|entry| entry.test).collect(),
+        sweeps: entries
+            .iter()
+            .map(|entry| super::stem(&entry.file))
+            .collect(),
         materials: entries.into_iter().map(|entry| entry.material).collect(),
         samples,
     })
@@ -148,7 +195,7 @@ fn listed(table: &Path) -> Result<Vec<Entry>, DataError> {
         };
         entries.push(Entry {
             file: folder.join(row[file].trim()),
-            material: row[material].trim().to_string(),
+            material: Some(row[material].trim().to_string()),
             block: number(block)?,
             test: number(test)?.map(|flag| flag != 0),
         });
@@ -158,31 +205,34 @@ fn listed(table: &Path) -> Result<Vec<Entry>, DataError> {
 
 /// The `.csv` files of the folders in `path`, folder by folder in the order of their names.
 fn files_by_folder(path: &Path) -> Result<Vec<Entry>, DataError> {
-    let list = |folder: &Path| -> Result<Vec<PathBuf>, DataError> {
-        let io = |error| DataError::io(folder, "list", error);
-        let entries = std::fs::read_dir(folder).map_err(io)?;
-        let mut paths: Vec<PathBuf> = entries
-            .map(|entry| entry.map(|entry| entry.path()))
-            .collect::<Result<_, _>>()
-            .map_err(io)?;
-        paths.sort();
-        Ok(paths)
-    };
     let mut entries = Vec::new();
     for folder in list(path)?.into_iter().filter(|path| path.is_dir()) {
         let material = folder.file_name().unwrap_or_default().to_string_lossy();
-        let files = list(&folder)?;
-        let tables = files
-            .into_iter()
-            .filter(|file| file.extension().is_some_and(|e| e == "csv") && !file.ends_with(LABELS));
-        entries.extend(tables.map(|file| Entry {
-            file,
-            material: material.to_string(),
-            block: None,
-            test: None,
+        entries.extend(tables_in(&folder)?.map(|file| Entry {
+            material: Some(material.to_string()),
+            ..Entry::unlabelled(file)
         }));
     }
     Ok(entries)
+}
+
+/// What lies in a folder, in the order of names.
+fn list(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
+    let io = |error| DataError::io(folder, "list", error);
+    let entries = std::fs::read_dir(folder).map_err(io)?;
+    let mut paths: Vec<PathBuf> = entries
+        .map(|entry| entry.map(|entry| entry.path()))
+        .collect::<Result<_, _>>()
+        .map_err(io)?;
+    paths.sort();
+    Ok(paths)
+}
+
+/// The `.csv` files of sweeps in a folder.
+fn tables_in(folder: &Path) -> Result<impl Iterator<Item = PathBuf>, DataError> {
+    let is_table =
+        |file: &PathBuf| file.extension().is_some_and(|e| e == "csv") && !file.ends_with(LABELS);
+    Ok(list(folder)?.into_iter().filter(is_table))
 }
 
 /// One sweep as its file has it.

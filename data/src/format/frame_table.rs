@@ -11,7 +11,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::named_sweeps::NamedSweeps;
+use super::named_sweeps::{Labels, NamedSweeps};
 use super::narrow::{TooWide, narrow};
 use crate::{DataError, SweepShape};
 
@@ -57,13 +57,27 @@ impl FrameTable<'_> {
     /// Returns the sweeps in the order of their first frames.
     ///
     /// - `steps`: frames of every sweep that are kept, from its beginning; `None`: all, and all sweeps must be equally long
+    /// - `labels`: where they are optional, so is the column `sweep`: without it all frames are one sweep's
     ///
     /// # Errors
     /// A column that is missing or has words instead of numbers; a sweep of two materials; sweeps of different lengths.
-    pub(super) fn into_sweeps(self, steps: Option<usize>) -> Result<NamedSweeps, DataError> {
-        let sweep_of = self.required(SWEEP)?.words();
-        let material_of = self.required(MATERIAL)?.words();
+    pub(super) fn into_sweeps(
+        self,
+        steps: Option<usize>,
+        labels: Labels,
+    ) -> Result<NamedSweeps, DataError> {
         let taxels = self.taxels()?;
+        let (sweep_of, material_of) = match labels {
+            Labels::Needed => (
+                self.required(SWEEP)?.words(),
+                Some(self.required(MATERIAL)?.words()),
+            ),
+            Labels::Optional => {
+                let one = || vec![super::stem(self.path); taxels[0].len()];
+                let sweep_of = self.find(SWEEP).map_or_else(one, Column::words);
+                (sweep_of, self.find(MATERIAL).map(Column::words))
+            }
+        };
         let mut order: Vec<&str> = Vec::new();
         let mut frames: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
         for (row, sweep) in sweep_of.iter().enumerate() {
@@ -72,6 +86,7 @@ impl FrameTable<'_> {
                 Vec::new()
             });
             if let Some(&first) = rows.first()
+                && let Some(material_of) = &material_of
                 && material_of[first] != material_of[row]
             {
                 let found = format!("`{}` and `{}`", material_of[first], material_of[row]);
@@ -97,7 +112,8 @@ impl FrameTable<'_> {
                 rows: 1,
                 cols: taxels.len(),
             },
-            materials: firsts.iter().map(|&row| material_of[row].clone()).collect(),
+            materials: material_of.map(|of| firsts.iter().map(|&row| of[row].clone()).collect()),
+            sweeps: order.iter().map(|sweep| sweep.to_string()).collect(),
             blocks: self.per_sweep(BLOCK, &firsts, |value| value as u32)?,
             test: self.per_sweep(TEST, &firsts, |value| value != 0.0)?,
             samples: narrow(&values).map_err(|TooWide(value)| {

@@ -25,9 +25,11 @@ pub mod parquet;
 pub mod tactmat;
 mod tactmat_write;
 mod tile;
+mod to_classify;
 pub mod ts;
 
 use crate::{DataError, Dataset, Samples};
+use named_sweeps::{Labels, NamedSweeps};
 use std::io::Read;
 use std::path::Path;
 
@@ -84,6 +86,8 @@ impl Format {
     }
 }
 
+pub use to_classify::{SweepsToClassify, read_to_classify};
+
 const EXTENSIONS: &str = "the extension .h5, .hdf5, .npz or .ts";
 
 /// Reads a file or folder of any format whose values are all finite.
@@ -111,11 +115,10 @@ pub fn read_beginning(path: &Path, steps: Option<usize>) -> Result<Dataset, Data
 }
 
 fn read_beginning_with_gaps(path: &Path, steps: Option<usize>) -> Result<Dataset, DataError> {
-    let tables = table_with_gaps(path, steps);
-    if let Some(dataset) = tables {
-        return dataset;
+    if let Some(sweeps) = table_with_gaps(path, steps, Labels::Needed) {
+        return sweeps?.into_dataset().map_err(|error| in_file(path, error));
     }
-    let dataset = read_arrays(path)?;
+    let (dataset, _) = read_arrays(path, Labels::Needed)?;
     match steps {
         Some(steps) => dataset
             .first_steps(steps)
@@ -125,11 +128,20 @@ fn read_beginning_with_gaps(path: &Path, steps: Option<usize>) -> Result<Dataset
 }
 
 /// Reads a table; `None` for a file of another kind.
-fn table_with_gaps(path: &Path, steps: Option<usize>) -> Option<Result<Dataset, DataError>> {
+fn table_with_gaps(
+    path: &Path,
+    steps: Option<usize>,
+    labels: Labels,
+) -> Option<Result<NamedSweeps, DataError>> {
     if path.is_dir() && csv::is_folder_of_sweeps(path) {
-        return Some(csv::read_with_gaps(path, steps));
+        return Some(csv::read_with_gaps(path, steps, labels));
     }
     if path.is_dir() {
+        if labels == Labels::Optional
+            && let Some(sweeps) = csv::read_flat_folder(path, steps).transpose()
+        {
+            return Some(sweeps);
+        }
         return Some(Err(DataError::format(
             path,
             "folder",
@@ -139,9 +151,9 @@ fn table_with_gaps(path: &Path, steps: Option<usize>) -> Option<Result<Dataset, 
     }
     let extension = path.extension()?.to_ascii_lowercase();
     match extension.to_str()? {
-        "csv" | "tsv" => Some(csv::read_with_gaps(path, steps)),
+        "csv" | "tsv" => Some(csv::read_with_gaps(path, steps, labels)),
         #[cfg(feature = "parquet")]
-        "parquet" | "pq" => Some(parquet::read_with_gaps(path, steps)),
+        "parquet" | "pq" => Some(parquet::read_with_gaps(path, steps, labels)),
         #[cfg(not(feature = "parquet"))]
         "parquet" | "pq" => Some(Err(DataError::format(
             path,
@@ -153,29 +165,20 @@ fn table_with_gaps(path: &Path, steps: Option<usize>) -> Option<Result<Dataset, 
     }
 }
 
-/// Reads HDF5 or npz, recognised by its first bytes.
-fn read_arrays(path: &Path) -> Result<Dataset, DataError> {
-    let mut head = [0; 8];
-    let mut file = crate::open_file(path).map_err(|e| DataError::io(path, "open", e))?;
-    let mut filled = 0;
-    while filled < head.len() {
-        match file
-            .read(&mut head[filled..])
-            .map_err(|e| DataError::io(path, "read", e))?
-        {
-            0 => break,
-            n => filled += n,
-        }
-    }
+/// Reads HDF5 or npz, recognised by its first bytes; returns whether the materials are named, too.
+fn read_arrays(path: &Path, labels: Labels) -> Result<(Dataset, bool), DataError> {
+    let head = first_bytes(path)?;
     let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
-    if head.starts_with(b"PK\x03\x04") || head.starts_with(b"PK\x05\x06") || extension == "npz" {
-        npz::read_with_gaps(path)
-    } else if head == *b"\x89HDF\r\n\x1a\n" || extension == "h5" || extension == "hdf5" {
-        tactmat::read_with_gaps(path)
+    let is_array = labels == Labels::Optional && head.starts_with(npz::NPY);
+    let is_archive = head.starts_with(b"PK\x03\x04") || head.starts_with(b"PK\x05\x06");
+    if is_array || is_archive || extension == "npz" {
+        npz::read_arrays(path, labels)
+    } else if head == b"\x89HDF\r\n\x1a\n" || extension == "h5" || extension == "hdf5" {
+        Ok((tactmat::read_with_gaps(path)?, true))
     } else {
-        let found = match &head[..filled] {
+        let found = match head.as_slice() {
             [] => "an empty file".to_owned(),
-            head if head.starts_with(b"\x93NUMPY") => {
+            head if head.starts_with(npz::NPY) => {
                 "a single numpy array; save it with its labels: np.savez_compressed(\"sweeps.npz\", X=X, y=y)"
                     .to_owned()
             }
@@ -188,6 +191,16 @@ fn read_arrays(path: &Path) -> Result<Dataset, DataError> {
             found,
         ))
     }
+}
+
+/// Returns the first eight bytes of a file, or as many as it has.
+fn first_bytes(path: &Path) -> Result<Vec<u8>, DataError> {
+    let mut head = Vec::new();
+    let file = crate::open_file(path).map_err(|error| DataError::io(path, "open", error))?;
+    file.take(8)
+        .read_to_end(&mut head)
+        .map_err(|error| DataError::io(path, "read", error))?;
+    Ok(head)
 }
 
 /// Name of threads that read files with crates that may panic at damaged ones; what they would print need not be shown.

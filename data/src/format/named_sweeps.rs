@@ -1,8 +1,20 @@
-//! Sweeps in any order, each with the name of its material: what files of other programs hold.
+//! Sweeps in any order, most of the time with the names of their materials: what files of other programs hold.
 
 use std::collections::BTreeSet;
 
 use crate::{DataError, Dataset, LabelSet, Samples, SweepRecord, SweepShape};
+
+/// What a file must say of its sweeps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Labels {
+    /// The material of each.
+    Needed,
+    /// Nothing: they are to be classified.
+    Optional,
+}
+
+/// Stands for the material of sweeps of which a file says none.
+pub(super) const UNLABELLED: &str = "unlabelled";
 
 /// Sweeps of equal shape, each with its material.
 pub(super) struct NamedSweeps {
@@ -10,8 +22,10 @@ pub(super) struct NamedSweeps {
     /// Frames per second; `None` where the file does not say.
     pub(super) rate_hz: Option<f64>,
     pub(super) shape: SweepShape,
-    /// `[sweeps]`
-    pub(super) materials: Vec<String>,
+    /// `[sweeps]`: numbers or files, as people call them
+    pub(super) sweeps: Vec<String>,
+    /// `[sweeps]`; `None` where the file does not say
+    pub(super) materials: Option<Vec<String>>,
     /// `[sweeps]`, where the file has them
     pub(super) blocks: Option<Vec<u32>>,
     /// `[sweeps]`, where the file has them
@@ -26,9 +40,12 @@ impl NamedSweeps {
     /// # Errors
     /// As [`Dataset::new`].
     pub(super) fn into_dataset(self) -> Result<Dataset, DataError> {
-        let names = sorted_names(&self.materials);
+        let materials = self
+            .materials
+            .unwrap_or_else(|| vec![UNLABELLED.into(); self.sweeps.len()]);
+        let names = sorted_names(&materials);
         let place = |name: &String| names.iter().position(|other| other == name);
-        let of_sweep: Vec<usize> = self.materials.iter().filter_map(place).collect();
+        let of_sweep: Vec<usize> = materials.iter().filter_map(place).collect();
         let labels = LabelSet::new(names)?;
         let records = records(&of_sweep, labels.len(), self.blocks, self.test);
         Dataset::at_rate(

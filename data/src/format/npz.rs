@@ -13,7 +13,7 @@
 //! loads with `numpy.load` without pickle.
 
 use super::DEFLATE_LIMIT;
-use super::named_sweeps::{records, sorted_names};
+use super::named_sweeps::{Labels, UNLABELLED, records, sorted_names};
 use super::npy::{self, Array};
 use super::tactmat::{RATE_ATTRIBUTE, SYNTHETIC_ATTRIBUTE};
 use crate::twin::TwinVersion;
@@ -37,6 +37,8 @@ const KNOWN: [&str; 9] = [
     RATE_ATTRIBUTE,
     SYNTHETIC_ATTRIBUTE,
 ];
+/// The first bytes of a single array's file.
+pub(super) const NPY: &[u8] = b"\x93NUMPY";
 /// Names of the sweeps' array, and of their materials'.
 const SAMPLES: &[&str] = &["samples", "X"];
 const LABELS: &[&str] = &["labels", "y"];
@@ -67,8 +69,21 @@ pub fn read(path: &Path) -> Result<Dataset, DataError> {
 /// # Errors
 /// As [`read`], except for values that are not finite.
 pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
+    read_arrays(path, Labels::Needed).map(|(dataset, _)| dataset)
+}
+
+/// Reads sweeps whose materials the file need not name, and returns whether it does.
+///
+/// # Errors
+/// As [`read_with_gaps`].
+pub(super) fn read_arrays(path: &Path, labels: Labels) -> Result<(Dataset, bool), DataError> {
     let mut arrays = Arrays::open(path)?;
-    let (samples_name, samples) = arrays.take_samples()?;
+    let labelled = labels == Labels::Needed || arrays.name_materials();
+    let (samples_name, mut samples) = arrays.take_samples()?;
+    if !labelled && samples.shape.len() == 2 {
+        // A single sweep.
+        samples.shape.insert(0, 1);
+    }
     let (sweeps, shape) = match *samples.shape {
         [_, sweeps, steps, rows, cols] => (Some(sweeps), SweepShape { steps, rows, cols }),
         [_, steps, rows, cols] => (None, SweepShape { steps, rows, cols }),
@@ -101,7 +116,11 @@ pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
                 .collect();
             (arrays.label_set(names)?, of_sweep)
         }
-        None => arrays.labels(&samples.shape, samples_name)?,
+        None if labelled => arrays.labels(&samples.shape, samples_name)?,
+        None => (
+            arrays.label_set(vec![UNLABELLED.into()])?,
+            vec![0; samples.shape[0]],
+        ),
     };
     let leading = match sweeps {
         Some(_) => &samples.shape[..2],
@@ -137,10 +156,11 @@ pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
     let version = mark
         .and_then(|mark| mark.first().copied())
         .and_then(TwinVersion::of_mark);
-    Ok(match version {
+    let dataset = match version {
         Some(version) => dataset.into_twin(version),
         None => dataset,
-    })
+    };
+    Ok((dataset, labelled))
 }
 
 /// Members that are named where an array is missing.
@@ -155,17 +175,26 @@ struct Arrays<'a> {
 }
 
 impl<'a> Arrays<'a> {
+    /// Opens an archive, or a single array, which are then the sweeps.
     fn open(path: &'a Path) -> Result<Self, DataError> {
-        let file = crate::open_file(path).map_err(|error| DataError::io(path, "read", error))?;
-        let mut archive = zip::ZipArchive::new(BufReader::new(file)).map_err(|error| {
-            let item = "npz archive with array `X`";
-            DataError::format(path, item, "a zip archive", error.to_string())
-        })?;
         let mut arrays = Self {
             path,
             by_name: BTreeMap::new(),
             others: Vec::new(),
         };
+        if super::first_bytes(path)?.starts_with(NPY) {
+            let io = |error| DataError::io(path, "read", error);
+            let file = crate::open_file(path).map_err(io)?;
+            let room = file.metadata().map_err(io)?.len();
+            let array = Array::read_samples(BufReader::new(file), room);
+            arrays.by_name.insert("X".into(), array);
+            return Ok(arrays);
+        }
+        let file = crate::open_file(path).map_err(|error| DataError::io(path, "read", error))?;
+        let mut archive = zip::ZipArchive::new(BufReader::new(file)).map_err(|error| {
+            let item = "npz archive with array `X`";
+            DataError::format(path, item, "a zip archive", error.to_string())
+        })?;
         for index in 0..archive.len() {
             let name = match archive.name_for_index(index) {
                 Some(Ok(name)) => name.strip_suffix(".npy").unwrap_or(&name).to_owned(),
@@ -182,6 +211,12 @@ impl<'a> Arrays<'a> {
             arrays.by_name.insert(name, array);
         }
         Ok(arrays)
+    }
+
+    /// Returns true if there is an array of labels or of materials.
+    fn name_materials(&self) -> bool {
+        let mut names = LABELS.iter().chain(&["materials"]);
+        names.any(|name| self.by_name.contains_key(*name))
     }
 
     /// The sweeps, which are large and read once.

@@ -10,15 +10,21 @@ use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
 use super::frame_table::{Column, FrameTable, may_hold_words};
-use crate::{DataError, Dataset};
+use super::named_sweeps::{Labels, NamedSweeps};
+use crate::DataError;
 
 /// Reads a file that may hold NaN or infinities.
 ///
 /// - `steps`: frames of every sweep that are kept, from its beginning; `None`: all, and all sweeps must be equally long
+/// - `labels`: what the table must have columns of
 ///
 /// # Errors
 /// What cannot be read; nested columns, missing values, words where numbers belong; sweeps of different lengths.
-pub fn read_with_gaps(path: &Path, steps: Option<usize>) -> Result<Dataset, DataError> {
+pub(super) fn read_with_gaps(
+    path: &Path,
+    steps: Option<usize>,
+    labels: Labels,
+) -> Result<NamedSweeps, DataError> {
     // The crate panics at some damaged files, in a thread that then is all that ends.
     let read = || {
         std::thread::scope(|scope| {
@@ -37,10 +43,7 @@ pub fn read_with_gaps(path: &Path, steps: Option<usize>) -> Result<Dataset, Data
                 "one that is damaged",
             ))
         })?;
-    let sweeps = table.into_sweeps(steps)?;
-    sweeps
-        .into_dataset()
-        .map_err(|error| super::in_file(path, error))
+    table.into_sweeps(steps, labels)
 }
 
 fn table(path: &Path) -> Result<FrameTable<'_>, DataError> {

@@ -306,3 +306,91 @@ fn a_rate_under_another_name_is_an_error_and_not_left_out() {
         assert!(refused.contains(&expected), "{refused}");
     }
 }
+
+#[test]
+fn sweeps_to_classify_need_no_materials() {
+    use tactnet_data::format::read_to_classify;
+    let dir = tempfile::tempdir().unwrap();
+    let labelled = read_to_classify(&fixture("read/x_y_names.npz"), Some(20)).unwrap();
+    assert!(labelled.labelled);
+    assert_eq!(labelled.dataset.shape().steps, 20);
+    assert_eq!(labelled.names[..3], ["0", "1", "2"]);
+
+    // `X` alone, as an archive and as a single array; one sweep of two axes.
+    let array = std::fs::read(fixture("h5/expected_samples_u8.npy")).unwrap();
+    let archive = dir.path().join("x.npz");
+    let mut zip = ZipWriter::new(File::create(&archive).unwrap());
+    zip.start_file("X.npy", SimpleFileOptions::default())
+        .unwrap();
+    let flat = numpy("(12, 60, 16)", &expected_samples());
+    std::io::Write::write_all(&mut zip, &flat).unwrap();
+    zip.finish().unwrap();
+    let single = dir.path().join("one.npy");
+    std::fs::write(&single, numpy("(60, 16)", &expected_samples()[..960])).unwrap();
+    let found = read_to_classify(&archive, None).unwrap();
+    assert!(!found.labelled);
+    assert_line(&found.dataset);
+    assert_eq!(names(&found.dataset), ["unlabelled"]);
+    let found = read_to_classify(&single, None).unwrap();
+    assert_eq!((found.dataset.len(), found.dataset.shape().steps), (1, 60));
+    assert_eq!(
+        found.dataset.samples(),
+        &Samples::U8(expected_samples()[..960].to_vec())
+    );
+    // Five axes are materials, which then need names.
+    let five = dir.path().join("five.npy");
+    std::fs::write(&five, array).unwrap();
+    let refused = read_to_classify(&five, None).unwrap_err().to_string();
+    assert!(refused.contains("materials"), "{refused}");
+    let refused = format::read(&archive).unwrap_err().to_string();
+    assert!(
+        refused.contains("`labels` or `y`") || refused.contains("`y`"),
+        "{refused}"
+    );
+
+    // Tables: a file of numbers alone, a folder of them, a table with and without a column of sweeps.
+    let write = |name: &str, text: &str| {
+        let path = dir.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(&path, text).unwrap();
+        path
+    };
+    let numbers = write("folder/b.csv", "1,2\n3,4\n5,6\n");
+    write("folder/a.csv", "7,8\n9,10\n11,12\n");
+    let one = read_to_classify(&numbers, None).unwrap();
+    assert_eq!(
+        (one.names[0].as_str(), one.dataset.sweep(0)),
+        ("b", vec![1., 2., 3., 4., 5., 6.])
+    );
+    let folder = read_to_classify(&dir.path().join("folder"), Some(2)).unwrap();
+    assert_eq!(folder.names, ["a", "b"]);
+    assert_eq!(
+        (folder.dataset.name(), folder.dataset.sweep(1)),
+        ("folder", vec![1., 2., 3., 4.])
+    );
+    let named = write("named.csv", "time,p0,p1\n0,1,2\n0.01,3,4\n");
+    let named = read_to_classify(&named, None).unwrap();
+    assert_eq!(
+        (named.dataset.sample_rate_hz(), named.names[0].as_str()),
+        (100.0, "named")
+    );
+    let table = write(
+        "table.csv",
+        "sweep,p0,p1\nfirst,1,2\nfirst,3,4\nsecond,5,6\nsecond,7,8\n",
+    );
+    let table = read_to_classify(&table, None).unwrap();
+    assert_eq!(table.names, ["first", "second"]);
+    assert!(!table.labelled);
+    let gap = write("gap.csv", "1,2\nnan,4\n");
+    let refused = read_to_classify(&gap, None).unwrap_err().to_string();
+    assert!(refused.contains("finite numbers"), "{refused}");
+}
+
+/// The bytes of a `.npy` file of digits.
+fn numpy(shape: &str, digits: &[u8]) -> Vec<u8> {
+    let mut header = format!("{{'descr': '|u1', 'fortran_order': False, 'shape': {shape}, }}");
+    header.push_str(&" ".repeat(127 - 10 - header.len()));
+    header.push('\n');
+    let length = u16::try_from(header.len()).unwrap().to_le_bytes();
+    [b"\x93NUMPY\x01\x00", &length[..], header.as_bytes(), digits].concat()
+}

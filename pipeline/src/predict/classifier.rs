@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use burn::tensor::Device;
 use serde::{Deserialize, Serialize};
-use tactnet_data::{LabelSet, Seed, SweepShape, SweepView, TrainSplit, ValueRange};
+use tactnet_data::{LabelSet, Seed, SweepShape, SweepView, TrainSplit, ValueRange, is_same_name};
 use tactnet_models::{Architecture, InputShape, TactNet, TactNetConfig, Weights};
 
 use crate::baseline::fitted::Baseline;
@@ -178,23 +178,8 @@ impl Classifier {
         method: PredictionMethod,
     ) -> Result<Predictions, PipelineError> {
         let own_labels = self.own_labels(view)?;
-        let rows = match (&self.model, method) {
-            (Model::Network(network), _) => {
-                network.check_masks(method.mc_samples_or(0))?;
-                network.log_probabilities(view, method)
-            }
-            (Model::Baseline(baseline), PredictionMethod::Plain) => {
-                baseline.log_probabilities(view)
-            }
-            (Model::Baseline(_), PredictionMethod::McDropout { .. }) => {
-                return Err(PipelineError::Incompatible {
-                    item: "prediction",
-                    expected: "to be asked plainly, as it has no dropout".into(),
-                    found: "to do with this; asked was Monte Carlo dropout".into(),
-                });
-            }
-        };
-        let sweeps = rows
+        let sweeps = self
+            .log_probabilities(view, method)?
             .into_iter()
             .enumerate()
             .map(|(position, log_probability)| SweepScore {
@@ -208,6 +193,34 @@ impl Classifier {
             method,
             sweeps,
         })
+    }
+
+    /// Returns `[sweeps][materials]`, the natural log of the probabilities. The sweeps' materials need not be the classifier's own.
+    ///
+    /// # Errors
+    /// Sweeps of another shape or rate; Monte Carlo dropout of a model without dropout.
+    pub fn log_probabilities(
+        &self,
+        view: &SweepView<'_>,
+        method: PredictionMethod,
+    ) -> Result<Vec<Vec<f64>>, PipelineError> {
+        self.check_shape(view)?;
+        match (&self.model, method) {
+            (Model::Network(network), _) => {
+                network.check_masks(method.mc_samples_or(0))?;
+                Ok(network.log_probabilities(view, method))
+            }
+            (Model::Baseline(baseline), PredictionMethod::Plain) => {
+                Ok(baseline.log_probabilities(view))
+            }
+            (Model::Baseline(_), PredictionMethod::McDropout { .. }) => {
+                Err(PipelineError::Incompatible {
+                    item: "prediction",
+                    expected: "to be asked plainly, as it has no dropout".into(),
+                    found: "to do with this; asked was Monte Carlo dropout".into(),
+                })
+            }
+        }
     }
 
     /// Returns the outputs of a network's layers for every sweep of `view`. The sweeps' materials need not be the classifier's own.
@@ -305,6 +318,17 @@ impl Classifier {
             }
             text.join(", ")
         };
+        let meant = met.iter().find_map(|&label| {
+            let name = labels.name(label);
+            let known = self
+                .config
+                .labels
+                .names()
+                .find(|known| is_same_name(known, name))?;
+            Some(format!(
+                "; is `{name}` the `{known}` that it knows? Spell them alike"
+            ))
+        });
         PipelineError::Incompatible {
             item: "materials",
             expected: format!(
@@ -312,12 +336,13 @@ impl Classifier {
                 some(self.config.labels.names().collect(), 4, "")
             ),
             found: format!(
-                "materials named {}, which it does not know (`tactnet enroll` adds one; a network of `train --calibrate` can say \"unknown\")",
+                "materials named {}, which it does not know (`tactnet enroll` adds one; a network of `train --calibrate` can say \"unknown\"){}",
                 some(
                     met.iter().map(|&label| labels.name(label)).collect(),
                     3,
                     "`"
-                )
+                ),
+                meant.unwrap_or_default()
             ),
         }
     }

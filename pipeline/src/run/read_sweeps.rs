@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use tactnet_data::{DataError, DataSource, Dataset};
+use tactnet_data::format::{self, SweepsToClassify};
+use tactnet_data::{DataError, DataSource, Dataset, SweepShape};
 
 use crate::{LabelOrder, PipelineError, TrainSpec};
 
@@ -30,6 +31,49 @@ impl TrainSpec {
             LabelOrder::True => Ok(dataset),
             LabelOrder::Permuted => dataset.permute_labels(self.seed),
         }
+    }
+
+    /// Reads sweeps of whatever material for a classifier of this, arranged and timed as it was taught: taxels in a row are put into its
+    /// rows and columns, and the rate of a file that does not say is its own, unless this names another.
+    ///
+    /// - `data`: `twin`, or a file
+    /// - `shape`, `sample_rate_hz`: of the training sweeps
+    ///
+    /// # Errors
+    /// As [`TrainSpec::read_sweeps`], except for materials that are not named.
+    pub fn read_to_classify(
+        &self,
+        data: &str,
+        shape: SweepShape,
+        sample_rate_hz: f64,
+    ) -> Result<SweepsToClassify, DataError> {
+        let mut sweeps = match DataSource::named(data) {
+            DataSource::File(path) => format::read_to_classify(&path, self.steps)?,
+            twin => {
+                let mut dataset = twin.read()?;
+                if let Some(steps) = self.steps {
+                    dataset = dataset.first_steps(steps)?;
+                }
+                let names = (0..dataset.len()).map(|index| index.to_string()).collect();
+                SweepsToClassify {
+                    dataset,
+                    names,
+                    labelled: true,
+                }
+            }
+        };
+        let own = sweeps.dataset.shape();
+        if own.rows == 1 && own.cols == shape.taxels() {
+            sweeps.dataset = sweeps.dataset.with_patch(shape.rows, shape.cols)?;
+        }
+        let is_named = self.rate_hz.is_some() || !sweeps.dataset.is_rate_assumed();
+        let rate_hz = if is_named {
+            self.rate_hz
+        } else {
+            Some(sample_rate_hz)
+        };
+        sweeps.dataset = sweeps.dataset.with_named_rate(rate_hz)?;
+        Ok(sweeps)
     }
 
     /// Reads the sweeps that a run of this was trained on, from where they were then or from `moved_to`.

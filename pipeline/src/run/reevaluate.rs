@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use serde::Serialize;
-use tactnet_data::{Dataset, Seed, SweepView};
+use tactnet_data::{Dataset, Seed, SweepView, is_same_name};
 use tactnet_models::argmax;
 
 use crate::{
@@ -56,6 +56,9 @@ pub struct EvalResult {
     /// What they were taken for: sweeps by material, then by the most probable known one.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     unknown_taken_for: BTreeMap<String, BTreeMap<String, usize>>,
+    /// Unknown materials whose names differ from a known one's in nothing but case or blanks.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    unknown_meant: BTreeMap<String, String>,
     /// What is strange about the values of the sweeps.
     #[serde(skip_serializing_if = "Option::is_none")]
     values: Option<String>,
@@ -117,6 +120,12 @@ impl Reevaluation {
         if verdicts.is_some() && !unknown.is_empty() {
             unknown_taken_for = taken_for(classifier, &unknown)?;
         }
+        let meant = |name: &String| {
+            let mut known = classifier.config().labels.names();
+            let known = known.find(|known| is_same_name(known, name))?;
+            Some((name.clone(), known.to_string()))
+        };
+        let unknown_meant = unknown_taken_for.keys().filter_map(meant).collect();
         if !view.is_empty() {
             let ways = evaluate_all_ways(classifier, view, mc_samples, self.fused, seed)?;
             for (burn, mut evaluation) in ways {
@@ -148,6 +157,7 @@ impl Reevaluation {
             verdicts,
             n_unknown: unknown.len(),
             unknown_taken_for,
+            unknown_meant,
             values: config
                 .classifier
                 .values
@@ -229,6 +239,9 @@ impl std::fmt::Display for EvalResult {
                 "\n{material}, which it does not know, is most like {}",
                 taken.join(", ")
             )?;
+            if let Some(known) = self.unknown_meant.get(material) {
+                write!(f, "; is it the `{known}` that it knows? Spell them alike")?;
+            }
         }
         match &self.values {
             Some(values) => write!(f, "\nwarning: {values}"),

@@ -1,0 +1,63 @@
+//! Sweeps that are to be classified: files need not say of what materials they are.
+//!
+//! | file | sweeps |
+//! |---|---|
+//! | `.npz` with `X` or `samples` alone | its entries |
+//! | a folder of `.csv`, a `.csv` of numbers alone | a file each, a row per frame |
+//! | a `.csv` or `.parquet` table | by its column `sweep`; without one, all frames are one sweep's |
+//! | any data set with materials | its sweeps |
+
+use std::path::Path;
+
+use super::named_sweeps::Labels;
+use super::{in_file, read_arrays, refuse_non_finite, table_with_gaps};
+use crate::{DataError, Dataset};
+
+/// Sweeps to be classified.
+#[derive(Debug)]
+pub struct SweepsToClassify {
+    /// The sweeps. Where the file names no materials, all are of one that stands for none.
+    pub dataset: Dataset,
+    /// `[sweeps]`: names of files or of sweeps in a table; numbers from 0 where there are none.
+    pub names: Vec<String>,
+    /// True if the file says of what material each is.
+    pub labelled: bool,
+}
+
+/// Reads sweeps whose materials nobody needs to know, and whose values are all finite.
+///
+/// - `steps`: frames of every sweep that are kept, from its beginning; `None`: all
+///
+/// # Errors
+/// As [`read`](super::read), except for materials that are not named.
+pub fn read_to_classify(path: &Path, steps: Option<usize>) -> Result<SweepsToClassify, DataError> {
+    let sweeps = match table_with_gaps(path, steps, Labels::Optional) {
+        Some(sweeps) => {
+            let sweeps = sweeps?;
+            SweepsToClassify {
+                names: sweeps.sweeps.clone(),
+                labelled: sweeps.materials.is_some(),
+                dataset: sweeps
+                    .into_dataset()
+                    .map_err(|error| in_file(path, error))?,
+            }
+        }
+        None => {
+            let (mut dataset, labelled) = read_arrays(path, Labels::Optional)?;
+            if let Some(steps) = steps {
+                dataset = dataset
+                    .first_steps(steps)
+                    .map_err(|error| in_file(path, error))?;
+            }
+            SweepsToClassify {
+                names: (0..dataset.len()).map(|index| index.to_string()).collect(),
+                labelled,
+                dataset,
+            }
+        }
+    };
+    Ok(SweepsToClassify {
+        dataset: refuse_non_finite(path, sweeps.dataset)?,
+        ..sweeps
+    })
+}

@@ -1,0 +1,255 @@
+//! What sweeps are made of, where nobody needs to know: the classifier's answer for each, without any figure of merit.
+
+use std::collections::BTreeMap;
+use std::fmt::{self, Write as _};
+
+use serde::Serialize;
+use tactnet_data::format::SweepsToClassify;
+use tactnet_data::{LabelSet, SweepView};
+use tactnet_models::{Belief, argmax};
+
+use crate::{
+    Calibration, Classifier, NoveltyScorer, PipelineError, PredictionMethod, TrainEmbeddings,
+};
+
+/// What a classifier says of some sweeps.
+#[derive(Debug, Clone, Serialize)]
+pub struct ClassifiedSweeps {
+    /// Version of this layout.
+    pub schema_version: u32,
+    /// Name of the data set.
+    pub data: String,
+    /// How the probabilities were computed.
+    pub method: PredictionMethod,
+    /// `[materials]`: the names that probabilities are in the order of.
+    pub materials: LabelSet,
+    /// One entry per sweep, in the order of the file.
+    pub sweeps: Vec<ClassifiedSweep>,
+    /// All sweeps as those of one object.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub object: Option<ClassifiedObject>,
+    /// What is strange about the values of the sweeps.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub caution: Option<String>,
+}
+
+/// What a classifier says of one sweep.
+#[derive(Debug, Clone, Serialize)]
+pub struct ClassifiedSweep {
+    /// Number or name of the sweep, or of its file.
+    pub sweep: String,
+    /// The most probable material.
+    pub material: String,
+    /// `[materials]`: the posterior, from equal priors.
+    pub probabilities: Vec<f64>,
+    /// True if it is most likely none of the materials; only after `train --calibrate`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unknown: Option<bool>,
+    /// The materials that it may be at the coverage that was asked for; only after `train --calibrate`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub prediction_set: Option<Vec<String>>,
+    /// What the file says that it is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub named: Option<String>,
+}
+
+/// What a classifier says of several sweeps over one object.
+#[derive(Debug, Clone, Serialize)]
+pub struct ClassifiedObject {
+    /// How many sweeps.
+    pub sweeps: usize,
+    /// The most probable material.
+    pub material: String,
+    /// `[materials]`: the posterior of all sweeps together, by Bayes's rule from equal priors.
+    pub probabilities: Vec<f64>,
+    /// True if it is most likely none of the materials; only after `train --calibrate`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unknown: Option<bool>,
+}
+
+impl ClassifiedSweeps {
+    /// Classifies every sweep.
+    ///
+    /// - `calibration`: of `train --calibrate`, with what the network's output layer saw of the training sweeps
+    /// - `one_object`: all sweeps are over the same object
+    ///
+    /// # Errors
+    /// Sweeps of another shape or rate; Monte Carlo dropout of a model without dropout.
+    pub fn of(
+        sweeps: &SweepsToClassify,
+        classifier: &Classifier,
+        calibration: Option<(&Calibration, &TrainEmbeddings)>,
+        method: PredictionMethod,
+        one_object: bool,
+    ) -> Result<Self, PipelineError> {
+        let config = classifier.config();
+        let view = SweepView::all(&sweeps.dataset);
+        let rows = classifier.log_probabilities(&view, method)?;
+        let verdicts = match calibration {
+            None => None,
+            Some((calibration, embeddings)) => {
+                let novelty = NoveltyScorer::fit(classifier, embeddings)?;
+                Some(calibration.assess(&novelty, &classifier.embed(&view)?)?)
+            }
+        };
+        let name = |label: usize| config.labels.name(label).to_string();
+        let entry = |(position, row): (usize, &Vec<f64>)| {
+            let verdict = verdicts.as_ref().map(|verdicts| &verdicts[position]);
+            ClassifiedSweep {
+                sweep: sweeps.names[position].clone(),
+                material: name(argmax(row)),
+                probabilities: row.iter().map(|log_p| log_p.exp()).collect(),
+                unknown: verdict.map(|verdict| verdict.unknown),
+                prediction_set: verdict
+                    .map(|verdict| verdict.set.iter().map(|label| name(*label)).collect()),
+                named: sweeps
+                    .labelled
+                    .then(|| sweeps.dataset.labels().name(view.label(position)).into()),
+            }
+        };
+        let object = one_object.then(|| {
+            let mut belief = Belief::flat(config.labels.len());
+            rows.iter().for_each(|row| belief.fuse(row));
+            let strangeness = verdicts.iter().flatten().map(|verdict| verdict.strangeness);
+            let mean = strangeness.sum::<f64>() / rows.len() as f64;
+            ClassifiedObject {
+                sweeps: rows.len(),
+                material: name(belief.label()),
+                probabilities: belief.probabilities(),
+                unknown: calibration
+                    .and_then(|(calibration, _)| calibration.object_is_unknown(mean, rows.len())),
+            }
+        });
+        Ok(Self {
+            schema_version: 1,
+            data: sweeps.dataset.name().into(),
+            method,
+            materials: config.labels.clone(),
+            sweeps: rows.iter().enumerate().map(entry).collect(),
+            object,
+            caution: config.values.and_then(|known| known.caution(&view)),
+        })
+    }
+
+    /// Returns a table: a line for each sweep, with the probability of every material.
+    pub fn to_csv(&self) -> String {
+        let quoted = |text: &str| match text.contains(['"', ',', '\n', '\r']) {
+            true => format!("\"{}\"", text.replace('"', "\"\"")),
+            false => text.to_string(),
+        };
+        let mut csv = String::from("sweep,material,unknown,prediction_set,named");
+        for material in self.materials.names() {
+            csv.push(',');
+            csv.push_str(&quoted(&format!("p({material})")));
+        }
+        csv.push('\n');
+        for sweep in &self.sweeps {
+            let unknown = sweep.unknown.map_or("", |unknown| match unknown {
+                true => "1",
+                false => "0",
+            });
+            let set = sweep.prediction_set.as_ref().map(|set| set.join(" | "));
+            let fields = [
+                quoted(&sweep.sweep),
+                quoted(&sweep.material),
+                unknown.into(),
+                quoted(&set.unwrap_or_default()),
+                quoted(sweep.named.as_deref().unwrap_or_default()),
+            ];
+            csv.push_str(&fields.join(","));
+            for probability in &sweep.probabilities {
+                let _ = write!(csv, ",{probability}");
+            }
+            csv.push('\n');
+        }
+        csv
+    }
+}
+
+/// Sweeps that are listed to people.
+const LISTED: usize = 40;
+
+impl fmt::Display for ClassifiedSweeps {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let listed = &self.sweeps[..self.sweeps.len().min(LISTED)];
+        let widest = |texts: &mut dyn Iterator<Item = &str>, least: usize| {
+            texts
+                .map(|text| text.chars().count())
+                .fold(least, usize::max)
+        };
+        let first = widest(&mut listed.iter().map(|sweep| sweep.sweep.as_str()), 5);
+        let second = widest(&mut listed.iter().map(|sweep| sweep.material.as_str()), 8);
+        writeln!(
+            f,
+            "{:first$}  {:second$}  probability  or else",
+            "sweep", "material"
+        )?;
+        for sweep in listed {
+            let (best, next) = two_largest(&sweep.probabilities);
+            write!(
+                f,
+                "{:first$}  {:second$}  {:>9.1} %",
+                sweep.sweep,
+                sweep.material,
+                100.0 * sweep.probabilities[best]
+            )?;
+            if let Some(next) = next {
+                let probability = 100.0 * sweep.probabilities[next];
+                write!(f, "  {} {probability:.1} %", self.materials.name(next))?;
+            }
+            match sweep.unknown {
+                Some(true) => writeln!(f, "  most likely none of them")?,
+                _ => writeln!(f)?,
+            }
+        }
+        if listed.len() < self.sweeps.len() {
+            writeln!(f, "… and {} more", self.sweeps.len() - listed.len())?;
+        }
+        if self.sweeps.len() > 1 {
+            let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+            for sweep in &self.sweeps {
+                let is_known = sweep.unknown != Some(true);
+                let answer = if is_known {
+                    &sweep.material
+                } else {
+                    "none of them"
+                };
+                *counts.entry(answer).or_default() += 1;
+            }
+            let mut counts: Vec<_> = counts.into_iter().collect();
+            counts.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+            let counts: Vec<String> = counts
+                .into_iter()
+                .map(|(answer, count)| format!("{answer} {count}"))
+                .collect();
+            write!(f, "{} sweeps: {}", self.sweeps.len(), counts.join(", "))?;
+        } else {
+            write!(f, "1 sweep of {}", self.data)?;
+        }
+        if let Some(object) = &self.object {
+            let probability = 100.0 * object.probabilities[argmax(&object.probabilities)];
+            write!(
+                f,
+                "\nall {} as one object: {} with {probability:.1} %",
+                object.sweeps, object.material
+            )?;
+            if object.unknown == Some(true) {
+                write!(f, ", but most likely none of the materials that it knows")?;
+            }
+        }
+        match &self.caution {
+            Some(caution) => write!(f, "\nwarning: {caution}"),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The labels of the largest and of the second largest value.
+fn two_largest(values: &[f64]) -> (usize, Option<usize>) {
+    let best = argmax(values);
+    let others = (0..values.len()).filter(|label| *label != best);
+    (
+        best,
+        others.max_by(|a, b| values[*a].total_cmp(&values[*b])),
+    )
+}
