@@ -4,21 +4,24 @@
 #   tests/attacks/run.sh --quick     a minute, in CI
 #   tests/attacks/run.sh --full      hours: ten million inputs or an hour for each target, 200 kills of each kind, 500 on the channels
 #
+#   tests/attacks/run.sh --full --part inputs     one part of it: inputs, kills or long
+#
 # Inputs that break something are kept in tactnet-attacks in the folder for temporary files.
 # --programs DIR names the folder with `tactnet` and `tactnet-attacks` [default: target/release, built where they are missing].
 set -euo pipefail
 repository=$(cd "$(dirname "$0")/../.." && pwd)
-programs=$repository/target/release how=''
+programs=$repository/target/release how='' parts='inputs kills long'
 while [ $# -gt 0 ]; do
   case $1 in
     --quick) how=quick ;;
     --full) how=full ;;
+    --part) parts=$2; shift ;;
     --programs) programs=$(realpath "$2"); shift ;;
     *) how='' && break ;;
   esac
   shift
 done
-[ -n "$how" ] || { sed -n '2,8s/^# \{0,1\}//p' "$0"; exit 2; }
+[ -n "$how" ] || { sed -n '2,10s/^# \{0,1\}//p' "$0"; exit 2; }
 if [ ! -x "$programs/tactnet" ] || [ ! -x "$programs/tactnet-attacks" ]; then
   (cd "$repository" && cargo build --release --locked --package tactnet --package tactnet-attacks)
 fi
@@ -32,12 +35,20 @@ else
   long=(--frames 64800000 --speed 10)
 fi
 failed=0
-"$programs/tactnet-attacks" "${inputs[@]}" --out "${TMPDIR:-/tmp}/tactnet-attacks" >"$work/inputs.json" || failed=1
-python3 "$repository/tests/attacks/kills.py" --tactnet "$programs/tactnet" "${kills[@]}" >"$work/kills.json" || failed=1
-python3 "$repository/tests/attacks/long_run.py" --tactnet "$programs/tactnet" "${long[@]}" >"$work/long.json" || failed=1
-python3 - "$how" "$work"/*.json <<'PY'
+for part in $parts; do
+  case $part in
+    inputs) attack=("$programs/tactnet-attacks" "${inputs[@]}" --out "${TMPDIR:-/tmp}/tactnet-attacks") ;;
+    kills) attack=(python3 "$repository/tests/attacks/kills.py" --tactnet "$programs/tactnet" "${kills[@]}") ;;
+    long) attack=(python3 "$repository/tests/attacks/long_run.py" --tactnet "$programs/tactnet" "${long[@]}") ;;
+    *) echo "error: --part: expected inputs, kills or long, found $part" >&2; exit 2 ;;
+  esac
+  "${attack[@]}" >"$work/$part.json" || failed=1
+done
+"$programs/tactnet" version --json >"$work/version"
+python3 - "$how" "$work/version" "$work"/*.json <<'PY'
 import json, sys
-rows = [row for file in sorted(sys.argv[2:]) for row in json.load(open(file))["rows"]]
-print(json.dumps({"schema_version": 1, "how": sys.argv[1], "rows": rows}, indent=2))
+how, version, *files = sys.argv[1:]
+rows = [row for file in sorted(files) for row in json.load(open(file))["rows"]]
+print(json.dumps({"schema_version": 1, "how": how, "program": json.load(open(version)), "rows": rows}, indent=2))
 PY
 exit $failed
