@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use tactnet_data::{SplitManifest, SweepView, TrainSplit};
+use tactnet_data::{SplitManifest, SweepShape, SweepView, TrainSplit};
 use tactnet_models::Weights;
 use tactnet_pipeline::{
-    BatchReport, Calibration, ClassifierConfig, ModelConfig, ModelRecipe, OnlineClassifier,
-    PredictionMethod, Predictions, Provenance, RunConfig, RunDir, TrainEmbeddings, TrainJob,
-    TrainSpec, fit_baseline, train_network,
+    BatchReport, Calibration, ClassifierConfig, ModelConfig, ModelRecipe, NoveltyScore,
+    NoveltyScorer, OnlineClassifier, PredictionMethod, Predictions, Provenance, RunConfig, RunDir,
+    Thresholds, TrainEmbeddings, TrainJob, TrainSpec, fit_baseline, train_network,
 };
 
 use crate::Error;
@@ -125,6 +125,79 @@ impl Classifier {
     /// Sweeps of another shape or rate, or of a material that the classifier does not know.
     pub fn predict(&self, view: &SweepView<'_>) -> Result<Predictions, Error> {
         self.fitted.predict(view, self.config.recipe.method())
+    }
+
+    /// Returns `[sweeps][materials]`, the natural log of the probabilities, the recipe's own way; the sweeps may be of any material.
+    ///
+    /// # Errors
+    /// Sweeps of another shape or rate.
+    pub fn log_probabilities(&self, view: &SweepView<'_>) -> Result<Vec<Vec<f64>>, Error> {
+        let method = self.config.recipe.method();
+        self.fitted.log_probabilities(view, method)
+    }
+
+    /// Returns a score for each sweep that is larger the less it is like a known material: the mutual information of material and dropout
+    /// masks, nats (Gal & Ghahramani, 2016).
+    ///
+    /// # Errors
+    /// Sweeps of another shape or rate; a model that is no network.
+    pub fn unknown_scores(&self, view: &SweepView<'_>) -> Result<Vec<f64>, Error> {
+        let embedding = self.fitted.embed(view)?;
+        let scorer = NoveltyScorer::fit(&self.fitted, self.embeddings()?)?;
+        scorer.score(NoveltyScore::BEST, &embedding)
+    }
+
+    /// Returns a classifier that knows one material more, from a few sweeps; see [`tactnet_pipeline::enroll`].
+    ///
+    /// - `sweeps`: of the new material alone, whatever their label in their data set
+    ///
+    /// # Errors
+    /// A name that is known already; sweeps of another shape or rate; a model that is no network.
+    pub fn enroll(&self, material: &str, sweeps: &SweepView<'_>) -> Result<Self, Error> {
+        let thresholds = self.calibration.clone().map(|calibration| Thresholds {
+            calibration,
+            held_out: None,
+        });
+        let enrolled = tactnet_pipeline::enroll(
+            &self.fitted,
+            self.embeddings()?,
+            thresholds.as_ref(),
+            sweeps,
+            material,
+        )?;
+        let device = self.config.spec.device.open()?;
+        Ok(Self {
+            fitted: tactnet_pipeline::Classifier::new(
+                enrolled.config.clone(),
+                &enrolled.weights,
+                &device,
+            )?,
+            config: RunConfig {
+                classifier: enrolled.config,
+                ..self.config.clone()
+            },
+            split: self.split.clone(),
+            weights: enrolled.weights,
+            embeddings: Some(enrolled.known),
+            calibration: enrolled.calibration,
+        })
+    }
+
+    fn embeddings(&self) -> Result<&TrainEmbeddings, Error> {
+        self.fitted.network()?;
+        let known = self.embeddings.as_ref();
+        Ok(known.unwrap_or_else(|| panic!("a network keeps what it saw")))
+    }
+
+    /// Returns the shape of the sweeps that it was fitted to.
+    pub fn shape(&self) -> SweepShape {
+        self.fitted.config().shape
+    }
+
+    /// Returns their frames per second, and whether that is assumed.
+    pub fn sample_rate_hz(&self) -> (f64, bool) {
+        let config = self.fitted.config();
+        (config.sample_rate_hz, config.sample_rate_assumed)
     }
 
     /// Returns the same classifier for one sweep as it happens, frame by frame, with as many Monte Carlo samples as the recipe asks for.

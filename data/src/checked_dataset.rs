@@ -91,7 +91,10 @@ impl<'a> Folds<'a> {
     pub fn count(&self) -> usize {
         match self.dataset.scheme {
             Scheme::StratifiedKFold { folds, .. } => folds,
-            Scheme::HoldOut { .. } | Scheme::TestFlag | Scheme::LeaveBlockOut => 1,
+            Scheme::HoldOut { .. }
+            | Scheme::TestFlag
+            | Scheme::LeaveBlockOut
+            | Scheme::TrainOnAll => 1,
         }
     }
 

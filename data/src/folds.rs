@@ -75,6 +75,7 @@ impl<'a> Fold<'a> {
                 .iter()
                 .map(|r| r.test == Some(true))
                 .collect(),
+            Scheme::TrainOnAll => vec![false; dataset.len()],
             Scheme::LeaveBlockOut => {
                 let left_out: Vec<Option<u32>> = blocks_of_each_label(dataset)
                     .iter()
@@ -87,7 +88,7 @@ impl<'a> Fold<'a> {
             }
         };
         let (test, train): (Vec<usize>, Vec<usize>) = (0..dataset.len()).partition(|&i| tested[i]);
-        if train.is_empty() || test.is_empty() {
+        if train.is_empty() || (test.is_empty() && scheme != Scheme::TrainOnAll) {
             return Err(DataError::inconsistent(
                 format!("`test_flag` of data set `{}`", dataset.name()),
                 "training and test sweeps",

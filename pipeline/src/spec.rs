@@ -100,6 +100,8 @@ pub enum SplitKind {
     TestFlag,
     /// Fold k tests on the k-th recording block.
     LeaveBlockOut,
+    /// Every sweep trains.
+    TrainOnAll,
 }
 
 impl SplitKind {
@@ -110,6 +112,7 @@ impl SplitKind {
             Self::HoldOut => "hold-out",
             Self::TestFlag => "test-flag",
             Self::LeaveBlockOut => "leave-block-out",
+            Self::TrainOnAll => "train-on-all",
         }
     }
 
@@ -120,6 +123,7 @@ impl SplitKind {
             Self::HoldOut => Scheme::hold_out(),
             Self::TestFlag => Scheme::TestFlag,
             Self::LeaveBlockOut => Scheme::LeaveBlockOut,
+            Self::TrainOnAll => Scheme::TrainOnAll,
         }
     }
 
@@ -130,6 +134,7 @@ impl SplitKind {
             Scheme::HoldOut { .. } => Self::HoldOut,
             Scheme::TestFlag => Self::TestFlag,
             Scheme::LeaveBlockOut => Self::LeaveBlockOut,
+            Scheme::TrainOnAll => Self::TrainOnAll,
         }
     }
 }
@@ -282,6 +287,10 @@ impl TryFrom<TrainSpec> for TrainJob {
         if let (Some(_), Some(split)) = (spec.folds, other) {
             let found = format!("`--split {}`", split.name());
             return Err(refused("folds", "a k-fold split", found));
+        }
+        if spec.split == Some(SplitKind::TrainOnAll) {
+            let found = "all sweeps to train on".into();
+            return Err(refused("split", "a split with test sweeps", found));
         }
         if spec.steps == Some(0) {
             return Err(refused("steps", "at least 1", "0".into()));

@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 ///
 /// ```toml
 /// [split]
-/// kind = "stratified-k-fold"   # or "hold-out" (test_percent, repeats); "test-flag", "leave-block-out" have no settings
+/// kind = "stratified-k-fold"   # or "hold-out" (test_percent, repeats); "test-flag", "leave-block-out", "train-on-all" have no settings
 /// folds = 5
 /// repeats = 2
 /// ```
@@ -44,6 +44,8 @@ pub enum Scheme {
     /// No block has sweeps on both sides. Of materials with fewer than `k + 1` blocks every sweep
     /// trains, so that over all folds each sweep is tested exactly once.
     LeaveBlockOut,
+    /// Every sweep trains and none tests; one fold. For a classifier that is judged elsewhere, by sweeps that are not in this data set.
+    TrainOnAll,
 }
 
 /// [`Scheme`] as written; the empty braces make serde refuse stray keys for these kinds too.
@@ -65,6 +67,7 @@ enum SchemeConfig {
     },
     TestFlag {},
     LeaveBlockOut {},
+    TrainOnAll {},
 }
 
 fn published_folds() -> usize {
@@ -120,7 +123,7 @@ impl Scheme {
     pub fn repeats(self) -> usize {
         match self {
             Self::StratifiedKFold { repeats, .. } | Self::HoldOut { repeats, .. } => repeats,
-            Self::TestFlag | Self::LeaveBlockOut => 1,
+            Self::TestFlag | Self::LeaveBlockOut | Self::TrainOnAll => 1,
         }
     }
 
@@ -133,7 +136,7 @@ impl Scheme {
     pub fn folds(self, dataset: &Dataset) -> Result<usize, DataError> {
         match self.checked()? {
             Self::StratifiedKFold { folds, .. } => Ok(folds),
-            Self::HoldOut { .. } => Ok(1),
+            Self::HoldOut { .. } | Self::TrainOnAll => Ok(1),
             Self::TestFlag if dataset.has_test_flag() => Ok(1),
             Self::TestFlag => Err(self.missing(dataset, "test_flag")),
             Self::LeaveBlockOut if dataset.has_blocks() => {
@@ -190,6 +193,7 @@ impl std::fmt::Display for Scheme {
             }
             Self::TestFlag => f.write_str("split by the author's test flag"),
             Self::LeaveBlockOut => f.write_str("leave one recording block out"),
+            Self::TrainOnAll => f.write_str("train on all sweeps and test on none"),
         }
     }
 }
@@ -212,6 +216,7 @@ impl TryFrom<SchemeConfig> for Scheme {
             .checked(),
             SchemeConfig::TestFlag {} => Ok(Self::TestFlag),
             SchemeConfig::LeaveBlockOut {} => Ok(Self::LeaveBlockOut),
+            SchemeConfig::TrainOnAll {} => Ok(Self::TrainOnAll),
         }
     }
 }
@@ -229,6 +234,7 @@ impl From<Scheme> for SchemeConfig {
             },
             Scheme::TestFlag => Self::TestFlag {},
             Scheme::LeaveBlockOut => Self::LeaveBlockOut {},
+            Scheme::TrainOnAll => Self::TrainOnAll {},
         }
     }
 }
@@ -256,6 +262,7 @@ mod tests {
             Scheme::hold_out(),
             Scheme::TestFlag,
             Scheme::LeaveBlockOut,
+            Scheme::TrainOnAll,
         ] {
             let json = serde_json::to_string(&scheme).unwrap();
             assert_eq!(

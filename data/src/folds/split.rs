@@ -143,7 +143,7 @@ pub(super) struct DealtBy {
 
 /// The sweeps that may be learnt from: the only ones that anything is fitted to.
 ///
-/// Only a [`Fold`](crate::Fold) makes one, so a function that takes a `TrainSplit` cannot see a
+/// Only a [`Fold`](crate::Fold) makes one, or [`TrainSplit::all`], which leaves nothing to be tested on; so a function that takes a `TrainSplit` cannot see a
 /// test sweep, while one that takes a [`SweepView`] reads any side:
 ///
 /// ```
@@ -187,6 +187,19 @@ impl<'a> TrainSplit<'a> {
             view: SweepView::new(dataset, indices),
             dealt_by,
         }
+    }
+
+    /// Every sweep of `dataset`, for a classifier that is judged by sweeps of another one.
+    ///
+    /// - `seed`: names the parts of [`TrainSplit::inner`]
+    pub fn all(dataset: &'a Dataset, seed: Seed) -> Self {
+        let dealt_by = DealtBy {
+            scheme: Scheme::TrainOnAll,
+            seed,
+            repeat: 0,
+            fold: 0,
+        };
+        Self::new(dataset, (0..dataset.len()).collect(), dealt_by)
     }
 
     /// Splits the training sweeps once more, stratified, to choose settings without a look at the test sweeps.

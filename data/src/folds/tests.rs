@@ -397,3 +397,16 @@ fn training_sweeps_know_the_split_that_they_belong_to() {
             .all(|index| !manifest.train.contains(index) && !manifest.test.contains(index))
     );
 }
+
+#[test]
+fn all_sweeps_train_where_none_is_tested() {
+    let dataset = recorded(&[10, 10], 5);
+    let train = TrainSplit::all(&dataset, Seed(3));
+    assert_eq!(train.indices(), (0..20).collect::<Vec<_>>());
+    let manifest = train.manifest().unwrap();
+    assert!(manifest.test.is_empty());
+    let again = manifest.fold(&dataset).unwrap();
+    assert_eq!((again.train.len(), again.test.len()), (20, 0));
+    let (inner, aside) = train.inner(1).unwrap();
+    assert_eq!((inner.len(), aside.len()), (16, 4));
+}

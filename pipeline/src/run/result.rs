@@ -104,6 +104,7 @@ pub fn describe_split(manifest: &SplitManifest, inner: Option<usize>) -> String 
         Scheme::StratifiedKFold { folds, .. } => format!("fold {part} of {folds}"),
         Scheme::HoldOut { test_percent, .. } => format!("{test_percent} % held out"),
         Scheme::TestFlag => "the author's test sweeps".into(),
+        Scheme::TrainOnAll => "no test sweeps".into(),
         Scheme::LeaveBlockOut => format!("block {part} of every material left out"),
     };
     if manifest.repeat > 0 {

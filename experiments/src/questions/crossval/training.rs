@@ -119,6 +119,7 @@ pub(super) fn split_name(split: &SplitManifest, config: &RunConfig) -> String {
         Scheme::StratifiedKFold { folds, .. } => format!("random split into {folds} folds"),
         Scheme::HoldOut { test_percent, .. } => format!("{test_percent} % held out"),
         Scheme::TestFlag => "author's test sweeps".into(),
+        Scheme::TrainOnAll => "no test sweeps".into(),
         Scheme::LeaveBlockOut => "block left out".into(),
     };
     match config.spec.inner {

@@ -1,0 +1,333 @@
+"""Classifiers as estimators of scikit-learn; without scikit-learn they work on their own."""
+
+from __future__ import annotations
+
+import io
+import tarfile
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from . import _tactnet
+from ._dataset import Dataset, native_values
+from ._tactnet import TactnetError
+
+try:
+    from sklearn.base import BaseEstimator, ClassifierMixin
+    from sklearn.utils.multiclass import check_classification_targets
+    from sklearn.utils.validation import check_is_fitted, validate_data
+except ImportError:
+    from ._without_sklearn import BaseEstimator, ClassifierMixin, check_classification_targets, check_is_fitted, validate_data
+
+
+def fuse(log_proba: Any) -> np.ndarray:
+    """Returns ``(materials,)``: the posterior of one object from several sweeps, by Bayes's rule from equal priors.
+
+    log_proba: ``(sweeps, materials)``, as ``predict_log_proba`` returns.
+    """
+    log_proba = np.ascontiguousarray(log_proba, dtype=np.float64)
+    if log_proba.ndim != 2 or log_proba.shape[1] == 0:
+        raise TactnetError(f"log_proba: expected (sweeps, materials), found shape {log_proba.shape}")
+    return _tactnet.fuse(log_proba)
+
+
+class SweepClassifier(ClassifierMixin, BaseEstimator):
+    """What all classifiers of sweeps share.
+
+    X: ``(sweeps, steps, taxels)`` or ``(sweeps, steps, rows, cols)``, finite numbers in the skin's unit.
+    y: a material for each sweep.
+
+    Attributes after ``fit``: ``classes_`` ``(materials,)``, in the order of the columns of probabilities.
+    """
+
+    def __init__(self, *, rate: float | None = None, seed: int = 1):
+        self.rate = rate
+        self.seed = seed
+
+    def _recipe(self) -> str:
+        raise NotImplementedError
+
+    def _settings(self) -> dict[str, Any]:
+        return {}
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.input_tags.two_d_array = False
+        tags.input_tags.three_d_array = True
+        return tags
+
+    def fit(self, X: Any, y: Any) -> SweepClassifier:
+        """Fits to all sweeps.
+
+        Raises TactnetError, a ValueError, for sweeps that cannot be learnt from. Ctrl-C stops a network's training at the next batch.
+        """
+        X, y = validate_data(self, X, y, allow_nd=True, dtype=None)
+        check_classification_targets(y)
+        self.classes_ = np.unique(y)
+        if len(self.classes_) < 2:
+            raise ValueError(f"y: expected at least two materials, found one class, {self.classes_[0]!r}")
+        data = Dataset.from_arrays(self._sweeps(X), y, self.rate)
+        self.classifier_ = _tactnet.Classifier.fit(
+            data._native, self._recipe(), seed=self.seed, progress=self._progress(), **self._settings()
+        )
+        return self
+
+    def _progress(self):
+        return None
+
+    def _sweeps(self, X: np.ndarray) -> np.ndarray:
+        """Returns the sweeps that validated input stands for."""
+        return X
+
+    def _dataset(self, X: Any) -> Any:
+        check_is_fitted(self, "classifier_")
+        # Of more than two axes the error below says what was expected; scikit-learn would call steps features.
+        many_axes = np.asarray(X).ndim > 2
+        X = validate_data(type(self)() if many_axes else self, X, allow_nd=True, dtype=None, reset=many_axes)
+        values = native_values(self._sweeps(X))
+        steps, rows, cols = self.classifier_.sweep_shape
+        if values.shape[2] == 1 and values.shape[3] == rows * cols:
+            values = values.reshape(len(values), -1, rows, cols)
+        if values.shape[1:] != (steps, rows, cols):
+            raise TactnetError(
+                f"X: expected sweeps of {steps} steps of {rows}x{cols} taxels, as in fit, found shape {X.shape}"
+            )
+        labels = [0] * len(values)
+        return _tactnet.Dataset.from_arrays(values, labels, ["unlabelled"], self.classifier_.rate_hz)
+
+    def predict_log_proba(self, X: Any) -> np.ndarray:
+        """Returns ``(sweeps, materials)``, the natural log of the probabilities."""
+        data = self._dataset(X)
+        return self.classifier_.predict_log_proba(data)
+
+    def predict_proba(self, X: Any) -> np.ndarray:
+        """Returns ``(sweeps, materials)``, the probabilities."""
+        return np.exp(self.predict_log_proba(X))
+
+    def predict(self, X: Any) -> np.ndarray:
+        """Returns ``(sweeps,)``, the most probable material of each."""
+        best = np.argmax(self.predict_log_proba(X), axis=1)
+        return self.classes_[best]
+
+    def save(self, folder: Any) -> None:
+        """Saves into a new folder, which the command line opens, too: ``tactnet eval``, ``predict``, ``serve``, ``export``."""
+        check_is_fitted(self, "classifier_")
+        self.classifier_.save(folder)
+
+    def __getstate__(self) -> dict[str, Any]:
+        state = dict(super().__getstate__())
+        if "classifier_" in state:
+            with tempfile.TemporaryDirectory() as work:
+                folder = Path(work) / "classifier"
+                state["classifier_"].save(folder)
+                packed = io.BytesIO()
+                with tarfile.open(fileobj=packed, mode="w") as archive:
+                    for file in sorted(folder.rglob("*")):
+                        archive.add(file, file.relative_to(folder), recursive=False)
+            state["classifier_"] = packed.getvalue()
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        state = dict(state)
+        packed = state.get("classifier_")
+        if isinstance(packed, bytes):
+            with tempfile.TemporaryDirectory() as work:
+                with tarfile.open(fileobj=io.BytesIO(packed)) as archive:
+                    archive.extractall(work, filter="data")
+                state["classifier_"] = _tactnet.Classifier.load(work)
+        super().__setstate__(state)
+
+
+class TactNetClassifier(SweepClassifier):
+    """TactNet-II, a convolutional network over time and taxels (Tulbure & Bäuml, Humanoids 2018).
+
+    recipe: ``fast``, ``thesis`` (200 adversarial epochs, as published), or a TOML file (``tactnet train --print-recipe fast`` prints one).
+    epochs: passes over the sweeps instead of the recipe's.
+    levels: ``kept`` or ``removed``: whether a taxel's mean over the sweep may be used; None: as the recipe says.
+    rate: frames a second; None: not known, and sweeps of any rate are taken.
+    seed: names every random choice; equal seeds give equal bits, also on the command line.
+    progress: shows a bar of batches (with tqdm, where it is installed).
+    """
+
+    def __init__(
+        self,
+        *,
+        recipe: str = "fast",
+        epochs: int | None = None,
+        levels: str | None = None,
+        rate: float | None = None,
+        seed: int = 1,
+        progress: bool = False,
+    ):
+        super().__init__(rate=rate, seed=seed)
+        self.recipe = recipe
+        self.epochs = epochs
+        self.levels = levels
+        self.progress = progress
+
+    def _recipe(self) -> str:
+        return str(self.recipe)
+
+    def _settings(self) -> dict[str, Any]:
+        return {"epochs": self.epochs, "levels": self.levels}
+
+    def _progress(self):
+        if not self.progress:
+            return None
+        try:
+            from tqdm.auto import tqdm
+        except ImportError:
+
+            def lines(epoch, batch, batches, loss, accuracy):
+                if batch + 1 == batches:
+                    print(f"epoch {epoch + 1}: loss {loss:.3f}, accuracy {accuracy:.3f}", flush=True)
+
+            return lines
+        bar = tqdm(unit="batch")
+
+        def show(epoch, batch, batches, loss, accuracy):
+            bar.set_description(f"epoch {epoch + 1}", refresh=False)
+            bar.set_postfix(loss=f"{loss:.3f}", accuracy=f"{accuracy:.3f}", refresh=False)
+            bar.update()
+
+        return show
+
+    @classmethod
+    def load(cls, folder: Any) -> TactNetClassifier:
+        """Opens a folder of :meth:`save`, ``tactnet train`` or ``tactnet enroll``; ``classes_`` are then names."""
+        native = _tactnet.Classifier.load(folder)
+        loaded = cls(rate=native.rate_hz)
+        loaded.classifier_ = native
+        loaded.classes_ = np.asarray(native.materials)
+        loaded.n_features_in_ = native.sweep_shape[0]
+        return loaded
+
+    def unknown_score(self, X: Any) -> np.ndarray:
+        """Returns ``(sweeps,)``: larger for sweeps that are less like a known material.
+
+        The mutual information of material and dropout masks, nats (Gal & Ghahramani, 2016).
+        """
+        data = self._dataset(X)
+        return self.classifier_.unknown_scores(data)
+
+    def enroll(self, X: Any, material: Any) -> TactNetClassifier:
+        """Returns a classifier that knows one material more, from a few sweeps of it; this one stays as it is."""
+        data = self._dataset(X)
+        grown = copy_without_classifier(self)
+        grown.classifier_ = self.classifier_.enroll(str(material), data)
+        grown.classes_ = np.append(self.classes_, material)
+        return grown
+
+    def online(self) -> OnlineClassifier:
+        """Returns the same network for one sweep as it happens, frame by frame."""
+        check_is_fitted(self, "classifier_")
+        return OnlineClassifier(self.classifier_.online(), self.classes_)
+
+
+def copy_without_classifier(estimator: SweepClassifier) -> SweepClassifier:
+    """Returns a fitted estimator's copy that lacks the native classifier."""
+    copied = type(estimator)(**estimator.get_params())
+    for name, value in vars(estimator).items():
+        if name != "classifier_":
+            setattr(copied, name, value)
+    return copied
+
+
+class OnlineClassifier:
+    """Follows one sweep at a time, and fuses the sweeps of one object.
+
+    Attributes: ``classes_``, in the order of probabilities.
+    """
+
+    def __init__(self, native: _tactnet.Online, classes: np.ndarray):
+        self._native = native
+        self.classes_ = classes
+
+    def begin(self) -> None:
+        """Begins a sweep."""
+        self._native.begin()
+
+    def push(self, digits: Any) -> None:
+        """Takes the next frame, ``(taxels,)`` or ``(rows, cols)``, as recorded."""
+        self._native.push(np.ascontiguousarray(digits, dtype=np.float32).reshape(-1))
+
+    def predict_proba(self, dropout: bool = False) -> np.ndarray:
+        """Returns ``(materials,)`` from the sweep so far.
+
+        dropout: the mean over Monte Carlo dropout masks, as ``TactNetClassifier.predict_proba`` returns for a recipe with them; after the
+        last frame the two agree to rounding.
+        """
+        return self._native.classify(dropout)
+
+    def fuse(self) -> np.ndarray:
+        """Adds the newest prediction to those of former sweeps of the object, and returns ``(materials,)`` of all together."""
+        self._native.fuse()
+        return self._native.fused()
+
+    def reset(self) -> None:
+        """The next sweep is of another object."""
+        self._native.reset()
+
+    @property
+    def frames(self) -> int:
+        """Frames of this sweep so far."""
+        return self._native.frames
+
+    @property
+    def is_complete(self) -> bool:
+        """True if the sweep has all its frames."""
+        return self._native.is_complete
+
+
+class MiniRocketClassifier(SweepClassifier):
+    """MiniRocket's convolutions and a ridge classifier (Dempster et al., 2021)."""
+
+    def _recipe(self) -> str:
+        return "minirocket"
+
+
+class MultiRocketHydraClassifier(SweepClassifier):
+    """MultiRocket and Hydra together, and a ridge classifier (Dempster et al., 2023)."""
+
+    def _recipe(self) -> str:
+        return "multirocket-hydra"
+
+
+class LdaClassifier(SweepClassifier):
+    """Linear discriminant on levels and logarithmic spectra of every taxel."""
+
+    def _recipe(self) -> str:
+        return "lda"
+
+
+class _OnFeatures(SweepClassifier):
+    _KINDS: dict[str, str] = {}
+
+    def __init__(self, *, features: str = "h", rate: float | None = None, seed: int = 1):
+        super().__init__(rate=rate, seed=seed)
+        self.features = features
+
+    def _recipe(self) -> str:
+        if self.features not in self._KINDS:
+            raise TactnetError(f"features: expected one of {', '.join(self._KINDS)}, found {self.features!r}")
+        return self._KINDS[self.features]
+
+
+class SvmClassifier(_OnFeatures):
+    """Support vector machine.
+
+    features: ``h``, the short-time spectrum; ``l``, roughness and two spectral centroids; ``spectra``, levels and logarithmic spectra.
+    """
+
+    _KINDS = {"h": "svm-h", "l": "svm-l", "spectra": "svm-spectra"}
+
+
+class KnnClassifier(_OnFeatures):
+    """Nearest neighbours.
+
+    features: ``h``, the short-time spectrum; ``l``, roughness and two spectral centroids.
+    """
+
+    _KINDS = {"h": "knn-h", "l": "knn-l"}

@@ -1,0 +1,129 @@
+"""The robot's channels: frames in, commands in, beliefs out.
+
+>>> with Hub(bus="lab") as hub:                                 # on a robot: `tactnet channel hub --table robot.toml`
+...     bus = Bus(hub.table)
+...     skin, beliefs = bus.skin(), bus.beliefs()
+...     skin.put(digits)                                        # (taxels,), written in place in shared memory
+...     belief = beliefs.get(timeout=1.0)                       # a dict, or None                     # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from typing import Any, AsyncIterator, Iterator
+
+import numpy as np
+
+from . import _tactnet
+from ._tactnet import Hub
+
+__all__ = ["BeliefPort", "Bus", "CommandPort", "Hub", "SkinPort"]
+
+
+class SkinPort:
+    """Puts the frames of one finger."""
+
+    def __init__(self, native: _tactnet.SkinPort):
+        self._native = native
+
+    def put(self, digits: Any, sequence: int | None = None, sensor_time_ns: int | None = None) -> None:
+        """Puts a frame.
+
+        digits: taxels row by row, 1024 at most.
+        sequence: number of the frame, where a gap is a lost frame; None: one more than the last.
+        sensor_time_ns: by the sensor's clock; None: now.
+        """
+        digits = np.ascontiguousarray(digits, dtype=np.float32).reshape(-1)
+        self._native.put(digits, sequence, sensor_time_ns)
+
+
+class CommandPort:
+    """Puts commands of sweeps, as a motion controller does."""
+
+    def __init__(self, native: _tactnet.CommandPort):
+        self._native = native
+
+    def start(self, finger: int = 0, motion: int = 0, material: str = "") -> None:
+        """The finger begins to move; the next frame is the first of the sweep.
+
+        material: what is swept over, where that is known; it is recorded, the classifier does not look.
+        """
+        self._native.put("start", finger, motion, 0, material)
+
+    def stop(self, finger: int = 0, motion: int = 0) -> None:
+        """The finger has stopped."""
+        self._native.put("stop", finger, motion)
+
+    def reset(self, finger: int = 0) -> None:
+        """The next sweep is of another object."""
+        self._native.put("reset", finger)
+
+    def enroll(self, material: str, sweeps: int, finger: int = 0) -> None:
+        """Learns a material from the newest complete sweeps."""
+        self._native.put("enroll", finger, 0, sweeps, material)
+
+
+class BeliefPort:
+    """Gets beliefs; also iterates over them, and asynchronously."""
+
+    def __init__(self, native: _tactnet.BeliefPort):
+        self._native = native
+
+    def get(self, timeout: float | None = None) -> dict[str, Any] | None:
+        """Waits for the next belief; returns None after ``timeout`` seconds.
+
+        A belief is a dict: ``stage`` (``anytime``, ``plain``, ``dropout``), ``sweep_says`` and ``object_says`` with ``material``,
+        ``probability`` and ``verdict``, ``posterior`` and ``fused`` in the order of ``materials``, ``latency_ms``.
+        """
+        found = self._native.get_json(timeout)
+        return None if found is None else json.loads(found)
+
+    async def get_async(self, timeout: float | None = None) -> dict[str, Any] | None:
+        """The same without blocking the event loop: it waits in a thread."""
+        return await asyncio.to_thread(self.get, timeout)
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        while True:
+            belief = self.get()
+            if belief is not None:
+                yield belief
+
+    async def __aiter__(self) -> AsyncIterator[dict[str, Any]]:
+        while True:
+            # Short waits, so that a cancelled task's thread soon ends.
+            belief = await self.get_async(0.1)
+            if belief is not None:
+                yield belief
+
+    @property
+    def lost(self) -> int:
+        """Packets that were lost."""
+        return self._native.lost
+
+
+class Bus:
+    """Access to the channels that a hub holds.
+
+    table: the hub's file, or its text.
+    """
+
+    def __init__(self, table: str):
+        self._native = _tactnet.Bus(str(table))
+
+    @property
+    def fingers(self) -> list[str]:
+        """Channels of skin frames; a finger's number is its place here."""
+        return self._native.fingers
+
+    def skin(self, finger: int = 0) -> SkinPort:
+        """Returns a port to put the frames of one finger."""
+        return SkinPort(self._native.skin(finger))
+
+    def commands(self) -> CommandPort:
+        """Returns a port to put commands."""
+        return CommandPort(self._native.commands())
+
+    def beliefs(self) -> BeliefPort:
+        """Returns a port to get beliefs."""
+        return BeliefPort(self._native.beliefs())

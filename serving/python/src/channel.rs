@@ -1,0 +1,326 @@
+//! The robot's channels: frames in, commands in, beliefs out.
+
+use std::path::PathBuf;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use numpy::PyReadonlyArray1;
+use pyo3::prelude::*;
+use tactnet_channel::{
+    Domain, GetPort, HubThread, Priority, PutPort, Start, Table, Wait, now_ns, remove_bus,
+};
+use tactnet_skin::packets::{
+    Command, MAX_TAXELS, ModelNames, SkinFrame, SweepCommand, TactileBelief, Text,
+};
+use tactnet_skin::{ServeConfig, material_names};
+
+use crate::error::{TactnetError, raised};
+use crate::words::belief_in_words;
+
+/// How long a wait sleeps at most before it looks for Ctrl-C.
+const PATIENCE: Duration = Duration::from_millis(100);
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Holds a bus in this process, for tests and small set-ups; on a robot `tactnet channel hub` does.
+#[pyclass(frozen, module = "tactnet.channel")]
+pub(crate) struct Hub {
+    thread: Mutex<Option<HubThread>>,
+    table: Table,
+}
+
+#[pymethods]
+impl Hub {
+    /// Starts a hub.
+    ///
+    /// - `table`: a file, as `tactnet serve --print-table` prints one; None: the usual channels of one finger
+    /// - `bus`: name of the bus, without a file
+    #[new]
+    #[pyo3(signature = (table=None, bus="tactnet"))]
+    fn new(py: Python<'_>, table: Option<PathBuf>, bus: &str) -> PyResult<Self> {
+        let table = match table {
+            Some(path) => Table::load(&path).map_err(raised)?,
+            None => ServeConfig::default().table(bus),
+        };
+        let thread = py
+            .detach(|| tactnet_channel::Hub::spawn(&table))
+            .map_err(raised)?;
+        Ok(Self {
+            thread: Mutex::new(Some(thread)),
+            table,
+        })
+    }
+
+    /// Ends the hub and clears its bus away; ports that are still open keep what they have.
+    fn stop(&self, py: Python<'_>) -> PyResult<()> {
+        py.detach(|| {
+            let Some(thread) = locked(&self.thread).take() else {
+                return Ok(());
+            };
+            thread.stop()?;
+            remove_bus(&self.table).map(drop)
+        })
+        .map_err(raised)
+    }
+
+    /// The table of channels as TOML.
+    #[getter]
+    fn table(&self) -> String {
+        self.table.to_toml()
+    }
+
+    fn __enter__(this: Py<Self>) -> Py<Self> {
+        this
+    }
+
+    #[pyo3(signature = (*_exception))]
+    fn __exit__(
+        &self,
+        py: Python<'_>,
+        _exception: &Bound<'_, pyo3::types::PyTuple>,
+    ) -> PyResult<()> {
+        self.stop(py)
+    }
+}
+
+/// Access to the channels of a table.
+#[pyclass(frozen, module = "tactnet.channel")]
+pub(crate) struct Bus {
+    bus: Mutex<tactnet_channel::Bus>,
+    config: ServeConfig,
+}
+
+#[pymethods]
+impl Bus {
+    /// Opens a bus that a hub holds.
+    ///
+    /// - `table`: the hub's file, or its text as TOML
+    #[new]
+    fn new(py: Python<'_>, table: &str) -> PyResult<Self> {
+        let table = if table.contains('\n') {
+            Table::parse(table)
+        } else {
+            Table::load(table.as_ref())
+        }
+        .map_err(raised)?;
+        let config = ServeConfig::of(&table).map_err(raised)?;
+        let bus = py
+            .detach(|| tactnet_channel::Bus::open(Domain::Host, &table))
+            .map_err(raised)?;
+        Ok(Self {
+            bus: Mutex::new(bus),
+            config,
+        })
+    }
+
+    /// Channels of skin frames; a finger's number is its place here.
+    #[getter]
+    fn fingers(&self) -> Vec<String> {
+        self.config.fingers.clone()
+    }
+
+    /// Returns a port to put the frames of one finger.
+    #[pyo3(signature = (finger=0))]
+    fn skin(&self, finger: usize) -> PyResult<SkinPort> {
+        let port = locked(&self.bus)
+            .put_port(self.finger(finger)?, Priority::High)
+            .map_err(raised)?;
+        Ok(SkinPort {
+            port: Mutex::new(port),
+            sequence: Mutex::new(0),
+        })
+    }
+
+    /// Returns a port to put commands of sweeps.
+    fn commands(&self) -> PyResult<CommandPort> {
+        let port = locked(&self.bus)
+            .put_port(self.config.command.as_str(), Priority::High)
+            .map_err(raised)?;
+        Ok(CommandPort {
+            port: Mutex::new(port),
+        })
+    }
+
+    /// Returns a port to get beliefs.
+    fn beliefs(&self) -> PyResult<BeliefPort> {
+        let bus = locked(&self.bus);
+        let beliefs = bus
+            .get_port(self.config.belief.as_str(), Start::Now)
+            .map_err(raised)?;
+        let models = bus
+            .get_port(self.config.model.as_str(), Start::History(1))
+            .map_err(raised)?;
+        Ok(BeliefPort {
+            inner: Mutex::new(Beliefs {
+                beliefs,
+                models,
+                names: None,
+            }),
+        })
+    }
+}
+
+impl Bus {
+    fn finger(&self, finger: usize) -> PyResult<&str> {
+        let names = &self.config.fingers;
+        names.get(finger).map(String::as_str).ok_or_else(|| {
+            TactnetError::new_err(format!(
+                "finger: expected a number below {}, found {finger}",
+                names.len()
+            ))
+        })
+    }
+}
+
+/// Puts frames of one finger.
+#[pyclass(frozen, module = "tactnet.channel")]
+pub(crate) struct SkinPort {
+    port: Mutex<PutPort<SkinFrame>>,
+    sequence: Mutex<u64>,
+}
+
+#[pymethods]
+impl SkinPort {
+    /// Puts a frame, written in place in shared memory.
+    ///
+    /// - `digits`: `[taxels]`, row by row
+    /// - `sequence`: number of the frame; None: one more than the last
+    /// - `sensor_time_ns`: by the sensor's clock; None: now
+    #[pyo3(signature = (digits, sequence=None, sensor_time_ns=None))]
+    fn put(
+        &self,
+        digits: PyReadonlyArray1<'_, f32>,
+        sequence: Option<u64>,
+        sensor_time_ns: Option<u64>,
+    ) -> PyResult<()> {
+        let values = digits.as_slice()?;
+        if values.is_empty() || values.len() > MAX_TAXELS {
+            let found = values.len();
+            return Err(TactnetError::new_err(format!(
+                "frame: expected 1 to {MAX_TAXELS} taxels, found {found}"
+            )));
+        }
+        let mut next = locked(&self.sequence);
+        let sequence = sequence.unwrap_or(*next);
+        *next = sequence + 1;
+        let port = locked(&self.port);
+        let mut packet = port.loan(1).map_err(raised)?;
+        let frame = &mut packet[0];
+        frame.sequence = sequence;
+        frame.sensor_time_ns = sensor_time_ns.unwrap_or_else(now_ns);
+        frame.taxels = values.len() as u32;
+        frame.reserved = 0;
+        frame.digits[..values.len()].copy_from_slice(values);
+        frame.digits[values.len()..].fill(0.0);
+        port.put(packet).map(drop).map_err(raised)
+    }
+}
+
+/// Puts commands of sweeps.
+#[pyclass(frozen, module = "tactnet.channel")]
+pub(crate) struct CommandPort {
+    port: Mutex<PutPort<SweepCommand>>,
+}
+
+#[pymethods]
+impl CommandPort {
+    /// Puts a command.
+    ///
+    /// - `kind`: "start", "stop", "reset" or "enroll"
+    #[pyo3(signature = (kind, finger=0, motion=0, sweeps=0, material=""))]
+    fn put(
+        &self,
+        kind: &str,
+        finger: u32,
+        motion: u64,
+        sweeps: u32,
+        material: &str,
+    ) -> PyResult<()> {
+        let command = match kind {
+            "start" => Command::Start,
+            "stop" => Command::Stop,
+            "reset" => Command::Reset,
+            "enroll" => Command::Enroll,
+            other => {
+                return Err(TactnetError::new_err(format!(
+                    "kind: expected start, stop, reset or enroll, found {other}"
+                )));
+            }
+        };
+        let packet = SweepCommand {
+            kind: command as u32,
+            finger,
+            motion,
+            sweeps,
+            reserved: 0,
+            material: Text::new(material),
+        };
+        locked(&self.port)
+            .put_copy(&[packet])
+            .map(drop)
+            .map_err(raised)
+    }
+}
+
+struct Beliefs {
+    beliefs: GetPort<TactileBelief>,
+    models: GetPort<ModelNames>,
+    names: Option<ModelNames>,
+}
+
+/// Gets beliefs.
+#[pyclass(frozen, module = "tactnet.channel")]
+pub(crate) struct BeliefPort {
+    inner: Mutex<Beliefs>,
+}
+
+#[pymethods]
+impl BeliefPort {
+    /// Waits for the next belief; returns it as a JSON document, or None after `timeout` seconds.
+    #[pyo3(signature = (timeout=None))]
+    fn get_json(&self, py: Python<'_>, timeout: Option<f64>) -> PyResult<Option<String>> {
+        let deadline = match timeout.map(Duration::try_from_secs_f64) {
+            None => None,
+            Some(Ok(timeout)) => Instant::now().checked_add(timeout),
+            Some(Err(_)) => return Err(TactnetError::new_err("timeout: expected seconds from 0")),
+        };
+        loop {
+            let left = deadline.map_or(PATIENCE, |end| {
+                end.saturating_duration_since(Instant::now())
+            });
+            let found = py.detach(|| {
+                let mut inner = locked(&self.inner);
+                let wait = Wait::Block {
+                    timeout: left.min(PATIENCE),
+                };
+                let belief = inner.beliefs.get(wait)?.map(|belief| belief[0]);
+                while let Some(model) = inner.models.try_get()? {
+                    inner.names = Some(model[0]);
+                }
+                Ok::<_, tactnet_channel::ChannelError>(belief.and_then(|belief| {
+                    let names = inner
+                        .names
+                        .as_ref()
+                        .filter(|names| names.version == belief.model_version);
+                    let names = names.map(material_names).unwrap_or_default();
+                    belief_in_words(&belief, &names)
+                }))
+            });
+            if let Some(belief) = found.map_err(raised)? {
+                return Ok(Some(belief.to_string()));
+            }
+            py.check_signals()?;
+            if deadline.is_some_and(|end| Instant::now() >= end) {
+                return Ok(None);
+            }
+        }
+    }
+
+    /// Packets that were lost.
+    #[getter]
+    fn lost(&self) -> u64 {
+        locked(&self.inner).beliefs.lost()
+    }
+}

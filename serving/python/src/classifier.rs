@@ -1,0 +1,197 @@
+//! Fitted classifiers.
+
+use std::path::PathBuf;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use numpy::{PyArray1, PyArray2};
+use pyo3::prelude::*;
+use tactnet::Recipe;
+use tactnet_data::{Seed, SweepView, TrainSplit};
+use tactnet_pipeline::{BatchReport, MeanRemoval};
+
+use crate::dataset::Dataset;
+use crate::error::{TactnetError, raised};
+use crate::online::Online;
+
+/// A fitted classifier: a network or a baseline.
+#[pyclass(frozen, module = "tactnet")]
+pub(crate) struct Classifier {
+    inner: Mutex<tactnet::Classifier>,
+}
+
+impl Classifier {
+    fn lock(&self) -> MutexGuard<'_, tactnet::Classifier> {
+        // Nothing is changed behind the lock.
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl From<tactnet::Classifier> for Classifier {
+    fn from(classifier: tactnet::Classifier) -> Self {
+        Self {
+            inner: Mutex::new(classifier),
+        }
+    }
+}
+
+#[pymethods]
+impl Classifier {
+    /// Fits to all sweeps of `dataset`.
+    ///
+    /// - `recipe`: a built-in name (fast, thesis, minirocket, …) or a TOML file
+    /// - `levels`: "kept" or "removed"; None: as the recipe says
+    /// - `progress`: called as `progress(epoch, batch, batches, loss, accuracy)` after every batch of a network's training
+    #[staticmethod]
+    #[pyo3(signature = (dataset, recipe, epochs=None, seed=1, levels=None, progress=None))]
+    fn fit(
+        py: Python<'_>,
+        dataset: &Dataset,
+        recipe: &str,
+        epochs: Option<usize>,
+        seed: u64,
+        levels: Option<&str>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Self> {
+        let mut recipe = if recipe.ends_with(".toml") {
+            Recipe::read(recipe)
+        } else {
+            Recipe::named(recipe)
+        }
+        .map_err(raised)?
+        .seed(Seed(seed));
+        if let Some(epochs) = epochs {
+            recipe = recipe.epochs(epochs);
+        }
+        match levels {
+            None => {}
+            Some("kept") => recipe = recipe.mean_removal(MeanRemoval::None),
+            Some("removed") => recipe = recipe.mean_removal(MeanRemoval::PerSweep),
+            Some(other) => {
+                return Err(TactnetError::new_err(format!(
+                    "levels: expected kept or removed, found {other}"
+                )));
+            }
+        }
+        let mut stopped = None;
+        let fitted = py.detach(|| {
+            let train = TrainSplit::all(&dataset.inner, Seed(seed));
+            recipe.fit_while(&train, |report| match look(report, progress.as_ref()) {
+                Ok(()) => true,
+                Err(error) => {
+                    stopped = Some(error);
+                    false
+                }
+            })
+        });
+        match (stopped, fitted.map_err(raised)?) {
+            (None, Some(fitted)) => Ok(fitted.into()),
+            (Some(error), _) => Err(error),
+            (None, None) => Err(TactnetError::new_err("the training was stopped")),
+        }
+    }
+
+    /// Opens a folder of `save`, `tactnet train` or `tactnet enroll`.
+    #[staticmethod]
+    fn load(py: Python<'_>, folder: PathBuf) -> PyResult<Self> {
+        py.detach(|| tactnet::Classifier::load(folder))
+            .map(Self::from)
+            .map_err(raised)
+    }
+
+    /// Saves into a new folder, which the command line opens, too.
+    fn save(&self, py: Python<'_>, folder: PathBuf) -> PyResult<()> {
+        py.detach(|| self.lock().save(folder)).map_err(raised)
+    }
+
+    /// Returns `[sweeps][materials]`, the natural log of the probabilities; what a sweep is labelled does not matter.
+    fn predict_log_proba<'py>(
+        &self,
+        py: Python<'py>,
+        dataset: &Dataset,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let rows = py
+            .detach(|| {
+                self.lock()
+                    .log_probabilities(&SweepView::all(&dataset.inner))
+            })
+            .map_err(raised)?;
+        Ok(PyArray2::from_vec2(py, &rows)?)
+    }
+
+    /// Returns a score for each sweep that is larger the less it is like a known material; of networks.
+    fn unknown_scores<'py>(
+        &self,
+        py: Python<'py>,
+        dataset: &Dataset,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let scores = py
+            .detach(|| self.lock().unknown_scores(&SweepView::all(&dataset.inner)))
+            .map_err(raised)?;
+        Ok(PyArray1::from_vec(py, scores))
+    }
+
+    /// Returns a classifier that knows one material more, from all sweeps of `dataset`.
+    fn enroll(&self, py: Python<'_>, material: &str, dataset: &Dataset) -> PyResult<Self> {
+        py.detach(|| {
+            self.lock()
+                .enroll(material, &SweepView::all(&dataset.inner))
+        })
+        .map(Self::from)
+        .map_err(raised)
+    }
+
+    /// Returns the same network for one sweep as it happens, frame by frame.
+    fn online(&self, py: Python<'_>) -> PyResult<Online> {
+        py.detach(|| self.lock().online())
+            .map(Online::from)
+            .map_err(raised)
+    }
+
+    /// Names of the materials, in the order of columns of probabilities.
+    #[getter]
+    fn materials(&self) -> Vec<String> {
+        self.lock().materials().map(String::from).collect()
+    }
+
+    /// `(steps, rows, cols)` of the sweeps that it takes.
+    #[getter]
+    fn sweep_shape(&self) -> (usize, usize, usize) {
+        let shape = self.lock().shape();
+        (shape.steps, shape.rows, shape.cols)
+    }
+
+    /// Frames a second of the sweeps that it takes; None where it was assumed.
+    #[getter]
+    fn rate_hz(&self) -> Option<f64> {
+        let (rate, assumed) = self.lock().sample_rate_hz();
+        (!assumed).then_some(rate)
+    }
+
+    fn __repr__(&self) -> String {
+        let inner = self.lock();
+        format!(
+            "Classifier({} materials, {})",
+            inner.materials().count(),
+            inner.shape()
+        )
+    }
+}
+
+/// Lets the interpreter see Ctrl-C, and the caller the batch.
+fn look(report: &BatchReport, progress: Option<&Py<PyAny>>) -> PyResult<()> {
+    Python::attach(|py| {
+        py.check_signals()?;
+        if let Some(progress) = progress {
+            let BatchReport {
+                epoch,
+                batch,
+                batches,
+                mean_loss,
+                accuracy,
+                ..
+            } = *report;
+            progress.call1(py, (epoch, batch, batches, mean_loss, accuracy))?;
+        }
+        Ok(())
+    })
+}

@@ -1,0 +1,314 @@
+//! Data sets.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use numpy::{PyArray1, PyArray4, PyArrayMethods, PyReadonlyArray4};
+use pyo3::prelude::*;
+use tactnet_data::format::{self, Format};
+use tactnet_data::twin::{self, TwinConfig, TwinVersion};
+use tactnet_data::{
+    CheckReport, DataError, Fold, LabelSet, Samples, Scheme, Seed, SweepRecord, SweepShape, check,
+};
+
+use crate::error::{TactnetError, raised};
+
+/// Sweeps of a tactile skin with their materials.
+#[pyclass(frozen, module = "tactnet")]
+pub(crate) struct Dataset {
+    pub(crate) inner: Arc<tactnet_data::Dataset>,
+}
+
+/// Values of sweeps, `[sweeps][steps][rows][cols]`, in the types that a data set keeps.
+#[derive(FromPyObject)]
+pub(crate) enum Values<'py> {
+    U8(PyReadonlyArray4<'py, u8>),
+    U16(PyReadonlyArray4<'py, u16>),
+    F32(PyReadonlyArray4<'py, f32>),
+}
+
+impl Values<'_> {
+    fn samples(&self) -> Result<(Vec<usize>, Samples), numpy::AsSliceError> {
+        Ok(match self {
+            Self::U8(array) => (array.shape_of(), Samples::U8(array.as_slice()?.to_vec())),
+            Self::U16(array) => (array.shape_of(), Samples::U16(array.as_slice()?.to_vec())),
+            Self::F32(array) => (array.shape_of(), Samples::F32(array.as_slice()?.to_vec())),
+        })
+    }
+}
+
+trait ShapeOf {
+    fn shape_of(&self) -> Vec<usize>;
+}
+
+impl<T: numpy::Element> ShapeOf for PyReadonlyArray4<'_, T> {
+    fn shape_of(&self) -> Vec<usize> {
+        numpy::PyUntypedArrayMethods::shape(&**self).to_vec()
+    }
+}
+
+/// Of the training and of the test sweeps of a fold.
+type Indices<'py> = (Bound<'py, PyArray1<usize>>, Bound<'py, PyArray1<usize>>);
+
+#[pymethods]
+impl Dataset {
+    /// Puts a data set together.
+    ///
+    /// - `samples`: `[sweeps][steps][rows][cols]` of uint8, uint16 or float32, C-contiguous; copied once
+    /// - `labels`: `[sweeps]`, indices into `materials`
+    /// - `rate_hz`: frames a second; None: 750 is assumed, and marked so
+    #[staticmethod]
+    #[pyo3(signature = (samples, labels, materials, rate_hz=None, blocks=None, name="arrays"))]
+    fn from_arrays(
+        samples: Values<'_>,
+        labels: Vec<usize>,
+        materials: Vec<String>,
+        rate_hz: Option<f64>,
+        blocks: Option<Vec<u32>>,
+        name: &str,
+    ) -> PyResult<Self> {
+        let (extents, samples) = samples
+            .samples()
+            .map_err(|error| TactnetError::new_err(error.to_string()))?;
+        let count = extents[0];
+        if labels.len() != count || blocks.as_ref().is_some_and(|blocks| blocks.len() != count) {
+            let found = blocks
+                .as_ref()
+                .map_or(labels.len(), |blocks| blocks.len().min(labels.len()));
+            return Err(TactnetError::new_err(format!(
+                "labels and blocks: expected one for each of the {count} sweeps, found {found}"
+            )));
+        }
+        let mut seen = vec![0; materials.len()];
+        let mut records = Vec::with_capacity(count);
+        for (index, &label) in labels.iter().enumerate() {
+            let Some(sweep) = seen.get_mut(label) else {
+                return Err(TactnetError::new_err(format!(
+                    "labels: expected indices of the {} materials, found {label}",
+                    materials.len()
+                )));
+            };
+            records.push(SweepRecord {
+                label,
+                sweep: *sweep,
+                block: blocks.as_ref().map(|blocks| blocks[index]),
+                test: None,
+            });
+            *sweep += 1;
+        }
+        let shape = SweepShape {
+            steps: extents[1],
+            rows: extents[2],
+            cols: extents[3],
+        };
+        let labels = LabelSet::new(materials).map_err(raised)?;
+        tactnet_data::Dataset::at_rate(name, rate_hz, shape, labels, records, samples)
+            .map(Self::from)
+            .map_err(raised)
+    }
+
+    /// Reads HDF5, npz, CSV, Parquet or a folder of CSV.
+    #[staticmethod]
+    #[pyo3(signature = (path, rate_hz=None))]
+    fn read(py: Python<'_>, path: PathBuf, rate_hz: Option<f64>) -> PyResult<Self> {
+        py.detach(|| -> Result<_, DataError> { format::read(&path)?.with_named_rate(rate_hz) })
+            .map(Self::from)
+            .map_err(raised)
+    }
+
+    /// Generates the synthetic twin of TactMat.
+    #[staticmethod]
+    #[pyo3(signature = (materials=None, sweeps=None, steps=None, seed=None, version=2))]
+    fn twin(
+        py: Python<'_>,
+        materials: Option<usize>,
+        sweeps: Option<usize>,
+        steps: Option<usize>,
+        seed: Option<u64>,
+        version: u32,
+    ) -> PyResult<Self> {
+        let version = match version {
+            1 => TwinVersion::One,
+            2 => TwinVersion::Two,
+            other => {
+                return Err(TactnetError::new_err(format!(
+                    "version: expected 1 or 2, found {other}"
+                )));
+            }
+        };
+        let usual = TwinConfig {
+            version,
+            ..TwinConfig::default()
+        };
+        let config = TwinConfig {
+            materials: materials.unwrap_or(usual.materials),
+            sweeps: sweeps.unwrap_or(usual.sweeps),
+            steps: steps.unwrap_or(usual.steps),
+            seed: seed.unwrap_or(usual.seed),
+            ..usual
+        };
+        py.detach(|| twin::generate(&config))
+            .map(Self::from)
+            .map_err(raised)
+    }
+
+    /// Writes a file in the format that its extension names: .h5, .npz, .ts.
+    fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        py.detach(|| Format::from_extension(&path)?.write(&path, &self.inner))
+            .map_err(raised)
+    }
+
+    /// Returns what is wrong or odd, as a JSON document: errors, warnings, findings.
+    fn check_json(&self, py: Python<'_>) -> PyResult<String> {
+        let report = py.detach(|| CheckReport::of(check(&self.inner)));
+        serde_json::to_string(&report).map_err(raised)
+    }
+
+    /// Returns `(train, test)` indices of every fold of one repeat.
+    ///
+    /// - `scheme`: "default" (the file's own test sweeps, else 5 stratified folds or fewer), "k-fold", "leave-block-out"
+    #[pyo3(signature = (scheme="default", folds=5, seed=1, repeat=0))]
+    fn folds<'py>(
+        &self,
+        py: Python<'py>,
+        scheme: &str,
+        folds: usize,
+        seed: u64,
+        repeat: usize,
+    ) -> PyResult<Vec<Indices<'py>>> {
+        let scheme = match scheme {
+            "default" => Scheme::default_for(&self.inner),
+            "k-fold" => Scheme::StratifiedKFold {
+                folds,
+                repeats: repeat + 1,
+            },
+            "leave-block-out" => Scheme::LeaveBlockOut,
+            other => {
+                return Err(TactnetError::new_err(format!(
+                    "scheme: expected default, k-fold or leave-block-out, found {other}"
+                )));
+            }
+        };
+        let count = scheme.folds(&self.inner).map_err(raised)?;
+        let mut found = Vec::with_capacity(count);
+        for number in 0..count {
+            let fold =
+                Fold::new(&self.inner, scheme, Seed(seed), repeat, number).map_err(raised)?;
+            found.push((
+                PyArray1::from_slice(py, fold.train.indices()),
+                PyArray1::from_slice(py, fold.test.indices()),
+            ));
+        }
+        Ok(found)
+    }
+
+    /// Values, `[sweeps][steps][rows][cols]`, in the type that the data set keeps: uint8, uint16 or float32. A copy.
+    #[getter]
+    fn samples<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let shape = self.inner.shape();
+        let extents = [self.inner.len(), shape.steps, shape.rows, shape.cols];
+        fn array<'py, T: numpy::Element + Copy>(
+            py: Python<'py>,
+            values: &[T],
+            extents: [usize; 4],
+        ) -> PyResult<Bound<'py, PyAny>> {
+            let flat = PyArray1::from_slice(py, values);
+            let shaped: Bound<'py, PyArray4<T>> = flat.reshape(extents)?;
+            Ok(shaped.into_any())
+        }
+        match self.inner.samples() {
+            Samples::U8(values) => array(py, values, extents),
+            Samples::U16(values) => array(py, values, extents),
+            Samples::F32(values) => array(py, values, extents),
+        }
+    }
+
+    /// Label of each sweep, an index into `materials`.
+    #[getter]
+    fn labels<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<usize>> {
+        let labels: Vec<usize> = self
+            .inner
+            .records()
+            .iter()
+            .map(|record| record.label)
+            .collect();
+        PyArray1::from_vec(py, labels)
+    }
+
+    /// Recording block of each sweep, or None.
+    #[getter]
+    fn blocks<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<u32>>> {
+        let blocks: Option<Vec<u32>> = self
+            .inner
+            .records()
+            .iter()
+            .map(|record| record.block)
+            .collect();
+        blocks.map(|blocks| PyArray1::from_vec(py, blocks))
+    }
+
+    /// Names of the materials, in label order.
+    #[getter]
+    fn materials(&self) -> Vec<String> {
+        self.inner.labels().names().map(String::from).collect()
+    }
+
+    /// `(steps, rows, cols)` of every sweep.
+    #[getter]
+    fn sweep_shape(&self) -> (usize, usize, usize) {
+        let shape = self.inner.shape();
+        (shape.steps, shape.rows, shape.cols)
+    }
+
+    /// Frames a second.
+    #[getter]
+    fn rate_hz(&self) -> f64 {
+        self.inner.sample_rate_hz()
+    }
+
+    /// True if nobody said the rate.
+    #[getter]
+    fn rate_is_assumed(&self) -> bool {
+        self.inner.is_rate_assumed()
+    }
+
+    /// Name of the data set.
+    #[getter]
+    fn name(&self) -> &str {
+        self.inner.name()
+    }
+
+    /// SHA-256 over the content, in hex.
+    #[getter]
+    fn sha256(&self) -> &str {
+        self.inner.sha256()
+    }
+
+    fn __len__(&self) -> usize {
+        self.inner.len()
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "Dataset({:?}: {} sweeps of {}, {} materials, {} Hz{})",
+            self.inner.name(),
+            self.inner.len(),
+            self.inner.shape(),
+            self.inner.labels().len(),
+            self.inner.sample_rate_hz(),
+            if self.inner.is_rate_assumed() {
+                " assumed"
+            } else {
+                ""
+            }
+        )
+    }
+}
+
+impl From<tactnet_data::Dataset> for Dataset {
+    fn from(dataset: tactnet_data::Dataset) -> Self {
+        Self {
+            inner: Arc::new(dataset),
+        }
+    }
+}

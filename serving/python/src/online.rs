@@ -1,0 +1,104 @@
+//! One sweep as it happens.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use numpy::{PyArray1, PyReadonlyArray1};
+use pyo3::prelude::*;
+use tactnet::OnlineClassifier;
+
+use crate::error::TactnetError;
+
+/// Follows one sweep at a time, and fuses the sweeps of one object.
+#[pyclass(frozen, module = "tactnet")]
+pub(crate) struct Online {
+    inner: Mutex<OnlineClassifier>,
+}
+
+impl From<OnlineClassifier> for Online {
+    fn from(online: OnlineClassifier) -> Self {
+        Self {
+            inner: Mutex::new(online),
+        }
+    }
+}
+
+impl Online {
+    fn lock(&self) -> MutexGuard<'_, OnlineClassifier> {
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[pymethods]
+impl Online {
+    /// Begins a sweep.
+    fn begin(&self) {
+        self.lock().begin();
+    }
+
+    /// Takes the next frame, `[taxels]` as recorded.
+    fn push(&self, digits: PyReadonlyArray1<'_, f32>) -> PyResult<()> {
+        let mut online = self.lock();
+        let digits = digits.as_slice()?;
+        let (steps, taxels) = (online.config().shape.steps, online.config().shape.taxels());
+        if digits.len() != taxels {
+            let found = digits.len();
+            return Err(TactnetError::new_err(format!(
+                "frame: expected {taxels} taxels, found {found}"
+            )));
+        }
+        if online.is_complete() {
+            return Err(TactnetError::new_err(format!(
+                "the sweep has all its {steps} frames; `begin()` starts the next"
+            )));
+        }
+        online.push(digits);
+        Ok(())
+    }
+
+    /// Returns `[materials]`, the probabilities from the sweep so far.
+    #[pyo3(signature = (dropout=false))]
+    fn classify<'py>(&self, py: Python<'py>, dropout: bool) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let mut online = self.lock();
+        if online.frames() == 0 {
+            return Err(TactnetError::new_err("no frame of this sweep yet"));
+        }
+        let belief = match dropout {
+            false => online.classify(),
+            true if online.mc_samples() > 0 => online.classify_by_dropout(),
+            true => {
+                return Err(TactnetError::new_err(
+                    "the network's recipe predicts without dropout masks",
+                ));
+            }
+        };
+        let probabilities = belief.log_probability.iter().map(|log_p| log_p.exp());
+        Ok(PyArray1::from_iter(py, probabilities))
+    }
+
+    /// Adds the newest belief to what former sweeps of the same object said.
+    fn fuse(&self) {
+        self.lock().fuse();
+    }
+
+    /// Returns `[materials]`, the probabilities given all fused sweeps.
+    fn fused<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_vec(py, self.lock().fused().probabilities())
+    }
+
+    /// The next sweep is of another object.
+    fn reset(&self) {
+        self.lock().reset();
+    }
+
+    /// Frames of this sweep so far.
+    #[getter]
+    fn frames(&self) -> usize {
+        self.lock().frames()
+    }
+
+    /// True if the sweep has all its frames.
+    #[getter]
+    fn is_complete(&self) -> bool {
+        self.lock().is_complete()
+    }
+}

@@ -1,0 +1,152 @@
+//! Recordings.
+
+use std::path::PathBuf;
+
+use numpy::{PyArray1, PyArray2};
+use pyo3::prelude::*;
+use tactnet_recording::{RecordedPacket, SweepSettings, sweeps};
+use tactnet_skin::material_names;
+
+use crate::dataset::Dataset;
+use crate::error::{TactnetError, raised};
+use crate::words::{belief_in_words, in_words};
+
+/// An MCAP file of the tactile channels, in memory.
+#[pyclass(frozen, module = "tactnet")]
+pub(crate) struct Recording {
+    path: PathBuf,
+    inner: tactnet_recording::Recording,
+}
+
+/// Sequence, time of the put in nanoseconds since 1970, sensor's time in nanoseconds, digits `[frames][taxels]`.
+type Frames<'py> = (
+    Bound<'py, PyArray1<u64>>,
+    Bound<'py, PyArray1<u64>>,
+    Bound<'py, PyArray1<u64>>,
+    Bound<'py, PyArray2<f32>>,
+);
+
+#[pymethods]
+impl Recording {
+    /// Reads a file of `tactnet record`, as far as it goes.
+    #[staticmethod]
+    fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        let inner = py
+            .detach(|| tactnet_recording::Recording::read(&path))
+            .map_err(raised)?;
+        Ok(Self { path, inner })
+    }
+
+    /// Channels with skin frames, in the order of their first frames.
+    #[getter]
+    fn fingers(&self) -> Vec<String> {
+        let mut found: Vec<String> = Vec::new();
+        for entry in &self.inner.entries {
+            if matches!(entry.packet, RecordedPacket::Frame(_))
+                && !found.iter().any(|known| **known == *entry.channel)
+            {
+                found.push(entry.channel.to_string());
+            }
+        }
+        found
+    }
+
+    /// Returns `(sequence, time_ns, sensor_time_ns, digits)` of a finger's frames.
+    #[pyo3(signature = (finger=None))]
+    fn frames<'py>(&self, py: Python<'py>, finger: Option<&str>) -> PyResult<Frames<'py>> {
+        let fingers = self.fingers();
+        let Some(finger) = finger
+            .map(String::from)
+            .or_else(|| fingers.first().cloned())
+        else {
+            return Err(TactnetError::new_err("the recording has no frames"));
+        };
+        if !fingers.contains(&finger) {
+            return Err(TactnetError::new_err(format!(
+                "no frames of `{finger}`; there are some of {}",
+                fingers.join(", ")
+            )));
+        }
+        let frames = || {
+            self.inner
+                .entries
+                .iter()
+                .filter_map(|entry| match &entry.packet {
+                    RecordedPacket::Frame(frame) if *entry.channel == *finger => {
+                        Some((entry.time_ns, frame))
+                    }
+                    _ => None,
+                })
+        };
+        let taxels = frames()
+            .map(|(_, frame)| frame.values().len())
+            .max()
+            .unwrap_or(0);
+        let count = frames().count();
+        let mut digits = Vec::with_capacity(count * taxels);
+        for (_, frame) in frames() {
+            digits.extend_from_slice(&frame.digits[..taxels]);
+        }
+        let flat = PyArray1::from_vec(py, digits);
+        Ok((
+            PyArray1::from_iter(py, frames().map(|(_, frame)| frame.sequence)),
+            PyArray1::from_iter(py, frames().map(|(time, _)| time)),
+            PyArray1::from_iter(py, frames().map(|(_, frame)| frame.sensor_time_ns)),
+            numpy::PyArrayMethods::reshape(&flat, [count, taxels])?,
+        ))
+    }
+
+    /// Returns `(channel, time_ns, JSON document)` of every packet but frames.
+    fn packets_json(&self) -> Vec<(String, u64, String)> {
+        let mut found = Vec::new();
+        let mut names = Vec::new();
+        for entry in &self.inner.entries {
+            let words = match &entry.packet {
+                RecordedPacket::Frame(_) => None,
+                RecordedPacket::Command(packet) => in_words(packet, &names),
+                RecordedPacket::Belief(packet) => belief_in_words(packet, &names),
+                RecordedPacket::Status(packet) => in_words(&**packet, &names),
+                RecordedPacket::Model(packet) => {
+                    names = material_names(packet);
+                    in_words(&**packet, &names)
+                }
+            };
+            if let Some(words) = words {
+                found.push((entry.channel.to_string(), entry.time_ns, words.to_string()));
+            }
+        }
+        found
+    }
+
+    /// Returns the sweeps with a label as a data set, cut as the online classifier would.
+    ///
+    /// - `material`: of sweeps whose start command names none
+    #[pyo3(signature = (material=None, steps=None, rate_hz=None, rows_cols=None))]
+    fn sweeps(
+        &self,
+        py: Python<'_>,
+        material: Option<&str>,
+        steps: Option<usize>,
+        rate_hz: Option<f64>,
+        rows_cols: Option<(usize, usize)>,
+    ) -> PyResult<Dataset> {
+        let settings = SweepSettings {
+            steps,
+            rate_hz,
+            rows_cols,
+        };
+        py.detach(|| sweeps(&self.path, &self.inner, material, settings))
+            .map(|found| found.dataset.into())
+            .map_err(raised)
+    }
+
+    /// Why the rest is missing, or None.
+    #[getter]
+    fn cut(&self) -> Option<&str> {
+        self.inner.cut.as_deref()
+    }
+
+    fn __len__(&self) -> usize {
+        self.inner.entries.len()
+    }
+}

@@ -1,0 +1,32 @@
+//! Packets as JSON documents.
+
+use bytemuck::{AnyBitPattern, NoUninit};
+use serde_json::Value;
+use tactnet_channel::Packet;
+use tactnet_skin::Readable;
+use tactnet_skin::packets::TactileBelief;
+
+/// Returns a packet in words; `None` for one that none can be had of.
+///
+/// - `names`: materials by label, as far as they are known
+pub(crate) fn in_words<T: Packet + NoUninit + AnyBitPattern>(
+    packet: &T,
+    names: &[String],
+) -> Option<Value> {
+    let words = Readable::new(T::NAME, T::VERSION, bytemuck::bytes_of(packet), names)?;
+    serde_json::to_value(words).ok()
+}
+
+/// Returns a belief in words, with the whole posteriors and the names that they are in the order of.
+pub(crate) fn belief_in_words(belief: &TactileBelief, names: &[String]) -> Option<Value> {
+    let mut words = in_words(belief, names)?;
+    let materials = (belief.materials as usize).min(belief.posterior.len());
+    let object = words.as_object_mut()?;
+    object.insert("materials".into(), names.into());
+    object.insert("posterior".into(), belief.posterior[..materials].into());
+    object.insert("fused".into(), belief.fused[..materials].into());
+    object.insert("entropy".into(), belief.entropy.into());
+    object.insert("motion".into(), belief.motion.into());
+    object.insert("model_version".into(), belief.model_version.into());
+    Some(words)
+}
