@@ -188,6 +188,20 @@ pub(super) fn join(mut pieces: Vec<Samples>) -> Samples {
     joined
 }
 
+/// Adds `piece` behind `all`, which is widened if it must be. It grows as it is filled, so that a file that promises much and holds little
+/// takes little.
+pub(super) fn append(all: Samples, piece: Samples) -> Samples {
+    let width = samples_width(&all).max(samples_width(&piece));
+    let mut all = widen(all, width);
+    match (&mut all, widen(piece, width)) {
+        (Samples::U8(all), Samples::U8(piece)) => all.extend_from_slice(&piece),
+        (Samples::U16(all), Samples::U16(piece)) => all.extend_from_slice(&piece),
+        (Samples::F32(all), Samples::F32(piece)) => all.extend_from_slice(&piece),
+        _ => unreachable!("both were widened to the wider"),
+    }
+    all
+}
+
 fn samples_width(samples: &Samples) -> Width {
     match samples {
         Samples::U8(_) => Width::U8,
@@ -245,6 +259,8 @@ mod tests {
         fn joined_pieces_are_the_whole(values in prop::collection::vec(any::<u16>(), 2..40), cut in 1usize..39) {
             let cut = cut.min(values.len() - 1);
             let pieces = [&values[..cut], &values[cut..]].map(|p| narrow(p).unwrap());
+            let appended = pieces.iter().cloned().fold(Samples::U8(Vec::new()), append);
+            prop_assert_eq!(appended, narrow(&values).unwrap());
             prop_assert_eq!(join(pieces.into()), narrow(&values).unwrap());
         }
     }

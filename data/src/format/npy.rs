@@ -3,7 +3,7 @@
 //! Format: NEP 1 and the documentation of `numpy.lib.format`, versions 1 to 3. Read here and not by a crate, because the
 //! readers on crates.io bring a Python grammar and multiply a damaged shape without a check.
 
-use super::narrow::{Stored, TooWide, join, narrow};
+use super::narrow::{Stored, TooWide, append, join, narrow};
 use crate::Samples;
 use half::f16;
 use hdf5_reader::ByteOrder;
@@ -19,10 +19,10 @@ pub(super) struct Array {
     order: ByteOrder,
     /// Extents in the order of the indices; empty for a single value.
     pub(super) shape: Vec<usize>,
-    /// The values, last index fastest; none if they are in `pieces`.
+    /// The values, last index fastest; none if they are in `samples`.
     values: Vec<u8>,
     /// The same of an array that was read by [`Array::read_samples`], already narrowed.
-    pieces: Option<Result<Vec<Samples>, TooWide>>,
+    samples: Option<Result<Samples, TooWide>>,
 }
 
 /// Values that are narrowed at once.
@@ -173,8 +173,8 @@ impl Array {
         Self::whole(header, from)
     }
 
-    /// The same for numbers that are wanted as [`Samples`] alone: they are narrowed while they are read, so that the
-    /// file's bytes never stand beside all of them.
+    /// The same for numbers that are wanted as [`Samples`] alone: they are narrowed while they are read, so that neither the
+    /// file's bytes nor a second copy stand beside all of them.
     pub(super) fn read_samples(mut from: impl Read, room: u64) -> Result<Self, String> {
         let header = Header::read(&mut from)?;
         header.check_room(room)?;
@@ -184,23 +184,22 @@ impl Array {
         if header.fortran || is_plain || array.narrowed(Vec::new()).is_none() {
             return Self::whole(header, from);
         }
-        let mut pieces = Ok(Vec::new());
+        let mut samples = Ok(Samples::U8(Vec::new()));
         let mut left = header.bytes;
         while left > 0 {
             let mut piece = vec![0; left.min(array.size * PIECE)];
             from.read_exact(&mut piece)
                 .map_err(|_| header.wrong(format!("less than {} bytes", header.bytes)))?;
             left -= piece.len();
-            if let Ok(found) = &mut pieces {
-                match array.narrowed(piece) {
-                    Some(Ok(piece)) => found.push(piece),
-                    Some(Err(too_wide)) => pieces = Err(too_wide),
-                    None => return Err(header.wrong("no numbers".into())),
-                }
-            }
+            samples = match (samples, array.narrowed(piece)) {
+                (Ok(all), Some(Ok(piece))) => Ok(append(all, piece)),
+                (Ok(_), Some(Err(too_wide))) => Err(too_wide),
+                (Ok(_), None) => return Err(header.wrong("no numbers".into())),
+                (too_wide, _) => too_wide,
+            };
         }
         header.check_end(&mut from)?;
-        array.pieces = Some(pieces);
+        array.samples = Some(samples);
         Ok(array)
     }
 
@@ -236,7 +235,7 @@ impl Array {
             order: header.order,
             shape: header.shape.clone(),
             values: Vec::new(),
-            pieces: None,
+            samples: None,
         }
     }
 
@@ -248,7 +247,7 @@ impl Array {
     /// The same as [`Array::numbers`], without a second copy.
     pub(super) fn into_numbers(self) -> Option<Result<Samples, TooWide>> {
         match (self.kind, self.size) {
-            _ if self.pieces.is_some() => self.pieces.map(|pieces| pieces.map(join)),
+            _ if self.samples.is_some() => self.samples,
             ('u' | 'b', 1) => Some(Ok(Samples::U8(self.values))),
             _ => self.numbers(),
         }
