@@ -15,6 +15,7 @@
 //! | [`NumberedMaterials`](FindingKind::NumberedMaterials) | note | every material's name is a bare number |
 //! | [`AxisOrder`](FindingKind::AxisOrder) | warning | more than 32 taxels side by side, and more than time steps |
 //! | [`ShortSweeps`](FindingKind::ShortSweeps) | warning | sweeps under 50 ms |
+//! | [`ClockTaxel`](FindingKind::ClockTaxel) | warning | the same rising line in all sweeps |
 //! | [`SingleMaterial`](FindingKind::SingleMaterial) | warning | nothing to tell apart |
 //! | [`AlikeNames`](FindingKind::AlikeNames) | warning | names that differ in nothing but case or blanks |
 
@@ -58,6 +59,7 @@ pub fn check(dataset: &Dataset) -> Vec<Finding> {
     findings.extend(sweeps_per_material(dataset));
     findings.extend(numbered_materials(dataset));
     findings.extend(material_names(dataset));
+    findings.extend(clock_taxels(dataset, &sweeps));
     findings.extend(time_axis(dataset));
     findings.sort_by_key(|finding| (finding.severity, finding.kind, finding.at.sweep));
     findings
@@ -201,9 +203,15 @@ fn not_finite(dataset: &Dataset, sweeps: &[SweepRange]) -> Vec<Finding> {
         };
         let (step, taxel) = (first / shape.taxels(), first % shape.taxels());
         let message = format!(
-            "{}: {count} not finite, the first at step {step}, taxel {}",
+            "{} (`X[{index}]`): {count} not finite, the first at step {step}, taxel {}{}",
             dataset.describe(index),
-            taxel_name(shape, taxel)
+            taxel_name(shape, taxel),
+            // All that follows, to the last value.
+            if step > 0 && count == shape.values() - step * shape.taxels() {
+                format!("; padded? `--steps {step}` keeps what comes before")
+            } else {
+                String::new()
+            }
         );
         let at = Place {
             sweep: Some(index),
@@ -430,6 +438,35 @@ fn out_of_range(dataset: &Dataset, sweeps: &[SweepRange]) -> Vec<Finding> {
     findings
 }
 
+/// A taxel that is the same rising line in all sweeps: most likely a clock or a counter.
+fn clock_taxels(dataset: &Dataset, sweeps: &[SweepRange]) -> Vec<Finding> {
+    let shape = dataset.shape();
+    if dataset.len() < 2 || shape.steps < 8 {
+        return Vec::new();
+    }
+    let first = dataset.sweep(0);
+    let rises = |taxel: &usize| {
+        let values = first[*taxel..].iter().step_by(shape.taxels());
+        let same = |sweep: &SweepRange| sweep.taxels[*taxel] == sweeps[0].taxels[*taxel];
+        values.is_sorted_by(|a, b| a < b) && sweeps.iter().all(same)
+    };
+    (0..shape.taxels())
+        .filter(rises)
+        .map(|taxel| {
+            let name = taxel_name(shape, taxel);
+            let message = format!(
+                "taxel {name} rises from {} to {} in every sweep: a clock? A column of times is recognised as `time` or `time_ms`, one of numbers as `frame`",
+                sweeps[0].taxels[taxel].0, sweeps[0].taxels[taxel].1
+            );
+            let at = Place {
+                taxel: Some(taxel),
+                ..Place::default()
+            };
+            finding(Severity::Warning, FindingKind::ClockTaxel, at, message)
+        })
+        .collect()
+}
+
 /// What is odd about steps and rate.
 fn time_axis(dataset: &Dataset) -> Vec<Finding> {
     let shape = dataset.shape();
@@ -442,7 +479,7 @@ fn time_axis(dataset: &Dataset) -> Vec<Finding> {
         warn(
             FindingKind::AssumedRate,
             format!(
-                "the data does not say its sample rate, {rate} Hz is assumed; `--rate HZ` or an array `sample_rate_hz` names it"
+                "the data does not say its sample rate, {rate} Hz is assumed; `--rate HZ`, an array `sample_rate_hz` or, in tables, a column `time` names it"
             ),
         );
     }

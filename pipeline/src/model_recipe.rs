@@ -68,9 +68,14 @@ impl ModelRecipe {
         }
         let path = Path::new(name_or_path);
         if !path.exists() {
+            // `tactnet2` is the model's name on the command line.
+            let meant = match name_or_path {
+                "tactnet2" => "fast",
+                other => other,
+            };
             return Err(PipelineError::UnknownRecipe {
                 name: name_or_path.into(),
-                known: known_names(name_or_path, Self::built_in_names()),
+                known: known_names(meant, Self::built_in_names()),
             });
         }
         let text = tactnet_data::read_text(path)
@@ -170,6 +175,8 @@ mod tests {
         let refused = ModelRecipe::load("minirokt").unwrap_err().to_string();
         assert!(refused.contains("ship with tactnet: fast, thesis, means"));
         assert!(refused.ends_with("did you mean `minirocket`?"), "{refused}");
+        let refused = ModelRecipe::load("tactnet2").unwrap_err().to_string();
+        assert!(refused.ends_with("did you mean `fast`?"), "{refused}");
     }
 
     #[test]

@@ -10,7 +10,7 @@ use serde::Serialize;
 use tactnet_data::{SweepView, known_names, refuse_errors};
 use tactnet_models::Compute;
 use tactnet_pipeline::{
-    Calibration, Classifier, EnrolledMaterial, EnrolmentCost, LabelOrder, RowPrior, RunDir, enroll,
+    Calibration, Classifier, EnrolledMaterial, EnrolmentCost, RowPrior, RunDir, enroll,
 };
 
 use super::choices::DeviceChoice;
@@ -28,10 +28,10 @@ pub struct EnrollArgs {
     /// Run directory of a trained network
     #[arg(value_name = "RUN")]
     run: PathBuf,
-    /// A data set that holds sweeps of the new material
+    /// A data set that holds sweeps of the new material, or sweeps without materials, which then are all of it
     #[arg(long, value_name = "FILE|twin")]
     data: String,
-    /// The new material's name in that data set
+    /// The new material's name, in that data set where it names materials
     #[arg(long, value_name = "NAME")]
     material: String,
     /// Learn from its first N sweeps only
@@ -73,14 +73,26 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
     let known = run.train_embeddings()?;
     let device = Compute::from(arguments.device).open()?;
     let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
-    let spec = &config.spec;
-    let dataset = source::load_as(spec, &arguments.data, LabelOrder::True)?;
-    refuse_errors(&dataset, &arguments.data)?;
-    let Some(label) = dataset
-        .labels()
-        .names()
-        .position(|name| name == arguments.material)
-    else {
+    let known_sweeps = &config.classifier;
+    source::announce(&arguments.data);
+    let read = config.spec.read_to_classify(
+        &arguments.data,
+        known_sweeps.shape,
+        known_sweeps.sample_rate_hz,
+    )?;
+    let dataset = read.dataset;
+    if read.labelled {
+        refuse_errors(&dataset, &arguments.data)?;
+    }
+    // Without labels all sweeps are of the material that was named.
+    let found = match read.labelled {
+        false => Some(0),
+        true => dataset
+            .labels()
+            .names()
+            .position(|name| name == arguments.material),
+    };
+    let Some(label) = found else {
         bail!(
             "{}: no material `{}`; it holds {}",
             arguments.data,

@@ -30,6 +30,9 @@ pub struct PredictArgs {
     /// Frames per second, for data that does not say [default: what the run was trained on]
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
+    /// Only the first N time steps of every sweep [default: as the run was trained]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    steps: Option<u32>,
     /// All sweeps are over the same object: fuse them, too
     #[arg(long)]
     one_object: bool,
@@ -69,6 +72,9 @@ pub fn run(arguments: &PredictArgs) -> anyhow::Result<ExitCode> {
     source::announce(&arguments.data);
     let mut spec = config.spec.clone();
     spec.rate_hz = arguments.rate;
+    if let Some(steps) = arguments.steps {
+        spec.steps = Some(steps as usize);
+    }
     let known = &config.classifier;
     let sweeps = spec.read_to_classify(&arguments.data, known.shape, known.sample_rate_hz)?;
     let calibration = match run.calibration()? {

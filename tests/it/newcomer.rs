@@ -309,6 +309,24 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
     assert!(refused.contains("expects 750 Hz"), "{refused}");
     let refused = stderr(&expect(2, predict("nothing", &[])));
     assert!(refused.contains("nothing"), "{refused}");
+    // What is longer is cut, and a material is learnt from sweeps that nobody labelled.
+    let row = vec!["9"; 16].join(",") + "\n";
+    std::fs::write(lab.path("long.csv"), row.repeat(200)).unwrap();
+    let refused = stderr(&expect(2, predict("long.csv", &[])));
+    assert!(refused.contains("`--steps 120`"), "{refused}");
+    expect(0, predict("long.csv", &["--steps", "120"]));
+    let mut enroll = with(
+        &lab,
+        &["enroll"],
+        "run",
+        &["--data", "new", "--material", "felt"],
+    );
+    enroll.args(["--out", "grown"]);
+    expect(0, enroll);
+    let mut again = with(&lab, &["predict"], "grown", &["--data", "new", "--json"]);
+    again.arg("--one-object");
+    let found: serde_json::Value = serde_json::from_str(&stdout(&expect(0, again))).unwrap();
+    assert_eq!(found["materials"].as_array().unwrap().len(), 5);
 }
 
 #[test]

@@ -79,7 +79,7 @@ fn a_nan_is_found_with_its_place() {
             step: Some(7)
         }
     );
-    let message = "`denim` sweep 1: 2 not finite, the first at step 7, taxel (1, 0)";
+    let message = "`denim` sweep 1 (`X[3]`): 2 not finite, the first at step 7, taxel (1, 0)";
     assert_eq!(found.message, message);
 }
 
@@ -217,7 +217,9 @@ fn groups_print_a_heading_and_a_limited_number_of_lines() {
     let groups = group_findings(&check_values(values));
     assert_eq!(groups.len(), 1);
     let text = format!("{:.2}", groups[0]);
-    assert!(text.starts_with("error: values that are not finite (6)\n  `cork` sweep 0: 1 "));
+    assert!(
+        text.starts_with("error: values that are not finite (6)\n  `cork` sweep 0 (`X[0]`): 1 ")
+    );
     assert!(text.ends_with("\n  and 4 more"), "{text}");
 }
 
@@ -246,4 +248,28 @@ fn names_that_tell_nothing_apart_are_found() {
     let cork = dataset_of(values(), pairs).of_materials(&[0]).unwrap();
     let kinds: Vec<_> = check(&cork).iter().map(|found| found.kind).collect();
     assert!(kinds.contains(&FindingKind::SingleMaterial), "{kinds:?}");
+}
+
+#[test]
+fn a_clock_among_the_taxels_and_padded_sweeps_are_found() {
+    let mut clocked = values();
+    for sweep in 0..6 {
+        for step in 0..SHAPE.steps {
+            clocked[at(sweep, step, 3)] = step as f32 * 0.5;
+        }
+    }
+    let found = check_values(clocked);
+    assert_eq!(
+        (only(&found).kind, only(&found).at.taxel),
+        (FindingKind::ClockTaxel, Some(3))
+    );
+
+    let mut padded = values();
+    padded[at(2, 150, 0)..at(3, 0, 0)].fill(f32::NAN);
+    let found = check_values(padded);
+    let message = &only(&found).message;
+    assert!(
+        message.contains("(`X[2]`)") && message.ends_with("`--steps 150` keeps what comes before"),
+        "{message}"
+    );
 }

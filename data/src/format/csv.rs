@@ -6,15 +6,15 @@
 //! | `FOLDER/felt/*.csv`, `FOLDER/cork/*.csv` | the name of its folder |
 //! | `sweeps.csv` with columns `sweep`, `material` | see `frame_table.rs` |
 //!
-//! A sweep's file has a row per frame and a column per taxel, with or without a line of names; a column `time` (seconds) gives the sample
-//! rate. Commas, semicolons and tabs separate.
+//! A sweep's file has a row per frame and a column per taxel, with or without a line of names; a column `time` (seconds, or `t_ms`, `time [ns]`) gives the
+//! sample rate, a column `frame` or `index` is not read. Commas, semicolons and tabs separate.
 
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
 use super::frame_table::{
-    Column, FrameTable, TIME, common_length, is_one_of, may_hold_words, rate_of,
+    Column, FrameTable, STEP, common_length, is_one_of, may_hold_words, rate_of, time_unit,
 };
 use super::named_sweeps::{Labels, NamedSweeps};
 use super::narrow::{TooWide, narrow};
@@ -256,15 +256,23 @@ impl SweepFile {
             values: Vec::new(),
             time: Vec::new(),
         };
-        let mut time = None;
+        // Column and seconds of its unit.
+        let mut time: Option<(usize, f64)> = None;
+        // Numbers of frames.
+        let mut skipped: Vec<bool> = Vec::new();
         let mut first = true;
         while let Some(row) = rows.next()? {
             let named = first && row.iter().any(|cell| cell.trim().parse::<f64>().is_err());
             if first {
                 if named {
-                    time = row.iter().position(|name| is_one_of(name, TIME));
+                    time = row
+                        .iter()
+                        .enumerate()
+                        .find_map(|(column, name)| Some((column, time_unit(name)?)));
+                    skipped = row.iter().map(|name| is_one_of(name, STEP)).collect();
                 }
-                sweep.taxels = row.len() - usize::from(time.is_some());
+                let numbers = skipped.iter().filter(|skipped| **skipped).count();
+                sweep.taxels = row.len() - numbers - usize::from(time.is_some());
                 first = false;
             }
             if named {
@@ -275,10 +283,10 @@ impl SweepFile {
                     .trim()
                     .parse()
                     .map_err(|_| rows.error("a number", cell))?;
-                if Some(column) == time {
-                    sweep.time.push(value);
-                } else {
-                    sweep.values.push(value as f32);
+                match time {
+                    Some((at, unit)) if at == column => sweep.time.push(unit * value),
+                    _ if skipped.get(column) == Some(&true) => {}
+                    _ => sweep.values.push(value as f32),
                 }
             }
         }

@@ -4,8 +4,8 @@
 //! |---|---|
 //! | `sweep` | number or name of the sweep; its frames stand in their order |
 //! | `material` (or `y`, `label`, `class`) | what was swept over, the same in every frame of a sweep |
-//! | `time` (or `t`, `timestamp`), optional | seconds; gives the sample rate |
-//! | `step`, `block`, `test`, optional | step is not read; block and test as in [`tactmat`](super::tactmat) |
+//! | `time` (or `t`, `timestamp`), optional | seconds, or the unit that its name ends with (`t_ms`, `time [ns]`); gives the sample rate |
+//! | `step` (or `frame`, `index`), `block`, `test`, optional | step is not read; block and test as in [`tactmat`](super::tactmat) |
 //! | every other | one taxel, in the order of the columns |
 
 use std::collections::BTreeMap;
@@ -45,11 +45,38 @@ pub(super) fn is_one_of(name: &str, names: &[&str]) -> bool {
     names.contains(&name.trim().to_ascii_lowercase().as_str())
 }
 
+/// Returns the seconds of a time column's unit, of names such as `time`, `t_ms` or `Time [ns]`; `None` for any other column.
+pub(super) fn time_unit(name: &str) -> Option<f64> {
+    let name = name.trim().to_lowercase();
+    let mut words = name.split(|c: char| c.is_whitespace() || "_[]()/".contains(c));
+    let is_time = words.next().is_some_and(|word| TIME.contains(&word));
+    let mut units = words.filter(|word| !word.is_empty());
+    match (is_time, units.next(), units.next()) {
+        (true, None, _) => Some(1.0),
+        (true, Some(unit), None) => UNITS
+            .iter()
+            .find(|(known, _)| *known == unit)
+            .map(|(_, seconds)| *seconds),
+        _ => None,
+    }
+}
+
 /// Names of the columns that are no taxels.
 const SWEEP: &[&str] = &["sweep", "sweep_id"];
 const MATERIAL: &[&str] = &["material", "y", "label", "class"];
-pub(super) const TIME: &[&str] = &["time", "t", "timestamp", "time_s"];
-const STEP: &[&str] = &["step", "frame"];
+const TIME: &[&str] = &["time", "t", "timestamp", "timestamps"];
+/// Units of time, and seconds in each.
+const UNITS: &[(&str, f64)] = &[
+    ("s", 1.0),
+    ("sec", 1.0),
+    ("seconds", 1.0),
+    ("ms", 1e-3),
+    ("us", 1e-6),
+    ("µs", 1e-6),
+    ("ns", 1e-9),
+];
+/// Numbers of frames; a column without a name is pandas' index.
+pub(super) const STEP: &[&str] = &["step", "frame", "index", "", "unnamed: 0"];
 const BLOCK: &[&str] = &["block"];
 const TEST: &[&str] = &["test", "test_flag"];
 
@@ -149,10 +176,10 @@ impl FrameTable<'_> {
 
     /// Returns the columns of the taxels, `[taxels][frames]`.
     fn taxels(&self) -> Result<Vec<&[f64]>, DataError> {
-        let known = [SWEEP, MATERIAL, TIME, STEP, BLOCK, TEST].concat();
+        let known = [SWEEP, MATERIAL, STEP, BLOCK, TEST].concat();
         let mut taxels = Vec::new();
         for (name, column) in &self.columns {
-            if is_one_of(name, &known) {
+            if is_one_of(name, &known) || time_unit(name).is_some() {
                 continue;
             }
             match column {
@@ -171,12 +198,18 @@ impl FrameTable<'_> {
 
     /// One frame over the median time between two frames of a sweep.
     fn rate(&self, frames: &BTreeMap<&str, Vec<usize>>) -> Result<Option<f64>, DataError> {
-        let Some(Column::Numbers(time)) = self.find(TIME) else {
+        let timed = self.columns.iter().find_map(|(name, column)| {
+            let Column::Numbers(time) = column else {
+                return None;
+            };
+            Some((time, time_unit(name)?))
+        });
+        let Some((time, unit)) = timed else {
             return Ok(None);
         };
         let between = frames.values().flat_map(|rows| {
             rows.array_windows()
-                .map(|&[before, after]| time[after] - time[before])
+                .map(|&[before, after]| unit * (time[after] - time[before]))
         });
         rate_of(self.path, between.collect()).map(Some)
     }

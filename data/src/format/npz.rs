@@ -300,11 +300,24 @@ impl<'a> Arrays<'a> {
     /// The material of each of the sweeps of the array `samples`, which has this shape.
     fn labels(&self, shape: &[usize], samples: &str) -> Result<(LabelSet, Vec<usize>), DataError> {
         let count = shape[0];
+        if !self.others.is_empty() || LABELS.iter().any(|name| self.by_name.contains_key(*name)) {
+            self.required(LABELS)?;
+        } else {
+            return Err(self.error(
+                "y",
+                format!("the material of each of the {count} sweeps of `{samples}`"),
+                "none; `tactnet predict` classifies sweeps without materials",
+            ));
+        }
         let (name, labels) = self.required(LABELS)?;
         // scikit-learn's column vectors are taken too.
         if labels.shape != [count] && labels.shape != [count, 1] {
             let mut found = format!("shape {:?}", labels.shape);
-            if let [own, ..] = labels.shape[..]
+            if labels.shape.len() == 2 && labels.shape[0] == count {
+                found.push_str(&format!(
+                    "; one column for each material? `{name}.argmax(1)` makes labels of them"
+                ));
+            } else if let [own, ..] = labels.shape[..]
                 && let Some(axis) = shape.iter().position(|extent| *extent == own)
             {
                 found.push_str(&format!(

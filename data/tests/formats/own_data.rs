@@ -381,6 +381,24 @@ fn sweeps_to_classify_need_no_materials() {
     let table = read_to_classify(&table, None).unwrap();
     assert_eq!(table.names, ["first", "second"]);
     assert!(!table.labelled);
+    // Clocks and numbers of frames are no taxels, in whatever unit.
+    let clocks = [
+        ("frame,t_ms,p0,p1\n0,0,1,2\n1,10,3,4\n", Some(100.0)),
+        (",Time [us],p0,p1\n0,0,1,2\n1,2000,3,4\n", Some(500.0)),
+        (
+            "index,timestamp ns,p0,p1\n0,0,1,2\n1,4000000,3,4\n",
+            Some(250.0),
+        ),
+        ("p0,p1,step\n1,2,0\n3,4,1\n", None),
+    ];
+    for (text, rate) in clocks {
+        let found = read_to_classify(&write("clock.csv", text), None)
+            .unwrap()
+            .dataset;
+        assert_eq!(found.sweep(0), [1., 2., 3., 4.], "{text}");
+        let named = (!found.is_rate_assumed()).then(|| found.sample_rate_hz());
+        assert_eq!(named, rate, "{text}");
+    }
     let gap = write("gap.csv", "1,2\nnan,4\n");
     let refused = read_to_classify(&gap, None).unwrap_err().to_string();
     assert!(refused.contains("finite numbers"), "{refused}");

@@ -22,15 +22,24 @@ pub(crate) fn train_batches(
 ) -> Result<bool, PipelineError> {
     loop {
         let begun = Instant::now();
-        let Some(batch) = training.step()? else {
-            return Ok(true);
+        let batch = match training.step() {
+            Ok(Some(batch)) => batch,
+            Ok(None) => return Ok(true),
+            Err(error) => {
+                if let Some(record) = &mut record {
+                    record.save_last_epoch()?;
+                }
+                return Err(error);
+            }
         };
         let spent = begun.elapsed();
         let wanted = go_on(&batch);
         if let Some(record) = &mut record {
-            record.note(&batch, spent)?;
+            record.note(&batch, spent);
             if record.is_due(&batch) || !wanted {
                 record.save(training)?;
+            } else if batch.ends_epoch() {
+                record.keep(training)?;
             }
         }
         if !wanted {

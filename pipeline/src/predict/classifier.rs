@@ -369,6 +369,15 @@ impl Classifier {
                 found.push_str(
                     "; most likely rows and columns have been exchanged: swap these two axes where the file is written",
                 );
+            } else if own.taxels() == shape.taxels() && own.steps > shape.steps {
+                found.push_str(&format!(
+                    "; `--steps {}`, of `predict` and `data import`, keeps the first of them",
+                    shape.steps
+                ));
+            } else if (view.dataset().len(), own.steps, own.taxels())
+                == (shape.steps, shape.rows, shape.cols)
+            {
+                found.push_str("; a single sweep? `X[None]` makes it the only one of an array");
             } else if (shape.steps, shape.taxels()) == (own.steps, own.taxels()) {
                 found.push_str(&format!(
                     "; `tactnet data import FILE --out NEW --shape {}x{}` arranges the same taxels",

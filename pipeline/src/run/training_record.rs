@@ -2,10 +2,12 @@
 
 use std::time::{Duration, Instant};
 
-use crate::{BatchReport, EpochMetrics, PipelineError, RunDir, Training};
+use crate::{BatchReport, EpochMetrics, PipelineError, RunDir, Training, TrainingState};
 
-/// Every epoch is saved at its end, and a long one also this often.
+/// A long epoch is saved this often.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
+/// Epochs are saved at their ends, but not more often than this: small networks would spend most of their time on it.
+const EPOCHS_EVERY: Duration = Duration::from_secs(2);
 
 /// Metrics and checkpoints of a network's training.
 pub(crate) struct TrainingRecord<'a> {
@@ -15,6 +17,8 @@ pub(crate) struct TrainingRecord<'a> {
     seconds: f64,
     epoch_seconds: f64,
     saved: Instant,
+    /// The end of the last epoch, if that was not saved, with the seconds until then.
+    unsaved: Option<(TrainingState, f64)>,
 }
 
 impl<'a> TrainingRecord<'a> {
@@ -37,6 +41,7 @@ impl<'a> TrainingRecord<'a> {
             seconds,
             epoch_seconds: 0.0,
             saved: Instant::now(),
+            unsaved: None,
         };
         Ok((record, training))
     }
@@ -46,11 +51,8 @@ impl<'a> TrainingRecord<'a> {
         self.seconds
     }
 
-    /// Notes a batch that took `spent`; writes the metrics at the end of an epoch.
-    ///
-    /// # Errors
-    /// A file that cannot be written.
-    pub fn note(&mut self, batch: &BatchReport, spent: Duration) -> Result<(), PipelineError> {
+    /// Notes a batch that took `spent`.
+    pub fn note(&mut self, batch: &BatchReport, spent: Duration) {
         self.seconds += spent.as_secs_f64();
         self.epoch_seconds += spent.as_secs_f64();
         if batch.ends_epoch() {
@@ -62,25 +64,47 @@ impl<'a> TrainingRecord<'a> {
                 learning_rate: batch.learning_rate,
                 seconds: self.epoch_seconds,
             });
-            self.run.write_metrics(&self.metrics)?;
             self.epoch_seconds = 0.0;
         }
-        Ok(())
     }
 
-    /// Returns true at the end of an epoch, and a minute after the last checkpoint.
+    /// Returns true at the end of an epoch, two seconds after the last checkpoint at the earliest, and a minute after it in any case.
     pub fn is_due(&self, batch: &BatchReport) -> bool {
-        batch.ends_epoch() || self.saved.elapsed() >= CHECKPOINT_EVERY
+        let since = self.saved.elapsed();
+        (batch.ends_epoch() && since >= EPOCHS_EVERY) || since >= CHECKPOINT_EVERY
     }
 
-    /// Writes a checkpoint.
+    /// Writes the metrics of the epochs so far, and a checkpoint.
     ///
     /// # Errors
     /// It cannot be written.
     pub fn save(&mut self, training: &Training<'_>) -> Result<(), PipelineError> {
+        self.run.write_metrics(&self.metrics)?;
         self.run
             .write_checkpoint(&training.state()?, self.seconds)?;
         self.saved = Instant::now();
+        self.unsaved = None;
         Ok(())
+    }
+
+    /// Keeps the end of an epoch in memory until something is saved.
+    ///
+    /// # Errors
+    /// None with weights of a network.
+    pub fn keep(&mut self, training: &Training<'_>) -> Result<(), PipelineError> {
+        self.unsaved = Some((training.state()?, self.seconds));
+        Ok(())
+    }
+
+    /// Writes the end of the last epoch, after which the training failed, if that was not saved.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn save_last_epoch(&mut self) -> Result<(), PipelineError> {
+        let Some((state, seconds)) = self.unsaved.take() else {
+            return Ok(());
+        };
+        self.run.write_metrics(&self.metrics)?;
+        self.run.write_checkpoint(&state, seconds)
     }
 }

@@ -30,7 +30,9 @@ pub enum RehearsalError {
         known: String,
     },
     /// A material of which too few sweeps may be played.
-    #[error("a material has fewer than {in_a_row} sweeps that may be played")]
+    #[error(
+        "a material has fewer than {in_a_row} sweeps that may be played; `--sweeps-per-object` sets how many an object has"
+    )]
     TooFewSweeps {
         /// Sweeps of each material in a row.
         in_a_row: usize,

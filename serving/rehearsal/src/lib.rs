@@ -28,7 +28,7 @@ pub use own_bus::{OwnBus, own_bus_name};
 pub use play_order::play_order;
 pub use put_numbered::put_numbered;
 pub use replay_alone::replay_alone;
-pub use skin::{REST_FRAMES, SkinSimulator, SkinStep};
+pub use skin::{SkinSimulator, SkinStep, rest_frames};
 pub use skin_driver::SkinDriver;
 pub use small_network::{SMALL_MATERIALS, SMALL_SWEEPS, make_twin, train_small_network};
 pub use soak::{Played, Soak, SoakReport};

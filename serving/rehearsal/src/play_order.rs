@@ -94,7 +94,7 @@ mod tests {
         let error = play_order(&twin, &all, &[], 5, Seed(1)).unwrap_err();
         assert_eq!(
             error.to_string(),
-            "a material has fewer than 5 sweeps that may be played"
+            "a material has fewer than 5 sweeps that may be played; `--sweeps-per-object` sets how many an object has"
         );
         let unknown = play_order(&twin, &all, &["kryptonite".into()], 1, Seed(1)).unwrap_err();
         assert!(

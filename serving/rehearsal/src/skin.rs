@@ -4,8 +4,14 @@ use tactnet_data::Dataset;
 
 use tactnet_skin::packets::{Command, MAX_TAXELS, SkinFrame, SweepCommand, Text};
 
-/// Frames without contact between two motions, at 750 Hz half a second.
-pub const REST_FRAMES: usize = 375;
+/// Seconds without contact between two motions.
+const REST_SECONDS: f64 = 0.5;
+
+/// Returns the frames of a usual rest at a skin's rate.
+pub fn rest_frames(rate_hz: f64) -> usize {
+    (REST_SECONDS * rate_hz).round() as usize
+}
+
 /// How much longer the rest is before a new object.
 const OBJECT_REST: usize = 4;
 

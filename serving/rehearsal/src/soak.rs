@@ -14,8 +14,8 @@ use tactnet_skin::packets::{Stage, TactileBelief};
 use crate::stack::with_priority;
 use crate::write_table::write_table;
 use crate::{
-    CatchingStack, ChildProcess, OwnBus, REST_FRAMES, RehearsalError, Scheduling, SkinDriver,
-    SkinSimulator, catching_table, own_bus_name,
+    CatchingStack, ChildProcess, OwnBus, RehearsalError, Scheduling, SkinDriver, SkinSimulator,
+    catching_table, own_bus_name, rest_frames,
 };
 pub use played::Played;
 pub use report::SoakReport;
@@ -162,7 +162,12 @@ fn play_skin(
         with_priority(70).apply();
     }
     let (dataset, order) = (played.dataset(), played.order().to_vec());
-    let mut skin = SkinSimulator::new(dataset, order, config.segmenter.skip, REST_FRAMES);
+    let mut skin = SkinSimulator::new(
+        dataset,
+        order,
+        config.segmenter.skip,
+        rest_frames(dataset.sample_rate_hz()),
+    );
     let ended = |_| over.load(Ordering::Relaxed);
     driver.run(&mut skin, |_, _| Ok(()), &ended)
 }

@@ -7,7 +7,7 @@ use clap::Args;
 use tactnet_channel::{Bus, Domain, Table};
 use tactnet_data::Seed;
 use tactnet_pipeline::{LabelOrder, RunDir};
-use tactnet_rehearsal::{REST_FRAMES, SkinDriver, SkinSimulator, play_order};
+use tactnet_rehearsal::{SkinDriver, SkinSimulator, play_order, rest_frames};
 use tactnet_skin::ServeConfig;
 
 use super::unseen_by;
@@ -102,7 +102,8 @@ pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
         }
     };
     let driver = SkinDriver::open(&bus, &config)?.at_speed(arguments.speed);
-    let mut skin = SkinSimulator::new(&dataset, order, config.segmenter.skip, REST_FRAMES);
+    let rest = rest_frames(dataset.sample_rate_hz());
+    let mut skin = SkinSimulator::new(&dataset, order, config.segmenter.skip, rest);
     if object_sweeps > 0 {
         skin = skin.with_objects_of(object_sweeps);
     }
