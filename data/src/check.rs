@@ -19,7 +19,9 @@
 //! | [`SingleMaterial`](FindingKind::SingleMaterial) | warning | nothing to tell apart |
 //! | [`AlikeNames`](FindingKind::AlikeNames) | warning | names that differ in nothing but case or blanks |
 
-use crate::{DataError, Dataset, Finding, FindingKind, Place, Severity, SweepShape, plain_name};
+mod names;
+
+use crate::{DataError, Dataset, Finding, FindingKind, Place, Severity, SweepShape};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::collections::hash_map::DefaultHasher;
@@ -57,8 +59,8 @@ pub fn check(dataset: &Dataset) -> Vec<Finding> {
     findings.extend(saturated(dataset, &sweeps));
     findings.extend(out_of_range(dataset, &sweeps));
     findings.extend(sweeps_per_material(dataset));
-    findings.extend(numbered_materials(dataset));
-    findings.extend(material_names(dataset));
+    findings.extend(names::numbered(dataset));
+    findings.extend(names::that_mislead(dataset));
     findings.extend(clock_taxels(dataset, &sweeps));
     findings.extend(time_axis(dataset));
     findings.sort_by_key(|finding| (finding.severity, finding.kind, finding.at.sweep));
@@ -558,43 +560,6 @@ fn sweeps_per_material(dataset: &Dataset) -> Vec<Finding> {
         );
         let kind = FindingKind::UnbalancedMaterials;
         findings.push(finding(Severity::Warning, kind, nowhere, message));
-    }
-    findings
-}
-
-/// Materials that were given as numbers: a classifier that learnt names does not find them.
-fn numbered_materials(dataset: &Dataset) -> Option<Finding> {
-    let is_number = |name: &str| !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_digit());
-    let mut names = dataset.labels().names();
-    let first = names.next().filter(|name| is_number(name))?;
-    names.all(is_number).then(|| {
-        let message = format!(
-            "every material's name is a bare number, such as `{first}`; classifiers find materials by their names, so name them alike \
-             in all data sets"
-        );
-        let kind = FindingKind::NumberedMaterials;
-        finding(Severity::Note, kind, Place::default(), message)
-    })
-}
-
-/// What is odd about the names of the materials.
-fn material_names(dataset: &Dataset) -> Vec<Finding> {
-    let names: Vec<&str> = dataset.labels().names().collect();
-    let warn = |kind, message| finding(Severity::Warning, kind, Place::default(), message);
-    if let [only] = names[..] {
-        let message = format!(
-            "all sweeps are of `{only}`: a classifier of one material is always right; `train` wants at least two, `enroll` adds one"
-        );
-        return vec![warn(FindingKind::SingleMaterial, message)];
-    }
-    let mut plain = BTreeMap::new();
-    let mut findings = Vec::new();
-    for name in names {
-        if let Some(other) = plain.insert(plain_name(name), name) {
-            let message =
-                format!("`{other}` and `{name}` are two materials: the same, spelt differently?");
-            findings.push(warn(FindingKind::AlikeNames, message));
-        }
     }
     findings
 }

@@ -300,9 +300,9 @@ impl<'a> Arrays<'a> {
     /// The material of each of the sweeps of the array `samples`, which has this shape.
     fn labels(&self, shape: &[usize], samples: &str) -> Result<(LabelSet, Vec<usize>), DataError> {
         let count = shape[0];
-        if !self.others.is_empty() || LABELS.iter().any(|name| self.by_name.contains_key(*name)) {
-            self.required(LABELS)?;
-        } else {
+        let has_labels = LABELS.iter().any(|name| self.by_name.contains_key(*name));
+        // Other arrays are named by the error of `required`: one of them may be meant.
+        if !has_labels && self.others.is_empty() {
             return Err(self.error(
                 "y",
                 format!("the material of each of the {count} sweeps of `{samples}`"),

@@ -85,7 +85,8 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
         check_is_fitted(self, "classifier_")
         # Of more than two axes the error below says what was expected; scikit-learn would call steps features.
         many_axes = np.asarray(X).ndim > 2
-        X = validate_data(type(self)() if many_axes else self, X, allow_nd=True, dtype=None, reset=many_axes)
+        alike = type(self)(**self.get_params(deep=False)) if many_axes else self
+        X = validate_data(alike, X, allow_nd=True, dtype=None, reset=many_axes)
         values = native_values(self._sweeps(X))
         steps, rows, cols = self.classifier_.sweep_shape
         if values.shape[2] == 1 and values.shape[3] == rows * cols:

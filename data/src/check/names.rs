@@ -1,0 +1,43 @@
+//! What is odd about the names of materials.
+
+use std::collections::BTreeMap;
+
+use super::finding;
+use crate::{Dataset, Finding, FindingKind, Place, Severity, plain_name};
+
+/// Materials that were given as numbers: a classifier that learnt names does not find them.
+pub(super) fn numbered(dataset: &Dataset) -> Option<Finding> {
+    let is_number = |name: &str| !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_digit());
+    let mut names = dataset.labels().names();
+    let first = names.next().filter(|name| is_number(name))?;
+    names.all(is_number).then(|| {
+        let message = format!(
+            "every material's name is a bare number, such as `{first}`; classifiers find materials by their names, so name them alike \
+             in all data sets"
+        );
+        let kind = FindingKind::NumberedMaterials;
+        finding(Severity::Note, kind, Place::default(), message)
+    })
+}
+
+/// What is odd about the names of the materials.
+pub(super) fn that_mislead(dataset: &Dataset) -> Vec<Finding> {
+    let names: Vec<&str> = dataset.labels().names().collect();
+    let warn = |kind, message| finding(Severity::Warning, kind, Place::default(), message);
+    if let [only] = names[..] {
+        let message = format!(
+            "all sweeps are of `{only}`: a classifier of one material is always right; `train` wants at least two, `enroll` adds one"
+        );
+        return vec![warn(FindingKind::SingleMaterial, message)];
+    }
+    let mut plain = BTreeMap::new();
+    let mut findings = Vec::new();
+    for name in names {
+        if let Some(other) = plain.insert(plain_name(name), name) {
+            let message =
+                format!("`{other}` and `{name}` are two materials: the same, spelt differently?");
+            findings.push(warn(FindingKind::AlikeNames, message));
+        }
+    }
+    findings
+}
