@@ -12,7 +12,7 @@ use crate::ServeError;
 use crate::model_worker::Job;
 
 /// Commands that are looked at before the next frame.
-const MOST_LOOKED_AT: usize = 4096;
+const MAX_LOOKED_AT: usize = 4096;
 /// How often it is said that commands were refused.
 const TELL_EVERY: Duration = Duration::from_secs(1);
 
@@ -21,7 +21,7 @@ impl Service {
     pub(super) fn receive_commands(&mut self) -> Result<(), ServeError> {
         let mut followed = 0;
         // A port looks at those who put in a fixed order: what the first has too many of is passed over, to come to the others.
-        for _ in 0..MOST_LOOKED_AT {
+        for _ in 0..MAX_LOOKED_AT {
             let Some(command) = self.commands.try_get()? else {
                 break;
             };

@@ -18,7 +18,7 @@ const REST: f64 = 0.15;
 /// Less than this is not worth a motion, m.
 const WORTH: f64 = 0.05;
 /// The torso turns no farther, rad.
-const MOST_TURN: f64 = 0.5;
+const MAX_TURN: f64 = 0.5;
 
 /// The motion of platform and torso's vertical axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -83,7 +83,7 @@ impl BodyMotion {
         } else {
             within(
                 joint::TORSO.start,
-                left.atan2(ball.x.max(0.3)).clamp(-MOST_TURN, MOST_TURN),
+                left.atan2(ball.x.max(0.3)).clamp(-MAX_TURN, MAX_TURN),
             )
         };
         let ramp = |index: usize, by: f64| {

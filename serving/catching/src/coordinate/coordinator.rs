@@ -85,7 +85,7 @@ pub struct Planned {
 }
 
 /// Requests at once, at most.
-const MOST_REQUESTS: usize = ARMS * MAX_BALLS;
+const MAX_REQUESTS: usize = ARMS * MAX_BALLS;
 /// A hand takes no new closing time later than this before it, ns.
 const LAST_CLOSING_NS: u64 = 10_000_000;
 
@@ -175,8 +175,8 @@ impl Coordinator {
         now_ns: u64,
         predictions: &BallPredictions,
         chest: &Isometry3<f64>,
-    ) -> [Option<PlanRequest>; MOST_REQUESTS] {
-        let mut requests = [None; MOST_REQUESTS];
+    ) -> [Option<PlanRequest>; MAX_REQUESTS] {
+        let mut requests = [None; MAX_REQUESTS];
         let (q_now, _) = self.command(now_ns);
         let deviation = self.robot.chest(&q_now).inverse() * chest;
         let CoordinatorConfig {

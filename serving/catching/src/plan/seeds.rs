@@ -46,7 +46,7 @@ impl Grid {
 }
 
 /// A candidate leaves intervals by less than this, rad, summed over joints; descents draw it in, if that is possible.
-const MOST_LACK: f64 = 1.5;
+const MAX_LACK: f64 = 1.5;
 
 /// A candidate: hand at the ball and against its flight, joints where they can be in time, or nearly.
 #[derive(Debug, Clone, Copy)]
@@ -150,9 +150,9 @@ impl Seeds {
         if self.count == MAX_SEEDS {
             self.seeds[MAX_SEEDS - 1]
                 .lack
-                .clamp(f64::MIN_POSITIVE, MOST_LACK)
+                .clamp(f64::MIN_POSITIVE, MAX_LACK)
         } else {
-            MOST_LACK
+            MAX_LACK
         }
     }
 

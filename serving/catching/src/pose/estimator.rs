@@ -9,9 +9,9 @@ use super::ring::Ring;
 use super::{PoseConfig, PoseError};
 
 /// What no such accelerometer measures, m/s^2.
-const MOST_ACCELERATION: f64 = 500.0;
+const MAX_ACCELERATION: f64 = 500.0;
 /// What no such gyroscope measures, rad/s.
-const MOST_RATE: f64 = 100.0;
+const MAX_RATE: f64 = 100.0;
 /// A sample from so long before the last one is not late: a clock was set. ns.
 const CLOCK_SET_NS: u64 = 1_000_000_000;
 /// Beyond these, m and rad, a pose at rest is not a correction but a new beginning.
@@ -195,8 +195,8 @@ impl PoseEstimator {
 }
 
 fn check(sample: &ImuSample) -> Result<(), PoseError> {
-    let accelerations = sample.acceleration.map(|x| (x, MOST_ACCELERATION));
-    let rates = sample.rate.map(|x| (x, MOST_RATE));
+    let accelerations = sample.acceleration.map(|x| (x, MAX_ACCELERATION));
+    let rates = sample.rate.map(|x| (x, MAX_RATE));
     match accelerations
         .into_iter()
         .chain(rates)

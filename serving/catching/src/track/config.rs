@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::mht::{MOST_HYPOTHESES, MOST_SCANS};
+use super::mht::{MAX_HYPOTHESES, MAX_SCANS};
 use crate::flight::DRAG;
 
 /// Settings of a [`BallTracker`](super::BallTracker).
@@ -99,7 +99,7 @@ impl Default for TrackConfig {
             gate: 16.266,
             assignments: 20,
             scans: 3,
-            hypotheses: MOST_HYPOTHESES,
+            hypotheses: MAX_HYPOTHESES,
             least_weight: 1e-6,
             report: 0.5,
             longest_gap: 0.25,
@@ -193,8 +193,8 @@ impl TrackConfig {
         }
         for (setting, value, most) in [
             ("assignments", self.assignments, 1000),
-            ("scans", self.scans, MOST_SCANS),
-            ("hypotheses", self.hypotheses, MOST_HYPOTHESES),
+            ("scans", self.scans, MAX_SCANS),
+            ("hypotheses", self.hypotheses, MAX_HYPOTHESES),
         ] {
             if !(1..=most).contains(&value) {
                 return wrong(

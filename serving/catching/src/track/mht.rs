@@ -21,13 +21,13 @@ use super::ukf::{BallState, Sight};
 use crate::flight::BALL_RADIUS;
 
 /// Most hypotheses.
-pub(super) const MOST_HYPOTHESES: usize = 64;
+pub(super) const MAX_HYPOTHESES: usize = 64;
 /// Most pictures before the best hypothesis is taken for true.
-pub(super) const MOST_SCANS: usize = 8;
+pub(super) const MAX_SCANS: usize = 8;
 /// Most tracks of a hypothesis.
-const MOST_TRACKS: usize = 8;
+const MAX_TRACKS: usize = 8;
 /// Most pairs of circles that may be new balls.
-const MOST_BIRTHS: usize = 64;
+const MAX_BIRTHS: usize = 64;
 /// A track that probably does not exist ends.
 const LEAST_EXISTENCE: f64 = 0.01;
 /// Nearer than this before the head, m, a ball has passed.
@@ -54,12 +54,12 @@ pub(super) struct Track {
 #[derive(Debug, Clone, Copy)]
 struct Hypothesis {
     log_weight: f64,
-    tracks: [u16; MOST_TRACKS],
+    tracks: [u16; MAX_TRACKS],
     count: usize,
     /// Left circles that have a track.
     used: u32,
     /// Itself and its ancestors, picture by picture.
-    history: [u64; MOST_SCANS + 1],
+    history: [u64; MAX_SCANS + 1],
 }
 
 impl Hypothesis {
@@ -79,7 +79,7 @@ impl Hypothesis {
     }
 
     fn push(&mut self, track: u16) {
-        if track != NONE && self.count < MOST_TRACKS {
+        if track != NONE && self.count < MAX_TRACKS {
             self.tracks[self.count] = track;
             self.count += 1;
         }
@@ -92,9 +92,9 @@ struct Child {
     parent: usize,
     log_weight: f64,
     /// Circle of each track.
-    circles: [u16; MOST_TRACKS],
+    circles: [u16; MAX_TRACKS],
     /// Births, by candidate.
-    births: [u16; MOST_TRACKS],
+    births: [u16; MAX_TRACKS],
     born: usize,
 }
 
@@ -135,16 +135,16 @@ pub(super) struct Hypotheses {
 
 impl Hypotheses {
     pub fn new(robot: &RobotDescription, config: &TrackConfig) -> Self {
-        let most = MOST_HYPOTHESES * MOST_TRACKS;
+        let most = MAX_HYPOTHESES * MAX_TRACKS;
         let [width, height] = Camera::pair(&robot.cameras)[0].size;
         let radii = config.clutter_radius[1] - config.clutter_radius[0];
-        let mut hypotheses = Vec::with_capacity(MOST_HYPOTHESES);
+        let mut hypotheses = Vec::with_capacity(MAX_HYPOTHESES);
         hypotheses.push(Hypothesis {
             log_weight: 0.0,
-            tracks: [NONE; MOST_TRACKS],
+            tracks: [NONE; MAX_TRACKS],
             count: 0,
             used: 0,
-            history: [0; MOST_SCANS + 1],
+            history: [0; MAX_SCANS + 1],
         });
         Self {
             config: *config,
@@ -154,8 +154,8 @@ impl Hypotheses {
             tracks: Vec::with_capacity(most),
             updated: Vec::with_capacity(most),
             hypotheses,
-            children: Vec::with_capacity(MOST_HYPOTHESES + 1),
-            candidates: Vec::with_capacity(MOST_BIRTHS),
+            children: Vec::with_capacity(MAX_HYPOTHESES + 1),
+            candidates: Vec::with_capacity(MAX_BIRTHS),
             sights: Vec::with_capacity(most),
             gains: vec![0.0; most * MAX_CIRCLES],
             misses: vec![0.0; most],
@@ -297,7 +297,7 @@ impl Hypotheses {
         let root = head.root();
         for (left, a) in circles[0].iter().enumerate() {
             for (right, b) in circles[1].iter().enumerate() {
-                if self.candidates.len() == MOST_BIRTHS {
+                if self.candidates.len() == MAX_BIRTHS {
                     return;
                 }
                 if let Some(birth) = birth(&self.cameras, [a, b], head, &root, &self.config) {
@@ -391,8 +391,8 @@ impl Hypotheses {
                 let mut child = Child {
                     parent,
                     log_weight,
-                    circles: [NONE; MOST_TRACKS],
-                    births: [NONE; MOST_TRACKS],
+                    circles: [NONE; MAX_TRACKS],
+                    births: [NONE; MAX_TRACKS],
                     born: 0,
                 };
                 for (row, column) in columns
@@ -402,7 +402,7 @@ impl Hypotheses {
                 {
                     if column < lefts {
                         child.circles[column] = rows[row] as u16;
-                    } else if column < clutter && child.born < MOST_TRACKS {
+                    } else if column < clutter && child.born < MAX_TRACKS {
                         let pair = |candidate: &Candidate| {
                             (candidate.left, candidate.right) == (column - lefts, rows[row])
                         };
@@ -427,7 +427,7 @@ impl Hypotheses {
     fn apply(&mut self, camera: usize, circles: &[Vector3<f64>]) {
         self.updated.clear();
         self.memo[..self.tracks.len() * (MAX_CIRCLES + 1)].fill(NONE);
-        let mut parents = [self.hypotheses[0]; MOST_HYPOTHESES];
+        let mut parents = [self.hypotheses[0]; MAX_HYPOTHESES];
         parents[..self.hypotheses.len()].copy_from_slice(&self.hypotheses);
         self.hypotheses.clear();
         for i in 0..self.children.len() {

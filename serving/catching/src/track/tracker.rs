@@ -17,7 +17,7 @@ const TOGETHER_NS: u64 = 1_000_000;
 /// Pictures from so long before the last ones are not late: a clock was set. ns.
 const CLOCK_SET_NS: u64 = 1_000_000_000;
 /// Balls whose numbers are remembered.
-const MOST_NAMES: usize = 16;
+const MAX_NAMES: usize = 16;
 /// A ball that appears so near to where one that is gone should be, m and m/s, is that one.
 const SAME: [f64; 2] = [0.2, 2.0];
 
@@ -60,7 +60,7 @@ impl BallTracker {
             hypotheses: Hypotheses::new(robot, &config),
             head: None,
             circles: std::array::from_fn(|_| Vec::with_capacity(MAX_CIRCLES)),
-            names: Vec::with_capacity(MOST_NAMES),
+            names: Vec::with_capacity(MAX_NAMES),
             numbers: 0,
         })
     }
@@ -264,7 +264,7 @@ fn name(
         Some(i) => names[i] = name,
         None => {
             *numbers += 1;
-            if names.len() == MOST_NAMES {
+            if names.len() == MAX_NAMES {
                 names.remove(0);
             }
             names.push(name);

@@ -1,8 +1,8 @@
 //! Who says whether a ball was caught, from the truth alone.
 //!
 //! A ball is caught when its centre crosses the plane through the catch frame's middle, across the hand's axis, at most
-//! [`MOST_ACROSS`] from the axis, with the axis within [`MOST_ANGLE`] of the ball's reversed velocity, and the hand closes within
-//! [`MOST_ALONG_NS`] of the crossing. Whether the robot touches itself is not looked at yet.
+//! [`MAX_ACROSS`] from the axis, with the axis within [`MAX_ANGLE`] of the ball's reversed velocity, and the hand closes within
+//! [`MAX_ALONG_NS`] of the crossing. Whether the robot touches itself is not looked at yet.
 
 use nalgebra::Vector3;
 use tactnet_catching_packets::ARMS;
@@ -11,11 +11,11 @@ use crate::ball::BallState;
 use crate::robot::FrameMotion;
 
 /// Greatest distance from the hand's axis, m.
-pub const MOST_ACROSS: f64 = 0.02;
+pub const MAX_ACROSS: f64 = 0.02;
 /// Greatest angle between the hand's axis and the ball's reversed velocity, rad: 25 degrees.
-pub const MOST_ANGLE: f64 = 25.0 * std::f64::consts::PI / 180.0;
+pub const MAX_ANGLE: f64 = 25.0 * std::f64::consts::PI / 180.0;
 /// Greatest time between closing and crossing, ns.
-pub const MOST_ALONG_NS: u64 = 5_000_000;
+pub const MAX_ALONG_NS: u64 = 5_000_000;
 /// A ball that crosses farther from the axis than this did not come near, m.
 pub const NEAR: f64 = 0.15;
 
@@ -155,14 +155,14 @@ impl Crossings {
 }
 
 fn miss(crossing: &Crossing) -> Option<Miss> {
-    let limit = MOST_ALONG_NS as f64 * 1e-9;
+    let limit = MAX_ALONG_NS as f64 * 1e-9;
     // Stamps are whole nanoseconds.
     let rounding = 1e-9;
     match crossing.along_s {
         _ if crossing.across_m > NEAR => Some(Miss::NeverCameNear),
         None => Some(Miss::NoCommand),
-        _ if crossing.across_m > MOST_ACROSS => Some(Miss::Across),
-        _ if crossing.angle > MOST_ANGLE => Some(Miss::Angle),
+        _ if crossing.across_m > MAX_ACROSS => Some(Miss::Across),
+        _ if crossing.angle > MAX_ANGLE => Some(Miss::Angle),
         Some(along) if along < -limit - rounding => Some(Miss::Early),
         Some(along) if along > limit + rounding => Some(Miss::Late),
         Some(_) => None,

@@ -49,7 +49,7 @@ pub use drives::{ACCELERATION_HEADROOM, DrivesConfig};
 pub use error::WorldError;
 pub use hand::{CLOSED_NS, CLOSING_NS};
 pub use imu::ImuConfig;
-pub use judge::{Crossing, MOST_ACROSS, MOST_ALONG_NS, MOST_ANGLE, Miss, NEAR, Verdict};
+pub use judge::{Crossing, MAX_ACROSS, MAX_ALONG_NS, MAX_ANGLE, Miss, NEAR, Verdict};
 pub use planted::PlantedErrors;
 pub use robot::FrameMotion;
 pub use thrower::ThrowerConfig;

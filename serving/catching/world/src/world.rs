@@ -369,7 +369,7 @@ impl Thrown {
 mod tests {
     use super::*;
     use crate::pose::ready;
-    use crate::{MOST_ACROSS, Miss};
+    use crate::{MAX_ACROSS, Miss};
     use nalgebra::Vector3;
 
     const NOBODY: [Option<HandCommand>; ARMS] = [None; ARMS];
@@ -533,7 +533,7 @@ mod tests {
             for (off, late, miss) in [
                 (aside(0.04), 0, Some(Miss::Across)),
                 (aside(-0.04), 0, Some(Miss::Across)),
-                (aside(0.9 * MOST_ACROSS), 4 * ms, None),
+                (aside(0.9 * MAX_ACROSS), 4 * ms, None),
                 (centre, 30 * ms, Some(Miss::Late)),
                 (centre, -30 * ms, Some(Miss::Early)),
             ] {
