@@ -7,7 +7,7 @@ use crate::reference::{Branch, Reference, reference};
 
 /// Rounding unit of single precision.
 const UNIT: f64 = f32::EPSILON as f64 / 2.0;
-/// Roundings allowed in each term of a weight's gradient. Where a map has one weight or a batch two values, normalisation cancels the
+/// Roundings allowed in each term of the gradients of weights and of the input. Where a map has one weight or a batch two values, normalisation cancels the
 /// whole sum, and what remains is the rounding of variance, root, factors and additions.
 const ROUNDINGS: f64 = 1.0;
 const ROUNDINGS_WHERE_ALL_CANCELS: f64 = 16.0;
@@ -55,9 +55,8 @@ fn error_beyond(rounding: f64, found: &[f32], expected: &[f64]) -> f64 {
     (largest - rounding).max(0.0) / scale
 }
 
-/// Errors of pooled, mean, variance, d_weight, d_gamma, d_beta, d_input. Of d_weight counts what goes beyond the
-/// rounding of the terms of its sum: a kernel of one tap has large terms that
-/// normalisation cancels.
+/// Errors of pooled, mean, variance, d_weight, d_gamma, d_beta, d_input. Of d_weight and d_input counts what goes beyond the rounding of
+/// the terms of their sums: a kernel of one tap and a batch of two values have large terms that normalisation cancels.
 pub(crate) fn errors(s: BlockShape, seed: u64) -> [f64; 7] {
     let c = case(&s, seed);
     let block = Block::plan(s);
@@ -104,15 +103,16 @@ pub(crate) fn errors(s: BlockShape, seed: u64) -> [f64; 7] {
     } else {
         ROUNDINGS
     };
+    let rounding = |terms: f64| roundings * UNIT * terms;
     let [a, b, d] = forward;
     [
         a,
         b,
         d,
-        error_beyond(roundings * UNIT * r.weight_terms, &g.weight, &r.d_weight),
+        error_beyond(rounding(r.weight_terms), &g.weight, &r.d_weight),
         error(&g.gamma, &r.d_gamma),
         error(&g.beta, &r.d_beta),
-        error(&input, &r.d_input),
+        error_beyond(rounding(r.input_terms), &input, &r.d_input),
     ]
 }
 

@@ -24,6 +24,8 @@ pub(crate) struct Reference {
     pub(crate) d_gamma: Vec<f64>,
     pub(crate) d_beta: Vec<f64>,
     pub(crate) d_input: Vec<f64>,
+    /// As `weight_terms`, of `d_input`.
+    pub(crate) input_terms: f64,
 }
 
 fn taps(s: &BlockShape, mut visit: impl FnMut(usize, usize, usize)) {
@@ -139,28 +141,32 @@ pub(crate) fn reference(
         .map(|at| parts(at).iter().map(|part| part.abs()).sum())
         .collect();
     let (mut dw, mut d_input) = (vec![0f64; weight.len()], vec![0f64; n * ci]);
-    let mut dw_terms = vec![0f64; weight.len()];
+    let (mut dw_terms, mut input_terms) = (vec![0f64; weight.len()], vec![0f64; n * ci]);
     taps(s, |tap, to, from| {
         for i in 0..ci {
             for o in 0..co {
                 let (at, x) = ((tap * ci + i) * co + o, x[from * ci + i]);
                 dw[at] += dy[to * co + o] * x;
                 dw_terms[at] += terms[to * co + o] * x.abs();
-                d_input[from * ci + i] += dy[to * co + o] * turned[(tap * ci + i) * co + o];
+                let weight = turned[(tap * ci + i) * co + o];
+                d_input[from * ci + i] += dy[to * co + o] * weight;
+                input_terms[from * ci + i] += terms[to * co + o] * weight.abs();
             }
         }
     });
     let d_weight = (0..weight.len())
         .map(|at| dw[((at % k) * ci + at / k % ci) * co + at / k / ci])
         .collect();
+    let largest = |terms: &[f64]| terms.iter().fold(0.0, |m: f64, &v| m.max(v));
     Reference {
         pooled,
         mean,
         variance,
         d_weight,
-        weight_terms: dw_terms.iter().fold(0.0, |m, &v| m.max(v)),
+        weight_terms: largest(&dw_terms),
         d_gamma,
         d_beta,
         d_input,
+        input_terms: largest(&input_terms),
     }
 }
