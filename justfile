@@ -13,3 +13,8 @@ ci:
 # Benchmarks: `just bench` runs all, `just bench block` one. They compare in one run; no test asserts a time.
 bench NAME='':
     {{ if NAME == '' { 'cargo bench --workspace' } else { 'cargo bench --workspace --bench ' + NAME } }}
+
+# Packets for other languages, after a change of serving/skin/src/packets.rs.
+packets:
+    cargo build --profile ci --locked --quiet
+    tests/generated_packets.sh

@@ -35,7 +35,7 @@ with open(recording, "rb") as file:
         elif schema.name == "tactnet.TactileBelief" and decoded.stage == 2:
             beliefs.append(decoded)
         elif schema.name == "tactnet.ModelNames":
-            names = list(decoded.materials)
+            names = list(decoded.names)
 assert "table" in about and frames and beliefs and names
 counts = {summary.channels[i].topic: n for i, n in summary.statistics.channel_message_counts.items()}
 

@@ -69,7 +69,11 @@ pub fn next_steps(run: &RunDir, fits_serving: bool) -> Result<String, PipelineEr
         .spec
         .rate_hz
         .map_or(String::new(), |rate| format!(" --set rate_hz={rate}"));
+    let epochs = config
+        .spec
+        .epochs
+        .map_or(String::new(), |epochs| format!(" --set epochs={epochs}"));
     Ok(format!(
-        "next: {first}\n      `tactnet experiment run crossval_baselines{data}{rate}` makes a report of models side by side"
+        "next: {first}\n      `tactnet experiment run crossval_baselines{data}{rate}{epochs}` makes a report of models side by side"
     ))
 }

@@ -11,6 +11,14 @@ pub enum PipelineError {
     /// The data set.
     #[error(transparent)]
     Data(#[from] DataError),
+    /// Sweeps that most likely are not what they seem.
+    #[error("{finding}; {remedy}")]
+    Doubtful {
+        /// What is odd about them.
+        finding: String,
+        /// How to go on all the same.
+        remedy: &'static str,
+    },
     /// The network.
     #[error(transparent)]
     Model(#[from] ModelError),
@@ -64,7 +72,7 @@ pub enum PipelineError {
     #[error("{item}: the classifier expects {expected}, the data set has {found}")]
     Incompatible {
         /// What differs.
-        item: &'static str,
+        item: String,
         /// What the classifier was trained on.
         expected: String,
         /// What came.
@@ -149,6 +157,7 @@ impl PipelineError {
             | Self::Spec { .. }
             | Self::Run { .. }
             | Self::Incompatible { .. }
+            | Self::Doubtful { .. }
             | Self::TooFewSetAside { .. }
             | Self::Enroll { .. }
             | Self::NoRuntime { .. } => true,
@@ -230,7 +239,7 @@ mod tests {
                 reason: text(),
             },
             PipelineError::Incompatible {
-                item: "sweeps",
+                item: "sweeps".into(),
                 expected: text(),
                 found: text(),
             },

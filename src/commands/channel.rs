@@ -1,6 +1,7 @@
 //! `tactnet channel`: the hub, and what people need to look at a bus.
 
 mod look;
+mod packets;
 mod put;
 mod stress;
 mod stress_choices;
@@ -34,6 +35,8 @@ pub enum ChannelCommand {
     Hz(look::HzArgs),
     /// Put packets of zeros into a channel at a steady rate
     Put(put::PutArgs),
+    /// Print what packets hold, as a page or as code for C, C++, Python and Protocol Buffers
+    Packets(packets::PacketsArgs),
     /// Measure how fast packets travel, beside other transports
     Stress(stress::StressArgs),
     /// A client of the stress test: what `stress` starts
@@ -63,6 +66,7 @@ pub fn run(command: ChannelCommand) -> anyhow::Result<ExitCode> {
         ChannelCommand::Echo(arguments) => look::echo(&arguments),
         ChannelCommand::Hz(arguments) => look::hz(&arguments),
         ChannelCommand::Put(arguments) => put::put(&arguments),
+        ChannelCommand::Packets(arguments) => packets::packets(&arguments),
         ChannelCommand::Stress(arguments) => stress::run(arguments),
         ChannelCommand::StressClient => stress::client(),
     }

@@ -7,7 +7,7 @@ use anyhow::bail;
 use clap::Args;
 use tactnet_models::Compute;
 use tactnet_pipeline::{
-    ClassifiedSweeps, Classifier, ModelRecipe, PredictionMethod, RunDir, write_whole,
+    ClassifiedSweeps, Classifier, ModelRecipe, PipelineError, PredictionMethod, RunDir, write_whole,
 };
 
 use super::choices::{DeviceChoice, rate};
@@ -87,7 +87,19 @@ pub fn run(arguments: &PredictArgs) -> anyhow::Result<ExitCode> {
         calibration.as_ref().map(|(bounds, known)| (bounds, known)),
         method,
         arguments.one_object,
-    )?;
+    )
+    .map_err(|error| match error {
+        PipelineError::Incompatible {
+            item,
+            expected,
+            found,
+        } if item == "sweeps" => PipelineError::Incompatible {
+            item: arguments.data.clone(),
+            expected,
+            found,
+        },
+        other => other,
+    })?;
     if let Some(out) = &arguments.out {
         write_whole(out, found.to_csv().as_bytes())?;
         say!("probabilities: {}", out.display());

@@ -49,7 +49,7 @@ pub fn run(arguments: &TaskArgs) -> anyhow::Result<ExitCode> {
             Job::Train(spec) => {
                 let job = TrainJob::try_from(spec)?;
                 source::announce(&job.spec().data);
-                let session = Session::begin(&job, Some(&folder), program, |_| {})?;
+                let session = Session::begin(&job, Some(&folder), program, |_| Ok(()))?;
                 Ok(train(&session, &stop, OutputFormat::Table)?.0)
             }
             Job::Question(task) => answer(&task, &folder, program, &stop),

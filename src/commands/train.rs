@@ -8,7 +8,9 @@ use std::process::ExitCode;
 use anyhow::bail;
 use tactnet_data::{Finding, FindingKind, Severity};
 use tactnet_experiments::{next_steps, run_text};
-use tactnet_pipeline::{ModelRecipe, Provenance, RunDir, Session, TrainJob, TrainOutcome};
+use tactnet_pipeline::{
+    ModelRecipe, PipelineError, Provenance, RunDir, Session, TrainJob, TrainOutcome,
+};
 use tactnet_skin::packets::unfit;
 
 use super::choices::ModelChoice;
@@ -39,7 +41,17 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
                 refuse_other_model(&job, model)?;
             }
             source::announce(&job.spec().data);
-            Session::begin(&job, arguments.out.as_deref(), program, warn)?
+            let review = |finding: &Finding| {
+                if finding.kind == FindingKind::AxisOrder && !arguments.axes_are_right {
+                    return Err(PipelineError::Doubtful {
+                        finding: finding.message.clone(),
+                        remedy: "if they are right as they are, add --axes-are-right",
+                    });
+                }
+                warn(finding);
+                Ok(())
+            };
+            Session::begin(&job, arguments.out.as_deref(), program, review)?
         }
     };
     let classifier = session.run().config()?.classifier;

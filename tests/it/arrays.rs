@@ -76,7 +76,8 @@ fn what_packets_cannot_hold_is_said_before_training() {
     let said = stderr(&check.output().unwrap());
     assert!(said.contains("1025 taxels, packets hold 1024"), "{said}");
     let mut train = tactnet(["train", "--model", "means", "--data"]);
-    train.arg(&data).arg("--out").arg(lab.path("run"));
+    train.arg(&data).arg("--axes-are-right");
+    train.arg("--out").arg(lab.path("run"));
     let said = stderr(&expect(0, train));
     assert!(said.contains("1025 taxels, packets hold 1024"), "{said}");
 }

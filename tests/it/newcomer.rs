@@ -172,7 +172,11 @@ fn training_warns_of_wrong_axes_and_of_sweeps_too_few_to_calibrate() {
         command.arg(lab.path("run"));
         command
     };
-    let refused = stderr(&expect(2, train(&["--calibrate"])));
+    let refused = stderr(&expect(2, train(&[])));
+    assert!(refused.contains("np.moveaxis"), "{refused}");
+    assert!(refused.contains("add --axes-are-right"), "{refused}");
+    assert!(!lab.path("run").exists());
+    let refused = stderr(&expect(2, train(&["--calibrate", "--axes-are-right"])));
     assert!(
         refused.contains("taxels: if 130 is the number of time steps"),
         "{refused}"

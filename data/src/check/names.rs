@@ -34,8 +34,9 @@ pub(super) fn that_mislead(dataset: &Dataset) -> Vec<Finding> {
     let mut findings = Vec::new();
     for name in names {
         if let Some(other) = plain.insert(plain_name(name), name) {
-            let message =
-                format!("`{other}` and `{name}` are two materials: the same, spelt differently?");
+            let message = format!(
+                "`{other}` and `{name}` are two materials: the same, spelt differently? `y = np.char.lower(np.char.strip(y))` makes them one"
+            );
             findings.push(warn(FindingKind::AlikeNames, message));
         }
     }

@@ -200,7 +200,7 @@ pub fn to_onnx(
             .0
             .get(name)
             .ok_or_else(|| PipelineError::Incompatible {
-                item: "weights",
+                item: "weights".into(),
                 expected: name.into(),
                 found: "none".into(),
             })?;

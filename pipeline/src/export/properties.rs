@@ -12,7 +12,7 @@ pub(super) fn network_setup(config: &ClassifierConfig) -> Result<&TactNetSetup, 
     match &config.model {
         ModelConfig::TactNet2(setup) => Ok(setup),
         ModelConfig::Baseline(_) => Err(PipelineError::Incompatible {
-            item: "export",
+            item: "export".into(),
             expected: "a network".into(),
             found: "a baseline".into(),
         }),

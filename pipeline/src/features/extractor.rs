@@ -306,7 +306,7 @@ fn enough_steps(shape: SweepShape) -> Result<(), PipelineError> {
         return Ok(());
     }
     Err(PipelineError::Incompatible {
-        item: "sweeps",
+        item: "sweeps".into(),
         expected: format!("at least {LEAST} steps for random convolution kernels"),
         found: format!("{} steps", shape.steps),
     })

@@ -30,7 +30,7 @@ impl LogSpectra {
     pub fn new(shape: SweepShape, rate: f64) -> Result<Self, PipelineError> {
         if shape.steps < 4 {
             return Err(PipelineError::Incompatible {
-                item: "sweeps",
+                item: "sweeps".into(),
                 expected: "at least 4 steps for a spectrum".into(),
                 found: format!("{} steps at {rate} Hz", shape.steps),
             });

@@ -102,7 +102,7 @@ impl<'a> Training<'a> {
     ) -> Result<Self, PipelineError> {
         if train.is_empty() {
             return Err(PipelineError::Incompatible {
-                item: "training sweeps",
+                item: "training sweeps".into(),
                 expected: "at least one".into(),
                 found: "none".into(),
             });

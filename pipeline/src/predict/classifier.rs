@@ -139,7 +139,7 @@ impl Classifier {
                 let network = config.network_config(setup)?;
                 if !setup.normalizer.is_of(config.shape.taxels()) {
                     return Err(PipelineError::Incompatible {
-                        item: "scaling",
+                        item: "scaling".into(),
                         expected: format!("numbers for {} taxels", config.shape.taxels()),
                         found: "another number of them".into(),
                     });
@@ -215,7 +215,7 @@ impl Classifier {
             }
             (Model::Baseline(_), PredictionMethod::McDropout { .. }) => {
                 Err(PipelineError::Incompatible {
-                    item: "prediction",
+                    item: "prediction".into(),
                     expected: "to be asked plainly, as it has no dropout".into(),
                     found: "to do with this; asked was Monte Carlo dropout".into(),
                 })
@@ -268,7 +268,7 @@ impl Classifier {
         match &self.model {
             Model::Network(network) => Ok(network),
             Model::Baseline(_) => Err(PipelineError::Incompatible {
-                item: "embedding",
+                item: "embedding".into(),
                 expected: "none, as it is no network".into(),
                 found: "sweeps to embed".into(),
             }),
@@ -330,7 +330,7 @@ impl Classifier {
             ))
         });
         PipelineError::Incompatible {
-            item: "materials",
+            item: "materials".into(),
             expected: format!(
                 "some of {}",
                 some(self.config.labels.names().collect(), 4, "")
@@ -355,9 +355,9 @@ impl Classifier {
             ..
         } = &self.config;
         let dataset = view.dataset();
-        let incompatible = |item, expected: String, found: String| {
+        let incompatible = |item: &str, expected: String, found: String| {
             Err(PipelineError::Incompatible {
-                item,
+                item: item.into(),
                 expected,
                 found,
             })

@@ -67,7 +67,7 @@ impl OnlineClassifier {
         mc_samples: usize,
     ) -> Result<Self, PipelineError> {
         let incompatible = |expected: &str, found: &str| PipelineError::Incompatible {
-            item: "online classification",
+            item: "online classification".into(),
             expected: expected.into(),
             found: found.into(),
         };

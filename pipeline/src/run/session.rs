@@ -76,7 +76,7 @@ impl Session {
     /// Reads the data, splits it, and writes everything known before training into a new folder.
     ///
     /// - `folder`: where the run is kept; `None`: `runs/DATA-RECIPE-FOLD-SEED`, numbered on if taken
-    /// - `on_finding`: told what is odd about the data without being an error, before the rest can fail
+    /// - `on_finding`: told what is odd about the data without being an error, before the rest can fail; an error of it ends all
     ///
     /// # Errors
     /// Data that cannot be read or has errors; a fold that it does not have; too few sweeps for the calibration; settings that do not
@@ -85,13 +85,13 @@ impl Session {
         job: &TrainJob,
         folder: Option<&Path>,
         program: Provenance,
-        on_finding: impl FnMut(&Finding),
+        on_finding: impl FnMut(&Finding) -> Result<(), PipelineError>,
     ) -> Result<Self, PipelineError> {
         let spec = job.spec();
         let dataset = spec.read_sweeps()?;
         refuse_errors(&dataset, &spec.data)?
             .iter()
-            .for_each(on_finding);
+            .try_for_each(on_finding)?;
         let number = spec.fold.unwrap_or(0);
         let fold = Fold::new(
             &dataset,
@@ -399,7 +399,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let job = TrainJob::try_from(spec(folder.path())).unwrap();
         let [whole, parts] = ["whole", "parts"].map(|name| folder.path().join(name));
-        let session = Session::begin(&job, Some(&whole), program(), |_| {}).unwrap();
+        let session = Session::begin(&job, Some(&whole), program(), |_| Ok(())).unwrap();
         let mut batches = 0;
         let count = |event: TrainEvent<'_>| {
             batches += usize::from(matches!(event, TrainEvent::Batch { .. }));
@@ -409,7 +409,7 @@ mod tests {
         assert_eq!(batches, 9, "three epochs of three batches");
         drop(session);
 
-        drop(Session::begin(&job, Some(&parts), program(), |_| {}).unwrap());
+        drop(Session::begin(&job, Some(&parts), program(), |_| Ok(())).unwrap());
         let mut sessions = 0;
         loop {
             let session = Session::resume(&parts, None, program()).unwrap();
@@ -440,7 +440,7 @@ mod tests {
         let asked = spec(folder.path());
         let job = TrainJob::try_from(asked.clone()).unwrap();
         let run = folder.path().join("run");
-        let session = Session::begin(&job, Some(&run), program(), |_| {}).unwrap();
+        let session = Session::begin(&job, Some(&run), program(), |_| Ok(())).unwrap();
         let named = session.run().config().unwrap().spec.data;
         drop(session);
         assert_eq!(named, asked.data, "an absolute path stays as it is");
@@ -485,7 +485,7 @@ mod tests {
         };
         let job = TrainJob::try_from(asked.clone()).unwrap();
         let run = folder.path().join("run");
-        let session = Session::begin(&job, Some(&run), program(), |_| {}).unwrap();
+        let session = Session::begin(&job, Some(&run), program(), |_| Ok(())).unwrap();
         let config = session.run().config().unwrap();
         assert_eq!(config.spec, asked);
         let mut old = serde_json::to_value(&config).unwrap();
@@ -526,7 +526,7 @@ mod tests {
         };
         let job = TrainJob::try_from(asked.clone()).unwrap();
         let run = folder.path().join("run");
-        let session = Session::begin(&job, Some(&run), program(), |_| {}).unwrap();
+        let session = Session::begin(&job, Some(&run), program(), |_| Ok(())).unwrap();
         let config = session.run().config().unwrap();
         let manifest = session.run().split().unwrap();
         let fold = manifest.fold(&session.dataset).unwrap();
@@ -594,7 +594,7 @@ mod tests {
                 ..TrainSpec::default()
             };
             let job = TrainJob::try_from(spec).unwrap();
-            let session = Session::begin(&job, Some(&run), program(), |_| {}).unwrap();
+            let session = Session::begin(&job, Some(&run), program(), |_| Ok(())).unwrap();
             session.train(|_| {}, || false).unwrap();
             let run = session.run();
             let parts = (

@@ -36,7 +36,7 @@ impl<'a> TestSweeps<'a> {
         found = found.without_enrolled(run)?;
         if found.view.is_empty() {
             return Err(PipelineError::Incompatible {
-                item: "test sweeps",
+                item: "test sweeps".into(),
                 expected: "sweeps that it has not been trained on".into(),
                 found: format!("none in {}", dataset.name()),
             });

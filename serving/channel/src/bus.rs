@@ -15,8 +15,8 @@ use crate::table::describe;
 use crate::transport::{AnyChannel, AnyNode, Either, both};
 use crate::wake_event::WakeEvent;
 use crate::{
-    ChannelConfig, ChannelError, ChannelId, ChannelState, GetPort, Packet, Priority, PutPort,
-    Start, SyncGroup, Table,
+    ChannelConfig, ChannelError, ChannelId, ChannelState, GetPort, Packet, PacketType, Priority,
+    PutPort, Start, SyncGroup, Table,
 };
 
 /// How long the places of dead clients may take to become free.
@@ -60,6 +60,8 @@ pub(crate) struct Opened {
     pub(crate) crowd: Arc<WakeEvent>,
     /// Folder of its files in shared memory, and how their names begin.
     pub(crate) files: Option<(PathBuf, String)>,
+    /// Bytes of what people call an item, also where the port's own are bytes.
+    pub(crate) unit: usize,
 }
 
 impl Opened {
@@ -152,8 +154,19 @@ impl Bus {
     }
 
     fn open_channel<T: Packet>(&self, id: ChannelId) -> Result<Opened, ChannelError> {
+        self.open_as(
+            id,
+            PacketType {
+                name: T::NAME,
+                version: T::VERSION,
+                item_bytes: size_of::<T>(),
+            },
+        )
+    }
+
+    fn open_as(&self, id: ChannelId, packet: PacketType<'_>) -> Result<Opened, ChannelError> {
         let config = self.inner.table.channel(id.as_str()?)?;
-        let asked = describe(T::NAME, T::VERSION, size_of::<T>());
+        let asked = describe(packet.name, packet.version, packet.item_bytes);
         if asked != config.describe() {
             return Err(ChannelError::Type {
                 id,
@@ -162,6 +175,32 @@ impl Bus {
             });
         }
         self.open_any(id)
+    }
+
+    /// A port for the bytes of packets whose type is known only when the program runs, as in a library for other languages.
+    ///
+    /// # Errors
+    /// As [`Bus::get_port`].
+    pub fn get_port_of(
+        &self,
+        id: impl AsChannelId,
+        packet: PacketType<'_>,
+        start: Start,
+    ) -> Result<GetPort<u8>, ChannelError> {
+        GetPort::open(self.open_as(id.channel_id()?, packet)?.raw(), start)
+    }
+
+    /// A port to put the bytes of packets whose type is known only when the program runs.
+    ///
+    /// # Errors
+    /// As [`Bus::put_port`].
+    pub fn put_port_of(
+        &self,
+        id: impl AsChannelId,
+        packet: PacketType<'_>,
+        priority: Priority,
+    ) -> Result<PutPort<u8>, ChannelError> {
+        PutPort::open(self.open_as(id.channel_id()?, packet)?.raw(), priority)
     }
 
     /// A port for the bytes of a channel's packets, for tools that show any channel.
@@ -236,6 +275,7 @@ impl Bus {
         Ok(Opened {
             id,
             config: config.clone(),
+            unit: config.item_bytes,
             channel,
             wake_event,
             crowd: self.inner.crowd.clone(),

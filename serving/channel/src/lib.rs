@@ -11,6 +11,7 @@
 #[cfg(feature = "zenoh")]
 mod bridge;
 mod bus;
+mod description;
 mod error;
 mod failed_connections;
 mod get;
@@ -34,6 +35,7 @@ mod transport;
 mod wake_event;
 
 pub use bus::{AsChannelId, Bus, Domain};
+pub use description::{Choice, Described, Description, Field, FieldType, IsField, Layout};
 pub use error::{ChannelError, is_wrong_path};
 pub use get::{GetPort, GetSide, Received, Start, Wait};
 pub use hub::{ChannelState, Hub};
@@ -42,7 +44,7 @@ pub use listing::{ListedChannel, list_channels};
 pub use memory_folder::{
     MEMORY_FOLDER_VARIABLE, free_memory, memory_folder, remove_abandoned_buses, remove_bus,
 };
-pub use packet::{ChannelId, Header, Packet, Priority};
+pub use packet::{ChannelId, Header, Packet, PacketType, Priority};
 pub use percentile::percentile;
 pub use put::{Loan, PutPort, now_ns};
 pub use rate::{PacketRate, measure_rate};

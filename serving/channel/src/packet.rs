@@ -28,6 +28,17 @@ pub trait Packet: AnyBitPattern + NoUninit + Send + Sync {
     const VERSION: u32;
 }
 
+/// What [`Packet`] says of a type, where there is no type: in other languages.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PacketType<'a> {
+    /// Name that both ends know it by.
+    pub name: &'a str,
+    /// Raised whenever layout or meaning changes.
+    pub version: u32,
+    /// Size of one item.
+    pub item_bytes: usize,
+}
+
 macro_rules! plain {
     ($($number:ident)*) => { $(
         impl Packet for $number {

@@ -30,6 +30,8 @@ pub struct PutPort<T> {
     crowd: Arc<WakeEvent>,
     sender: u64,
     priority: Priority,
+    /// Items of this port in one of the channel's.
+    unit: usize,
     next: Mutex<u64>,
     /// Address and blocks of slots that were zeroed, in the process domain.
     zeroed: Mutex<Vec<(usize, usize)>>,
@@ -46,6 +48,7 @@ impl<T: Packet> PutPort<T> {
             wake_event,
             crowd,
             files,
+            unit,
         } = opened;
         const {
             assert!(
@@ -101,6 +104,7 @@ impl<T: Packet> PutPort<T> {
             crowd,
             sender: (number ^ (number >> 64)) as u64,
             priority,
+            unit: unit / size_of::<T>().min(unit),
             next: Mutex::new(0),
             zeroed: Mutex::new(Vec::with_capacity(slots)),
             failed,
@@ -144,8 +148,8 @@ impl<T: Packet> PutPort<T> {
         if items > self.config.items {
             return Err(ChannelError::TooLarge {
                 id: self.id,
-                most: self.config.items,
-                found: items,
+                most: self.config.items / self.unit,
+                found: items.div_ceil(self.unit),
             });
         }
         let failed = |error| match error {

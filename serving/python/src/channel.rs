@@ -7,7 +7,8 @@ use std::time::{Duration, Instant};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 use tactnet_channel::{
-    Domain, GetPort, HubThread, Priority, PutPort, Start, Table, Wait, now_ns, remove_bus,
+    Domain, GetPort, HubThread, PacketType, Priority, PutPort, Start, Table, Wait, now_ns,
+    remove_bus,
 };
 use tactnet_skin::packets::{
     Command, MAX_TAXELS, ModelNames, SkinFrame, SweepCommand, TactileBelief, Text,
@@ -15,12 +16,13 @@ use tactnet_skin::packets::{
 use tactnet_skin::{ServeConfig, material_names};
 
 use crate::error::{TactnetError, raised};
+use crate::packet_ports::{RawGetPort, RawPutPort, deadline};
 use crate::words::belief_in_words;
 
 /// How long a wait sleeps at most before it looks for Ctrl-C.
-const PATIENCE: Duration = Duration::from_millis(100);
+pub(crate) const PATIENCE: Duration = Duration::from_millis(100);
 
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+pub(crate) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -143,6 +145,47 @@ impl Bus {
         })
     }
 
+    /// Returns a port to put packets of a type into any channel.
+    fn put_port(
+        &self,
+        channel: &str,
+        name: &str,
+        version: u32,
+        item_bytes: usize,
+    ) -> PyResult<RawPutPort> {
+        let packet = packet_type(name, version, item_bytes)?;
+        let port = locked(&self.bus)
+            .put_port_of(channel, packet, Priority::Normal)
+            .map_err(raised)?;
+        Ok(RawPutPort {
+            port: Mutex::new(port),
+            item_bytes,
+        })
+    }
+
+    /// Returns a port to get packets of a type from any channel, the last `history` ones of every sender first.
+    fn get_port(
+        &self,
+        channel: &str,
+        name: &str,
+        version: u32,
+        item_bytes: usize,
+        history: usize,
+    ) -> PyResult<RawGetPort> {
+        let packet = packet_type(name, version, item_bytes)?;
+        let start = if history == 0 {
+            Start::Now
+        } else {
+            Start::History(history)
+        };
+        let port = locked(&self.bus)
+            .get_port_of(channel, packet, start)
+            .map_err(raised)?;
+        Ok(RawGetPort {
+            port: Mutex::new(port),
+        })
+    }
+
     /// Returns a port to get beliefs.
     fn beliefs(&self) -> PyResult<BeliefPort> {
         let bus = locked(&self.bus);
@@ -160,6 +203,17 @@ impl Bus {
             }),
         })
     }
+}
+
+fn packet_type(name: &str, version: u32, item_bytes: usize) -> PyResult<PacketType<'_>> {
+    if item_bytes == 0 {
+        return Err(TactnetError::new_err("packet: its items have no bytes"));
+    }
+    Ok(PacketType {
+        name,
+        version,
+        item_bytes,
+    })
 }
 
 impl Bus {
@@ -281,11 +335,7 @@ impl BeliefPort {
     /// Waits for the next belief; returns it as a JSON document, or None after `timeout` seconds.
     #[pyo3(signature = (timeout=None))]
     fn get_json(&self, py: Python<'_>, timeout: Option<f64>) -> PyResult<Option<String>> {
-        let deadline = match timeout.map(Duration::try_from_secs_f64) {
-            None => None,
-            Some(Ok(timeout)) => Instant::now().checked_add(timeout),
-            Some(Err(_)) => return Err(TactnetError::new_err("timeout: expected seconds from 0")),
-        };
+        let deadline = deadline(timeout)?;
         loop {
             let left = deadline.map_or(PATIENCE, |end| {
                 end.saturating_duration_since(Instant::now())

@@ -8,6 +8,7 @@ mod classifier;
 mod dataset;
 mod error;
 mod online;
+mod packet_ports;
 mod recording;
 mod words;
 
@@ -45,6 +46,8 @@ fn _tactnet(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<channel::SkinPort>()?;
     module.add_class::<channel::CommandPort>()?;
     module.add_class::<channel::BeliefPort>()?;
+    module.add_class::<packet_ports::RawPutPort>()?;
+    module.add_class::<packet_ports::RawGetPort>()?;
     module.add_class::<recording::Recording>()?;
     Ok(())
 }

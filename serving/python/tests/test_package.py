@@ -129,6 +129,15 @@ def test_the_checks_of_scikit_learn_pass():
     assert quickstart.check(quickstart.Flat())["passed"] > 50
 
 
+def test_predictions_are_a_table_of_pandas(data, network):
+    pytest.importorskip("pandas")
+    own, _, _, test = data
+    table = network.predict_table(own.X[test[:5]])
+    assert table.material.tolist() == network.predict(own.X[test[:5]]).tolist()
+    assert table.columns[2:].tolist() == [f"p({name})" for name in network.classes_]
+    assert np.allclose(table.iloc[:, 2:].sum(axis=1), 1.0) and (table.probability == table.iloc[:, 2:].max(axis=1)).all()
+
+
 def test_aeon_takes_channels_first(data):
     from tactnet.aeon import TactnetAeonClassifier
 

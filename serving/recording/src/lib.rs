@@ -18,7 +18,7 @@ pub mod view;
 pub use error::RecordingError;
 pub use kept_run::{files_of_run, unpack_run};
 pub use listener::{Heard, Listener};
-pub use messages::{DESCRIPTION, Recordable, proto};
+pub use messages::{DESCRIPTION, Recordable};
 pub use recorder::{About, Counts, Recorder};
 pub use recording::{Entry, RecordedPacket, Recording};
 pub use replay::{FrameLosses, Played, ReplayReport, SweepBeliefs, play};

@@ -119,7 +119,7 @@ impl Recorder {
             .channels()
             .iter()
             .map(|(id, message)| {
-                let schema = writer.add_schema(message, "protobuf", DESCRIPTION)?;
+                let schema = writer.add_schema(message, "protobuf", &DESCRIPTION)?;
                 let channel = writer.add_channel(schema, id, "protobuf", &BTreeMap::new())?;
                 Ok((channel, 0))
             })

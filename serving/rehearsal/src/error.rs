@@ -31,9 +31,13 @@ pub enum RehearsalError {
     },
     /// A material of which too few sweeps may be played.
     #[error(
-        "a material has fewer than {in_a_row} sweeps that may be played; `--sweeps-per-object` sets how many an object has"
+        "`{material}` has {found} sweeps that may be played, an object {in_a_row}; `--sweeps-per-object` sets how many an object has"
     )]
     TooFewSweeps {
+        /// The material.
+        material: String,
+        /// Its sweeps.
+        found: usize,
         /// Sweeps of each material in a row.
         in_a_row: usize,
     },
@@ -126,7 +130,11 @@ mod tests {
     #[test]
     fn wrong_calls_are_usage_and_children_that_end_are_not() {
         let usage = [
-            RehearsalError::TooFewSweeps { in_a_row: 1 },
+            RehearsalError::TooFewSweeps {
+                material: "cork".into(),
+                found: 0,
+                in_a_row: 1,
+            },
             RehearsalError::NoFifo {
                 reason: "not permitted".into(),
             },

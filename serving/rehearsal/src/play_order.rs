@@ -45,9 +45,17 @@ pub fn play_order(
         sweeps.shuffle(&mut seed.rng(("simulated sweeps", *label)));
     }
     let in_a_row = in_a_row.max(1);
-    let rounds = sweeps.iter().map(Vec::len).min().unwrap_or(0) / in_a_row;
+    let fewest = sweeps.iter().zip(&labels).min_by_key(|(own, _)| own.len());
+    let (found, material) = fewest.map_or((0, String::new()), |(own, label)| {
+        (own.len(), names[*label].to_string())
+    });
+    let rounds = found / in_a_row;
     if rounds == 0 {
-        return Err(RehearsalError::TooFewSweeps { in_a_row });
+        return Err(RehearsalError::TooFewSweeps {
+            material,
+            found,
+            in_a_row,
+        });
     }
     let mut order = Vec::with_capacity(rounds * in_a_row * labels.len());
     for round in 0..rounds {
@@ -94,7 +102,10 @@ mod tests {
         let error = play_order(&twin, &all, &[], 5, Seed(1)).unwrap_err();
         assert_eq!(
             error.to_string(),
-            "a material has fewer than 5 sweeps that may be played; `--sweeps-per-object` sets how many an object has"
+            format!(
+                "`{}` has 4 sweeps that may be played, an object 5; `--sweeps-per-object` sets how many an object has",
+                names[0]
+            )
         );
         let unknown = play_order(&twin, &all, &["kryptonite".into()], 1, Seed(1)).unwrap_err();
         assert!(

@@ -8,10 +8,11 @@
 //! | `tactile/status` | [`TactileStatus`] | the classifier | on events, and ten times a second |
 //! | `tactile/model` | [`ModelNames`] | the classifier | when a model begins to serve; kept for late joiners |
 //!
-//! Offsets stand beside every field, in bytes; a test compares them with the compiler's.
+//! They are described here and nowhere else: `docs/packets.md` (with offsets), the headers of C and C++, `tactnet.packets` of Python and the
+//! messages of recordings are generated from [`DESCRIPTION`].
 
 use bytemuck::{Pod, Zeroable};
-use tactnet_channel::Packet;
+use tactnet_channel::{Described, Description, FieldType, IsField, choices, packets};
 
 /// Most taxels of a frame.
 pub const MAX_TAXELS: usize = 1024;
@@ -35,6 +36,10 @@ pub struct Text<const BYTES: usize>([u8; BYTES]);
 unsafe impl<const BYTES: usize> Zeroable for Text<BYTES> {}
 // SAFETY: as above; no padding, any bits.
 unsafe impl<const BYTES: usize> Pod for Text<BYTES> {}
+
+impl<const BYTES: usize> IsField for Text<BYTES> {
+    const TYPE: FieldType = FieldType::Text(BYTES);
+}
 
 impl<const BYTES: usize> Text<BYTES> {
     /// As much of `text` as there is room for.
@@ -67,20 +72,262 @@ impl<const BYTES: usize> std::fmt::Debug for Text<BYTES> {
     }
 }
 
-/// One frame of a finger's skin, 4120 bytes.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub struct SkinFrame {
-    /// 0: number of the frame since the sensor started; a gap is a lost frame.
-    pub sequence: u64,
-    /// 8: time of the measurement by the sensor's clock, nanoseconds.
-    pub sensor_time_ns: u64,
-    /// 16: number of taxels that are valid.
-    pub taxels: u32,
-    /// 20: zero.
-    pub reserved: u32,
-    /// 24: digits, row by row; the rest is zero.
-    pub digits: [f32; MAX_TAXELS],
+// A packet's version goes up with its layout; a number of `recorded` is never used for another field.
+packets! {
+    /// One frame of a finger's skin.
+    #[version(2)]
+    pub struct SkinFrame {
+        /// Number of the frame since the sensor started; a gap is a lost frame.
+        #[recorded(1)]
+        pub sequence: u64,
+        /// Time of the measurement by the sensor's clock, nanoseconds.
+        #[recorded(2)]
+        pub sensor_time_ns: u64,
+        /// Number of taxels that are valid.
+        pub taxels: u32,
+        /// Zero.
+        pub reserved: u32,
+        /// Digits, row by row; the rest is zero.
+        #[recorded(3, taxels)]
+        pub digits: [f32; MAX_TAXELS],
+    }
+
+    /// A wish of the motion controller or a person.
+    #[version(1)]
+    pub struct SweepCommand {
+        /// See [`Command`].
+        #[recorded(1)]
+        pub kind: u32,
+        /// Number of the finger, from 0, in the order of the service's table.
+        #[recorded(2)]
+        pub finger: u32,
+        /// Number of the motion; comes back with beliefs.
+        #[recorded(3)]
+        pub motion: u64,
+        /// For [`Command::Enroll`]: number of sweeps to take, the newest that were complete.
+        #[recorded(4)]
+        pub sweeps: u32,
+        /// Zero.
+        pub reserved: u32,
+        /// For [`Command::Enroll`]: name of the new material; for [`Command::Start`]: what is swept over, where that is known (it is recorded,
+        /// the classifier does not look).
+        #[recorded(5)]
+        pub material: Text<56>,
+    }
+
+    /// A belief about the material.
+    #[version(2)]
+    pub struct TactileBelief {
+        /// Number of the sweep since the service started, from 1.
+        #[recorded(1)]
+        pub sweep: u64,
+        /// Number of the motion, as commanded; 0 if nobody commanded.
+        #[recorded(2)]
+        pub motion: u64,
+        /// Version of the model.
+        #[recorded(3)]
+        pub model_version: u64,
+        /// Sequence of the newest frame that was used.
+        #[recorded(4)]
+        pub last_frame: u64,
+        /// From that frame's put to this packet's, nanoseconds.
+        #[recorded(5)]
+        pub latency_ns: u64,
+        /// See [`Stage`].
+        #[recorded(6)]
+        pub stage: u32,
+        /// Number of the finger.
+        #[recorded(7)]
+        pub finger: u32,
+        /// Frames of the window that were used.
+        #[recorded(8)]
+        pub frames: u32,
+        /// How many of them were interpolated.
+        #[recorded(9)]
+        pub filled_in: u32,
+        /// Number of materials that are valid.
+        pub materials: u32,
+        /// Most probable material of this sweep.
+        #[recorded(10)]
+        pub label: u32,
+        /// See [`Verdict`].
+        #[recorded(11)]
+        pub verdict: u32,
+        /// Entropy of `posterior`, nats.
+        #[recorded(12)]
+        pub entropy: f32,
+        /// How strange the sweep is; meaningless without a verdict.
+        #[recorded(13)]
+        pub strangeness: f32,
+        /// What it was compared with.
+        #[recorded(14)]
+        pub threshold: f32,
+        /// Number of sweeps in `fused`; 0: it is flat.
+        #[recorded(15)]
+        pub fused_sweeps: u32,
+        /// Most probable material of the fused sweeps.
+        #[recorded(16)]
+        pub fused_label: u32,
+        /// Entropy of `fused`, nats.
+        #[recorded(17)]
+        pub fused_entropy: f32,
+        /// Whether the object is known, given the mean strangeness of its whole sweeps; see [`Verdict`].
+        #[recorded(20)]
+        pub fused_verdict: u32,
+        /// Probabilities given this sweep alone; the rest is zero.
+        #[recorded(18, materials)]
+        pub posterior: [f32; MAX_MATERIALS],
+        /// Probabilities given all fused sweeps; the rest is zero.
+        #[recorded(19, materials)]
+        pub fused: [f32; MAX_MATERIALS],
+        /// Zero.
+        pub reserved_end: [u64; 3],
+    }
+
+    /// Counters of the service.
+    #[derive(Default, PartialEq, Eq)]
+    pub struct Counters {
+        /// Frames that came.
+        #[recorded(7)]
+        pub frames: u64,
+        /// Frames that were put and never came.
+        #[recorded(8)]
+        pub dropped_frames: u64,
+        /// Beliefs that were put.
+        #[recorded(9)]
+        pub beliefs: u64,
+        /// Whole sweeps classified.
+        #[recorded(10)]
+        pub sweeps: u64,
+        /// Sweeps that were rejected.
+        #[recorded(11)]
+        pub rejected: u64,
+        /// Whole sweeps of unknown materials.
+        #[recorded(12)]
+        pub unknown: u64,
+        /// Predictions that took longer than promised.
+        #[recorded(13)]
+        pub deadline_misses: u64,
+        /// Longest time from a frame's put until the service had dealt with it, nanoseconds.
+        #[recorded(14)]
+        pub worst_delay_ns: u64,
+        /// Allocations of the thread that follows frames, while it followed them.
+        #[recorded(15)]
+        pub allocations: u64,
+    }
+
+    /// Events and counters of the service.
+    #[version(1)]
+    pub struct TactileStatus {
+        /// See [`Event`].
+        #[recorded(1)]
+        pub event: u32,
+        /// Number of the finger.
+        #[recorded(2)]
+        pub finger: u32,
+        /// Number of the sweep.
+        #[recorded(3)]
+        pub sweep: u64,
+        /// Number of the motion.
+        #[recorded(4)]
+        pub motion: u64,
+        /// Version of the model that serves.
+        #[recorded(5)]
+        pub model_version: u64,
+        /// Since the service started.
+        pub counters: Counters,
+        /// For people, one line.
+        #[recorded(6)]
+        pub text: Text<192>,
+    }
+
+    /// The materials of the model that serves.
+    #[version(1)]
+    pub struct ModelNames {
+        /// Version of the model.
+        #[recorded(1)]
+        pub version: u64,
+        /// Frames per second.
+        #[recorded(2)]
+        pub sample_rate_hz: f64,
+        /// Frames of a window.
+        #[recorded(3)]
+        pub steps: u32,
+        /// Rows of taxels.
+        #[recorded(4)]
+        pub rows: u32,
+        /// Columns of taxels.
+        #[recorded(5)]
+        pub cols: u32,
+        /// Monte Carlo dropout masks.
+        #[recorded(6)]
+        pub mc_samples: u32,
+        /// Number of materials that are valid.
+        pub materials: u32,
+        /// Zero.
+        pub reserved: u32,
+        /// Their names.
+        #[recorded(7, materials)]
+        pub names: [Text<64>; MAX_MATERIALS],
+    }
+}
+
+choices! {
+    /// The request of a [`SweepCommand`].
+    pub enum Command {
+        /// The finger begins to move; the next frame is the first of the sweep.
+        Start = 1,
+        /// The finger has stopped.
+        Stop = 2,
+        /// The next sweep is of another object: forget what was fused.
+        Reset = 3,
+        /// Learn a new material from the newest sweeps.
+        Enroll = 4,
+    }
+
+    /// How far a prediction is.
+    pub enum Stage {
+        /// Of a sweep that is going on.
+        Anytime = 1,
+        /// Of a whole sweep, without dropout.
+        Plain = 2,
+        /// Of a whole sweep, by Monte Carlo dropout; this is the one that is fused, where the service has masks.
+        Dropout = 3,
+    }
+
+    /// Known material or not.
+    pub enum Verdict {
+        /// The classifier cannot tell, or not yet.
+        NotTold = 0,
+        /// It is one of the materials.
+        Known = 1,
+        /// It is none of them.
+        Unknown = 2,
+    }
+
+    /// An event of the service.
+    pub enum Event {
+        /// Nothing; counters only.
+        Alive = 0,
+        /// A sweep began.
+        Begun = 1,
+        /// A sweep was classified.
+        Classified = 2,
+        /// A sweep cannot be used; the text says why.
+        Rejected = 3,
+        /// The fused sweeps were forgotten.
+        Reset = 4,
+        /// A command cannot be followed; the text says why.
+        Refused = 5,
+        /// Another model serves from now on.
+        Swapped = 6,
+        /// A new model cannot serve; the text says why.
+        ModelRejected = 7,
+        /// A new material was learnt; the text names it.
+        Enrolled = 8,
+        /// A component cannot be reached; the text says why.
+        Unreachable = 9,
+    }
 }
 
 impl SkinFrame {
@@ -90,280 +337,44 @@ impl SkinFrame {
     }
 }
 
-/// A wish of the motion controller or a person, 80 bytes.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub struct SweepCommand {
-    /// 0: see [`Command`].
-    pub kind: u32,
-    /// 4: number of the finger, from 0, in the order of the service's table.
-    pub finger: u32,
-    /// 8: number of the motion; comes back with beliefs.
-    pub motion: u64,
-    /// 16: for [`Command::Enroll`]: number of sweeps to take, the newest that were complete.
-    pub sweeps: u32,
-    /// 20: zero.
-    pub reserved: u32,
-    /// 24: for [`Command::Enroll`]: name of the new material; for [`Command::Start`]: what is swept over, where that is known (it is recorded,
-    /// the classifier does not look).
-    pub material: Text<56>,
-}
-
-/// The request of a [`SweepCommand`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u32)]
-pub enum Command {
-    /// The finger begins to move; the next frame is the first of the sweep.
-    Start = 1,
-    /// The finger has stopped.
-    Stop = 2,
-    /// The next sweep is of another object: forget what was fused.
-    Reset = 3,
-    /// Learn a new material from the newest sweeps.
-    Enroll = 4,
-}
-
 impl SweepCommand {
     /// Returns the request; `None` for a number that is no command.
     pub fn command(&self) -> Option<Command> {
-        [
-            Command::Start,
-            Command::Stop,
-            Command::Reset,
-            Command::Enroll,
-        ]
-        .into_iter()
-        .find(|command| *command as u32 == self.kind)
+        Command::of(self.kind)
     }
 }
 
-/// A belief about the material, 632 bytes.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub struct TactileBelief {
-    /// 0: number of the sweep since the service started, from 1.
-    pub sweep: u64,
-    /// 8: number of the motion, as commanded; 0 if nobody commanded.
-    pub motion: u64,
-    /// 16: version of the model.
-    pub model_version: u64,
-    /// 24: sequence of the newest frame that was used.
-    pub last_frame: u64,
-    /// 32: from that frame's put to this packet's, nanoseconds.
-    pub latency_ns: u64,
-    /// 40: see [`Stage`].
-    pub stage: u32,
-    /// 44: number of the finger.
-    pub finger: u32,
-    /// 48: frames of the window that were used.
-    pub frames: u32,
-    /// 52: how many of them were interpolated.
-    pub filled_in: u32,
-    /// 56: number of materials that are valid.
-    pub materials: u32,
-    /// 60: most probable material of this sweep.
-    pub label: u32,
-    /// 64: see [`Verdict`].
-    pub verdict: u32,
-    /// 68: entropy of `posterior`, nats.
-    pub entropy: f32,
-    /// 72: how strange the sweep is; meaningless without a verdict.
-    pub strangeness: f32,
-    /// 76: what it was compared with.
-    pub threshold: f32,
-    /// 80: number of sweeps in `fused`; 0: it is flat.
-    pub fused_sweeps: u32,
-    /// 84: most probable material of the fused sweeps.
-    pub fused_label: u32,
-    /// 88: entropy of `fused`, nats.
-    pub fused_entropy: f32,
-    /// 92: whether the object is known, given the mean strangeness of its whole sweeps; see [`Verdict`].
-    pub fused_verdict: u32,
-    /// 96: probabilities given this sweep alone; the rest is zero.
-    pub posterior: [f32; MAX_MATERIALS],
-    /// 352: probabilities given all fused sweeps; the rest is zero.
-    pub fused: [f32; MAX_MATERIALS],
-    /// 608: zero.
-    pub reserved_end: [u64; 3],
-}
-
-/// How far a prediction is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u32)]
-pub enum Stage {
-    /// Of a sweep that is going on.
-    Anytime = 1,
-    /// Of a whole sweep, without dropout.
-    Plain = 2,
-    /// Of a whole sweep, by Monte Carlo dropout; this is the one that is fused, where the service has masks.
-    Dropout = 3,
-}
-
-/// Known material or not.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u32)]
-pub enum Verdict {
-    /// The classifier cannot tell, or not yet.
-    NotTold = 0,
-    /// It is one of the materials.
-    Known = 1,
-    /// It is none of them.
-    Unknown = 2,
-}
-
-/// Events and counters of the service, 296 bytes.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub struct TactileStatus {
-    /// 0: see [`Event`].
-    pub event: u32,
-    /// 4: number of the finger.
-    pub finger: u32,
-    /// 8: number of the sweep.
-    pub sweep: u64,
-    /// 16: number of the motion.
-    pub motion: u64,
-    /// 24: version of the model that serves.
-    pub model_version: u64,
-    /// 32: since the service started.
-    pub counters: Counters,
-    /// 104: for people, one line.
-    pub text: Text<192>,
-}
-
-/// Counters of the service, 72 bytes.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
-pub struct Counters {
-    /// 0: frames that came.
-    pub frames: u64,
-    /// 8: frames that were put and never came.
-    pub dropped_frames: u64,
-    /// 16: beliefs that were put.
-    pub beliefs: u64,
-    /// 24: whole sweeps classified.
-    pub sweeps: u64,
-    /// 32: sweeps that were rejected.
-    pub rejected: u64,
-    /// 40: whole sweeps of unknown materials.
-    pub unknown: u64,
-    /// 48: predictions that took longer than promised.
-    pub deadline_misses: u64,
-    /// 56: longest time from a frame's put until the service had dealt with it, nanoseconds.
-    pub worst_delay_ns: u64,
-    /// 64: allocations of the thread that follows frames, while it followed them.
-    pub allocations: u64,
-}
-
-/// An event of the service.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u32)]
-pub enum Event {
-    /// Nothing; counters only.
-    Alive = 0,
-    /// A sweep began.
-    Begun = 1,
-    /// A sweep was classified.
-    Classified = 2,
-    /// A sweep cannot be used; the text says why.
-    Rejected = 3,
-    /// The fused sweeps were forgotten.
-    Reset = 4,
-    /// A command cannot be followed; the text says why.
-    Refused = 5,
-    /// Another model serves from now on.
-    Swapped = 6,
-    /// A new model cannot serve; the text says why.
-    ModelRejected = 7,
-    /// A new material was learnt; the text names it.
-    Enrolled = 8,
-    /// A component cannot be reached; the text says why.
-    Unreachable = 9,
-}
-
-/// The materials of the model that serves, 4136 bytes.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub struct ModelNames {
-    /// 0: version of the model.
-    pub version: u64,
-    /// 8: frames per second.
-    pub sample_rate_hz: f64,
-    /// 16: frames of a window.
-    pub steps: u32,
-    /// 20: rows of taxels.
-    pub rows: u32,
-    /// 24: columns of taxels.
-    pub cols: u32,
-    /// 28: Monte Carlo dropout masks.
-    pub mc_samples: u32,
-    /// 32: number of materials that are valid.
-    pub materials: u32,
-    /// 36: zero.
-    pub reserved: u32,
-    /// 40: their names.
-    pub names: [Text<64>; MAX_MATERIALS],
-}
-
-macro_rules! packets {
-    ($($packet:ident $version:literal,)*) => { $(
-        impl Packet for $packet {
-            const NAME: &'static str = stringify!($packet);
-            const VERSION: u32 = $version;
-        }
-    )* };
-}
-// A packet's version goes up with its layout.
-packets!(SkinFrame 2, SweepCommand 1, TactileBelief 2, TactileStatus 1, ModelNames 1,);
+/// The packets for other languages.
+pub const DESCRIPTION: Description = Description {
+    project: "tactnet",
+    source: "serving/skin/src/packets.rs",
+    constants: &[
+        ("MAX_TAXELS", "Most taxels of a frame.", MAX_TAXELS),
+        (
+            "MAX_MATERIALS",
+            "Most materials of a classifier that serves.",
+            MAX_MATERIALS,
+        ),
+    ],
+    choices: &[
+        Command::CHOICE,
+        Stage::CHOICE,
+        Verdict::CHOICE,
+        Event::CHOICE,
+    ],
+    packets: &[
+        SkinFrame::LAYOUT,
+        SweepCommand::LAYOUT,
+        TactileBelief::LAYOUT,
+        Counters::LAYOUT,
+        TactileStatus::LAYOUT,
+        ModelNames::LAYOUT,
+    ],
+};
 
 #[cfg(test)]
 mod tests {
-    use std::mem::offset_of;
-
     use super::*;
-
-    #[test]
-    fn packets_lie_as_documented() {
-        assert_eq!(size_of::<SkinFrame>(), 24 + 4 * MAX_TAXELS);
-        assert_eq!(size_of::<SweepCommand>(), 80);
-        assert_eq!(size_of::<TactileBelief>(), 632);
-        assert_eq!(size_of::<TactileStatus>(), 296);
-        assert_eq!(size_of::<Counters>(), 72);
-        assert_eq!(size_of::<ModelNames>(), 40 + 64 * 64);
-        let documented = include_str!("packets.rs");
-        // Every `/// N: ...` stands before `pub name:` of the packet that is open.
-        let mut found = Vec::new();
-        let (mut packet, mut offset) = ("", None);
-        for line in documented.lines().map(str::trim) {
-            if let Some(name) = line.strip_prefix("pub struct ") {
-                packet = name.split([' ', '<', '(']).next().unwrap();
-            } else if let Some(text) = line.strip_prefix("/// ") {
-                offset = text
-                    .split_once(": ")
-                    .and_then(|(n, _)| n.parse::<usize>().ok())
-                    .or(offset);
-            } else if let (Some(name), Some(at)) = (line.strip_prefix("pub "), offset) {
-                let name = name.split(':').next().unwrap();
-                found.push((packet, name, at));
-                offset = None;
-            }
-        }
-        macro_rules! offsets {
-            ($($packet:ident { $($field:ident)* })*) => {
-                vec![$($((stringify!($packet), stringify!($field), offset_of!($packet, $field)),)*)*]
-            };
-        }
-        let compiled = offsets! {
-            SkinFrame { sequence sensor_time_ns taxels reserved digits }
-            SweepCommand { kind finger motion sweeps reserved material }
-            TactileBelief { sweep motion model_version last_frame latency_ns stage finger frames filled_in materials label verdict
-                entropy strangeness threshold fused_sweeps fused_label fused_entropy fused_verdict posterior fused reserved_end }
-            TactileStatus { event finger sweep motion model_version counters text }
-            Counters { frames dropped_frames beliefs sweeps rejected unknown deadline_misses worst_delay_ns allocations }
-            ModelNames { version sample_rate_hz steps rows cols mc_samples materials reserved names }
-        };
-        assert_eq!(found, compiled);
-    }
 
     #[test]
     fn text_is_cut_between_characters_and_survives_nonsense() {

@@ -34,6 +34,9 @@ pub struct TrainArgs {
     /// Frames per second, for data that does not say
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
+    /// The axes are in their order although there are more taxels than time steps
+    #[arg(long)]
+    pub axes_are_right: bool,
     /// Only the first N time steps of every sweep
     #[arg(long, value_name = "N")]
     steps: Option<usize>,

@@ -112,6 +112,17 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
         best = np.argmax(self.predict_log_proba(X), axis=1)
         return self.classes_[best]
 
+    def predict_table(self, X: Any) -> Any:
+        """Returns a pandas DataFrame with a row per sweep: ``material``, ``probability``, and a column per material; ``to_parquet``,
+        ``to_csv`` and ``pyarrow.Table.from_pandas`` go on from there."""
+        import pandas
+
+        probabilities = self.predict_proba(X)
+        best = np.argmax(probabilities, axis=1)
+        columns = {"material": self.classes_[best], "probability": probabilities[np.arange(len(best)), best]}
+        columns |= {f"p({name})": probabilities[:, at] for at, name in enumerate(self.classes_)}
+        return pandas.DataFrame(columns)
+
     def save(self, folder: Any) -> None:
         """Saves into a new folder, which the command line opens, too: ``tactnet eval``, ``predict``, ``serve``, ``export``."""
         check_is_fitted(self, "classifier_")

@@ -11,14 +11,18 @@ from __future__ import annotations
 
 import asyncio
 import json
-from typing import Any, AsyncIterator, Iterator
+from collections import deque
+from typing import Any, AsyncIterator, Generic, Iterator, TypeVar
 
 import numpy as np
 
 from . import _tactnet
+from ._packet import Packet
 from ._tactnet import Hub
 
-__all__ = ["BeliefPort", "Bus", "CommandPort", "Hub", "SkinPort"]
+__all__ = ["BeliefPort", "Bus", "CommandPort", "GetPort", "Hub", "PutPort", "SkinPort"]
+
+P = TypeVar("P", bound=Packet)
 
 
 class SkinPort:
@@ -102,6 +106,59 @@ class BeliefPort:
         return self._native.lost
 
 
+class PutPort(Generic[P]):
+    """Puts packets of one type into a channel."""
+
+    def __init__(self, native: _tactnet.RawPutPort, packet: type[P]):
+        self._native, self._packet = native, packet
+
+    def put(self, *packets: P) -> int:
+        """Puts one packet, or several that travel as one; returns how many get-ports have them."""
+        for packet in packets:
+            if not isinstance(packet, self._packet):
+                raise TypeError(f"expected {self._packet.__name__}, found {type(packet).__name__}")
+        return self._native.put(b"".join(packet.to_bytes() for packet in packets))
+
+
+class GetPort(Generic[P]):
+    """Gets packets of one type from a channel; also iterates over them, and asynchronously."""
+
+    def __init__(self, native: _tactnet.RawGetPort, packet: type[P]):
+        self._native, self._packet = native, packet
+        self._waiting: deque[P] = deque()
+
+    def get(self, timeout: float | None = None) -> P | None:
+        """Waits for the next packet; returns None after ``timeout`` seconds."""
+        if not self._waiting:
+            found = self._native.get(timeout)
+            if found is None:
+                return None
+            items, size = found[0], self._packet.DTYPE.itemsize
+            self._waiting.extend(self._packet.from_bytes(items[at : at + size]) for at in range(0, len(items), size))
+        return self._waiting.popleft() if self._waiting else None
+
+    async def get_async(self, timeout: float | None = None) -> P | None:
+        """The same without blocking the event loop: it waits in a thread."""
+        return await asyncio.to_thread(self.get, timeout)
+
+    def __iter__(self) -> Iterator[P]:
+        while True:
+            packet = self.get()
+            if packet is not None:
+                yield packet
+
+    async def __aiter__(self) -> AsyncIterator[P]:
+        while True:
+            packet = await self.get_async(0.1)
+            if packet is not None:
+                yield packet
+
+    @property
+    def lost(self) -> int:
+        """Packets that were lost."""
+        return self._native.lost
+
+
 class Bus:
     """Access to the channels that a hub holds.
 
@@ -123,6 +180,19 @@ class Bus:
     def commands(self) -> CommandPort:
         """Returns a port to put commands."""
         return CommandPort(self._native.commands())
+
+    def put_port(self, channel: str, packet: type[P]) -> PutPort[P]:
+        """Returns a port to put packets of a type of ``tactnet.packets``, or of one's own, into a channel."""
+        native = self._native.put_port(channel, packet.NAME, packet.VERSION, packet.DTYPE.itemsize)
+        return PutPort(native, packet)
+
+    def get_port(self, channel: str, packet: type[P], history: int = 0) -> GetPort[P]:
+        """Returns a port to get packets of a type from a channel.
+
+        history: how many packets of before to get of every sender, where the channel keeps them.
+        """
+        native = self._native.get_port(channel, packet.NAME, packet.VERSION, packet.DTYPE.itemsize, history)
+        return GetPort(native, packet)
 
     def beliefs(self) -> BeliefPort:
         """Returns a port to get beliefs."""

@@ -1,0 +1,238 @@
+// The robot's channels for C++17: channel.h with ports, loans and packets that give themselves back, and failures as exceptions.
+//
+//   tactnet::bus bus("robot.toml");
+//   auto skin = bus.put_port<tactnet_skin_frame>("skin/right", TACTNET_PRIORITY_HIGH);
+//   auto frame = skin.loan();            // in shared memory, without a copy
+//   frame->sequence = 1;
+//   skin.put(std::move(frame));
+//
+// A packet of one's own needs `template <> struct tactnet::packet_traits<mine>` with `name` and `version`. Thread rules are those of channel.h.
+#ifndef TACTNET_CHANNEL_HPP
+#define TACTNET_CHANNEL_HPP
+
+#include <chrono>
+#include <cstddef>
+#include <initializer_list>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "channel.h"
+#include "packets.hpp"
+
+namespace tactnet {
+
+/// A failure of the channels; `what` is its text.
+class error : public std::runtime_error {
+public:
+  explicit error(tactnet_outcome outcome) : std::runtime_error(tactnet_last_error()), outcome_(outcome) {}
+  tactnet_outcome outcome() const noexcept { return outcome_; }
+
+private:
+  tactnet_outcome outcome_;
+};
+
+/// How long to wait.
+using timeout = std::chrono::nanoseconds;
+/// Waits until something comes.
+inline constexpr timeout for_ever{-1};
+
+namespace detail {
+
+inline void check(tactnet_outcome outcome) {
+  if (outcome != TACTNET_OUTCOME_OK) throw error(outcome);
+}
+
+/// Whether something came in time.
+inline bool came(tactnet_outcome outcome) {
+  if (outcome == TACTNET_OUTCOME_TIMEOUT) return false;
+  check(outcome);
+  return true;
+}
+
+template <class T, void (*close)(T *)>
+struct closer {
+  void operator()(T *handle) const noexcept { close(handle); }
+};
+
+template <class T, void (*close)(T *)>
+using handle = std::unique_ptr<T, closer<T, close>>;
+
+template <class T>
+tactnet_packet packet() {
+  static_assert(std::is_trivially_copyable_v<T> && std::is_standard_layout_v<T>, "packets are plain data");
+  static_assert(alignof(T) <= 64, "packets are aligned to 64 bytes at most");
+  return {packet_traits<T>::name, packet_traits<T>::version, sizeof(T)};
+}
+
+} // namespace detail
+
+template <class T>
+class put_port;
+
+/// A packet that is being written in shared memory; it goes back unsent unless it is put.
+template <class T>
+class loan {
+public:
+  loan(loan &&other) noexcept : loaned_(other.loaned_) { other.loaned_.items = nullptr; }
+  loan &operator=(loan &&other) noexcept {
+    if (this != &other) {
+      tactnet_loan_release(&loaned_);
+      loaned_ = other.loaned_;
+      other.loaned_.items = nullptr;
+    }
+    return *this;
+  }
+  ~loan() { tactnet_loan_release(&loaned_); }
+
+  T *begin() noexcept { return static_cast<T *>(loaned_.items); }
+  T *end() noexcept { return begin() + size(); }
+  std::size_t size() const noexcept { return loaned_.count; }
+  T &operator[](std::size_t at) noexcept { return begin()[at]; }
+  T &operator*() noexcept { return *begin(); }
+  T *operator->() noexcept { return begin(); }
+
+private:
+  friend class put_port<T>;
+  explicit loan(const tactnet_put_port *port, std::size_t count) { detail::check(::tactnet_loan(port, count, &loaned_)); }
+  tactnet_loaned loaned_{};
+};
+
+/// A packet where its sender wrote it; keep it for a short while only.
+template <class T>
+class received {
+public:
+  explicit received(const tactnet_received &packet) noexcept : received_(packet) {}
+  received(received &&other) noexcept : received_(other.received_) { other.received_.items = nullptr; }
+  received &operator=(received &&other) noexcept {
+    if (this != &other) {
+      tactnet_received_release(&received_);
+      received_ = other.received_;
+      other.received_.items = nullptr;
+    }
+    return *this;
+  }
+  ~received() { tactnet_received_release(&received_); }
+
+  const T *begin() const noexcept { return static_cast<const T *>(received_.items); }
+  const T *end() const noexcept { return begin() + size(); }
+  std::size_t size() const noexcept { return received_.count; }
+  const T &operator[](std::size_t at) const noexcept { return begin()[at]; }
+  const T &operator*() const noexcept { return *begin(); }
+  const T *operator->() const noexcept { return begin(); }
+  /// Random number of the put-port that sent it.
+  std::uint64_t sender() const noexcept { return received_.sender; }
+  /// Counts that put-port's packets from 0.
+  std::uint64_t sequence() const noexcept { return received_.sequence; }
+  /// When it was put, by the sender's `tactnet_now_ns`.
+  std::uint64_t put_ns() const noexcept { return received_.put_ns; }
+  /// Whether it came from another host.
+  bool remote() const noexcept { return received_.remote != 0; }
+
+private:
+  tactnet_received received_;
+};
+
+/// Puts packets of `T` into one channel.
+template <class T>
+class put_port {
+public:
+  /// A packet of `count` items to be written in place; what it holds a former packet left.
+  tactnet::loan<T> loan(std::size_t count = 1) const { return tactnet::loan<T>(port_.get(), count); }
+  /// Sends a loaned packet.
+  void put(tactnet::loan<T> &&loan) const { detail::check(tactnet_put_loan(port_.get(), &loan.loaned_)); }
+  /// Sends a copy.
+  void put(const T &item) const { put(&item, 1); }
+  void put(const T *items, std::size_t count) const { detail::check(tactnet_put(port_.get(), items, count)); }
+  /// Connects to get-ports that came since the last packet.
+  void connect() const { detail::check(tactnet_put_port_connect(port_.get())); }
+
+private:
+  friend class bus;
+  explicit put_port(tactnet_put_port *port) : port_(port) {}
+  detail::handle<tactnet_put_port, tactnet_put_port_close> port_;
+};
+
+/// Gets packets of `T` from one channel.
+template <class T>
+class get_port {
+public:
+  /// The next packet, waited for until the timeout; nothing after it.
+  std::optional<received<T>> get(timeout patience = for_ever) {
+    tactnet_received packet;
+    if (!detail::came(tactnet_get(port_.get(), patience.count(), &packet))) return std::nullopt;
+    return received<T>(packet);
+  }
+  /// The next packet, where there is one.
+  std::optional<received<T>> try_get() { return get(timeout::zero()); }
+  /// Packets that were put but never got here.
+  std::uint64_t lost() const noexcept { return tactnet_get_port_lost(port_.get()); }
+  const tactnet_get_port *handle() const noexcept { return port_.get(); }
+
+private:
+  friend class bus;
+  explicit get_port(tactnet_get_port *port) : port_(port) {}
+  detail::handle<tactnet_get_port, tactnet_get_port_close> port_;
+};
+
+/// Get-ports that are waited for together.
+class sync_group {
+public:
+  /// The place of a port that has a packet; nothing after the timeout.
+  std::optional<std::size_t> wait(timeout patience = for_ever) {
+    std::size_t port = 0;
+    if (!detail::came(tactnet_sync_group_wait(group_.get(), patience.count(), &port))) return std::nullopt;
+    return port;
+  }
+
+private:
+  friend class bus;
+  explicit sync_group(tactnet_sync_group *group) : group_(group) {}
+  detail::handle<tactnet_sync_group, tactnet_sync_group_close> group_;
+};
+
+/// Access to the channels of a table, which a hub of this host holds.
+class bus {
+public:
+  explicit bus(const std::string &table) {
+    tactnet_bus *opened = nullptr;
+    detail::check(tactnet_bus_open(table.c_str(), &opened));
+    bus_.reset(opened);
+  }
+
+  template <class T>
+  tactnet::put_port<T> put_port(const std::string &channel, tactnet_priority priority = TACTNET_PRIORITY_NORMAL) const {
+    const tactnet_packet packet = detail::packet<T>();
+    tactnet_put_port *opened = nullptr;
+    detail::check(tactnet_put_port_open(bus_.get(), channel.c_str(), &packet, priority, &opened));
+    return tactnet::put_port<T>(opened);
+  }
+
+  /// With the last `history` packets of every sender first, where the channel keeps them.
+  template <class T>
+  tactnet::get_port<T> get_port(const std::string &channel, std::size_t history = 0) const {
+    const tactnet_packet packet = detail::packet<T>();
+    tactnet_get_port *opened = nullptr;
+    detail::check(tactnet_get_port_open(bus_.get(), channel.c_str(), &packet, history, &opened));
+    return tactnet::get_port<T>(opened);
+  }
+
+  template <class... T>
+  tactnet::sync_group sync_group(const tactnet::get_port<T> &...ports) const {
+    const std::vector<const tactnet_get_port *> handles{ports.handle()...};
+    tactnet_sync_group *opened = nullptr;
+    detail::check(tactnet_sync_group_open(bus_.get(), handles.data(), handles.size(), &opened));
+    return tactnet::sync_group(opened);
+  }
+
+private:
+  detail::handle<tactnet_bus, tactnet_bus_close> bus_;
+};
+
+} // namespace tactnet
+
+#endif

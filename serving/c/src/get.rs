@@ -1,0 +1,174 @@
+//! Getting packets.
+
+use std::ffi::{c_char, c_void};
+use std::time::Duration;
+
+use tactnet_channel::{Start, Wait};
+
+use crate::RECEIVED_WORDS;
+use crate::bus::{Bus, Packet};
+use crate::outcome::{Failure, Outcome, close, exclusive, outcome, reference, text};
+
+/// Gets packets from one channel, for one thread at a time.
+pub struct GetPort {
+    pub(crate) port: tactnet_channel::GetPort<u8>,
+    item_bytes: usize,
+}
+
+/// A packet where its sender wrote it. Give it back soon, with `tactnet_received_release`: a port holds only a few.
+#[repr(C)]
+pub struct ReceivedPacket {
+    /// The items, aligned to 64 bytes, not to be written. Null once it was given back.
+    items: *const c_void,
+    /// How many.
+    count: usize,
+    /// Random number of the put-port that sent it.
+    sender: u64,
+    /// Counts the packets of that put-port from 0.
+    sequence: u64,
+    /// When it was put, by the sender's `tactnet_now_ns`.
+    put_ns: u64,
+    /// 1 if it came from another host, whose clock `put_ns` is of.
+    remote: u32,
+    /// Its priority.
+    priority: u32,
+    /// The library's own.
+    opaque: [u64; RECEIVED_WORDS],
+}
+
+type Inner = tactnet_channel::Received<u8>;
+const _: () = assert!(size_of::<Inner>() <= 8 * RECEIVED_WORDS);
+
+/// How to wait; `None` looks once.
+pub(crate) fn wait(timeout_ns: i64) -> Option<Wait> {
+    let timeout = match timeout_ns {
+        0 => return None,
+        // Three centuries.
+        ..0 => Duration::from_nanos(i64::MAX as u64),
+        _ => Duration::from_nanos(timeout_ns as u64),
+    };
+    Some(Wait::Block { timeout })
+}
+
+/// Opens a port to get packets of a channel.
+///
+/// - `channel`: its id, like `tactile/belief`
+/// - `packet`: what it carries
+/// - `history`: how many packets of before to get of every sender, where the channel keeps them; 0: only new ones
+/// - `port`: is set to the port; give it back with `tactnet_get_port_close`
+///
+/// # Safety
+/// The pointers are valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn tactnet_get_port_open(
+    bus: *const Bus,
+    channel: *const c_char,
+    packet: *const Packet,
+    history: usize,
+    port: *mut *mut GetPort,
+) -> Outcome {
+    outcome(|| {
+        // SAFETY: by the caller.
+        let (bus, channel, packet, port) = unsafe {
+            (
+                reference("bus", bus)?,
+                text("channel", channel)?,
+                reference("packet", packet)?.named()?,
+                exclusive("port", port)?,
+            )
+        };
+        *port = std::ptr::null_mut();
+        let start = match history {
+            0 => Start::Now,
+            packets => Start::History(packets),
+        };
+        *port = Box::into_raw(Box::new(GetPort {
+            port: bus.bus.get_port_of(channel, packet, start)?,
+            item_bytes: packet.item_bytes,
+        }));
+        Ok(Outcome::Ok)
+    })
+}
+
+/// Closes a port; packets of it are to be given back before. Null is nothing.
+///
+/// # Safety
+/// `port` is null or was opened, and is not used any more.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn tactnet_get_port_close(port: *mut GetPort) {
+    // SAFETY: by the caller.
+    unsafe { close(port) }
+}
+
+/// Gets the next packet.
+///
+/// - `timeout_ns`: how long to sleep until one comes; 0: look once; below 0: for ever
+///
+/// # Safety
+/// `port` is open and used by this thread alone, `received` can be written and holds no packet.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn tactnet_get(
+    port: *mut GetPort,
+    timeout_ns: i64,
+    received: *mut ReceivedPacket,
+) -> Outcome {
+    outcome(|| {
+        // SAFETY: by the caller.
+        let port = unsafe { reference("port", port) }?;
+        if received.is_null() {
+            return Err(Failure::argument("received is null"));
+        }
+        let found = match wait(timeout_ns) {
+            None => port.port.try_get()?,
+            Some(wait) => port.port.get(wait)?,
+        };
+        // Field by field: what C gave may be uninitialised, and who looks again and again writes nothing but `items`.
+        // SAFETY: by the caller, for all that follow.
+        unsafe { (&raw mut (*received).items).write(std::ptr::null()) };
+        let Some(inner) = found else {
+            return Ok(Outcome::Timeout);
+        };
+        let header = inner.header();
+        unsafe {
+            (&raw mut (*received).items).write(inner.as_ptr().cast());
+            (&raw mut (*received).count).write(inner.len() / port.item_bytes);
+            (&raw mut (*received).sender).write(header.sender);
+            (&raw mut (*received).sequence).write(header.sequence);
+            (&raw mut (*received).put_ns).write(header.put_ns);
+            (&raw mut (*received).remote).write(header.remote.into());
+            (&raw mut (*received).priority).write(header.priority.into());
+            // There is room for it, as asserted above.
+            (&raw mut (*received).opaque)
+                .cast::<Inner>()
+                .write_unaligned(inner);
+        }
+        Ok(Outcome::Ok)
+    })
+}
+
+/// Gives a packet back. One that was given back, null, or all zero is nothing.
+///
+/// # Safety
+/// `received` is null, all zero, or was filled in by `tactnet_get`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn tactnet_received_release(received: *mut ReceivedPacket) {
+    // SAFETY: by the caller.
+    let Some(received) = (unsafe { received.as_mut() }) else {
+        return;
+    };
+    if !received.items.is_null() {
+        received.items = std::ptr::null();
+        // SAFETY: `items` was not null, so that `tactnet_get` wrote a value here that nobody has taken yet.
+        drop(unsafe { received.opaque.as_ptr().cast::<Inner>().read_unaligned() });
+    }
+}
+
+/// Returns how many packets were put but never got here, because the ring was full or the network too slow.
+///
+/// # Safety
+/// `port` is null or open, and used by this thread alone.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn tactnet_get_port_lost(port: *const GetPort) -> u64 {
+    // SAFETY: by the caller.
+    unsafe { port.as_ref() }.map_or(0, |port| port.port.lost())
+}

@@ -1,0 +1,72 @@
+//! The description as Protocol Buffers.
+
+use std::fmt::Write;
+
+use super::{Description, Field, FieldType, Layout, plain, wrapped};
+
+const WIDTH: usize = 110;
+
+/// Type in a message; `None` for one that messages cannot have.
+fn declared(kind: &FieldType) -> Option<String> {
+    Some(match kind {
+        FieldType::U8 | FieldType::U16 | FieldType::U32 => "uint32".into(),
+        FieldType::I8 | FieldType::I16 | FieldType::I32 => "int32".into(),
+        FieldType::U64 => "uint64".into(),
+        FieldType::I64 => "int64".into(),
+        FieldType::F32 => "float".into(),
+        FieldType::F64 => "double".into(),
+        FieldType::Text(_) => "string".into(),
+        FieldType::Packet(_) => return None,
+        FieldType::Array(of, _) => {
+            let of = declared(of)?;
+            return Some(format!("repeated {}", of.trim_start_matches("repeated ")));
+        }
+    })
+}
+
+impl Layout {
+    /// Returns the fields that are recorded, those of parts among them, with their offsets in this packet, by number.
+    pub fn recorded(&self) -> Vec<(u32, usize, Field)> {
+        let mut recorded = Vec::new();
+        for field in self.fields {
+            match (field.number, field.kind) {
+                (Some(number), _) => recorded.push((number, field.offset, *field)),
+                (None, FieldType::Packet(part)) => recorded.extend(
+                    part.recorded()
+                        .into_iter()
+                        .map(|(number, offset, inner)| (number, field.offset + offset, inner)),
+                ),
+                (None, _) => {}
+            }
+        }
+        recorded.sort_by_key(|(number, ..)| *number);
+        recorded
+    }
+}
+
+impl Description {
+    /// Returns the messages of recordings, one a packet.
+    pub fn proto(&self) -> String {
+        let mut text = format!(
+            "// What a recording holds, one message a packet. Generated from {}; do not edit.\nsyntax = \"proto3\";\n\npackage {};\n",
+            self.source, self.project
+        );
+        for layout in self.packets.iter().filter(|layout| layout.is_packet()) {
+            text.push('\n');
+            let comment = |text: &mut String, indent: &str, docs: &[&str]| {
+                for line in wrapped(&plain(docs), WIDTH - indent.len()) {
+                    let _ = writeln!(text, "{indent}// {line}");
+                }
+            };
+            comment(&mut text, "", layout.docs);
+            let _ = writeln!(text, "message {} {{", layout.name);
+            for (number, _, field) in layout.recorded() {
+                comment(&mut text, "  ", field.docs);
+                let kind = declared(&field.kind).expect("a number, text or several of them");
+                let _ = writeln!(text, "  {kind} {} = {number};", field.name);
+            }
+            text.push_str("}\n");
+        }
+        text
+    }
+}

@@ -1,0 +1,104 @@
+"""What all packets of ``tactnet.packets`` can do."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any, ClassVar, TypeVar
+
+import numpy as np
+
+T = TypeVar("T", bound="Packet")
+
+
+class Packet:
+    """Plain data of a channel: a dataclass whose bytes are those of Rust and C.
+
+    Arrays of which a field says how many values are valid hold the valid ones alone, and that field follows from them when packed.
+    """
+
+    NAME: ClassVar[str]
+    VERSION: ClassVar[int]
+    DTYPE: ClassVar[np.dtype]
+    COUNTED_BY: ClassVar[dict[str, str]]
+
+    def to_bytes(self) -> bytes:
+        """Returns the packet as the channels carry it; raises ``ValueError`` for what it cannot hold."""
+        record = np.zeros((), self.DTYPE)
+        self._write(record)
+        return record.tobytes()
+
+    def _write(self, record: np.ndarray) -> None:
+        counts: dict[str, int] = {}
+        for field in fields(self):  # type: ignore[arg-type]
+            name, value = field.name, getattr(self, field.name)
+            kind = self.DTYPE[name]
+            if isinstance(value, Packet):
+                value._write(record[name])
+            elif kind.shape:
+                values = [_packed(text, kind.base) for text in value] if kind.base.kind == "S" else np.asarray(value)
+                found, most = len(values), kind.shape[0]
+                if found > most:
+                    raise ValueError(f"{type(self).__name__}.{name}: expected at most {most} values, found {found}")
+                if found:
+                    record[name][:found] = values
+                count = self.COUNTED_BY.get(name)
+                if count:
+                    counts.setdefault(count, found)
+            elif kind.kind == "S":
+                record[name] = _packed(value, kind)
+            elif kind.kind in "iu":
+                limits = np.iinfo(kind)
+                if not limits.min <= int(value) <= limits.max:
+                    raise ValueError(f"{type(self).__name__}.{name}: expected {limits.min} to {limits.max}, found {value}")
+                record[name] = int(value)
+            else:
+                record[name] = value
+        for name, count in counts.items():
+            record[name] = count
+
+    @classmethod
+    def from_bytes(cls: type[T], data: Any) -> T:
+        """Returns the packet of bytes; raises ``ValueError`` where there are too few or too many."""
+        data = memoryview(data).cast("B")
+        if data.nbytes != cls.DTYPE.itemsize:
+            raise ValueError(f"{cls.__name__}: expected {cls.DTYPE.itemsize} bytes, found {data.nbytes}")
+        return cls._read(np.frombuffer(data, cls.DTYPE)[0])
+
+    @classmethod
+    def _read(cls: type[T], record: Any) -> T:
+        values: dict[str, Any] = {}
+        for field in fields(cls):  # type: ignore[arg-type]
+            name = field.name
+            kind, value = cls.DTYPE[name], record[name]
+            if kind.shape:
+                count = cls.COUNTED_BY.get(name)
+                value = value[: int(record[count])] if count else value
+                values[name] = [_text(text) for text in value] if kind.base.kind == "S" else value.copy()
+            elif kind.kind == "S":
+                values[name] = _text(value)
+            elif kind.kind == "V":
+                values[name] = _part(cls, name)._read(value)
+            else:
+                values[name] = value.item()
+        return cls(**values)
+
+
+def _packed(text: str, kind: np.dtype) -> bytes:
+    data = text.encode()
+    if len(data) > kind.itemsize:
+        raise ValueError(f"expected a text of at most {kind.itemsize} bytes, found {len(data)}: {text[:20]}…")
+    return data
+
+
+def _text(data: bytes) -> str:
+    try:
+        return bytes(data).split(b"\0", 1)[0].decode()
+    except UnicodeDecodeError:
+        return ""
+
+
+def _part(of: type, name: str) -> type[Packet]:
+    for field in fields(of):
+        if field.name == name:
+            return field.default_factory  # type: ignore[return-value]
+    raise KeyError(name)

@@ -1,0 +1,94 @@
+//! The messages' own description, as MCAP files hold it.
+
+use std::sync::LazyLock;
+
+use prost::Message;
+use prost_types::field_descriptor_proto::{Label, Type};
+use prost_types::{DescriptorProto, FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet};
+use tactnet_channel::{FieldType, Layout};
+use tactnet_skin::packets;
+
+/// A `FileDescriptorSet` of all messages, as MCAP schemas of encoding `protobuf` hold it.
+pub static DESCRIPTION: LazyLock<Vec<u8>> = LazyLock::new(|| {
+    let described = packets::DESCRIPTION;
+    let file = FileDescriptorProto {
+        name: Some(format!("{}.proto", described.project)),
+        package: Some(described.project.into()),
+        message_type: described
+            .packets
+            .iter()
+            .filter(|layout| layout.is_packet())
+            .map(message)
+            .collect(),
+        syntax: Some("proto3".into()),
+        ..FileDescriptorProto::default()
+    };
+    FileDescriptorSet { file: vec![file] }.encode_to_vec()
+});
+
+fn message(layout: &Layout) -> DescriptorProto {
+    let fields = layout
+        .recorded()
+        .into_iter()
+        .map(|(number, _, field)| {
+            let (mut kind, mut label) = (field.kind, Label::Optional);
+            while let FieldType::Array(of, _) = kind {
+                (kind, label) = (*of, Label::Repeated);
+            }
+            FieldDescriptorProto {
+                name: Some(field.name.into()),
+                number: Some(number as i32),
+                label: Some(label.into()),
+                r#type: Some(wire_type(kind).into()),
+                json_name: Some(camel(field.name)),
+                ..FieldDescriptorProto::default()
+            }
+        })
+        .collect();
+    DescriptorProto {
+        name: Some(layout.name.into()),
+        field: fields,
+        ..DescriptorProto::default()
+    }
+}
+
+fn wire_type(kind: FieldType) -> Type {
+    match kind {
+        FieldType::U8 | FieldType::U16 | FieldType::U32 => Type::Uint32,
+        FieldType::I8 | FieldType::I16 | FieldType::I32 => Type::Int32,
+        FieldType::U64 => Type::Uint64,
+        FieldType::I64 => Type::Int64,
+        FieldType::F32 => Type::Float,
+        FieldType::F64 => Type::Double,
+        FieldType::Text(_) => Type::String,
+        FieldType::Array(..) | FieldType::Packet(_) => {
+            unreachable!("only numbers and texts, or several, are recorded")
+        }
+    }
+}
+
+/// `sensor_time_ns` as `sensorTimeNs`, as JSON names it.
+fn camel(name: &str) -> String {
+    let mut words = name.split('_');
+    let first = words.next().unwrap_or_default().to_string();
+    words.fold(first, |mut camel, word| {
+        camel.extend(word.get(..1).map(str::to_ascii_uppercase));
+        camel.push_str(word.get(1..).unwrap_or_default());
+        camel
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// As a compiler of Protocol Buffers reads the committed file.
+    #[test]
+    fn the_description_is_that_of_the_committed_file() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/proto");
+        let mut compiled = protox::compile(["tactnet.proto"], [folder]).unwrap();
+        compiled.file[0].source_code_info = None;
+        let ours = FileDescriptorSet::decode(DESCRIPTION.as_slice()).unwrap();
+        assert_eq!(ours, compiled);
+    }
+}
