@@ -193,7 +193,7 @@ mod tests {
     #[test]
     fn a_text_that_begins_with_zero_is_empty() {
         let command = SweepCommand::from_message(&[0x2a, 3, 0, 0xc3, 0xbc]).unwrap();
-        assert_eq!(command.to_message(), []);
+        assert!(command.to_message().is_empty());
         let names = ModelNames::from_message(&[0x3a, 2, 0, b'x', 0x3a, 1, b'y']).unwrap();
         assert_eq!(names.to_message(), [0x3a, 0, 0x3a, 1, b'y']);
     }
