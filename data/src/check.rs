@@ -15,6 +15,7 @@
 //! | [`NumberedMaterials`](FindingKind::NumberedMaterials) | note | every material's name is a bare number |
 //! | [`AxisOrder`](FindingKind::AxisOrder) | warning | more than 32 taxels side by side, and more than time steps |
 //! | [`ShortSweeps`](FindingKind::ShortSweeps) | warning | sweeps under 50 ms |
+//! | [`LongSweeps`](FindingKind::LongSweeps) | warning | sweeps over ten minutes |
 //! | [`ClockTaxel`](FindingKind::ClockTaxel) | warning | the same rising line in all sweeps |
 //! | [`SingleMaterial`](FindingKind::SingleMaterial) | warning | nothing to tell apart |
 //! | [`AlikeNames`](FindingKind::AlikeNames) | warning | names that differ in nothing but case or blanks |
@@ -40,6 +41,8 @@ const SIGNED_SHARE: f64 = 0.1;
 
 /// Sweeps of fewer seconds are short: a finger that slides at 50 mm/s has moved 2.5 mm.
 const SHORT_SECONDS: f64 = 0.05;
+/// Sweeps of more seconds are long: their rate is most likely their period.
+const LONG_SECONDS: f64 = 600.0;
 /// A side of the patch with more taxels, and more than there are time steps, looks like time.
 const WIDE_PATCH: usize = 32;
 /// Folds of the published cross-validation.
@@ -503,6 +506,15 @@ fn time_axis(dataset: &Dataset) -> Vec<Finding> {
                 "a sweep of {} steps at {rate} Hz lasts {:.0} ms; textures need a finger that moves for longer",
                 shape.steps,
                 1e3 * seconds
+            ),
+        );
+    }
+    if seconds > LONG_SECONDS {
+        warn(
+            FindingKind::LongSweeps,
+            format!(
+                "a sweep of {} steps at {rate} Hz lasts {seconds:.0} s: is that the period instead of the rate?",
+                shape.steps
             ),
         );
     }

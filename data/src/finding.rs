@@ -46,6 +46,8 @@ pub enum FindingKind {
     AxisOrder,
     /// Sweeps of less than a twentieth of a second.
     ShortSweeps,
+    /// Sweeps of more than ten minutes.
+    LongSweeps,
     /// A taxel that rises steadily, and alike in all sweeps.
     ClockTaxel,
     /// A single material, so that there is nothing to tell apart.
@@ -104,6 +106,7 @@ impl fmt::Display for FindingKind {
             Self::NumberedMaterials => "numbered materials",
             Self::AxisOrder => "suspicious order of axes",
             Self::ShortSweeps => "short sweeps",
+            Self::LongSweeps => "long sweeps",
             Self::ClockTaxel => "a clock among the taxels",
             Self::SingleMaterial => "a single material",
             Self::AlikeNames => "names that are alike",

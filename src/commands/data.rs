@@ -37,6 +37,7 @@ pub enum DataCommand {
     Twin(make_twin::TwinArgs),
     /// Convert a recording, tables or arrays into a data set: .h5, .npz, .ts
     #[command(
+        alias = "convert",
         after_help = "Examples:\n  tactnet data import sweeps.npz --out sweeps.h5 --rate 100 --shape 4x4\n  \
         tactnet data import folder/ --out sweeps.npz --rate 100             a .csv per sweep, see docs/data.md\n  \
         tactnet data import today.mcap --out today.h5                     sweeps labelled by their start commands\n  \
@@ -139,6 +140,14 @@ fn run_check(arguments: &CheckArgs) -> anyhow::Result<ExitCode> {
     if arguments.file.json {
         output::print_json(&report)?;
     } else {
+        output::print(format_args!(
+            "{}: {} sweeps of {} at {} Hz, {} materials",
+            arguments.file.data,
+            dataset.len(),
+            dataset.shape(),
+            dataset.sample_rate_hz(),
+            dataset.labels().len()
+        ))?;
         let shown = if arguments.all { findings.len() } else { 3 };
         for group in group_findings(findings) {
             output::print(format_args!("{group:.shown$}"))?;

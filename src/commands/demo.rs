@@ -83,6 +83,10 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
         "a simulated fingertip feels one object after the other, three sweeps each where there are as many; open {} in a browser; Ctrl-C ends",
         demo.link()
     );
+    say!(
+        "its channels: `tactnet channel echo tactile/belief --table {}`",
+        demo.table().display()
+    );
     output::print(format_args!("ready"))?;
     while !stop.asked() {
         for line in demo.step()? {

@@ -242,7 +242,7 @@ fn by_material(dataset: &Dataset) -> Result<Vec<usize>, DataError> {
         return Err(DataError::inconsistent(
             "data set `samples`",
             format!(
-                "as many sweeps of every material as of `{}`, {}",
+                "as many sweeps of every material as of `{}`, {} (.npz holds any number)",
                 dataset.labels().name(0),
                 counts[0]
             ),

@@ -266,6 +266,9 @@ fn axes_in_another_order_and_short_sweeps_are_suspicious() {
     };
     assert!(!kinds(&dataset).contains(&FindingKind::AxisOrder));
     assert!(!kinds(&dataset).contains(&FindingKind::ShortSweeps));
+    assert!(!kinds(&dataset).contains(&FindingKind::LongSweeps));
+    let period = dataset.clone().with_sample_rate(0.01).unwrap();
+    assert!(kinds(&period).contains(&FindingKind::LongSweeps));
     let values = (0..6 * shape.values())
         .map(|at| (at * 7919 % 251) as u8)
         .collect();

@@ -138,7 +138,7 @@ fn qualifier(audit: Option<&Audit>, best: &Scored<'_>) -> String {
     if let Some(permuted) = audit.leak() {
         return format!(
             "With permuted labels a classifier still scores {} where guessing scores {guessing}: look for test sweeps that leak into \
-             training before trusting this.",
+             training before trusting this, and see whether another seed (`--set seed=2`) says the same.",
             in_percent(permuted)
         );
     }

@@ -236,6 +236,17 @@ impl fmt::Display for ClassifiedSweeps {
             if object.unknown == Some(true) {
                 write!(f, ", but most likely none of the materials that it knows")?;
             }
+            let alike = self.sweeps.iter();
+            let alike = alike
+                .filter(|sweep| sweep.material == object.material)
+                .count();
+            if 2 * alike < self.sweeps.len() {
+                write!(
+                    f,
+                    "\nwarning: alone, {alike} of {} sweeps say so: are they of one object?",
+                    self.sweeps.len()
+                )?;
+            }
         }
         match &self.caution {
             Some(caution) => write!(f, "\nwarning: {caution}"),

@@ -1,7 +1,7 @@
 //! Hub, simulated skin, classifier and dashboard together.
 
 use std::net::TcpListener;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use tactnet_channel::{Bus, Domain, Table, remove_bus};
 use tactnet_serving::web::Dashboard;
@@ -16,9 +16,15 @@ pub struct Demo {
     /// In the order in which they were started, the hub first.
     processes: Vec<ChildProcess>,
     table: Table,
+    path: PathBuf,
 }
 
 impl Demo {
+    /// Returns the file with the table of its channels, which lasts as long as the demo.
+    pub fn table(&self) -> &Path {
+        &self.path
+    }
+
     /// Starts all processes and waits until each is ready.
     ///
     /// - `program`: the `tactnet` command
@@ -44,13 +50,14 @@ impl Demo {
             page: None,
             processes: Vec::new(),
             table,
+            path,
         };
         let hub = ["channel", "hub", "--table"];
         let classifier = ["serve", "--metrics", "off", "--run", &run, "--table"];
         let skin = ["simulate", "skin", "--data", &sweeps, "--unseen-by", &run];
         let skin = [&skin[..], &["--table"]].concat();
         let mut start = |name: &'static str, arguments: &[&str]| {
-            let process = ChildProcess::start(program, name, arguments, &path)?;
+            let process = ChildProcess::start(program, name, arguments, &demo.path)?;
             demo.processes.push(process);
             Ok::<_, RehearsalError>(())
         };
