@@ -385,7 +385,7 @@ fn unequal_numbers_of_sweeps_fit_npz_but_not_hdf5() {
         .unwrap_err()
         .to_string();
     assert!(
-        error.ends_with("data set `samples`: expected as many sweeps of every material as of `a b`, 1, found 2 of `A:b?`"),
+        error.ends_with("data set `samples`: expected as many sweeps of every material as of `a b`, 1 (.npz holds any number), found 2 of `A:b?`"),
         "{error}"
     );
     assert!(!path.exists());
