@@ -1,7 +1,7 @@
 //! Reading data sets, with a word on the twin and on rates that nobody named.
 
-use tactnet_data::{DataError, DataSource, Dataset};
-use tactnet_pipeline::{LabelOrder, TrainSpec};
+use tactnet_data::{DataError, DataSource, Dataset, Finding, FindingKind, Severity};
+use tactnet_pipeline::{LabelOrder, PipelineError, TrainSpec};
 
 /// Says so where the twin is about to be generated, which takes a moment and is no recording.
 pub fn announce(data: &str) {
@@ -20,6 +20,35 @@ pub fn load(data: &str) -> Result<Dataset, DataError> {
 pub fn load_as(spec: &TrainSpec, data: &str, order: LabelOrder) -> Result<Dataset, DataError> {
     announce(data);
     spec.read_sweeps_of(data, order)
+}
+
+/// Warns of what concerns a data set as a whole; a rate that nobody named has a warning of its own.
+///
+/// - `name`: of the data set where there may be several
+/// - `axes_are_right`: somebody said so, see `--axes-are-right`
+///
+/// # Errors
+/// Axes in an order that makes no sense.
+pub fn review(
+    name: Option<&str>,
+    finding: &Finding,
+    axes_are_right: bool,
+) -> Result<(), PipelineError> {
+    if finding.kind == FindingKind::AxisOrder && !axes_are_right {
+        let of = name.map_or(String::new(), |name| format!("{name}: "));
+        return Err(PipelineError::Doubtful {
+            finding: format!("{of}{}", finding.message),
+            remedy: "if they are right as they are, add --axes-are-right",
+        });
+    }
+    let other = finding.kind != FindingKind::AssumedRate;
+    if finding.severity == Severity::Warning && finding.is_general() && other {
+        match name {
+            Some(name) => say!("{}: {name}: {}", finding.severity, finding.message),
+            None => say!("{finding}"),
+        }
+    }
+    Ok(())
 }
 
 /// Says so where the sample rate is assumed.

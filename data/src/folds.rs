@@ -33,7 +33,7 @@ pub struct Fold<'a> {
 }
 
 impl<'a> Fold<'a> {
-    /// Parts that [`Fold::inner`] deals the training sweeps into: 100 sweeps of a material in 5
+    /// Parts that [`Fold::inner`] deals the training sweeps into where every material has as many: 100 sweeps of a material in 5
     /// outer folds give the 64/16 split that TactNet-II's settings were chosen on (Tulbure & Bäuml,
     /// Humanoids 2018).
     pub const INNER_FOLDS: usize = 5;

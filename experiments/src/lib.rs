@@ -29,12 +29,14 @@ mod settings;
 mod slurm;
 mod statistic;
 mod status;
+mod suitable;
 mod summarise;
 mod summary;
 mod table;
 mod task_process;
 mod tasks;
 
+pub use assumed_rate::assumed_rate_text;
 pub use comparison::Comparison;
 pub use error::ExperimentError;
 pub use event::Event;

@@ -4,15 +4,15 @@ mod grid;
 mod models;
 
 use std::collections::BTreeMap;
-use std::collections::btree_map::Entry;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
+use tactnet_data::DataSource;
 use tactnet_data::format::csv::is_folder_of_sweeps;
-use tactnet_data::{DataError, DataSource, Dataset};
 use tactnet_pipeline::TrainSpec;
 use toml::{Table, Value};
 
+use crate::suitable::refuse_unsuitable;
 use crate::{ExperimentError, ExperimentRecipe, Part, Probe, Question};
 pub(crate) use grid::Grid;
 
@@ -119,7 +119,7 @@ impl Plan {
                 twice[0]
             )));
         }
-        refuse_missing_folds(&tasks).map_err(refused)?;
+        refuse_unsuitable(&tasks).map_err(refused)?;
         Ok(Self {
             schema_version: Self::SCHEMA_VERSION,
             recipe: recipe.clone(),
@@ -174,31 +174,4 @@ fn stem(name: &str) -> String {
             }
         })
         .collect()
-}
-/// Fails where a task asks for a fold that its data set does not have; the twin has all that recipes ask for.
-fn refuse_missing_folds(tasks: &[Task]) -> Result<(), String> {
-    let mut known: BTreeMap<&str, Dataset> = BTreeMap::new();
-    for task in tasks {
-        let Job::Train(spec) = &task.job else {
-            continue;
-        };
-        if DataSource::is_twin(&spec.data) {
-            continue;
-        }
-        let of_data = |error: DataError| format!("data `{}`: {error}", spec.data);
-        let dataset = match known.entry(&spec.data) {
-            Entry::Occupied(entry) => entry.into_mut(),
-            Entry::Vacant(entry) => entry.insert(spec.read_sweeps().map_err(of_data)?),
-        };
-        let scheme = spec.scheme(dataset);
-        let folds = scheme.folds(dataset).map_err(of_data)?;
-        let asked = spec.fold.unwrap_or(0) + 1;
-        if asked > folds {
-            return Err(format!(
-                "data `{}`: expected `folds` of at most {folds}, to {scheme}, found {asked} or more; `--set folds={folds}`",
-                spec.data
-            ));
-        }
-    }
-    Ok(())
 }

@@ -130,6 +130,11 @@ pub(crate) trait Ask: Named {
     /// Returns the parts of the data that are asked about, a task each.
     fn parts(&self) -> Vec<Part>;
 
+    /// Returns how many materials of a data set are new; `None` for a question that knows all of them.
+    fn new_materials(&self) -> Option<usize> {
+        None
+    }
+
     /// Answers the question for the part of the data that the context names.
     ///
     /// # Errors

@@ -1,9 +1,7 @@
 //! One training run's result as text, beside what was published, and what may come next.
 
 use tactnet_data::twin::TwinVersion;
-use tactnet_pipeline::{
-    EvaluationTable, ModelRecipe, PipelineError, RunDir, RunResult, TrainingSteps, quoted,
-};
+use tactnet_pipeline::{EvaluationTable, ModelRecipe, PipelineError, RunDir, RunResult, quoted};
 
 use crate::published_for;
 
@@ -39,10 +37,6 @@ pub fn run_text(run: &RunDir, result: &RunResult) -> Result<String, PipelineErro
         _ => format!("fitted in {seconds:.1} s"),
     };
     lines.push(format!("{work}; run directory {}", run.path().display()));
-    if let ModelRecipe::TactNet2(recipe) = &config.recipe {
-        let steps = TrainingSteps::of(&recipe.training, result.n_train);
-        lines.extend(steps.hint("--epochs ").map(|hint| format!("hint: {hint}")));
-    }
     Ok(lines.join("\n"))
 }
 

@@ -73,6 +73,9 @@ impl fmt::Display for Status {
             };
             write!(f, "\n  {}: {state}: {}", task.id, task.last_words)?;
         }
+        if count(TaskState::Running) == 0 && count(TaskState::Done) < self.tasks.len() {
+            f.write_str("\nthe call that began it goes on with what is left")?;
+        }
         Ok(())
     }
 }

@@ -14,6 +14,7 @@ use tactnet_pipeline::{
 };
 
 use super::choices::DeviceChoice;
+use super::run_choice::RunChoice;
 use crate::{GIT, output, source};
 
 #[derive(Args)]
@@ -25,9 +26,8 @@ use crate::{GIT, output, source};
     material (`tactnet experiment run enrolment` measures how many). After `train --calibrate`, thresholds for \"unknown\" are fitted again. \
     RUN must be a network whose training has ended. To be judged, a classifier that is not calibrated must know every material of the file.")]
 pub struct EnrollArgs {
-    /// Run directory of a trained network
-    #[arg(value_name = "RUN")]
-    run: PathBuf,
+    #[command(flatten)]
+    run: RunChoice,
     /// A data set that holds sweeps of the new material, or sweeps without materials, which then are all of it
     #[arg(long, value_name = "FILE|twin")]
     data: String,
@@ -66,9 +66,9 @@ struct EnrollResult<'a> {
 
 /// Runs the command.
 pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
-    let run = RunDir::open(&arguments.run)?;
+    let run = RunDir::open(arguments.run.dir())?;
     let config = run.config()?;
-    config.require_network(&arguments.run, "learn a new material")?;
+    config.require_network(arguments.run.dir(), "learn a new material")?;
     let weights = run.final_weights()?;
     let known = run.train_embeddings()?;
     let device = Compute::from(arguments.device).open()?;
@@ -131,7 +131,7 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
     let seconds = begun.elapsed().as_secs_f64();
     if thresholds.is_none() {
         say!(
-            "hint: what it costs the known materials is not known, since no sweeps were set aside by `train --calibrate`; `tactnet eval {}` counts",
+            "hint: what it costs the known materials is not known, since no sweeps were set aside by `train --calibrate`; `tactnet eval {}` counts, on the test sweeps of its training",
             arguments.out.display()
         );
     }

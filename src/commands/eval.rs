@@ -1,6 +1,5 @@
 //! `tactnet eval`: evaluates a trained classifier again, on its own test sweeps or on another data set.
 
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::bail;
@@ -9,6 +8,7 @@ use tactnet_models::Compute;
 use tactnet_pipeline::{Classifier, ModelRecipe, Reevaluation, RunDir, RuntimeKind, TestSweeps};
 
 use super::choices::{DeviceChoice, RuntimeChoice, rate};
+use super::run_choice::RunChoice;
 use crate::{GIT, output, source};
 
 #[derive(Args)]
@@ -18,9 +18,8 @@ use crate::{GIT, output, source};
     tactnet eval runs/a --data other.h5                  every sweep of another data set\n  \
     tactnet eval runs/a --runtime online                  frame by frame, as `tactnet serve` does")]
 pub struct EvalArgs {
-    /// A run directory
-    #[arg(value_name = "DIR")]
-    run: PathBuf,
+    #[command(flatten)]
+    run: RunChoice,
     /// Another data set: all of its sweeps are tested, but for training and enrolled sweeps; after `train --calibrate` it may hold
     /// unknown materials. Or where the run's own data set is now, if it was moved [default: the run's own test sweeps]
     #[arg(long, value_name = "FILE|twin")]
@@ -47,7 +46,7 @@ pub struct EvalArgs {
 
 /// Runs the command.
 pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
-    let run = RunDir::open(&arguments.run)?;
+    let run = RunDir::open(arguments.run.dir())?;
     let config = run.config()?;
     if let (Some(_), ModelRecipe::Baseline(baseline)) = (arguments.mc, &config.recipe) {
         bail!(

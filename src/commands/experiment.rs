@@ -9,14 +9,15 @@ use std::time::Duration;
 
 use anyhow::Context;
 use clap::Subcommand;
+use tactnet_data::FindingKind;
 use tactnet_experiments::{
-    Event, ExperimentDir, ExperimentRecipe, LocalPool, SlurmArray, Status, export_mlflow,
-    run_locally, run_on_slurm, run_task, summarise, to_html, to_table,
+    Event, ExperimentDir, ExperimentRecipe, LocalPool, SlurmArray, Status, assumed_rate_text,
+    export_mlflow, run_locally, run_on_slurm, run_task, summarise, to_html, to_table,
 };
 
 use crate::output::OutputFormat;
 use crate::stop::Stop;
-use crate::{failure, output};
+use crate::{failure, output, source};
 use arguments::{DirArgs, Engine, ExportArgs, RunArgs, ShowArgs, TaskArgs};
 use progress::Progress;
 
@@ -104,10 +105,17 @@ fn run_experiment(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
         Some(out) => out.clone(),
         None => Path::new("experiments-out").join(&recipe.name),
     };
+    recipe.review_data(|dataset, finding| {
+        let name = dataset.name();
+        if finding.kind == FindingKind::AssumedRate {
+            say!(
+                "warning: {}",
+                assumed_rate_text(name, dataset.sample_rate_hz())
+            );
+        }
+        source::review(Some(name), finding, arguments.axes_are_right)
+    })?;
     let dir = ExperimentDir::create(&out, &recipe, &arguments.command_line())?;
-    for line in recipe.assumed_rates() {
-        say!("warning: {line}");
-    }
     let program = this_program()?;
     let mut progress = Progress::new();
     let tell = |event: Event<'_>| progress.show(&event);

@@ -8,6 +8,7 @@ use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use tactnet_pipeline::{OnnxInputs, RunDir, to_onnx, to_safetensors, weights_sha256, write_whole};
 
+use super::run_choice::RunChoice;
 use crate::GIT;
 
 #[derive(Args)]
@@ -18,9 +19,8 @@ use crate::GIT;
     The ONNX file takes `digits` [sweeps, steps, taxels] and, with `--masks`, `masks` [runs, features]; labels, rate, window, thresholds \
     and hashes are in its metadata_props, and its doc_string is a Python program that uses it.")]
 pub struct ExportArgs {
-    /// Run directory of a trained network
-    #[arg(value_name = "RUN")]
-    run: PathBuf,
+    #[command(flatten)]
+    run: RunChoice,
     /// What to write
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
@@ -65,9 +65,9 @@ pub fn run(arguments: &ExportArgs) -> anyhow::Result<ExitCode> {
             arguments.out.display()
         );
     }
-    let run = RunDir::open(&arguments.run)?;
+    let run = RunDir::open(arguments.run.dir())?;
     let config = run.config()?;
-    config.require_network(&arguments.run, "be exported")?;
+    config.require_network(arguments.run.dir(), "be exported")?;
     let weights = run.final_weights()?;
     let about = BTreeMap::from([
         ("format".to_owned(), "tactnet 1".to_owned()),

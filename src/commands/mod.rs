@@ -17,6 +17,7 @@ pub mod predict;
 pub mod progress_line;
 pub mod record;
 pub mod replay;
+pub mod run_choice;
 pub mod serve;
 pub mod simulate;
 pub mod task;

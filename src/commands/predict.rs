@@ -11,6 +11,7 @@ use tactnet_pipeline::{
 };
 
 use super::choices::{DeviceChoice, rate};
+use super::run_choice::RunChoice;
 use crate::{output, source};
 
 #[derive(Args)]
@@ -21,9 +22,8 @@ use crate::{output, source};
     tactnet predict runs/a --data new.npz --out found.csv  every probability, for a spreadsheet\n\n\
     `tactnet eval` says how often it is right on sweeps whose materials are named; `tactnet serve` classifies sweeps as they happen.")]
 pub struct PredictArgs {
-    /// A run directory
-    #[arg(value_name = "DIR")]
-    run: PathBuf,
+    #[command(flatten)]
+    run: RunChoice,
     /// Sweeps: .npz or .npy, .csv, .parquet, a folder of .csv, or any data set; materials need not be named
     #[arg(long, value_name = "FILE")]
     data: String,
@@ -52,7 +52,7 @@ pub struct PredictArgs {
 
 /// Runs the command.
 pub fn run(arguments: &PredictArgs) -> anyhow::Result<ExitCode> {
-    let run = RunDir::open(&arguments.run)?;
+    let run = RunDir::open(arguments.run.dir())?;
     let config = run.config()?;
     if let (Some(1..), ModelRecipe::Baseline(baseline)) = (arguments.mc, &config.recipe) {
         bail!(

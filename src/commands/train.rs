@@ -6,11 +6,9 @@ mod progress;
 use std::process::ExitCode;
 
 use anyhow::bail;
-use tactnet_data::{Finding, FindingKind, Severity};
+use tactnet_data::Finding;
 use tactnet_experiments::{next_steps, run_text};
-use tactnet_pipeline::{
-    ModelRecipe, PipelineError, Provenance, RunDir, Session, TrainJob, TrainOutcome,
-};
+use tactnet_pipeline::{ModelRecipe, Provenance, RunDir, Session, TrainJob, TrainOutcome};
 use tactnet_skin::packets::unfit;
 
 use super::choices::ModelChoice;
@@ -41,16 +39,8 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
                 refuse_other_model(&job, model)?;
             }
             source::announce(&job.spec().data);
-            let review = |finding: &Finding| {
-                if finding.kind == FindingKind::AxisOrder && !arguments.axes_are_right {
-                    return Err(PipelineError::Doubtful {
-                        finding: finding.message.clone(),
-                        remedy: "if they are right as they are, add --axes-are-right",
-                    });
-                }
-                warn(finding);
-                Ok(())
-            };
+            let review =
+                |finding: &Finding| source::review(None, finding, arguments.axes_are_right);
             Session::begin(&job, arguments.out.as_deref(), program, review)?
         }
     };
@@ -66,14 +56,6 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
         say!("{}", next_steps(session.run(), unfit.is_none())?);
     }
     Ok(code)
-}
-
-/// Warns of what concerns the data set as a whole; a rate that nobody named has a warning of its own.
-fn warn(finding: &Finding) {
-    let other = finding.kind != FindingKind::AssumedRate;
-    if finding.severity == Severity::Warning && finding.is_general() && other {
-        say!("{finding}");
-    }
 }
 
 /// Trains from where the run stands, and prints its result; false if somebody asked to stop.

@@ -451,7 +451,10 @@ fn what_cannot_be_planned_is_refused_before_anything_runs() {
     .unwrap();
     let models = format!("models=[\"knn-l\", \"{}\"]", copy.display());
     for (settings, said) in [
-        (vec!["data=nowhere.h5"], "data `nowhere.h5`: no such file"),
+        (
+            vec!["data=nowhere.h5"],
+            "nowhere.h5: file: expected a data set",
+        ),
         (vec![&data, "folds=6"], "expected 1 to 5, found 6"),
         (vec![&data, &models], "two tasks would be called"),
         (vec![&data, "models=[\"knn-x\"]"], "knn-x"),

@@ -153,12 +153,51 @@ fn a_rate_that_nobody_named_is_said_and_can_be_named_everywhere() {
     let few =
         "TactNet-II (small) on own: 6 training steps are few; `--set epochs=150` trains for 300";
     assert!(found.contains(&format!("hint: {few}")), "{found}");
-    assert!(page.contains(few) && page.contains("training steps a fold, which are few."));
+    let few = few.replace("`--", "<code>--").replace("`", "</code>");
+    assert!(page.contains(&few) && page.contains("training steps a fold, which are few."));
     let (found, said, page) = experiment("rated", &["--set", "rate_hz=200"]);
     assert!(
         !found.contains("assumed") && !said.contains("assumed") && !page.contains("Assumed:"),
         "{found}"
     );
+}
+
+#[test]
+fn experiments_refuse_what_does_not_suit_them_before_the_first_task() {
+    let lab = Lab::new();
+    own_sweeps(&lab, "wide", ["cork", "felt"], 6, 130);
+    own_sweeps(&lab, "few", ["cork", "felt"], 3, 4);
+    own_sweeps(&lab, "two", ["cork", "felt"], 6, 4);
+    let mut four = tactnet(["data", "twin", "--materials", "4", "--sweeps", "6"]);
+    four.args(["--steps", "60", "--out"])
+        .arg(lab.path("four.h5"));
+    expect(0, four);
+    let refused = |name: &str, data: &str, options: &[&str]| {
+        let out = lab.path("out").display().to_string();
+        let verb = ["experiment", "run", name, "--out", &out, "--data"];
+        let refused = stderr(&expect(2, with(&lab, &verb, data, options)));
+        assert!(!lab.path("out").exists(), "nothing was planned: {refused}");
+        refused
+    };
+    let axes = refused("crossval_baselines", "wide", &["--set", "steps=100"]);
+    assert!(
+        axes.contains("wide: ") && axes.contains("add --axes-are-right"),
+        "{axes}"
+    );
+    let few = refused("sequential", "few", &[]);
+    assert!(
+        few.contains("`cork`: expected at least 5, one for each fold, found 3"),
+        "{few}"
+    );
+    let two = refused("nshot", "two", &[]);
+    assert!(
+        two.contains("at least four materials") && two.contains("found 2"),
+        "{two}"
+    );
+    let four = refused("unknown", "four.h5", &[]);
+    assert!(four.contains("`--set new_materials=2`"), "{four}");
+    let none = refused("nshot", "no.npz", &[]);
+    assert!(none.contains("no.npz"), "{none}");
 }
 
 #[test]
@@ -303,7 +342,7 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
     // A file alone, and a data set with materials, which then stand beside.
     let one = stdout(&expect(0, predict("new/0.csv", &[])));
     assert!(
-        one.contains("or else") && one.contains("1 sweep of 0"),
+        one.contains("or else") && one.contains("1 sweep, 0"),
         "{one}"
     );
     let known = expect(0, predict("twin.h5", &["--json", "--mc", "0"]));

@@ -296,11 +296,10 @@ fn questions_refuse_what_they_cannot_use_in_one_line() {
         ),
         (2, &["groups=3"][..], "unknown field `groups`"),
         (2, &["shots=[]"][..], "`shots`"),
-        // Seen when the data are read: by the task.
         (
-            1,
+            2,
             &["study={kind=\"nshot\", new_materials=8}"][..],
-            "0 known, 8 new",
+            "`--set new_materials=6`",
         ),
     ] {
         let refused = stderr(&expect(

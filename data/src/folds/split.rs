@@ -202,19 +202,27 @@ impl<'a> TrainSplit<'a> {
         Self::new(dataset, (0..dataset.len()).collect(), dealt_by)
     }
 
+    /// Returns the number of parts that [`TrainSplit::inner`] deals the training sweeps into: [`Fold::INNER_FOLDS`], or as many as every
+    /// material has sweeps for, and at least two.
+    pub fn inner_folds(&self) -> usize {
+        let fewest = self.sweeps_per_label().into_iter().min().unwrap_or(0);
+        fewest.clamp(2, Fold::INNER_FOLDS)
+    }
+
     /// Splits the training sweeps once more, stratified, to choose settings without a look at the test sweeps.
     ///
     /// Under [`Scheme::LeaveBlockOut`](crate::Scheme::LeaveBlockOut), too, the inner sides share recording blocks.
     ///
-    /// - `part`: which of the [`Fold::INNER_FOLDS`] parts validates
+    /// - `part`: which of the [`TrainSplit::inner_folds`] parts validates
     ///
     /// # Errors
-    /// No such part, or a material with fewer training sweeps than parts.
+    /// No such part, or a material with a single training sweep.
     pub fn inner(&self, part: usize) -> Result<(Self, ValidationSplit<'a>), DataError> {
-        if part >= Fold::INNER_FOLDS {
+        let folds = self.inner_folds();
+        if part >= folds {
             return Err(DataError::inconsistent(
                 "inner fold",
-                format!("a number below {}", Fold::INNER_FOLDS),
+                format!("a number below {folds}"),
                 part.to_string(),
             ));
         }
@@ -223,7 +231,7 @@ impl<'a> TrainSplit<'a> {
         } = self.dealt_by;
         let (dataset, sweeps) = (self.view.dataset, self.view.indices());
         let stream = format!("folds, inside fold {fold}");
-        let parts = deal(dataset, sweeps, Fold::INNER_FOLDS, seed, &stream, repeat)?;
+        let parts = deal(dataset, sweeps, folds, seed, &stream, repeat)?;
         let side = |validates: bool| -> Vec<usize> {
             let members = sweeps
                 .iter()

@@ -138,10 +138,10 @@ proptest! {
         dataset in any_recording(), scheme in any_scheme(), seed: u64,
     ) {
         let fold = Fold::new(&dataset, scheme, Seed(seed), 0, 0).unwrap();
-        prop_assume!(fold.train.sweeps_per_label().iter().all(|&n| n >= Fold::INNER_FOLDS));
+        prop_assume!(fold.train.sweeps_per_label().iter().all(|&n| n >= 2));
         let mut validated = Vec::new();
         let mut per_label = Vec::new();
-        for part in 0..Fold::INNER_FOLDS {
+        for part in 0..fold.train.inner_folds() {
             let (train, validation) = fold.inner(part).unwrap();
             let mut all = [train.indices(), validation.indices()].concat();
             all.sort_unstable();
@@ -311,16 +311,23 @@ fn impossible_splits_say_what_is_missing() {
         assert!(error.contains(complaint), "{error}");
     }
     let fold = Fold::new(&dataset, Scheme::LeaveBlockOut, Seed(0), 0, 0).unwrap();
-    let error = fold.inner(0).unwrap_err().to_string();
+    assert_eq!(fold.train.inner_folds(), 2, "as many as the fewest sweeps");
     assert!(
-        error.contains("sweeps of `material 1`: expected at least 5, one for each fold, found 2"),
-        "{error}"
-    );
-    assert!(
-        fold.inner(5)
+        fold.inner(2)
             .unwrap_err()
             .to_string()
-            .contains("inner fold: expected a number below 5")
+            .contains("inner fold: expected a number below 2")
+    );
+    let pairs = recorded(&[2, 2], 1);
+    let halves = Scheme::StratifiedKFold {
+        folds: 2,
+        repeats: 1,
+    };
+    let fold = Fold::new(&pairs, halves, Seed(0), 0, 0).unwrap();
+    let error = fold.inner(0).unwrap_err().to_string();
+    assert!(
+        error.contains("sweeps of `material 0`: expected at least 2, one for each fold, found 1"),
+        "{error}"
     );
 }
 

@@ -226,7 +226,7 @@ fn refuse_non_finite(path: &Path, dataset: Dataset) -> Result<Dataset, DataError
         "data set `samples`",
         "finite numbers",
         format!(
-            "{count} that are not, the first {} in {} at step {step}, taxel ({}, {})",
+            "{count} that are not, the first {} in {} at step {step}, taxel ({}, {}); `tactnet data check` lists all",
             values[first],
             dataset.describe(sweep),
             taxel / shape.cols,

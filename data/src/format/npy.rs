@@ -239,9 +239,12 @@ impl Array {
         }
     }
 
-    /// The type as numpy writes it, without the byte order.
+    /// The type as numpy writes it, without the byte order; of text no more than that.
     pub(super) fn type_name(&self) -> String {
-        format!("{}{}", self.kind, self.size)
+        match self.kind {
+            'U' | 'S' => "text".into(),
+            kind => format!("{kind}{}", self.size),
+        }
     }
 
     /// The same as [`Array::numbers`], without a second copy.

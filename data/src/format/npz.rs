@@ -392,7 +392,11 @@ impl<'a> Arrays<'a> {
         match array.floats().as_deref() {
             Some(&[rate]) if rate.is_finite() && rate > 0.0 => Ok(Some(rate)),
             other => {
-                let found = other.map_or_else(|| array.type_name(), |rates| format!("{rates:?}"));
+                let found = match other {
+                    Some(&[rate]) => rate.to_string(),
+                    Some(rates) => format!("{} numbers", rates.len()),
+                    None => array.type_name(),
+                };
                 Err(self.error(RATE_ATTRIBUTE, "a single positive number of Hz", found))
             }
         }

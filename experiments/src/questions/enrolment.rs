@@ -42,6 +42,10 @@ impl Ask for Enrolment {
         draws(self.splits)
     }
 
+    fn new_materials(&self) -> Option<usize> {
+        Some(self.new_materials)
+    }
+
     fn answer(&self, context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
         enrolment(self, context)
     }

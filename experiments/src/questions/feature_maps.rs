@@ -95,6 +95,10 @@ impl Ask for FeatureMaps {
         draws(self.splits)
     }
 
+    fn new_materials(&self) -> Option<usize> {
+        Some(self.new_materials)
+    }
+
     fn answer(&self, context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
         feature_maps(self, context)
     }

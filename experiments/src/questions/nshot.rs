@@ -81,6 +81,10 @@ impl Ask for Nshot {
         draws(self.splits)
     }
 
+    fn new_materials(&self) -> Option<usize> {
+        Some(self.new_materials)
+    }
+
     fn answer(&self, context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
         transfer(self, context)
     }

@@ -64,6 +64,10 @@ impl Ask for Unknown {
         draws(self.splits)
     }
 
+    fn new_materials(&self) -> Option<usize> {
+        Some(self.new_materials)
+    }
+
     fn answer(&self, context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
         unknown(self, context)
     }

@@ -2,7 +2,7 @@
 
 use tactnet_plot::escape;
 
-use super::text::percent;
+use super::text::{percent, prose};
 use crate::{Audit, Summary};
 
 /// Returns a table for each data set; `None` if none was probed.
@@ -53,6 +53,6 @@ fn audit(audit: &Audit) -> String {
         escape(&audit.data),
         percent(audit.chance),
         percent(audit.chance_sigma),
-        escape(&audit.verdict)
+        prose(&audit.verdict)
     )
 }

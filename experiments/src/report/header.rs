@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use tactnet_plot::escape;
 
+use super::text::prose;
 use crate::Summary;
 
 /// - `headline`: HTML, the first text after the title
@@ -15,7 +16,7 @@ pub(super) fn header(summary: &Summary, headline: &str) -> String {
         .map(|line| {
             format!(
                 "<p class=\"note\"><strong>Assumed:</strong> {}</p>\n",
-                escape(line)
+                prose(line)
             )
         })
         .collect();

@@ -3,6 +3,7 @@
 use tactnet_plot::escape;
 
 use super::data_set::{DataSet, split_name};
+use super::text::prose;
 use crate::questions::{Headline, LevelShare, Scored, in_percent, interval};
 use crate::{Audit, Row, Summary};
 
@@ -67,8 +68,8 @@ fn drawn(summary: &Summary, headlines: &[Placed], none: &str) -> String {
                 "<div>\n<p class=\"lead\"><span class=\"result\"><strong>{}</strong>{interval}</span> {}</p>\n<p class=\"qualifier\">{}</p>\n\
                  <p class=\"where\">{}; {meaning}</p>\n</div>\n",
                 headline.value,
-                escape(&headline.says),
-                escape(&headline.qualifier),
+                prose(&headline.says),
+                prose(&headline.qualifier),
                 escape(place)
             )
         })

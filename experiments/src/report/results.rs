@@ -3,7 +3,7 @@
 use tactnet_plot::escape;
 
 use super::data_set::{DataSet, split_name};
-use super::text::{ABSENT, decimal, percent, percent_and_sd, percent_interval, scroll};
+use super::text::{ABSENT, decimal, percent, percent_and_sd, percent_interval, prose, scroll};
 use crate::Statistic;
 use crate::questions::{Scored, few_steps};
 
@@ -79,7 +79,7 @@ fn notes(contenders: &[Scored<'_>]) -> String {
     let lines = few_steps(contenders);
     lines
         .iter()
-        .map(|line| format!("<p class=\"note\">{}</p>\n", escape(line)))
+        .map(|line| format!("<p class=\"note\">{}</p>\n", prose(line)))
         .collect()
 }
 

@@ -96,6 +96,24 @@ pub(super) fn file_link(path: &str) -> String {
     format!("<a href=\"./{encoded}\">{}</a>", escape(path))
 }
 
+/// A sentence, with what stands between backticks as code.
+pub(super) fn prose(sentence: &str) -> String {
+    let escaped = escape(sentence);
+    let mut html = String::new();
+    let mut parts = escaped.split('`').peekable();
+    let mut is_code = false;
+    while let Some(part) = parts.next() {
+        match (is_code, parts.peek()) {
+            (true, Some(_)) => html.push_str(&format!("<code>{part}</code>")),
+            // The last backtick has no partner.
+            (true, None) => html.push_str(&format!("`{part}")),
+            (false, _) => html.push_str(part),
+        }
+        is_code = !is_code;
+    }
+    html
+}
+
 /// At most `limit` characters of a name, for a label in a figure; not yet escaped.
 pub(super) fn shortened(name: &str, limit: usize) -> String {
     if name.chars().count() <= limit {
@@ -117,6 +135,14 @@ pub(super) fn scroll(label: &str, content: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn code_of_a_sentence_is_shown_as_code() {
+        let shown = prose("with `--set seed=2` and <b>, `again` and ` alone");
+        let expected =
+            "with <code>--set seed=2</code> and &lt;b&gt;, <code>again</code> and ` alone";
+        assert_eq!(shown, expected);
+    }
 
     #[test]
     fn numbers_are_rounded_and_signed_for_reading() {

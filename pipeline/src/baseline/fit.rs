@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use tactnet_data::{Fold, Seed, TrainSplit};
+use tactnet_data::{Seed, TrainSplit};
 use tactnet_models::{
     Features, Gram, Knn, Lda, Ridge, Svm, Weights, argmax, fit_inverse_temperature, fit_platt,
 };
@@ -128,9 +128,10 @@ pub fn fit_baseline(
                 chosen.insert("c".into(), settings.c);
                 chosen.insert("gamma_times_features".into(), settings.gamma * width as f64);
             }
-            say("calibrating on five inner splits …".into());
+            let folds = sweeps.inner_folds();
+            say(format!("calibrating on {folds} inner splits …"));
             let (mut decisions, mut labels) = (Vec::new(), Vec::new());
-            for part in 0..Fold::INNER_FOLDS {
+            for part in 0..folds {
                 let Inner { fit, held } = inner(sweeps, part)?;
                 let (fitted, other, _) = train.part(&fit, &held);
                 let svm = Svm::fit(&fitted, &train.labels_of(&fit), train.materials, settings)?;
@@ -233,7 +234,7 @@ fn choose<T: Copy + std::fmt::Debug>(
 #[cfg(test)]
 mod tests {
     use tactnet_data::twin::{TwinConfig, generate};
-    use tactnet_data::{Dataset, Scheme};
+    use tactnet_data::{Dataset, Fold, Scheme};
 
     use super::*;
     use crate::features::arrays::get_doubles;

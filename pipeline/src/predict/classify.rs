@@ -224,7 +224,7 @@ impl fmt::Display for ClassifiedSweeps {
                 .collect();
             write!(f, "{} sweeps: {}", self.sweeps.len(), counts.join(", "))?;
         } else {
-            write!(f, "1 sweep of {}", self.data)?;
+            write!(f, "1 sweep, {}", self.data)?;
         }
         if let Some(object) = &self.object {
             let probability = 100.0 * object.probabilities[argmax(&object.probabilities)];

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Deserializer, Serialize};
-use tactnet_data::{DataOrigin, Fold, Scheme, Seed, SplitManifest};
+use tactnet_data::{DataOrigin, Scheme, Seed, SplitManifest};
 
 use crate::predict::by_method::{deserialize_evaluations, serialize_by_method};
 use crate::{Estimate, Evaluation, PredictionMethod, Provenance};
@@ -111,11 +111,7 @@ pub fn describe_split(manifest: &SplitManifest, inner: Option<usize>) -> String 
         text.push_str(&format!(", repeat {}", manifest.repeat + 1));
     }
     if let Some(part) = inner {
-        text.push_str(&format!(
-            ", inner part {} of {}",
-            part + 1,
-            Fold::INNER_FOLDS
-        ));
+        text.push_str(&format!(", inner part {}", part + 1));
     }
     text
 }

@@ -135,7 +135,8 @@ const number = digit => { const span = top_ - low_; return digit.toFixed(whole |
 const outwards = x => { const step = 10 ** Math.floor(Math.log10(Math.abs(x) || 1)) / 2; return Math.sign(x) * Math.ceil(Math.abs(x) / step) * step; };
 /** Widens the scale to the readings; whole numbers are shown from 0 to 20 at least. */
 function widenScale() {
-  const least = Math.min(0, ...view.frame), most = Math.max(0, ...view.frame);
+  const seen = traces.concat([view.frame]);
+  const least = Math.min(0, ...seen.map(row => Math.min(...row))), most = Math.max(0, ...seen.map(row => Math.max(...row)));
   whole = whole && view.frame.every(Number.isInteger);
   if (least < low_) low_ = outwards(least);
   most_ = Math.max(most_, most);

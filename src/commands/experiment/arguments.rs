@@ -33,6 +33,9 @@ pub struct RunArgs {
     /// Set a field of the recipe anew; may be repeated
     #[arg(long = "set", value_name = "FIELD=VALUE")]
     pub settings: Vec<String>,
+    /// The axes are in their order although there are more taxels than time steps
+    #[arg(long)]
+    pub axes_are_right: bool,
     /// Where every task computes [default: the recipe's]
     #[arg(long, value_enum)]
     pub device: Option<DeviceChoice>,

@@ -1,0 +1,107 @@
+//! Whether data sets suit an experiment: looked at before the first task.
+
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+
+use tactnet_data::{DataError, DataSource, Dataset, Finding, Fold, Scheme, refuse_errors};
+use tactnet_pipeline::{PipelineError, TrainSpec};
+
+use crate::{ExperimentError, ExperimentRecipe, Job, Question, Task};
+
+/// Materials that have to stay known, since one alone cannot be told apart from anything.
+const LEAST_KNOWN: usize = 2;
+
+impl ExperimentRecipe {
+    /// Reads the data sets and tells what is odd about them without being an error; the twin is not looked at.
+    ///
+    /// - `on_finding`: told the data set and the finding; an error of it ends the review
+    ///
+    /// # Errors
+    /// Data that cannot be read or has errors.
+    pub fn review_data(
+        &self,
+        mut on_finding: impl FnMut(&Dataset, &Finding) -> Result<(), PipelineError>,
+    ) -> Result<(), ExperimentError> {
+        let files = self.data.iter().filter(|data| !DataSource::is_twin(data));
+        for file in files {
+            let spec = TrainSpec {
+                data: file.clone(),
+                rate_hz: self.rate_hz,
+                ..TrainSpec::default()
+            };
+            let dataset = spec.read_sweeps().map_err(PipelineError::from)?;
+            let findings = refuse_errors(&dataset, file).map_err(PipelineError::from)?;
+            for finding in &findings {
+                on_finding(&dataset, finding)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Fails where a task asks more of a data set than it has; the twin has all that recipes ask for.
+pub(crate) fn refuse_unsuitable(tasks: &[Task]) -> Result<(), String> {
+    let mut known: BTreeMap<&str, Dataset> = BTreeMap::new();
+    for task in tasks {
+        let spec = match &task.job {
+            Job::Train(spec) => spec,
+            Job::Question(task) => &task.networks,
+        };
+        if DataSource::is_twin(&spec.data) {
+            continue;
+        }
+        let of_data = |reason: String| format!("data `{}`: {reason}", spec.data);
+        let dataset = match known.entry(&spec.data) {
+            Entry::Occupied(entry) => entry.into_mut(),
+            Entry::Vacant(entry) => {
+                let read = spec.read_sweeps();
+                entry.insert(read.map_err(|error| of_data(error.to_string()))?)
+            }
+        };
+        match &task.job {
+            Job::Train(spec) => has_fold(spec, dataset),
+            Job::Question(task) => suits(&task.question, dataset),
+        }
+        .map_err(of_data)?;
+    }
+    Ok(())
+}
+
+fn has_fold(spec: &TrainSpec, dataset: &Dataset) -> Result<(), String> {
+    let text = |error: DataError| error.to_string();
+    let scheme = spec.scheme(dataset);
+    let folds = scheme.folds(dataset).map_err(text)?;
+    let asked = spec.fold.unwrap_or(0) + 1;
+    if asked <= folds {
+        return Ok(());
+    }
+    Err(format!(
+        "expected `folds` of at most {folds}, to {scheme}, found {asked} or more; `--set folds={folds}`"
+    ))
+}
+
+/// Questions draw new materials, and split the sweeps of every material into five.
+fn suits(question: &Question, dataset: &Dataset) -> Result<(), String> {
+    let materials = dataset.labels().len();
+    if let Some(new) = question.ask().new_materials() {
+        let most = materials.saturating_sub(LEAST_KNOWN);
+        if most < 2 {
+            return Err(format!(
+                "expected at least four materials, two to know and two that are new, found {materials}"
+            ));
+        }
+        if new > most {
+            return Err(format!(
+                "expected `new_materials` of at most {most}, so that {LEAST_KNOWN} of {materials} are known, found {new}; \
+                 `--set new_materials={most}`"
+            ));
+        }
+    }
+    let seed = tactnet_data::Seed(0);
+    match Fold::new(dataset, Scheme::default(), seed, 0, 0) {
+        Ok(_) => Ok(()),
+        Err(error) => Err(format!(
+            "{error}; this experiment splits the sweeps of every material into five"
+        )),
+    }
+}
