@@ -1,5 +1,6 @@
 //! `tactnet catch`: catching balls with two arms, in a simulated world.
 
+mod detect_bench;
 mod plan_bench;
 mod throw_series;
 mod track_bench;
@@ -14,12 +15,14 @@ use clap::{Subcommand, ValueEnum};
 use tactnet_catching::Robot;
 use tactnet_catching::plan::Objective;
 use tactnet_catching_packets::RobotDescription;
+use tactnet_catching_world::WorldConfig;
 
 #[derive(Subcommand)]
 #[command(after_help = "Examples:\n  \
     tactnet catch throw-series --throws 100 --page throws.html     how many balls are caught, and one throw drawn\n  \
     tactnet catch plan-bench --problems 1000                       how long plans take, how many are missed\n  \
-    tactnet catch track-bench --throws 1000                        how exactly balls are predicted, how long that takes")]
+    tactnet catch track-bench --throws 1000                        how exactly balls are predicted, how long that takes\n  \
+    tactnet catch detect-bench --throws 50                         how well balls are found in pictures, how long that takes")]
 pub enum CatchCommand {
     /// Throw balls at the simulated robot, in stepped time, and count what it catches
     ThrowSeries(throw_series::ThrowSeriesArgs),
@@ -27,6 +30,8 @@ pub enum CatchCommand {
     PlanBench(plan_bench::PlanBenchArgs),
     /// Measure the tracker on throws that it sees from a head that stands still
     TrackBench(track_bench::TrackBenchArgs),
+    /// Measure the detector on pictures of throws, drawn with room, people, blur and noise
+    DetectBench(detect_bench::DetectBenchArgs),
 }
 
 /// What a plan seeks.
@@ -56,12 +61,22 @@ pub fn run(command: CatchCommand) -> anyhow::Result<ExitCode> {
         CatchCommand::ThrowSeries(arguments) => throw_series::run(&arguments),
         CatchCommand::PlanBench(arguments) => plan_bench::run(&arguments),
         CatchCommand::TrackBench(arguments) => track_bench::run(&arguments),
+        CatchCommand::DetectBench(arguments) => detect_bench::run(&arguments),
     }
 }
 
 /// Returns the robot that a file describes, or the one that is built in.
 fn robot(path: Option<&PathBuf>) -> anyhow::Result<Robot> {
     Ok(Robot::new(description(path.map(PathBuf::as_path))?))
+}
+
+/// Returns the world that a file describes, or the one that is built in.
+fn world(path: Option<&Path>) -> anyhow::Result<WorldConfig> {
+    let Some(path) = path else {
+        return Ok(WorldConfig::default());
+    };
+    let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
+    serde_json::from_str(&text).with_context(|| path.display().to_string())
 }
 
 fn description(path: Option<&Path>) -> anyhow::Result<RobotDescription> {

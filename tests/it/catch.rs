@@ -26,6 +26,28 @@ fn a_series_is_the_same_for_any_number_of_cores_and_its_page_needs_no_network() 
 }
 
 #[test]
+fn the_detector_finds_most_balls_in_pictures_that_others_can_read() {
+    let lab = Lab::new();
+    let mut bench = tactnet(["catch", "detect-bench", "--throws", "1", "--json"]);
+    bench.arg("--peer-pictures").arg(lab.path("pictures"));
+    let report: serde_json::Value = serde_json::from_str(&stdout(&expect(0, bench))).unwrap();
+    let of = |how: &str, what: &str| report[how][what].as_f64().unwrap();
+    assert!(of("search", "recall") > 0.5, "{report}");
+    assert!(of("gated", "recall") >= of("search", "recall"), "{report}");
+    assert!(of("gated", "centre_px_rms") < 0.5, "{report}");
+    let document: serde_json::Value =
+        serde_json::from_slice(&lab.read("pictures/pictures.json")).unwrap();
+    let pictures = document["pictures"].as_array().unwrap();
+    assert_eq!(pictures.len() as u64, report["pictures"].as_u64().unwrap());
+    let first = lab.read("pictures/000000.pgm");
+    assert!(first.starts_with(b"P5\n1600 1250\n255\n"));
+    assert_eq!(first.len(), 17 + 1600 * 1250);
+    let mut again = tactnet(["catch", "detect-bench", "--throws", "1"]);
+    again.arg("--peer-pictures").arg(lab.path("pictures"));
+    assert!(stderr(&expect(2, again)).contains("pictures"));
+}
+
+#[test]
 fn wrong_robots_worlds_and_places_are_one_line_before_anything_is_thrown() {
     let lab = Lab::new();
     let write = |name: &str, text: &str| {

@@ -3,12 +3,13 @@
 //! Logic alone: no clock, no thread, no channel. Time is an argument, so that the code that runs live is the code that was simulated.
 //!
 //! ```text
-//! imu ─> pose ─> track <─ circles        track ─> coordinate ─> plan ─> arm paths, hand commands
+//! imu ─> pose ─> track <─ circles <─ pictures        track ─> coordinate ─> plan ─> arm paths, hand commands
 //! ```
 
 // Formulas of joints and states index several arrays at once.
 #![allow(clippy::needless_range_loop)]
 
+pub mod circles;
 pub mod coordinate;
 pub mod flight;
 pub mod plan;

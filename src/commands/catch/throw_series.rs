@@ -8,7 +8,6 @@ use std::time::Instant;
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use tactnet_catching_trials::{Ablation, Series, ThrowConfig, Timing, series_page};
-use tactnet_catching_world::WorldConfig;
 
 use crate::commands::progress_line::about;
 use crate::output;
@@ -20,6 +19,7 @@ use crate::output;
     tactnet catch throw-series --throws 1 --view                     that throw in the Rerun viewer\n  \
     tactnet catch throw-series --without imu --without replan        what they are worth\n  \
     tactnet catch throw-series --balls 2\n  \
+    tactnet catch throw-series --throws 20 --pixels                  from pictures, not from circles\n  \
     tactnet catch throw-series --timing thesis                       152 ms from exposure to path instead of 70")]
 pub struct ThrowSeriesArgs {
     /// How many throws
@@ -40,6 +40,9 @@ pub struct ThrowSeriesArgs {
     /// Where head and balls are is taken from the truth
     #[arg(long)]
     perfect_perception: bool,
+    /// Draw both cameras' pictures and find the balls in them: some seconds a throw
+    #[arg(long, conflicts_with = "perfect_perception")]
+    pixels: bool,
     /// Hands close so much too late, ms; less than 0: too early
     #[arg(
         long,
@@ -108,13 +111,7 @@ pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
     if arguments.view.is_some() {
         anyhow::bail!(tactnet_models::left_out("rerun"));
     }
-    let world: WorldConfig = match &arguments.world {
-        None => WorldConfig::default(),
-        Some(path) => {
-            let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
-            serde_json::from_str(&text).with_context(|| path.display().to_string())?
-        }
-    };
+    let world = super::world(arguments.world.as_deref())?;
     // Before a series is run in vain.
     if let Some(folder) = arguments.page.as_ref().and_then(|page| page.parent())
         && !(folder.as_os_str().is_empty() || folder.is_dir())
@@ -144,6 +141,7 @@ pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
             without,
             balls: arguments.balls.into(),
             perfect_perception: arguments.perfect_perception,
+            pixels: arguments.pixels,
             closing_error: 1e-3 * arguments.closing_error,
         },
         throws: arguments.throws,

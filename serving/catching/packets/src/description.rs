@@ -104,6 +104,10 @@ pub struct Cameras {
     pub exposure: f64,
     /// Pictures a second.
     pub rate: f64,
+    /// Of the lens, k1 and k2: a ray through `(a, b)`, in focal lengths from the optical axis, falls on `(a, b) (1 + k1 s + k2 s^2)`,
+    /// `s = a^2 + b^2`.
+    #[serde(default)]
+    pub distortion: [f64; 2],
 }
 
 /// The head's inertial unit, its axes parallel to the head's.
@@ -278,6 +282,24 @@ impl Cameras {
                 found: self.exposure.to_string(),
             });
         }
+        self.check_distortion()
+    }
+
+    /// Out to a little beyond the picture's corners, the lens must not fold the picture or squeeze it much.
+    fn check_distortion(&self) -> Result<(), DescriptionError> {
+        let corner = f64::from(self.width).hypot(f64::from(self.height)) / (2.0 * self.focal);
+        let [k1, k2] = self.distortion;
+        for part in 0..=24 {
+            let s = (corner * f64::from(part) / 20.0).powi(2);
+            let stretch = 1.0 + s * (3.0 * k1 + 5.0 * s * k2);
+            if !(0.5..2.0).contains(&stretch) {
+                return Err(DescriptionError::Value {
+                    setting: "cameras.distortion".into(),
+                    expected: "a lens that stretches no part of the picture to less than half or more than twice",
+                    found: format!("{:?}", self.distortion),
+                });
+            }
+        }
         Ok(())
     }
 }
@@ -343,6 +365,16 @@ mod tests {
             ("speed = 1.4", "speed = nan", "`platform.joint.speed`"),
             ("focal = 1386.0", "focal = -1.0", "`cameras.focal`"),
             ("exposure = 0.002", "exposure = 0.05", "`cameras.exposure`"),
+            (
+                "distortion = [-0.08,",
+                "distortion = [-0.9,",
+                "`cameras.distortion`",
+            ),
+            (
+                "distortion = [-0.08,",
+                "distortion = [nan,",
+                "`cameras.distortion`",
+            ),
             ("height = 0.25", "hight = 0.25", "hight"),
         ];
         for (from, to, named) in cases {

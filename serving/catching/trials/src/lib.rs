@@ -6,7 +6,9 @@
 
 mod bound;
 mod chi_square;
+mod detect_bench;
 mod error;
+mod eyes;
 mod look_ahead;
 mod oracle;
 mod page;
@@ -25,6 +27,7 @@ mod track_bench;
 mod wilson;
 
 pub use bound::{Bound, bounds};
+pub use detect_bench::{DetectBench, DetectFigures, DetectReport, RadiusClass, Taken, is_ball};
 pub use error::TrialError;
 pub use look_ahead::LookAhead;
 pub use oracle::Oracle;

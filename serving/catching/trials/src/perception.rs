@@ -14,6 +14,7 @@ use tactnet_catching_packets::packets::{
 use tactnet_catching_world::{FrameMotion, Sensed, Truth};
 
 use crate::error::TrialError;
+use crate::eyes::Eyes;
 use crate::look_ahead::Said;
 use crate::throw::{ThrowConfig, between, nanoseconds};
 use crate::timing::Ablation;
@@ -29,6 +30,10 @@ pub(crate) struct Perception {
     drag: bool,
     pose: PoseEstimator,
     tracker: BallTracker,
+    /// Where circles come from pictures.
+    eyes: Option<Eyes>,
+    /// The newest predictions.
+    last: BallPredictions,
     exposures: VecDeque<Exposure>,
     joints: JointState,
     chest: Isometry3<f64>,
@@ -78,7 +83,8 @@ impl Seen {
 }
 
 impl Perception {
-    pub fn new(config: &ThrowConfig) -> Result<Self, TrialError> {
+    /// - `seed`: the world's, for pictures
+    pub fn new(config: &ThrowConfig, seed: u64) -> Result<Self, TrialError> {
         let drag = !config.is_without(Ablation::Drag);
         let mut track = TrackConfig::default();
         if !drag {
@@ -98,6 +104,11 @@ impl Perception {
             drag,
             pose: PoseEstimator::new(description, PoseConfig::default())?,
             tracker: BallTracker::new(description, track)?,
+            eyes: match config.pixels {
+                true => Some(Eyes::new(&config.robot, &config.world, seed)?),
+                false => None,
+            },
+            last: BallPredictions::zeroed(),
             robot: config.robot.clone(),
             exposures: VecDeque::new(),
             joints: JointState::zeroed(),
@@ -199,10 +210,15 @@ impl Perception {
         };
         let mut predictions = match self.source {
             Source::Truth => true_predictions(&exposure.truth, exposure.pictures),
-            Source::Sensors | Source::Kinematics => self
-                .tracker
-                .push([&exposure.circles[0], &exposure.circles[1]], &head)?,
+            Source::Sensors | Source::Kinematics => {
+                let [left, right] = match &mut self.eyes {
+                    Some(eyes) => eyes.see(&exposure.truth, &head, &self.last),
+                    None => exposure.circles,
+                };
+                self.tracker.push([&left, &right], &head)?
+            }
         };
+        self.last = predictions;
         if !self.drag {
             predictions
                 .balls

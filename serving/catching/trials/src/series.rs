@@ -48,6 +48,8 @@ pub struct SeriesReport {
     pub without: Vec<Ablation>,
     /// True if head and balls were known from the truth.
     pub perfect_perception: bool,
+    /// True if circles were found in pictures.
+    pub pixels: bool,
     /// Throws that the oracle can catch.
     pub in_catch_space: usize,
     /// Of those, caught.
@@ -202,6 +204,7 @@ impl Series {
             timing: self.config.timing,
             without: self.config.without.clone(),
             perfect_perception: self.config.perfect_perception,
+            pixels: self.config.pixels,
             in_catch_space: in_space,
             caught,
             rate: if in_space == 0 {

@@ -44,6 +44,8 @@ pub struct ThrowConfig {
     pub balls: usize,
     /// Where head and balls are is taken from the truth, not from the sensors.
     pub perfect_perception: bool,
+    /// Pictures are drawn and searched for circles; otherwise circles come straight from the truth, with noise, misses and clutter.
+    pub pixels: bool,
     /// The hands close this much later than the stack says, s: to see that the judge judges.
     pub closing_error: f64,
 }
@@ -154,7 +156,7 @@ impl ThrowConfig {
     ) -> Result<ThrowOutcome, TrialError> {
         let seed = world_seed(seed, number);
         let mut world = World::new(self.robot.description(), &self.world, seed, ready)?;
-        let mut perception = Perception::new(self)?;
+        let mut perception = Perception::new(self, seed)?;
         let planners = self.planners();
         let mut coordinator = Coordinator::new(self.robot.clone(), self.coordination(), *ready);
         let mut answers: VecDeque<Answers> = VecDeque::new();

@@ -14,6 +14,7 @@ fn series(throws: u64, change: impl FnOnce(&mut ThrowConfig)) -> Series {
         without: Vec::new(),
         balls: 1,
         perfect_perception: false,
+        pixels: false,
         closing_error: 0.0,
     };
     change(&mut config);
@@ -104,4 +105,14 @@ fn settings_of_the_world_that_make_no_sense_are_an_error() {
     });
     let error = broken.run(|| ()).unwrap_err().to_string();
     assert!(error.contains("ball.mass"), "{error}");
+}
+
+/// From what cameras photograph, drawn with room, people, blur and noise, not from circles.
+#[test]
+fn balls_are_caught_from_pictures() {
+    let report = run(2, |config| config.pixels = true);
+    assert!(report.in_catch_space >= 1, "{report:?}");
+    assert_eq!(report.caught, report.in_catch_space, "{report:?}");
+    let across = report.across_mm_rms_200ms.unwrap();
+    assert!(across < 12.0, "{across}");
 }

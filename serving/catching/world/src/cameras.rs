@@ -158,6 +158,13 @@ impl Cameras {
         pictures
     }
 
+    /// Returns where a camera is, m, and from its directions (x along the optical axis) to the head's, both in the head's frame.
+    pub(crate) fn mount(&self, camera: usize) -> (Vector3<f64>, Matrix3<f64>) {
+        let side = self.optics.baseline * (0.5 - camera as f64);
+        let eye = self.centre + self.turn * Vector3::new(0.0, side, 0.0);
+        (eye, self.turn)
+    }
+
     /// Returns the outline of a ball, `None` if its centre is not in the picture.
     pub(crate) fn outline(
         &self,
@@ -166,8 +173,7 @@ impl Cameras {
         ball: &Vector3<f64>,
         radius: f64,
     ) -> Option<Circle> {
-        let side = self.optics.baseline * (0.5 - camera as f64);
-        let eye = self.centre + self.turn * Vector3::new(0.0, side, 0.0);
+        let (eye, _) = self.mount(camera);
         let seen = self
             .turn
             .tr_mul(&(head.rotation.tr_mul(&(ball - head.position)) - eye));

@@ -7,6 +7,7 @@ use crate::cameras::CamerasConfig;
 use crate::drives::DrivesConfig;
 use crate::error::WorldError;
 use crate::imu::ImuConfig;
+use crate::pictures::PicturesConfig;
 use crate::planted::PlantedErrors;
 use crate::thrower::ThrowerConfig;
 use crate::torso::TorsoConfig;
@@ -27,6 +28,8 @@ pub struct WorldConfig {
     pub imu: ImuConfig,
     /// Detectors.
     pub cameras: CamerasConfig,
+    /// Pictures, where they are drawn.
+    pub pictures: PicturesConfig,
     /// What the robot's description does not say.
     pub errors: PlantedErrors,
 }
@@ -46,6 +49,7 @@ impl WorldConfig {
         self.torso.check()?;
         self.imu.check()?;
         self.cameras.check()?;
+        self.pictures.check()?;
         self.errors.check()
     }
 }
@@ -57,7 +61,9 @@ mod tests {
     #[test]
     fn settings_out_of_range_are_named() {
         type Spoil = fn(&mut WorldConfig);
-        let cases: [(&str, Spoil); 14] = [
+        let cases: [(&str, Spoil); 16] = [
+            ("pictures.noise", |c| c.pictures.noise = -1.0),
+            ("pictures.ball", |c| c.pictures.ball = [0.5, 1.5]),
             ("ball.mass", |c| c.ball.mass = 0.0),
             ("ball.air", |c| c.ball.air = f64::NAN),
             ("ball.drag", |c| c.ball.drag = [0.5, 0.4]),

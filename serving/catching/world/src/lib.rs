@@ -13,6 +13,7 @@
 //! | inertial unit | specific force and rate of its place in the true head, with bias, scale, noise | 512 Hz |
 //! | cameras | outline of a sphere, with noise, misses, clutter; both exposed together | 25 Hz |
 //! | hands | close once, 10 ms after they begin to | 1 ms |
+//! | pictures | [`Pictures`]: a room, people, balls, blur, distortion, noise, from the truth of a moment | when asked for |
 //!
 //! The drives prescribe the motion of their joints, whatever torque it takes; the reaction of arms, neck and platform goes into the
 //! torso's springs, and so shakes chest and head. Arms and neck are stiff.
@@ -20,8 +21,8 @@
 //! Frames and joint numbers are those of [`tactnet_catching_packets`]. The numbers that the thesis does not give (springs, damping, noise,
 //! latency, spin) are settings; the defaults are ours, most from the digest of its chapter 3.
 //!
-//! Left out: self-collision, contact of ball with robot and fingers, arms hiding the ball, motion blur, the delay from exposure to
-//! circles (the runner's), elasticity of arms and neck, torque limits.
+//! Left out: self-collision, contact of ball with robot and fingers, arms hiding the ball, the delay from exposure to circles (the
+//! runner's), elasticity of arms and neck, torque limits.
 
 mod ball;
 mod cameras;
@@ -33,6 +34,7 @@ mod hand;
 mod imu;
 mod judge;
 mod kinematics;
+mod pictures;
 mod planted;
 #[cfg(test)]
 mod pose;
@@ -50,6 +52,7 @@ pub use error::WorldError;
 pub use hand::{CLOSED_NS, CLOSING_NS};
 pub use imu::ImuConfig;
 pub use judge::{Crossing, MAX_ACROSS, MAX_ALONG_NS, MAX_ANGLE, Miss, NEAR, Verdict};
+pub use pictures::{Outline, Pictures, PicturesConfig};
 pub use planted::PlantedErrors;
 pub use robot::FrameMotion;
 pub use thrower::ThrowerConfig;

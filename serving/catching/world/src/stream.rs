@@ -28,6 +28,14 @@ pub(crate) enum Stream {
     Clutter = 10,
     /// Order of a picture's circles; index: [`picture`].
     Order = 11,
+    /// Walls, furniture and stains; index: the side of the room.
+    Surroundings = 12,
+    /// Who stands about.
+    People = 13,
+    /// Brightness of a ball; index: the ball.
+    BallBrightness = 14,
+    /// Noise of a picture; index: [`picture`].
+    PictureNoise = 15,
 }
 
 impl Stream {

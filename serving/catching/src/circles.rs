@@ -1,0 +1,405 @@
+//! Circles in pictures: a vote of contrast-normalised edges (thesis, section 3.4.1; the edges are Frese's).
+//!
+//! ```text
+//! picture ─> halved ─> halved … ─> edges C ─> votes of 24 points on circles of six radii ─> peaks ─> edge points on rays ─> circle, sub-pixel
+//! predictions ─> gates ─────────────> the same at twice the resolution, in windows
+//! ```
+//!
+//! With 3x3 Sobel filters `S` and the binomial mean `G`, an edge is `C = sqrt(2) S / sqrt(16 G*I^2 - (G*I)^2 + eps^2)`: the share of the
+//! local contrast that is one straight edge, whatever the illumination. A circle's votes are the mean over its points of
+//! `(n . C)^2 - (t . C)^2` with normal `n` and tangent `t`: 1 for a perfect circle, 0 on average for texture, which Frese's `(n . C)^2`
+//! gives a half.
+
+mod edges;
+mod gates;
+mod lens;
+mod refine;
+mod votes;
+
+use tactnet_catching_packets::Cameras;
+use tactnet_catching_packets::packets::{Circle, Circles, MAX_CIRCLES};
+
+pub use gates::{Gate, gates};
+use lens::Lens;
+use refine::{Rays, refined};
+use votes::{Peak, RADII, Votes};
+
+/// Radii are found at the level of the pyramid where they are this many pixels, and less than twice as many.
+const LEAST_RADIUS: f64 = 4.5;
+/// Peaks of a picture that are looked at closely.
+const MOST_PEAKS: usize = 128;
+/// Circles whose centres are closer than this share of the larger radius are one.
+const SAME: f64 = 0.5;
+
+/// How circles are found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CircleConfig {
+    /// Least response of a circle anywhere.
+    pub threshold: f64,
+    /// Least response inside a gate.
+    pub gate_threshold: f64,
+    /// Largest radius, pixels; the least is 9, or 4.5 inside a gate.
+    pub largest: f64,
+    /// Contrast of noise and faint texture, digits: edges far below it count little.
+    pub noise: f64,
+    /// Least share of rays from the centre on which the edge lies on the circle.
+    pub inliers: f64,
+}
+
+impl Default for CircleConfig {
+    fn default() -> Self {
+        Self {
+            threshold: 0.35,
+            gate_threshold: 0.2,
+            largest: 140.0,
+            noise: 6.0,
+            inliers: 0.5,
+        }
+    }
+}
+
+/// Finds circles in pictures of one size; does not allocate once it is made.
+#[derive(Debug, Clone)]
+pub struct CircleDetector {
+    config: CircleConfig,
+    lens: Lens,
+    width: usize,
+    height: usize,
+    /// Halved once, twice, and so on.
+    halved: Vec<Halved>,
+    votes: Votes,
+    rays: Rays,
+    peaks: Vec<Peak>,
+    found: Vec<Circle>,
+}
+
+#[derive(Debug, Clone)]
+struct Halved {
+    width: usize,
+    height: usize,
+    pixels: Vec<u8>,
+}
+
+/// A part of a picture, in its pixels: left, top, width, height.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Window {
+    left: usize,
+    top: usize,
+    width: usize,
+    height: usize,
+}
+
+impl CircleDetector {
+    /// Makes a detector for pictures of these cameras.
+    pub fn new(cameras: &Cameras, config: CircleConfig) -> Self {
+        let (width, height) = (cameras.width as usize, cameras.height as usize);
+        let mut halved = Vec::new();
+        let (mut w, mut h, mut radius) = (width / 2, height / 2, 2.0 * LEAST_RADIUS);
+        while radius < config.largest && w > 32 && h > 32 {
+            halved.push(Halved {
+                width: w,
+                height: h,
+                pixels: vec![0; w * h],
+            });
+            (w, h, radius) = (w / 2, h / 2, radius * 2.0);
+        }
+        Self {
+            config,
+            lens: Lens::new(cameras),
+            width,
+            height,
+            votes: Votes::new((width / 2 + 1) * (height / 2 + 1)),
+            halved,
+            rays: Rays::default(),
+            peaks: Vec::with_capacity(4 * MOST_PEAKS),
+            found: Vec::with_capacity(4 * MOST_PEAKS),
+        }
+    }
+
+    /// Finds the circles of a picture; those of greatest response come first. They are as a lens without distortion would show them.
+    ///
+    /// - `pixels`: `[height][width]`, brightness
+    /// - `gates`: where balls are expected
+    /// - `circles`: receives them; frame, time and camera stay
+    ///
+    /// # Panics
+    /// If `pixels` has another size than the cameras' pictures.
+    pub fn find(&mut self, pixels: &[u8], gates: &[Gate], circles: &mut Circles) {
+        assert_eq!(
+            pixels.len(),
+            self.width * self.height,
+            "pixels of a picture"
+        );
+        self.halve(pixels);
+        self.peaks.clear();
+        let noise = self.config.noise;
+        for (level, halved) in self.halved.iter().enumerate() {
+            let window = Window {
+                left: 0,
+                top: 0,
+                width: halved.width,
+                height: halved.height,
+            };
+            self.votes
+                .edges(&halved.pixels, halved.width, window, noise);
+            let scale = f64::from(2 << level);
+            self.votes.cast(RADII.map(|factor| LEAST_RADIUS * factor));
+            self.votes
+                .peaks(self.config.threshold, window, scale, &mut self.peaks);
+        }
+        for gate in gates {
+            self.look_into(pixels, gate);
+        }
+        self.keep_best_peaks();
+        self.found.clear();
+        for peak in &self.peaks {
+            let size = [self.width, self.height];
+            let circle = refined(&self.rays, pixels, size, peak, self.config.inliers);
+            self.found
+                .extend(circle.filter(|circle| circle.r <= self.config.largest));
+        }
+        self.found.sort_by(|a, b| b.response.total_cmp(&a.response));
+        circles.count = 0;
+        for circle in &self.found {
+            let place = circles.count as usize;
+            let circle = self.lens.undistorted(circle);
+            if place < MAX_CIRCLES && !circles.valid().iter().any(|other| same(other, &circle)) {
+                circles.circles[place] = circle;
+                circles.count += 1;
+            }
+        }
+    }
+
+    fn halve(&mut self, pixels: &[u8]) {
+        let mut from = (pixels, self.width);
+        for halved in &mut self.halved {
+            halve(from.0, from.1, &mut halved.pixels, halved.width);
+            from = (&halved.pixels, halved.width);
+        }
+    }
+
+    /// Looks for a ball where it is expected, at twice the resolution of the search everywhere.
+    fn look_into(&mut self, pixels: &[u8], gate: &Gate) {
+        let [u, v] = self.lens.distorted([gate.u, gate.v]);
+        // The picture, or the smallest of its halves, in which the radius is at least twice the least one.
+        let mut level = 0;
+        while level < self.halved.len() && gate.r / f64::from(2 << level) >= 2.0 * LEAST_RADIUS {
+            level += 1;
+        }
+        let scale = f64::from(1 << level);
+        let (pixels, width, height) = match level {
+            0 => (pixels, self.width, self.height),
+            _ => {
+                let halved = &self.halved[level - 1];
+                (halved.pixels.as_slice(), halved.width, halved.height)
+            }
+        };
+        let reach = (gate.reach + 1.4 * gate.r) / scale + 2.0;
+        let range = |centre: f64, size: usize| {
+            let low = (centre / scale - reach).clamp(0.0, size as f64) as usize;
+            let high = (centre / scale + reach).clamp(0.0, size as f64) as usize;
+            (low, high - low)
+        };
+        let ((left, width_of), (top, height_of)) = (range(u, width), range(v, height));
+        let mut window = Window {
+            left,
+            top,
+            width: width_of,
+            height: height_of,
+        };
+        // A gate over half of the picture is no gate.
+        let room = self.votes.room();
+        if window.width * window.height > room {
+            window.height = room / window.width.max(1);
+        }
+        if window.width < 16 || window.height < 16 {
+            return;
+        }
+        self.votes.edges(pixels, width, window, self.config.noise);
+        let middle = gate.r / scale;
+        // Six radii from 0.8 to 1.25 of the one that is expected.
+        let radii = std::array::from_fn(|i| middle * 0.8 * 1.5625_f64.powf(i as f64 / 5.0));
+        self.votes.cast(radii);
+        self.votes
+            .peaks(self.config.gate_threshold, window, scale, &mut self.peaks);
+    }
+
+    /// Peaks of one circle become one; the strongest stay.
+    fn keep_best_peaks(&mut self) {
+        self.peaks.sort_by(|a, b| b.response.total_cmp(&a.response));
+        let mut kept = 0;
+        for i in 0..self.peaks.len() {
+            let peak = self.peaks[i];
+            let is_new = self.peaks[..kept].iter().all(|other| !peak.is_like(other));
+            if is_new && kept < MOST_PEAKS {
+                self.peaks[kept] = peak;
+                kept += 1;
+            }
+        }
+        self.peaks.truncate(kept);
+    }
+}
+
+fn same(a: &Circle, b: &Circle) -> bool {
+    (a.u - b.u).hypot(a.v - b.v) < SAME * a.r.max(b.r)
+}
+
+/// Means of two by two pixels.
+fn halve(from: &[u8], from_width: usize, to: &mut [u8], width: usize) {
+    pulp::Arch::new().dispatch(Halve {
+        from,
+        from_width,
+        to,
+        width,
+    });
+}
+
+/// A halving, compiled for each vector width that a processor may have.
+struct Halve<'a> {
+    from: &'a [u8],
+    from_width: usize,
+    to: &'a mut [u8],
+    width: usize,
+}
+
+impl pulp::NullaryFnOnce for Halve<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        halve_lines(self.from, self.from_width, self.to, self.width);
+    }
+}
+
+#[inline(always)]
+fn halve_lines(from: &[u8], from_width: usize, to: &mut [u8], width: usize) {
+    let pairs = from.chunks_exact(2 * from_width);
+    for (rows, to) in pairs.zip(to.chunks_exact_mut(width)) {
+        let (upper, lower) = rows.split_at(from_width);
+        let four = upper.chunks_exact(2).zip(lower.chunks_exact(2));
+        for (to, (a, b)) in to.iter_mut().zip(four) {
+            let sum = u16::from(a[0]) + u16::from(a[1]) + u16::from(b[0]) + u16::from(b[1]);
+            *to = ((sum + 2) >> 2) as u8;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+    use proptest::prelude::*;
+    use tactnet_catching_packets::RobotDescription;
+
+    fn cameras(distortion: [f64; 2]) -> Cameras {
+        Cameras {
+            width: 400,
+            height: 312,
+            focal: 346.5,
+            distortion,
+            ..RobotDescription::nominal().cameras
+        }
+    }
+
+    /// A disc with soft edges on a background that gets brighter to the right.
+    fn disc(cameras: &Cameras, [u, v, r]: [f64; 3], shades: [f64; 2]) -> Vec<u8> {
+        let (width, height) = (cameras.width as usize, cameras.height as usize);
+        let pixels = (0..width * height).map(|i| {
+            let (x, y) = ((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+            let share = (r + 0.5 - (x - u).hypot(y - v)).clamp(0.0, 1.0);
+            let ground = shades[0] + 0.05 * x;
+            (ground + share * (shades[1] - ground)).round() as u8
+        });
+        pixels.collect()
+    }
+
+    fn found(cameras: &Cameras, pixels: &[u8], gates: &[Gate]) -> Vec<Circle> {
+        let mut circles = Circles::zeroed();
+        CircleDetector::new(cameras, CircleConfig::default()).find(pixels, gates, &mut circles);
+        circles.valid().to_vec()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(40))]
+
+        #[test]
+        fn discs_are_found_to_a_tenth_of_a_pixel(
+            u in 90.0..310.0f64, v in 90.0..220.0f64, r in 9.5..60.0f64, dark: bool,
+        ) {
+            let cameras = cameras([0.0; 2]);
+            let shades = if dark { [120.0, 40.0] } else { [60.0, 180.0] };
+            let circles = found(&cameras, &disc(&cameras, [u, v, r], shades), &[]);
+            prop_assert_eq!(circles.len(), 1, "{:?}", circles);
+            let circle = circles[0];
+            prop_assert!((circle.u - u).hypot(circle.v - v) < 0.1, "{circle:?}");
+            prop_assert!((circle.r - r).abs() < 0.15, "{circle:?}");
+            prop_assert!(circle.response > 0.7, "{circle:?}");
+        }
+
+        /// Gates may be anywhere, and of any size.
+        #[test]
+        fn no_gate_breaks_the_search(u in -500.0..900.0f64, v in -500.0..900.0f64, r in 0.0..500.0f64, reach in 0.0..2000.0f64) {
+            let cameras = cameras([-0.08, 0.02]);
+            let pixels = disc(&cameras, [200.0, 150.0, 20.0], [60.0, 180.0]);
+            let circles = found(&cameras, &pixels, &[Gate { u, v, r, reach }]);
+            prop_assert_eq!(circles.len(), 1);
+        }
+    }
+
+    #[test]
+    fn small_balls_are_found_where_they_are_expected_and_nowhere_else() {
+        let cameras = cameras([0.0; 2]);
+        let place = [211.3, 140.6, 5.5];
+        let pixels = disc(&cameras, place, [60.0, 180.0]);
+        assert_eq!(found(&cameras, &pixels, &[]), []);
+        let gate = Gate {
+            u: 217.0,
+            v: 137.0,
+            r: 5.0,
+            reach: 12.0,
+        };
+        let circles = found(&cameras, &pixels, &[gate]);
+        assert_eq!(circles.len(), 1);
+        let away = (circles[0].u - place[0]).hypot(circles[0].v - place[1]);
+        assert!(away < 0.15, "{circles:?}");
+    }
+
+    #[test]
+    fn the_lens_is_undone() {
+        let cameras = cameras([-0.08, 0.02]);
+        let lens = Lens::new(&cameras);
+        // As a lens without distortion would show it.
+        let place = [330.0, 90.0, 14.0];
+        let [u, v] = lens.distorted([place[0], place[1]]);
+        let [right, _] = lens.distorted([place[0] + place[2], place[1]]);
+        let [left, _] = lens.distorted([place[0] - place[2], place[1]]);
+        assert!((u - place[0]).hypot(v - place[1]) > 1.0);
+        let pixels = disc(&cameras, [u, v, (right - left) / 2.0], [60.0, 180.0]);
+        let circles = found(&cameras, &pixels, &[]);
+        assert_eq!(circles.len(), 1);
+        let circle = circles[0];
+        assert!(
+            (circle.u - place[0]).hypot(circle.v - place[1]) < 0.2,
+            "{circle:?}"
+        );
+        assert!((circle.r - place[2]).abs() < 0.4, "{circle:?}");
+    }
+
+    #[test]
+    fn noise_and_stripes_hold_no_circles() {
+        let cameras = cameras([0.0; 2]);
+        let mut state = 1_u64;
+        let mut noise = || {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            (state >> 33) as u32
+        };
+        let noisy: Vec<u8> = (0..400 * 312).map(|_| 100 + (noise() % 9) as u8).collect();
+        assert_eq!(found(&cameras, &noisy, &[]), []);
+        let stripes: Vec<u8> = (0..400 * 312)
+            .map(|i| if i % 400 / 14 % 2 == 0 { 60 } else { 190 })
+            .collect();
+        assert_eq!(found(&cameras, &stripes, &[]), []);
+    }
+}

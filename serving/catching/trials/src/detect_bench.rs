@@ -1,0 +1,309 @@
+//! How well balls are found in pictures, and how long that takes.
+
+use std::time::Instant;
+
+use bytemuck::Zeroable;
+use serde::Serialize;
+use tactnet_catching::Robot;
+use tactnet_catching::circles::{CircleConfig, CircleDetector, Gate, gates};
+use tactnet_catching::track::{BallTracker, TrackConfig};
+use tactnet_catching_packets::joint;
+use tactnet_catching_packets::packets::{BallPredictions, Circle, Circles, JointCommand};
+use tactnet_catching_world::{Pictures, Truth, World, WorldConfig};
+
+use crate::error::TrialError;
+use crate::perception::{isometry, known_pose};
+use crate::quantiles::Quantiles;
+use crate::throw::{nanoseconds, ready, ticks, world_seed};
+
+/// Seconds before a ball is thrown.
+const WAIT: f64 = 0.3;
+/// Seconds after which a ball has passed.
+const LONGEST: f64 = 1.5;
+/// A circle is a ball's if its centre is this near, pixels and share of the radius, and its radius within the share.
+const NEAR: (f64, f64) = (4.0, 0.2);
+/// Radii that rates are given for, pixels: least ones of the classes.
+const CLASSES: [f64; 4] = [0.0, 12.0, 24.0, 48.0];
+/// The neck looks about, rad and rad/s.
+const LOOKING: (f64, f64) = (0.12, 3.0);
+
+/// What is measured.
+#[derive(Debug, Clone)]
+pub struct DetectBench {
+    /// Throws of one ball each.
+    pub throws: usize,
+    /// Of throws, rooms, people and noise.
+    pub seed: u64,
+    /// The world.
+    pub world: WorldConfig,
+    /// The detector.
+    pub config: CircleConfig,
+}
+
+/// What was measured. All but the times repeats to the bit.
+#[derive(Debug, Clone, Serialize)]
+pub struct DetectReport {
+    /// Throws.
+    pub throws: usize,
+    /// Of throws, rooms, people and noise.
+    pub seed: u64,
+    /// Pictures of both cameras.
+    pub pictures: usize,
+    /// Width and height, pixels.
+    pub size: [usize; 2],
+    /// Each picture on its own.
+    pub search: DetectFigures,
+    /// With gates where the tracker expects the ball.
+    pub gated: DetectFigures,
+}
+
+/// The detector's figures.
+#[derive(Debug, Clone, Serialize)]
+pub struct DetectFigures {
+    /// Balls that are wholly in a picture.
+    pub balls: usize,
+    /// Share of them that was found.
+    pub recall: f64,
+    /// The same by radius.
+    pub by_radius: Vec<RadiusClass>,
+    /// Circles that are no balls, mean number a picture.
+    pub false_alarms: f64,
+    /// Error of a found ball's centre, each way, pixels, root mean square.
+    pub centre_px_rms: Option<f64>,
+    /// Median of the centre's distance from the true one, pixels.
+    pub centre_px_median: Option<f64>,
+    /// Error of its radius, pixels, root mean square.
+    pub radius_px_rms: Option<f64>,
+    /// Mean error of the radius, pixels.
+    pub radius_px_mean: Option<f64>,
+    /// A picture, milliseconds, one core.
+    pub picture_ms: Option<Quantiles>,
+}
+
+/// Balls of some radii.
+#[derive(Debug, Clone, Serialize)]
+pub struct RadiusClass {
+    /// Least radius, pixels.
+    pub least: f64,
+    /// Balls.
+    pub balls: usize,
+    /// Share that was found.
+    pub recall: Option<f64>,
+    /// Error of the centre, each way, pixels, root mean square.
+    pub centre_px_rms: Option<f64>,
+}
+
+/// A picture with what is in it.
+pub struct Taken {
+    /// Of which throw.
+    pub throw: usize,
+    /// 0 left, 1 right.
+    pub camera: usize,
+    /// `[height][width]`.
+    pub pixels: Vec<u8>,
+    /// The ball, if it is wholly in the picture, without distortion.
+    pub ball: Option<Circle>,
+    /// What our detector found in it on its own.
+    pub circles: Vec<Circle>,
+}
+
+#[derive(Default)]
+struct Kept {
+    errors: Vec<[f64; 3]>,
+    /// True radius, and whether it was found, with the squared error of the centre.
+    balls: Vec<(f64, Option<f64>)>,
+    false_alarms: usize,
+    pictures: usize,
+    millis: Vec<f64>,
+}
+
+impl DetectBench {
+    /// Measures.
+    ///
+    /// - `progress`: told how many throws are done
+    /// - `keep`: told of every picture
+    ///
+    /// # Errors
+    /// Where the robot's description or a setting makes no sense.
+    pub fn run(
+        &self,
+        robot: &Robot,
+        mut progress: impl FnMut(usize),
+        mut keep: impl FnMut(Taken),
+    ) -> Result<DetectReport, TrialError> {
+        let description = robot.description();
+        let mut detector = CircleDetector::new(&description.cameras, self.config);
+        let (mut search, mut gated) = (Kept::default(), Kept::default());
+        let mut size = [0, 0];
+        for throw in 0..self.throws {
+            let seed = world_seed(self.seed, throw as u64);
+            let mut pictures = Pictures::new(description, &self.world, seed)?;
+            let mut tracker = BallTracker::new(description, TrackConfig::default())?;
+            let mut predictions = BallPredictions::zeroed();
+            size = pictures.size();
+            let mut pixels = vec![0; size[0] * size[1]];
+            for (frame, truth) in self.exposures(robot, seed)?.iter().enumerate() {
+                let pose = known_pose(&isometry(&truth.head), truth.time_ns);
+                let mut seen = [0, 1].map(|camera| Circles {
+                    frame: frame as u64,
+                    exposure_ns: truth.time_ns,
+                    camera,
+                    ..Circles::zeroed()
+                });
+                for (camera, seen) in seen.iter_mut().enumerate() {
+                    pictures.draw(truth, frame as u64, camera, &mut pixels);
+                    let ball = whole(&pictures, truth, camera);
+                    let mut alone = *seen;
+                    search.add(&mut detector, &pixels, &[], &mut alone, ball);
+                    let expected: Vec<Gate> =
+                        gates(&description.cameras, camera, &predictions, &pose).collect();
+                    gated.add(&mut detector, &pixels, &expected, seen, ball);
+                    keep(Taken {
+                        throw,
+                        camera,
+                        pixels: pixels.clone(),
+                        ball,
+                        circles: alone.valid().to_vec(),
+                    });
+                }
+                predictions = tracker.push([&seen[0], &seen[1]], &pose)?;
+            }
+            progress(throw + 1);
+        }
+        Ok(DetectReport {
+            throws: self.throws,
+            seed: self.seed,
+            pictures: search.pictures,
+            size,
+            search: search.figures(),
+            gated: gated.figures(),
+        })
+    }
+
+    /// What is when pictures are taken, from shortly before a throw until the ball has passed. The head looks about.
+    fn exposures(&self, robot: &Robot, seed: u64) -> Result<Vec<Truth>, TrialError> {
+        let ready = ready(robot);
+        let mut world = World::new(robot.description(), &self.world, seed, &ready)?;
+        let mut exposures = Vec::new();
+        let end = nanoseconds(WAIT + LONGEST);
+        let thrown = ticks(WAIT);
+        let mut tick = 0;
+        while world.time_ns() < end {
+            if tick == thrown {
+                world.throw(1);
+            }
+            tick += 1;
+            let mut q = ready;
+            let t = world.time_ns() as f64 * 1e-9;
+            for (i, neck) in joint::NECK.enumerate() {
+                q[neck] += LOOKING.0 * ((LOOKING.1 + i as f64) * t).sin();
+            }
+            let command = JointCommand {
+                number: 0,
+                command_ns: world.time_ns(),
+                q,
+                dq: [0.0; tactnet_catching_packets::JOINTS],
+            };
+            let exposed = world.step(&command, &[None, None]).circles.is_some();
+            let truth = world.truth();
+            if exposed {
+                exposures.push(truth);
+            }
+            let passed = tick > thrown + 100
+                && truth
+                    .balls
+                    .iter()
+                    .flatten()
+                    .all(|ball| ball.state.position.x < 0.3);
+            if passed {
+                break;
+            }
+        }
+        Ok(exposures)
+    }
+}
+
+/// The ball of a picture, if all of it is in there.
+fn whole(pictures: &Pictures, truth: &Truth, camera: usize) -> Option<Circle> {
+    let [width, height] = pictures.size().map(|size| size as f64);
+    let circle = pictures.outline(truth, camera, 0)?;
+    // The lens moves it by up to a few hundredths.
+    let margin = circle.r + 0.04 * width;
+    let inside = |x: f64, size: f64| x > margin && x < size - margin;
+    (inside(circle.u, width) && inside(circle.v, height)).then_some(circle)
+}
+
+impl Kept {
+    fn add(
+        &mut self,
+        detector: &mut CircleDetector,
+        pixels: &[u8],
+        gates: &[Gate],
+        circles: &mut Circles,
+        ball: Option<Circle>,
+    ) {
+        let begun = Instant::now();
+        detector.find(pixels, gates, circles);
+        self.millis.push(begun.elapsed().as_secs_f64() * 1e3);
+        self.pictures += 1;
+        let found = circles.valid();
+        self.false_alarms += found.len();
+        let Some(ball) = ball else { return };
+        let own = found.iter().find(|circle| is_ball(circle, &ball));
+        self.balls.push((
+            ball.r,
+            own.map(|circle| (circle.u - ball.u).powi(2) + (circle.v - ball.v).powi(2)),
+        ));
+        if let Some(circle) = own {
+            self.false_alarms -= 1;
+            self.errors
+                .push([circle.u - ball.u, circle.v - ball.v, circle.r - ball.r]);
+        }
+    }
+
+    fn figures(self) -> DetectFigures {
+        let rms = |values: &[f64]| {
+            (!values.is_empty())
+                .then(|| (values.iter().map(|x| x * x).sum::<f64>() / values.len() as f64).sqrt())
+        };
+        let centre: Vec<f64> = self.errors.iter().flat_map(|e| [e[0], e[1]]).collect();
+        let radius: Vec<f64> = self.errors.iter().map(|e| e[2]).collect();
+        let mut away: Vec<f64> = self.errors.iter().map(|e| e[0].hypot(e[1])).collect();
+        away.sort_by(f64::total_cmp);
+        let classes = CLASSES.iter().enumerate().map(|(i, &least)| {
+            let most = CLASSES.get(i + 1).copied().unwrap_or(f64::INFINITY);
+            let own = self
+                .balls
+                .iter()
+                .filter(|ball| (least..most).contains(&ball.0));
+            let squares: Vec<Option<f64>> = own.map(|ball| ball.1).collect();
+            let found: Vec<f64> = squares.iter().flatten().copied().collect();
+            let share = |x: f64, of: usize| (of > 0).then(|| x / of as f64);
+            RadiusClass {
+                least,
+                balls: squares.len(),
+                recall: share(found.len() as f64, squares.len()),
+                centre_px_rms: share(found.iter().sum::<f64>() / 2.0, found.len()).map(f64::sqrt),
+            }
+        });
+        DetectFigures {
+            balls: self.balls.len(),
+            recall: self.errors.len() as f64 / self.balls.len().max(1) as f64,
+            by_radius: classes.collect(),
+            false_alarms: self.false_alarms as f64 / self.pictures.max(1) as f64,
+            centre_px_rms: rms(&centre),
+            centre_px_median: away.get(away.len() / 2).copied(),
+            radius_px_rms: rms(&radius),
+            radius_px_mean: (!radius.is_empty())
+                .then(|| radius.iter().sum::<f64>() / radius.len() as f64),
+            picture_ms: Quantiles::of(self.millis),
+        }
+    }
+}
+
+/// Returns true if a found circle is the ball's.
+pub fn is_ball(circle: &Circle, ball: &Circle) -> bool {
+    let near = NEAR.0.max(NEAR.1 * ball.r);
+    (circle.u - ball.u).hypot(circle.v - ball.v) < near
+        && (circle.r - ball.r).abs() < near.max(NEAR.1 * ball.r)
+}

@@ -1,0 +1,61 @@
+//! Eyes: pictures drawn from the truth, and the circles in them.
+
+use bytemuck::Zeroable;
+use tactnet_catching::Robot;
+use tactnet_catching::circles::{CircleConfig, CircleDetector, Gate, gates};
+use tactnet_catching_packets::Cameras;
+use tactnet_catching_packets::packets::{BallPredictions, Circles, HeadPose, MAX_BALLS};
+use tactnet_catching_world::{Pictures, Truth, WorldConfig};
+
+use crate::error::TrialError;
+
+/// Both cameras with a detector.
+pub(crate) struct Eyes {
+    cameras: Cameras,
+    pictures: Pictures,
+    detector: CircleDetector,
+    pixels: Vec<u8>,
+    frame: u64,
+}
+
+impl Eyes {
+    pub fn new(robot: &Robot, world: &WorldConfig, seed: u64) -> Result<Self, TrialError> {
+        let description = robot.description();
+        let pictures = Pictures::new(description, world, seed)?;
+        let [width, height] = pictures.size();
+        Ok(Self {
+            cameras: description.cameras,
+            detector: CircleDetector::new(&description.cameras, CircleConfig::default()),
+            pictures,
+            pixels: vec![0; width * height],
+            frame: 0,
+        })
+    }
+
+    /// Draws both pictures of a moment and finds circles in them, balls where they are expected.
+    ///
+    /// - `head`: where the head is thought to be
+    pub fn see(
+        &mut self,
+        truth: &Truth,
+        head: &HeadPose,
+        expected: &BallPredictions,
+    ) -> [Circles; 2] {
+        let frame = self.frame;
+        self.frame += 1;
+        std::array::from_fn(|camera| {
+            let mut circles = Circles {
+                frame,
+                exposure_ns: truth.time_ns,
+                camera: camera as u32,
+                ..Circles::zeroed()
+            };
+            self.pictures.draw(truth, frame, camera, &mut self.pixels);
+            let gates: Vec<Gate> = gates(&self.cameras, camera, expected, head)
+                .take(MAX_BALLS)
+                .collect();
+            self.detector.find(&self.pixels, &gates, &mut circles);
+            circles
+        })
+    }
+}

@@ -1,0 +1,389 @@
+//! What both cameras photograph: surroundings that turn with the head, people, balls, blur, noise.
+//!
+//! The eyes' pictures are drawn from the truth alone. Surroundings are far away, so that they turn and do not move; people and balls are
+//! ellipsoids, lit from one side, that hide what is behind them. A picture is a mean over the time that the shutter is open, with noise.
+//! The lens distorts as the robot's description says: a ray through `(a, b)`, in focal lengths right and down of the optical axis, falls on
+//! `(a, b) (1 + k1 s + k2 s^2)`, `s = a^2 + b^2`.
+//!
+//! Left out: parallax of the surroundings, reflections, shadows, arms in the picture, focus.
+
+mod noise;
+mod optics;
+mod solid;
+mod surroundings;
+
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use rand::RngExt;
+use serde::{Deserialize, Serialize};
+use tactnet_catching_packets::packets::Circle;
+use tactnet_catching_packets::{Cameras as Optics, RobotDescription};
+
+use crate::cameras::{CAMERAS, Cameras};
+use crate::config::WorldConfig;
+use crate::error::{WorldError, not_negative, range, within};
+use crate::robot::FrameMotion;
+use crate::stream::{Stream, picture};
+use crate::world::Truth;
+use noise::Noise;
+use optics::Rays;
+use solid::Solid;
+use surroundings::Surroundings;
+
+/// Where light comes from, inertial frame: above, behind the robot's left shoulder.
+const LIGHT: [f64; 3] = [-0.45, 0.4, 0.8];
+/// Distances of people from the robot, m: behind the thrower, so that they hide no ball.
+const PEOPLE: [f64; 2] = [6.3, 8.5];
+
+/// How pictures look.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PicturesConfig {
+    /// Standard deviation of a pixel's noise, digits of 255.
+    pub noise: f64,
+    /// Discs on the walls before the robot.
+    pub discs: usize,
+    /// People before the robot; their heads are round, too.
+    pub people: usize,
+    /// Brightness of a ball in full light, least and greatest share of 255; drawn for each ball.
+    pub ball: [f64; 2],
+    /// Pictures are exposed this much later than they say, s.
+    pub clock_offset: f64,
+}
+
+impl Default for PicturesConfig {
+    fn default() -> Self {
+        Self {
+            noise: 2.0,
+            discs: 12,
+            people: 3,
+            ball: [0.6, 0.95],
+            clock_offset: 0.0,
+        }
+    }
+}
+
+impl PicturesConfig {
+    pub(crate) fn check(&self) -> Result<(), WorldError> {
+        not_negative("pictures.noise", self.noise)?;
+        within(
+            "pictures.discs",
+            self.discs as f64,
+            [0.0, 1000.0],
+            "0 to 1000",
+        )?;
+        within(
+            "pictures.people",
+            self.people as f64,
+            [0.0, 50.0],
+            "0 to 50",
+        )?;
+        range(
+            "pictures.ball",
+            self.ball,
+            0.0,
+            "[least, greatest] share of 255",
+        )?;
+        within("pictures.ball", self.ball[1], [0.0, 1.0], "shares up to 1")?;
+        within(
+            "pictures.clock_offset",
+            self.clock_offset,
+            [-0.02, 0.02],
+            "at most 20 ms either way",
+        )
+    }
+}
+
+/// A circle in a picture as it would be without noise and distortion.
+pub type Outline = Circle;
+
+/// Draws pictures.
+#[derive(Debug, Clone)]
+pub struct Pictures {
+    config: PicturesConfig,
+    cameras: Cameras,
+    optics: Optics,
+    radius: f64,
+    rays: Rays,
+    surroundings: Surroundings,
+    people: Vec<Person>,
+    noise: Noise,
+    seed: u64,
+    /// A row of brightness.
+    row: Vec<f32>,
+}
+
+/// Somebody who sways a little.
+#[derive(Debug, Clone, Copy)]
+struct Person {
+    feet: Vector3<f64>,
+    height: f64,
+    skin: f32,
+    hair: f32,
+    cloth: f32,
+    phase: f64,
+}
+
+impl Pictures {
+    /// Draws the surroundings.
+    ///
+    /// - `seed`: the world's: of surroundings, people, brightness, noise
+    ///
+    /// # Errors
+    /// A setting that is out of range.
+    pub fn new(
+        description: &RobotDescription,
+        config: &WorldConfig,
+        seed: u64,
+    ) -> Result<Self, WorldError> {
+        config.check()?;
+        let optics = description.cameras;
+        for (setting, pixels) in [
+            ("description.cameras.width", optics.width),
+            ("description.cameras.height", optics.height),
+        ] {
+            within(setting, pixels.into(), [16.0, 8192.0], "16 to 8192 pixels")?;
+        }
+        let mut rng = Stream::People.rng(seed, 0);
+        let mut between = |[low, high]: [f64; 2]| low + (high - low) * rng.random::<f64>();
+        let people = (0..config.pictures.people)
+            .map(|_| {
+                let distance = between(PEOPLE);
+                let aside = between([-0.45, 0.45]) * distance;
+                Person {
+                    feet: Vector3::new(distance, aside, 0.0),
+                    height: between([1.5, 1.95]),
+                    skin: between([0.35, 0.75]) as f32,
+                    hair: between([0.05, 0.45]) as f32,
+                    cloth: between([0.1, 0.8]) as f32,
+                    phase: between([0.0, std::f64::consts::TAU]),
+                }
+            })
+            .collect();
+        Ok(Self {
+            cameras: Cameras::new(&config.cameras, &config.errors, &optics, seed),
+            radius: config.ball.radius,
+            rays: Rays::new(&optics),
+            surroundings: Surroundings::draw(config.pictures.discs, seed),
+            people,
+            noise: Noise::new(config.pictures.noise, seed),
+            config: config.pictures.clone(),
+            optics,
+            seed,
+            row: vec![0.0; optics.width as usize],
+        })
+    }
+
+    /// Returns width and height, pixels.
+    pub fn size(&self) -> [usize; 2] {
+        [self.optics.width as usize, self.optics.height as usize]
+    }
+
+    /// Draws the picture of a camera (0 left, 1 right), exposed around the moment of `truth`.
+    ///
+    /// - `frame`: its number, for noise
+    /// - `pixels`: `[height][width]`, brightness
+    ///
+    /// # Panics
+    /// If there is no such camera, or `pixels` has another size.
+    pub fn draw(&mut self, truth: &Truth, frame: u64, camera: usize, pixels: &mut [u8]) {
+        assert!(camera < CAMERAS, "cameras are 0 and 1");
+        let [width, height] = self.size();
+        assert_eq!(pixels.len(), width * height, "pixels of a picture");
+        let exposure = self.optics.exposure;
+        let offset = self.config.clock_offset;
+        // Long enough to smear the surroundings over more than a pixel?
+        let smear = truth.head.rate.norm() * exposure * self.optics.focal;
+        let moments: &[f64] = if smear > 1.5 { &[-0.25, 0.25] } else { &[0.0] };
+        let views: Vec<Matrix3<f64>> = moments
+            .iter()
+            .map(|part| self.eye(camera, &truth.head, offset + part * exposure).turn)
+            .collect();
+        let solids = self.solids(truth, camera);
+        let mut noise = self
+            .noise
+            .of(Stream::PictureNoise.rng(self.seed, picture(frame, camera, 0)));
+        for (v, line) in pixels.chunks_exact_mut(width).enumerate() {
+            let rays = self.rays.row(v);
+            self.row.fill(0.0);
+            for view in &views {
+                self.surroundings
+                    .add(view, rays, 1.0 / views.len() as f32, &mut self.row);
+            }
+            for solid in &solids {
+                solid.cover(v, rays, self.optics.focal, &mut self.row);
+            }
+            noise.add(&self.row, line);
+        }
+    }
+
+    /// Returns the outline of a ball without noise and distortion, `None` if its centre is not in the picture.
+    pub fn outline(&self, truth: &Truth, camera: usize, ball: usize) -> Option<Outline> {
+        let ball = truth.balls.get(ball).copied().flatten()?;
+        self.cameras
+            .outline(camera, &truth.head, &ball.state.position, self.radius)
+    }
+
+    /// Everything before the surroundings, the farthest first.
+    fn solids(&self, truth: &Truth, camera: usize) -> Vec<Solid> {
+        let exposure = self.optics.exposure;
+        let offset = self.config.clock_offset;
+        let light = Vector3::from(LIGHT).normalize();
+        let eyes = [-0.5, 0.5].map(|part| self.eye(camera, &truth.head, offset + part * exposure));
+        let now = truth.time_ns as f64 * 1e-9;
+        let mut solids: Vec<Solid> = Vec::new();
+        let mut add = |centres: [Vector3<f64>; 2], axes: Vector3<f64>, shades: [f32; 2]| {
+            let seen = [0, 1].map(|i| eyes[i].turn.tr_mul(&(centres[i] - eyes[i].position)));
+            let turn = (eyes[0].turn + eyes[1].turn) * 0.5;
+            solids.extend(Solid::new(seen, axes, &turn, light, shades, &self.rays));
+        };
+        for person in &self.people {
+            let sway = Vector3::new(0.0, 0.04 * (1.3 * now + person.phase).sin(), 0.0);
+            let head = person.feet + sway + Vector3::z() * (person.height - 0.12);
+            let chest = person.feet + sway * 0.5 + Vector3::z() * (person.height - 0.62);
+            let legs = person.feet + Vector3::z() * (person.height * 0.25);
+            add(
+                [legs; 2],
+                Vector3::new(0.14, 0.18, person.height * 0.28),
+                [person.cloth * 0.6; 2],
+            );
+            add(
+                [chest; 2],
+                Vector3::new(0.14, 0.22, 0.36),
+                [person.cloth; 2],
+            );
+            add(
+                [head; 2],
+                Vector3::new(0.1, 0.08, 0.12),
+                [person.skin, person.hair],
+            );
+        }
+        for ball in truth.balls.iter().flatten() {
+            let brightness = Stream::BallBrightness
+                .rng(self.seed, ball.number)
+                .random::<f64>();
+            let [dark, bright] = self.config.ball;
+            let shade = (dark + (bright - dark) * brightness) as f32;
+            let at = |dt: f64| ball.state.position + ball.state.velocity * dt;
+            let centres = [-0.5, 0.5].map(|part| at(offset + part * exposure));
+            add(centres, Vector3::repeat(self.radius), [shade; 2]);
+        }
+        solids.sort_by(|a, b| b.depth().total_cmp(&a.depth()));
+        solids
+    }
+
+    /// Where a camera is so many seconds after the head was as `head` says, and from its directions to the inertial frame's.
+    fn eye(&self, camera: usize, head: &FrameMotion, dt: f64) -> Eye {
+        let turned = Rotation3::new(head.rate * dt).into_inner() * head.rotation;
+        let (offset, turn) = self.cameras.mount(camera);
+        Eye {
+            position: head.position + head.velocity * dt + turned * offset,
+            turn: turned * turn,
+        }
+    }
+}
+
+struct Eye {
+    position: Vector3<f64>,
+    turn: Matrix3<f64>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pose::ready;
+    use crate::world::World;
+    use tactnet_catching_packets::JOINTS;
+    use tactnet_catching_packets::packets::JointCommand;
+
+    /// A quarter of the resolution, to be quick.
+    fn description() -> RobotDescription {
+        let mut description = RobotDescription::nominal();
+        let cameras = &mut description.cameras;
+        (cameras.width, cameras.height, cameras.focal) = (400, 312, 346.5);
+        description
+    }
+
+    /// What is while a ball flies.
+    fn in_flight(description: &RobotDescription, config: &WorldConfig, seed: u64) -> Vec<Truth> {
+        let mut world = World::new(description, config, seed, &ready()).unwrap();
+        world.throw(1);
+        let command = JointCommand {
+            number: 0,
+            command_ns: 0,
+            q: ready(),
+            dq: [0.0; JOINTS],
+        };
+        let mut truths = Vec::new();
+        for tick in 0..700 {
+            world.step(&command, &[None; 2]);
+            if tick % 100 == 50 {
+                truths.push(world.truth());
+            }
+        }
+        truths
+    }
+
+    fn drawn(pictures: &mut Pictures, truth: &Truth, camera: usize) -> Vec<u8> {
+        let [width, height] = pictures.size();
+        let mut pixels = vec![0; width * height];
+        pictures.draw(truth, 3, camera, &mut pixels);
+        pixels
+    }
+
+    #[test]
+    fn pictures_repeat_to_the_bit_from_their_seed() {
+        let (description, config) = (description(), WorldConfig::default());
+        let truth = in_flight(&description, &config, 7)[2];
+        let picture = |seed: u64, camera: usize| {
+            let mut pictures = Pictures::new(&description, &config, seed).unwrap();
+            drawn(&mut pictures, &truth, camera)
+        };
+        let first = picture(7, 0);
+        assert!(first == picture(7, 0));
+        assert!(first != picture(8, 0));
+        assert!(first != picture(7, 1));
+        // Digits of a whole picture are spread over the range, not black or burnt out.
+        let mean = first.iter().map(|&digit| f64::from(digit)).sum::<f64>() / first.len() as f64;
+        assert!((40.0..220.0).contains(&mean), "{mean}");
+    }
+
+    /// With and without the ball, pictures differ within its outline and nowhere else.
+    #[test]
+    fn a_ball_is_drawn_where_its_outline_says() {
+        let mut description = description();
+        description.cameras.distortion = [0.0; 2];
+        description.cameras.exposure = 1e-6;
+        let mut config = WorldConfig::default();
+        (config.pictures.noise, config.pictures.people) = (0.0, 0);
+        let mut pictures = Pictures::new(&description, &config, 5).unwrap();
+        let [width, _] = pictures.size();
+        let mut seen = 0;
+        for truth in in_flight(&description, &config, 5) {
+            for camera in 0..2 {
+                let Some(outline) = pictures.outline(&truth, camera, 0) else {
+                    continue;
+                };
+                let empty = Truth {
+                    balls: Default::default(),
+                    ..truth
+                };
+                let (with, without) = (
+                    drawn(&mut pictures, &truth, camera),
+                    drawn(&mut pictures, &empty, camera),
+                );
+                let differing = with.iter().zip(&without).enumerate();
+                let differing: Vec<[f64; 2]> = differing
+                    .filter(|(_, (a, b))| a.abs_diff(**b) > 3)
+                    .map(|(i, _)| [(i % width) as f64 + 0.5, (i / width) as f64 + 0.5])
+                    .collect();
+                let away = |[u, v]: &[f64; 2]| (u - outline.u).hypot(v - outline.v);
+                let farthest = differing.iter().map(away).fold(0.0, f64::max);
+                assert!(farthest < outline.r + 1.0, "{farthest} {outline:?}");
+                let area = std::f64::consts::PI * outline.r * outline.r;
+                assert!(differing.len() as f64 > 0.5 * area, "{outline:?}");
+                seen += 1;
+            }
+        }
+        assert!(seen >= 4, "{seen}");
+    }
+}

@@ -1,0 +1,62 @@
+//! Noise of pixels.
+
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use crate::stream::Stream;
+
+/// Numbers that are drawn once; each row of each picture begins elsewhere among them.
+const TABLE: usize = 1 << 18;
+
+/// Normal noise, from a table.
+#[derive(Debug, Clone)]
+pub(super) struct Noise {
+    /// Twice, so that no row wraps.
+    table: std::sync::Arc<[f32]>,
+}
+
+/// The noise of a picture.
+pub(super) struct PictureNoise<'a> {
+    table: &'a [f32],
+    rng: ChaCha8Rng,
+}
+
+impl Noise {
+    /// - `deviation`: digits
+    pub(super) fn new(deviation: f64, seed: u64) -> Self {
+        let mut rng = Stream::PictureNoise.rng(seed, u64::MAX);
+        let once: Vec<f32> = (0..TABLE)
+            .map(|_| {
+                let normal: f64 = StandardNormal.sample(&mut rng);
+                (normal * deviation) as f32
+            })
+            .collect();
+        let table = [once.as_slice(), once.as_slice()].concat();
+        Self {
+            table: table.into(),
+        }
+    }
+
+    pub(super) fn of(&self, rng: ChaCha8Rng) -> PictureNoise<'_> {
+        PictureNoise {
+            table: &self.table,
+            rng,
+        }
+    }
+}
+
+impl PictureNoise<'_> {
+    /// Writes a row of brightness, digits, with noise.
+    pub(super) fn add(&mut self, row: &[f32], pixels: &mut [u8]) {
+        let from = (self.rng.random::<f64>() * TABLE as f64) as usize % TABLE;
+        for (start, (row, pixels)) in row.chunks(TABLE).zip(pixels.chunks_mut(TABLE)).enumerate() {
+            let from = (from + start) % TABLE;
+            let noise = &self.table[from..from + row.len()];
+            for ((pixel, value), noise) in pixels.iter_mut().zip(row).zip(noise) {
+                // Saturates.
+                *pixel = (value + noise + 0.5) as u8;
+            }
+        }
+    }
+}
