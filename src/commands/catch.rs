@@ -2,6 +2,7 @@
 
 mod detect_bench;
 mod plan_bench;
+mod safety_bench;
 mod throw_series;
 mod track_bench;
 #[cfg(feature = "rerun")]
@@ -22,7 +23,8 @@ use tactnet_catching_world::WorldConfig;
     tactnet catch throw-series --throws 100 --page throws.html     how many balls are caught, and one throw drawn\n  \
     tactnet catch plan-bench --problems 1000                       how long plans take, how many are missed\n  \
     tactnet catch track-bench --throws 1000                        how exactly balls are predicted, how long that takes\n  \
-    tactnet catch detect-bench --throws 50                         how well balls are found in pictures, how long that takes")]
+    tactnet catch detect-bench --throws 50                         how well balls are found in pictures, how long that takes\n  \
+    tactnet catch safety-bench --motions 10000                     whether braking keeps the robot from touching itself")]
 pub enum CatchCommand {
     /// Throw balls at the simulated robot, in stepped time, and count what it catches
     ThrowSeries(throw_series::ThrowSeriesArgs),
@@ -30,6 +32,8 @@ pub enum CatchCommand {
     PlanBench(plan_bench::PlanBenchArgs),
     /// Measure the tracker on throws that it sees from a head that stands still
     TrackBench(track_bench::TrackBenchArgs),
+    /// Measure the monitor of self-collisions on random motions that are braked
+    SafetyBench(safety_bench::SafetyBenchArgs),
     /// Measure the detector on pictures of throws, drawn with room, people, blur and noise
     DetectBench(detect_bench::DetectBenchArgs),
 }
@@ -61,6 +65,7 @@ pub fn run(command: CatchCommand) -> anyhow::Result<ExitCode> {
         CatchCommand::ThrowSeries(arguments) => throw_series::run(&arguments),
         CatchCommand::PlanBench(arguments) => plan_bench::run(&arguments),
         CatchCommand::TrackBench(arguments) => track_bench::run(&arguments),
+        CatchCommand::SafetyBench(arguments) => safety_bench::run(&arguments),
         CatchCommand::DetectBench(arguments) => detect_bench::run(&arguments),
     }
 }

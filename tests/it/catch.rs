@@ -48,6 +48,33 @@ fn the_detector_finds_most_balls_in_pictures_that_others_can_read() {
 }
 
 #[test]
+fn motions_that_the_monitor_lets_go_on_stay_apart_when_braked() {
+    let lab = Lab::new();
+    let bench = || {
+        let mut bench = tactnet(["catch", "safety-bench", "--motions", "1000"]);
+        bench.current_dir(lab.folder.path());
+        bench
+    };
+    let mut json = bench();
+    json.arg("--json");
+    let report: serde_json::Value = serde_json::from_str(&stdout(&expect(0, json))).unwrap();
+    assert_eq!(report["missed"], 0, "{report}");
+    let count = |what: &str| report[what].as_u64().unwrap();
+    assert!(
+        count("go") > 500 && count("braked_in_vain") < count("free") / 5,
+        "{report}"
+    );
+    let mut peers = bench();
+    peers.args(["--peer-hulls", "hulls.json"]);
+    expect(0, peers);
+    let hulls: serde_json::Value = serde_json::from_slice(&lab.read("hulls.json")).unwrap();
+    assert_eq!(hulls.as_array().unwrap().len(), 1000);
+    let watched = stdout(&expect(0, series(&["--watch"])));
+    let watched: serde_json::Value = serde_json::from_str(&watched).unwrap();
+    assert!(watched["braked"].is_u64() && watched["braked_in_vain"].is_u64());
+}
+
+#[test]
 fn wrong_robots_worlds_and_places_are_one_line_before_anything_is_thrown() {
     let lab = Lab::new();
     let write = |name: &str, text: &str| {

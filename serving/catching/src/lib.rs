@@ -16,6 +16,7 @@ pub mod plan;
 pub mod pose;
 pub mod ramp;
 mod robot;
+pub mod safety;
 pub mod track;
 
 pub use robot::{ArmKinematics, ElbowCircle, HandPose, Robot, angle_between, rotation_towards};

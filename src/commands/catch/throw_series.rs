@@ -20,6 +20,7 @@ use crate::output;
     tactnet catch throw-series --without imu --without replan        what they are worth\n  \
     tactnet catch throw-series --balls 2\n  \
     tactnet catch throw-series --throws 20 --pixels                  from pictures, not from circles\n  \
+    tactnet catch throw-series --watch                               would the robot have braked for itself?\n  \
     tactnet catch throw-series --timing thesis                       152 ms from exposure to path instead of 70")]
 pub struct ThrowSeriesArgs {
     /// How many throws
@@ -43,6 +44,9 @@ pub struct ThrowSeriesArgs {
     /// Draw both cameras' pictures and find the balls in them: some seconds a throw
     #[arg(long, conflicts_with = "perfect_perception")]
     pixels: bool,
+    /// Count throws in which the monitor of self-collisions would have braked
+    #[arg(long)]
+    watch: bool,
     /// Hands close so much too late, ms; less than 0: too early
     #[arg(
         long,
@@ -142,6 +146,7 @@ pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
             balls: arguments.balls.into(),
             perfect_perception: arguments.perfect_perception,
             pixels: arguments.pixels,
+            watch: arguments.watch,
             closing_error: 1e-3 * arguments.closing_error,
         },
         throws: arguments.throws,

@@ -83,6 +83,10 @@ pub struct SeriesReport {
     pub predictions: usize,
     /// Plans that found nothing, a throw.
     pub no_plans: f64,
+    /// Throws in which the monitor of self-collisions would have braked; `None` if it did not watch.
+    pub braked: Option<usize>,
+    /// Of those, throws in which no bodies would have come near each other.
+    pub braked_in_vain: Option<usize>,
     /// What the curve of errors is made of.
     #[serde(skip)]
     pub outcomes: Vec<ThrowOutcome>,
@@ -119,6 +123,13 @@ impl fmt::Display for SeriesReport {
             write!(
                 f,
                 "\nnormalised squared error of it: {nees:.2}, {low:.2} to {high:.2} if the filter's covariance is right"
+            )?;
+        }
+        if let (Some(braked), Some(in_vain)) = (self.braked, self.braked_in_vain) {
+            write!(
+                f,
+                "\nthe monitor of self-collisions would have braked in {braked} of {} throws, {in_vain} times in vain",
+                self.throws
             )?;
         }
         Ok(())
@@ -196,6 +207,11 @@ impl Series {
                 (squares / bounds.len() as f64).sqrt()
             })
         };
+        let brakes = || {
+            outcomes
+                .iter()
+                .filter_map(|outcome| outcome.braked.as_ref())
+        };
         let [ci95_low, ci95_high] = wilson(caught, in_space);
         SeriesReport {
             throws: outcomes.len(),
@@ -229,6 +245,11 @@ impl Series {
                 .map(|outcome| outcome.no_plans as f64)
                 .sum::<f64>()
                 / outcomes.len().max(1) as f64,
+            braked: self.config.watch.then(|| brakes().count()),
+            braked_in_vain: self
+                .config
+                .watch
+                .then(|| brakes().filter(|braked| braked.in_vain).count()),
             outcomes,
         }
     }

@@ -9,6 +9,7 @@ use tactnet_catching::coordinate::{
 };
 use tactnet_catching::flight::Flight;
 use tactnet_catching::plan::{PlanConfig, Planner};
+use tactnet_catching::safety::{Bodies, Monitor, MonitorConfig};
 use tactnet_catching_packets::packets::JointCommand;
 use tactnet_catching_packets::{ARMS, JOINTS, joint};
 use tactnet_catching_world::{FlightSample, TICK_NS, Verdict, World, WorldConfig};
@@ -18,6 +19,7 @@ use crate::error::TrialError;
 use crate::look_ahead::{LookAhead, SAME_BALL, Said, as_flight, true_at};
 use crate::oracle::Oracle;
 use crate::perception::Perception;
+use crate::safety_bench::least_while_braking;
 use crate::series::AHEAD;
 use crate::timing::{Ablation, Timing};
 use crate::trace::{Trace, TracePlan};
@@ -46,6 +48,8 @@ pub struct ThrowConfig {
     pub perfect_perception: bool,
     /// Pictures are drawn and searched for circles; otherwise circles come straight from the truth, with noise, misses and clutter.
     pub pixels: bool,
+    /// A monitor judges whether the robot would touch itself if it braked; it watches and does not brake.
+    pub watch: bool,
     /// The hands close this much later than the stack says, s: to see that the judge judges.
     pub closing_error: f64,
 }
@@ -85,6 +89,19 @@ pub struct ThrowOutcome {
     pub balls: Vec<BallOutcome>,
     /// Plans that found nothing.
     pub no_plans: u64,
+    /// The first command at which the monitor would have braked, if it watched and there was one.
+    pub braked: Option<Braked>,
+}
+
+/// A command at which the monitor would have braked.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Braked {
+    /// When, s after the throw.
+    pub since: f64,
+    /// Bodies that it holds for too near.
+    pub bodies: [&'static str; 2],
+    /// True if braking would have kept all bodies farther apart than the margin.
+    pub in_vain: bool,
 }
 
 struct Answers {
@@ -163,6 +180,8 @@ impl ThrowConfig {
         let mut said: Vec<Said> = Vec::new();
         let (rest_ticks, ticks) = (ticks(REST), ticks(REST + LONGEST));
         let ahead_ns = nanoseconds(self.timing.drives);
+        let mut monitor = self.watch.then(|| self.monitor(ready));
+        let mut braked = None;
         for tick in 0..ticks {
             let now_ns = tick * TICK_NS;
             if tick == rest_ticks {
@@ -202,6 +221,17 @@ impl ThrowConfig {
                 q,
                 dq,
             };
+            if let Some(monitor) = &mut monitor {
+                let ruling = monitor.judge(&command);
+                if !ruling.go && braked.is_none() {
+                    let least = least_while_braking(monitor, self.robot.joints(), &command);
+                    braked = Some(Braked {
+                        since,
+                        bodies: monitor.bodies().names(ruling.pair),
+                        in_vain: least >= monitor.config().margin,
+                    });
+                }
+            }
             let mut hands = *coordinator.hands();
             for hand in hands.iter_mut().flatten() {
                 hand.catch_ns = hand
@@ -236,7 +266,18 @@ impl ThrowConfig {
             number,
             balls,
             no_plans: coordinator.no_plans(),
+            braked,
         })
+    }
+
+    fn monitor(&self, ready: &[f64; JOINTS]) -> Monitor {
+        let bodies = Bodies::new(self.robot.description());
+        Monitor::new(
+            bodies,
+            *self.robot.joints(),
+            MonitorConfig::default(),
+            ready,
+        )
     }
 
     fn planners(&self) -> [Planner; ARMS] {

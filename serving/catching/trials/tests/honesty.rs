@@ -15,6 +15,7 @@ fn series(throws: u64, change: impl FnOnce(&mut ThrowConfig)) -> Series {
         balls: 1,
         perfect_perception: false,
         pixels: false,
+        watch: false,
         closing_error: 0.0,
     };
     change(&mut config);

@@ -1,0 +1,191 @@
+//! The robot's bodies as hulls, each at the end of a chain of joints from the chest.
+
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use tactnet_catching_packets::{ARMS, JOINTS, RobotDescription, joint};
+
+use super::hull::Hull;
+use super::sweep::{Interval, Step, placed, reaches, swept};
+
+/// Bodies: trunk, head, two of the torso below the chest, then upper arm, forearm and hand, left and right.
+pub const BODIES: usize = 10;
+/// Bodies that are no arm's.
+const STILL: usize = 4;
+/// Bodies of an arm.
+const OF_ARM: usize = 3;
+/// Pairs that may touch: each body of an arm with trunk, head and torso, and with each of the other arm.
+pub const PAIRS: usize = ARMS * OF_ARM * STILL + OF_ARM * OF_ARM;
+
+/// A body with its chain.
+#[derive(Debug, Clone)]
+struct Body {
+    name: &'static str,
+    hull: Hull,
+    /// From the chest's frame outwards.
+    chain: Vec<Step>,
+    /// For each joint, how far its points can be from that joint's axis, m; 0 for those that do not move it.
+    reaches: [f64; JOINTS],
+}
+
+/// The robot's bodies, in the chest's frame. The sizes are ours: the thesis gives none.
+#[derive(Debug, Clone)]
+pub struct Bodies {
+    bodies: Vec<Body>,
+    pairs: [[usize; 2]; PAIRS],
+}
+
+impl Bodies {
+    /// Makes the bodies of a robot.
+    pub fn new(robot: &RobotDescription) -> Self {
+        let mut bodies = Vec::with_capacity(BODIES);
+        let mut add = |name, points: &[[f64; 3]], radius, chain: Vec<Step>| {
+            let points: Vec<Vector3<f64>> = points.iter().copied().map(Vector3::from).collect();
+            let hull = Hull::new(&points, radius);
+            let mut of_joints = [0.0; JOINTS];
+            reaches(&hull, &chain, &mut of_joints);
+            bodies.push(Body {
+                name,
+                hull,
+                chain,
+                reaches: of_joints,
+            });
+        };
+        let (torso, neck) = (&robot.torso, &robot.neck);
+        let y = Vector3::y_axis();
+        let z = Vector3::z_axis();
+        let turn = |joint, axis, sign| Step::Turn { joint, axis, sign };
+        let along_z =
+            |length: f64| Step::Fixed(Isometry3::from(Translation3::new(0.0, 0.0, length)));
+        // Rounded boxes; the arms' mounts stand out of the trunk on both sides, before their first joint.
+        add(
+            "trunk",
+            &corners([-0.1, 0.1], [-0.14, 0.14], [-0.12, 0.08]),
+            0.06,
+            Vec::new(),
+        );
+        let [pan, tilt] = [joint::NECK.start, joint::NECK.start + 1];
+        add(
+            "head",
+            &corners([-0.02, 0.1], [-0.12, 0.12], [0.06, 0.16]),
+            0.04,
+            vec![along_z(neck.height), turn(pan, z, 1.0), turn(tilt, y, 1.0)],
+        );
+        let [lower, upper] = [joint::TORSO.start + 1, joint::TORSO.start + 2];
+        // Downwards from the chest, which stays upright.
+        let to_upper = [turn(lower, y, 1.0), turn(upper, y, 1.0)];
+        add(
+            "upper torso",
+            &[[0.0, 0.0, -0.16], [0.0, 0.0, -torso.upper_length]],
+            0.1,
+            to_upper.to_vec(),
+        );
+        let mut to_lower = to_upper.to_vec();
+        to_lower.extend([along_z(-torso.upper_length), turn(upper, y, -1.0)]);
+        add(
+            "lower torso",
+            &[[0.0; 3], [0.0, 0.0, -torso.lower_length]],
+            0.12,
+            to_lower,
+        );
+        for (side, arm) in robot.arms.iter().enumerate() {
+            let names = [
+                ["left upper arm", "left forearm", "left hand"],
+                ["right upper arm", "right forearm", "right hand"],
+            ][side];
+            let q = joint::ARM[side].start;
+            let base = Isometry3::from_parts(
+                Translation3::from(Vector3::from(arm.position)),
+                UnitQuaternion::from_axis_angle(&Vector3::x_axis(), arm.lean),
+            );
+            let mut chain = vec![
+                Step::Fixed(base),
+                along_z(arm.base_to_shoulder),
+                turn(q, z, 1.0),
+                turn(q + 1, y, -1.0),
+                turn(q + 2, z, 1.0),
+            ];
+            add(
+                names[0],
+                &[[0.0; 3], [0.0, 0.0, arm.shoulder_to_elbow]],
+                0.075,
+                chain.clone(),
+            );
+            chain.extend([
+                along_z(arm.shoulder_to_elbow),
+                turn(q + 3, y, 1.0),
+                turn(q + 4, z, 1.0),
+            ]);
+            add(
+                names[1],
+                &[[0.0; 3], [0.0, 0.0, arm.elbow_to_wrist]],
+                0.065,
+                chain.clone(),
+            );
+            chain.extend([
+                along_z(arm.elbow_to_wrist),
+                turn(q + 5, y, -1.0),
+                turn(q + 6, z, 1.0),
+            ]);
+            // Palm, and fingers that are open as a basket around the catch frame.
+            let catch = arm.wrist_to_catch;
+            let ring = 0.085;
+            add(
+                names[2],
+                &[
+                    [0.0, 0.0, 0.03],
+                    [ring, 0.0, catch],
+                    [-ring, 0.0, catch],
+                    [0.0, ring, catch],
+                    [0.0, -ring, catch],
+                    [0.05, 0.05, catch + 0.05],
+                    [-0.05, 0.05, catch + 0.05],
+                    [0.05, -0.05, catch + 0.05],
+                    [-0.05, -0.05, catch + 0.05],
+                ],
+                0.03,
+                chain,
+            );
+        }
+        let arm = |side: usize, part: usize| STILL + side * OF_ARM + part;
+        let with_still =
+            (0..ARMS * OF_ARM).flat_map(|body| (0..STILL).map(move |still| [still, STILL + body]));
+        let of_both = (0..OF_ARM * OF_ARM).map(|i| [arm(0, i / OF_ARM), arm(1, i % OF_ARM)]);
+        let mut pairs = [[0; 2]; PAIRS];
+        for (place, pair) in pairs.iter_mut().zip(with_still.chain(of_both)) {
+            *place = pair;
+        }
+        Self { bodies, pairs }
+    }
+
+    /// Returns the names of a pair's bodies.
+    pub fn names(&self, pair: usize) -> [&'static str; 2] {
+        self.pairs[pair].map(|body| self.bodies[body].name)
+    }
+
+    /// Returns a pair's bodies with joints at `q`, chest's frame.
+    pub fn placed(&self, pair: usize, q: &[f64; JOINTS]) -> [Hull; 2] {
+        self.pairs[pair].map(|body| {
+            let body = &self.bodies[body];
+            placed(&body.hull, &body.chain, q)
+        })
+    }
+
+    /// Returns hulls that hold a pair's bodies wherever joints are in their intervals.
+    pub fn swept(&self, pair: usize, intervals: &[Interval; JOINTS]) -> [Hull; 2] {
+        self.pairs[pair].map(|body| {
+            let body = &self.bodies[body];
+            swept(&body.hull, &body.chain, intervals)
+        })
+    }
+
+    /// Returns by how much a pair's distance can shrink per radian of a joint, m.
+    pub fn reach(&self, pair: usize, joint: usize) -> f64 {
+        self.pairs[pair]
+            .iter()
+            .map(|body| self.bodies[*body].reaches[joint])
+            .sum()
+    }
+}
+
+fn corners(x: [f64; 2], y: [f64; 2], z: [f64; 2]) -> [[f64; 3]; 8] {
+    std::array::from_fn(|i| [x[i & 1], y[i >> 1 & 1], z[i >> 2 & 1]])
+}

@@ -1,0 +1,190 @@
+//! Distance of convex hulls (Gilbert, Johnson and Keerthi 1988).
+
+use nalgebra::Vector3;
+
+use super::hull::Hull;
+
+/// Most steps; convergence takes a handful, and what is left then is said as a bound from below.
+const MOST_STEPS: usize = 64;
+/// Relative gap between the distance found and its bound from below at which it is found.
+const GAP: f64 = 1e-13;
+
+/// Points of the difference of two hulls whose hull holds the point nearest to the origin.
+#[derive(Debug, Clone, Copy)]
+struct Simplex {
+    points: [Vector3<f64>; 4],
+    count: usize,
+}
+
+/// Returns the distance of two hulls, m: a bound from below where it is not exact, to 1e-12 m for hulls of robots' size. Hulls whose points'
+/// hulls touch have the negative sum of their radii: how deep they reach into each other is not asked.
+pub fn distance(a: &Hull, b: &Hull) -> f64 {
+    core_distance(a, b) - a.radius - b.radius
+}
+
+/// The distance without radii, from below; 0 where they touch.
+pub(super) fn core_distance(a: &Hull, b: &Hull) -> f64 {
+    core_bounds(a, b)[0]
+}
+
+/// Bounds of the distance without radii, from below and from above; 0 where they touch.
+pub(super) fn core_bounds(a: &Hull, b: &Hull) -> [f64; 2] {
+    let mut v = a.points()[0] - b.points()[0];
+    let mut simplex = Simplex {
+        points: [v; 4],
+        count: 1,
+    };
+    let mut bound = 0.0_f64;
+    for _ in 0..MOST_STEPS {
+        let squared = v.norm_squared();
+        if squared < 1e-24 {
+            return [0.0; 2];
+        }
+        let w = a.support(&-v) - b.support(&v);
+        // The plane through w across v holds the origin apart from the difference.
+        bound = bound.max(v.dot(&w) / squared.sqrt());
+        let is_known = simplex.points[..simplex.count].contains(&w);
+        if is_known || squared - v.dot(&w) <= GAP * squared {
+            return [bound.max(0.0), squared.sqrt()];
+        }
+        simplex.points[simplex.count] = w;
+        simplex.count += 1;
+        match simplex.nearest() {
+            None => return [0.0; 2],
+            Some(nearest) if nearest.norm_squared() >= squared => {
+                return [bound.max(0.0), squared.sqrt()];
+            }
+            Some(nearest) => v = nearest,
+        }
+    }
+    [bound.max(0.0), v.norm()]
+}
+
+impl Simplex {
+    /// Keeps the face that is nearest to the origin and returns its nearest point; `None` if the origin is inside.
+    fn nearest(&mut self) -> Option<Vector3<f64>> {
+        let mut best = (f64::INFINITY, Vector3::zeros(), 0_usize);
+        for subset in 1_usize..(1 << self.count) {
+            // The newest point is always on the nearest face.
+            if subset >> (self.count - 1) == 0 {
+                continue;
+            }
+            let mut corners = [Vector3::zeros(); 4];
+            let mut count = 0;
+            for (i, point) in self.points[..self.count].iter().enumerate() {
+                if subset >> i & 1 == 1 {
+                    corners[count] = *point;
+                    count += 1;
+                }
+            }
+            if count == 4 {
+                if holds_origin(&corners) {
+                    return None;
+                }
+                continue;
+            }
+            if let Some(point) = inner_nearest(&corners[..count]) {
+                let squared = point.norm_squared();
+                if squared < best.0 {
+                    best = (squared, point, subset);
+                }
+            }
+        }
+        let mut kept = 0;
+        for i in 0..self.count {
+            if best.2 >> i & 1 == 1 {
+                self.points[kept] = self.points[i];
+                kept += 1;
+            }
+        }
+        self.count = kept;
+        Some(best.1)
+    }
+}
+
+/// The point of a corner, an edge or a triangle that is nearest to the origin, if it is not on its rim.
+fn inner_nearest(corners: &[Vector3<f64>]) -> Option<Vector3<f64>> {
+    match *corners {
+        [a] => Some(a),
+        [a, b] => {
+            let edge = b - a;
+            let share = -a.dot(&edge) / edge.norm_squared();
+            (share > 0.0 && share < 1.0).then(|| a + edge * share)
+        }
+        [a, b, c] => {
+            let (ab, ac) = (b - a, c - a);
+            let normal = ab.cross(&ac);
+            let squared = normal.norm_squared();
+            // A triangle without area is its edges.
+            if squared <= 1e-28 * ab.norm_squared() * ac.norm_squared() {
+                return None;
+            }
+            // The foot of the perpendicular, in shares of the corners.
+            let of_b = -a.cross(&ac).dot(&normal) / squared;
+            let of_c = -ab.cross(&a).dot(&normal) / squared;
+            let inside = of_b > 0.0 && of_c > 0.0 && of_b + of_c < 1.0;
+            inside.then(|| normal * (a.dot(&normal) / squared))
+        }
+        _ => None,
+    }
+}
+
+/// The origin is on the inner side of all four faces.
+fn holds_origin(corners: &[Vector3<f64>; 4]) -> bool {
+    (0..4).all(|i| {
+        let [a, b, c] = [1, 2, 3].map(|k| corners[(i + k) % 4]);
+        let normal = (b - a).cross(&(c - a));
+        let inner = normal.dot(&(corners[i] - a));
+        inner != 0.0 && inner * normal.dot(&-a) >= 0.0
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn vectors(count: std::ops::Range<usize>) -> impl Strategy<Value = Vec<Vector3<f64>>> {
+        let point = proptest::array::uniform3(-1.0..1.0f64).prop_map(Vector3::from);
+        proptest::collection::vec(point, count)
+    }
+
+    proptest! {
+        /// No points of both are nearer, and a plane stands between them as far apart as was said.
+        #[test]
+        fn distances_are_exact(a in vectors(1..30), b in vectors(1..30), away in 0.0..3.0f64) {
+            let b: Vec<Vector3<f64>> = b.iter().map(|p| p + Vector3::new(away, 0.2 * away, 0.0)).collect();
+            let (a, b) = (Hull::new(&a, 0.0), Hull::new(&b, 0.0));
+            let found = distance(&a, &b);
+            prop_assert!((found - distance(&b, &a)).abs() < 1e-11);
+            // Frank and Wolfe's own way to the same: slow, and simple.
+            let mut v = a.points()[0] - b.points()[0];
+            for _ in 0..4000 {
+                let w = a.support(&-v) - b.support(&v);
+                let step = v - w;
+                let share = (v.dot(&step) / step.norm_squared()).clamp(0.0, 1.0);
+                if !share.is_finite() { break; }
+                v -= step * share;
+            }
+            prop_assert!(found <= v.norm() + 1e-12, "{found} {}", v.norm());
+            prop_assert!(found >= v.norm() - 2e-2, "{found} {}", v.norm());
+            let grown = Hull::new(a.points(), 0.1);
+            prop_assert!((distance(&grown, &b) - (found - 0.1)).abs() < 1e-12);
+        }
+
+        /// Boxes beside each other, turned by nothing: known exactly.
+        #[test]
+        fn boxes_are_as_far_as_their_faces(gap in proptest::array::uniform3(-0.09..1.0f64), half in proptest::array::uniform3(0.05..0.5f64)) {
+            let corners = |centre: Vector3<f64>| -> Vec<Vector3<f64>> {
+                (0..8).map(|i| {
+                    let sign = |bit: usize| if i >> bit & 1 == 1 { 1.0 } else { -1.0 };
+                    centre + Vector3::new(sign(0) * half[0], sign(1) * half[1], sign(2) * half[2])
+                }).collect()
+            };
+            let centre = Vector3::from_fn(|i, _| 2.0 * half[i] + gap[i]);
+            let exact = gap.iter().map(|gap| gap.max(0.0).powi(2)).sum::<f64>().sqrt();
+            let found = distance(&Hull::new(&corners(Vector3::zeros()), 0.0), &Hull::new(&corners(centre), 0.0));
+            prop_assert!((found - exact).abs() < 1e-12, "{found} {exact}");
+        }
+    }
+}

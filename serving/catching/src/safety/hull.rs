@@ -1,0 +1,67 @@
+//! Convex hulls of points, grown by a radius.
+
+use nalgebra::{Isometry3, Point3, Vector3};
+
+/// Most points of a hull.
+pub const MAX_POINTS: usize = 72;
+
+/// The convex hull of points, grown by a radius, m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hull {
+    points: [Vector3<f64>; MAX_POINTS],
+    count: usize,
+    /// m.
+    pub radius: f64,
+}
+
+impl Hull {
+    /// Makes a hull.
+    ///
+    /// # Panics
+    /// Of no points, or of more than [`MAX_POINTS`].
+    pub fn new(points: &[Vector3<f64>], radius: f64) -> Self {
+        assert!((1..=MAX_POINTS).contains(&points.len()), "points of a hull");
+        let mut hull = Self {
+            points: [Vector3::zeros(); MAX_POINTS],
+            count: points.len(),
+            radius,
+        };
+        hull.points[..points.len()].copy_from_slice(points);
+        hull
+    }
+
+    /// Returns its points.
+    pub fn points(&self) -> &[Vector3<f64>] {
+        &self.points[..self.count]
+    }
+
+    /// Returns the point that is farthest along a direction.
+    pub fn support(&self, direction: &Vector3<f64>) -> Vector3<f64> {
+        let mut best = (f64::NEG_INFINITY, self.points[0]);
+        for point in self.points() {
+            let along = point.dot(direction);
+            if along > best.0 {
+                best = (along, *point);
+            }
+        }
+        best.1
+    }
+
+    /// Returns the hull in another frame.
+    pub fn moved(&self, to: &Isometry3<f64>) -> Self {
+        let mut moved = *self;
+        for point in &mut moved.points[..self.count] {
+            *point = (to * Point3::from(*point)).coords;
+        }
+        moved
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.count = 0;
+    }
+
+    pub(super) fn push(&mut self, point: Vector3<f64>) {
+        self.points[self.count] = point;
+        self.count += 1;
+    }
+}

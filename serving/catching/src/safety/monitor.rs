@@ -1,0 +1,145 @@
+//! The table of pairs' distances, and the word that follows from it.
+
+use tactnet_catching_packets::packets::JointCommand;
+use tactnet_catching_packets::{JOINTS, Joint};
+
+use super::bodies::{Bodies, PAIRS};
+use super::gjk::distance;
+use super::sweep::{Interval, braking};
+
+/// How the monitor works.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MonitorConfig {
+    /// Least distance that is allowed, m.
+    pub margin: f64,
+    /// From a command to the moment at which drives brake, s.
+    pub reaction: f64,
+    /// Pairs that a tick computes anew, those with the least bounds.
+    pub updates: usize,
+}
+
+impl Default for MonitorConfig {
+    fn default() -> Self {
+        Self {
+            margin: 0.01,
+            reaction: 0.005,
+            updates: 4,
+        }
+    }
+}
+
+/// What the monitor says of a command.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ruling {
+    /// True if the robot may go on: braking at any later command that it allows keeps all bodies apart.
+    pub go: bool,
+    /// Least bound of a distance while the robot brakes, m.
+    pub bound: f64,
+    /// The pair that has it.
+    pub pair: usize,
+}
+
+/// Watches commands, one after the other. Nothing allocates.
+#[derive(Debug, Clone)]
+pub struct Monitor {
+    config: MonitorConfig,
+    bodies: Bodies,
+    joints: [Joint; JOINTS],
+    known: [Known; PAIRS],
+}
+
+/// What a pair's distance was when it was computed, and for which motion.
+#[derive(Debug, Clone, Copy)]
+struct Known {
+    distance: f64,
+    intervals: [Interval; JOINTS],
+}
+
+impl Monitor {
+    /// Begins with a robot at rest in `q`.
+    pub fn new(
+        bodies: Bodies,
+        joints: [Joint; JOINTS],
+        config: MonitorConfig,
+        q: &[f64; JOINTS],
+    ) -> Self {
+        let still = q.map(|q| Interval { low: q, high: q });
+        let mut known = [Known {
+            distance: 0.0,
+            intervals: still,
+        }; PAIRS];
+        for (pair, known) in known.iter_mut().enumerate() {
+            let [a, b] = bodies.swept(pair, &still);
+            known.distance = distance(&a, &b);
+        }
+        Self {
+            config,
+            bodies,
+            joints,
+            known,
+        }
+    }
+
+    /// Returns the settings.
+    pub fn config(&self) -> &MonitorConfig {
+        &self.config
+    }
+
+    /// Returns the bodies.
+    pub fn bodies(&self) -> &Bodies {
+        &self.bodies
+    }
+
+    /// Returns where joints may be from a command until the robot has braked.
+    pub fn intervals(&self, command: &JointCommand) -> [Interval; JOINTS] {
+        std::array::from_fn(|i| {
+            let (q, dq) = (command.q[i], command.dq[i]);
+            braking(q, dq, &self.joints[i], self.config.reaction)
+        })
+    }
+
+    /// Judges a command: could the robot brake from it without touching itself?
+    pub fn judge(&mut self, command: &JointCommand) -> Ruling {
+        let intervals = self.intervals(command);
+        let mut bounds: [f64; PAIRS] = std::array::from_fn(|pair| self.bound(pair, &intervals));
+        let mut fresh = [false; PAIRS];
+        for _ in 0..self.config.updates {
+            let Some(pair) = least(&bounds, |pair| !fresh[pair]) else {
+                break;
+            };
+            let [a, b] = self.bodies.swept(pair, &intervals);
+            let exact = distance(&a, &b);
+            self.known[pair] = Known {
+                distance: exact,
+                intervals,
+            };
+            // What was known may be the tighter one: swept hulls are larger than the motion.
+            bounds[pair] = bounds[pair].max(exact);
+            fresh[pair] = true;
+        }
+        let pair = least(&bounds, |_| true).unwrap_or(0);
+        Ruling {
+            go: bounds[pair] >= self.config.margin,
+            bound: bounds[pair],
+            pair,
+        }
+    }
+
+    /// A bound from below of a pair's distance while joints are in `intervals`: what it was, less what the bodies can have come nearer.
+    fn bound(&self, pair: usize, intervals: &[Interval; JOINTS]) -> f64 {
+        let known = &self.known[pair];
+        let nearer: f64 = intervals
+            .iter()
+            .zip(&known.intervals)
+            .enumerate()
+            .map(|(joint, (now, then))| then.beyond(now) * self.bodies.reach(pair, joint))
+            .sum();
+        known.distance - nearer
+    }
+}
+
+fn least(bounds: &[f64; PAIRS], wanted: impl Fn(usize) -> bool) -> Option<usize> {
+    (0..PAIRS)
+        .filter(|pair| wanted(*pair))
+        .min_by(|a, b| bounds[*a].total_cmp(&bounds[*b]))
+}

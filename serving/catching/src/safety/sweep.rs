@@ -1,0 +1,195 @@
+//! Where bodies may be while joints go through intervals.
+
+use nalgebra::{Isometry3, Point3, Rotation3, Unit, Vector3};
+use tactnet_catching_packets::Joint;
+
+use super::gjk::core_bounds;
+use super::hull::{Hull, MAX_POINTS};
+
+/// A point whose way is shorter than this is a sphere, m: twice the way of arcs that are not worth three points.
+const SMALL: f64 = 0.004;
+/// Largest half angle of a piece of an arc, rad.
+const PIECE: f64 = 0.4;
+/// Points that hulls are thinned out to.
+const KEPT: usize = 20;
+/// Golden ratio, for directions that are spread evenly.
+const GOLDEN: f64 = 1.618_033_988_749_895;
+
+/// From one joint position to another, rad or m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Interval {
+    /// Least.
+    pub low: f64,
+    /// Greatest.
+    pub high: f64,
+}
+
+impl Interval {
+    /// Returns the middle.
+    pub fn middle(&self) -> f64 {
+        0.5 * (self.low + self.high)
+    }
+
+    /// Returns half of its length.
+    pub fn half(&self) -> f64 {
+        0.5 * (self.high - self.low)
+    }
+
+    /// Returns how far another one reaches beyond it.
+    pub fn beyond(&self, other: &Self) -> f64 {
+        (self.low - other.low).max(other.high - self.high).max(0.0)
+    }
+}
+
+/// Returns where a joint may be from now until it stands still: `reaction` seconds on as it is, then braking as hard as it can.
+///
+/// - `q`, `dq`: position and velocity now
+/// - `joint`: its deceleration; ranges are not looked at
+pub fn braking(q: f64, dq: f64, joint: &Joint, reaction: f64) -> Interval {
+    let end = q + dq * reaction + dq * dq.abs() / (2.0 * joint.acceleration);
+    Interval {
+        low: q.min(end),
+        high: q.max(end),
+    }
+}
+
+/// A link of a chain from the frame that a body is asked for in to its own.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Step {
+    /// A fixed place.
+    Fixed(Isometry3<f64>),
+    /// A turn about an axis through the origin by `sign` times a joint's position.
+    Turn {
+        joint: usize,
+        axis: Unit<Vector3<f64>>,
+        sign: f64,
+    },
+}
+
+/// Returns a hull, in the first frame of a chain, that holds a body wherever joints are in their intervals.
+pub(super) fn swept(body: &Hull, chain: &[Step], intervals: &[Interval]) -> Hull {
+    let mut hull = *body;
+    for step in chain.iter().rev() {
+        match step {
+            Step::Fixed(to) => hull = hull.moved(to),
+            Step::Turn { joint, axis, sign } => {
+                let interval = intervals[*joint];
+                turn(&mut hull, axis, sign * interval.middle(), interval.half());
+            }
+        }
+    }
+    hull
+}
+
+/// Turns a hull by `middle`, plus and minus `half`.
+fn turn(hull: &mut Hull, axis: &Unit<Vector3<f64>>, middle: f64, half: f64) {
+    let to_middle = Rotation3::from_axis_angle(axis, middle);
+    let farthest = hull
+        .points()
+        .iter()
+        .map(|point| point.cross(axis).norm())
+        .fold(0.0, f64::max);
+    let way = farthest * half;
+    if way <= SMALL {
+        let turned = hull.moved(&Isometry3::from_parts(
+            nalgebra::Translation3::identity(),
+            to_middle.into(),
+        ));
+        *hull = turned;
+        hull.radius += way;
+        return;
+    }
+    let pieces = (half / PIECE).ceil().max(1.0) as usize;
+    let delta = half / pieces as f64;
+    // Ends of all pieces, and a point outside of the middle of each, where tangents at its ends cross.
+    let room = MAX_POINTS / (2 * pieces + 1);
+    if hull.points().len() > room {
+        thin_out(hull, room.min(KEPT));
+    }
+    let points = *hull;
+    hull.clear();
+    for point in points.points() {
+        let along = axis.scale(point.dot(axis));
+        for end in 0..=2 * pieces {
+            let angle = middle - half + delta * end as f64;
+            let outside = if end % 2 == 1 { 1.0 / delta.cos() } else { 1.0 };
+            let turned = Rotation3::from_axis_angle(axis, angle) * (point - along);
+            hull.push(along + turned * outside);
+        }
+    }
+    if hull.points().len() > KEPT {
+        thin_out(hull, KEPT);
+    }
+}
+
+/// Keeps points that are farthest in directions all around, and grows the radius by as much as others stand out.
+fn thin_out(hull: &mut Hull, count: usize) {
+    let all = *hull;
+    let mut kept = [false; MAX_POINTS];
+    for i in 0..count {
+        // Fibonacci's sphere.
+        let z = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;
+        let across = (1.0 - z * z).sqrt();
+        let (sin, cos) = (std::f64::consts::TAU * i as f64 / GOLDEN).sin_cos();
+        let direction = Vector3::new(across * cos, across * sin, z);
+        let farthest = (0..all.points().len())
+            .max_by(|a, b| {
+                let along = |i: &usize| all.points()[*i].dot(&direction);
+                along(a).total_cmp(&along(b))
+            })
+            .unwrap_or(0);
+        kept[farthest] = true;
+    }
+    hull.clear();
+    for (point, kept) in all.points().iter().zip(kept) {
+        if kept {
+            hull.push(*point);
+        }
+    }
+    let mut out = 0.0_f64;
+    for (point, kept) in all.points().iter().zip(kept) {
+        if !kept {
+            out = out.max(outside(hull, point));
+        }
+    }
+    hull.radius = all.radius + out;
+}
+
+/// How far a point is from a hull's points' hull, from above.
+fn outside(hull: &Hull, point: &Vector3<f64>) -> f64 {
+    core_bounds(hull, &Hull::new(&[*point], 0.0))[1]
+}
+
+/// Returns a body, in the first frame of a chain, with joints at `q`.
+pub(super) fn placed(body: &Hull, chain: &[Step], q: &[f64]) -> Hull {
+    let mut hull = *body;
+    for step in chain.iter().rev() {
+        match step {
+            Step::Fixed(to) => hull = hull.moved(to),
+            Step::Turn { joint, axis, sign } => {
+                let turn = Rotation3::from_axis_angle(axis, sign * q[*joint]);
+                hull = hull.moved(&Isometry3::from_parts(
+                    nalgebra::Translation3::identity(),
+                    turn.into(),
+                ));
+            }
+        }
+    }
+    hull
+}
+
+/// Returns, for each joint of a chain, how far a body's points can be from its axis, m: what bounds its motion per radian.
+pub(super) fn reaches(body: &Hull, chain: &[Step], reaches: &mut [f64]) {
+    let mut farthest = body
+        .points()
+        .iter()
+        .map(|point| point.norm())
+        .fold(0.0, f64::max);
+    for step in chain.iter().rev() {
+        match step {
+            // Farther from the next origin by at most the way between both.
+            Step::Fixed(to) => farthest += (to * Point3::origin()).coords.norm(),
+            Step::Turn { joint, .. } => reaches[*joint] += farthest,
+        }
+    }
+}

@@ -1,0 +1,301 @@
+//! Whether the monitor lets a robot touch itself, how often it brakes in vain, and how long it takes.
+
+use std::time::Instant;
+
+use nalgebra::Vector3;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rayon::prelude::*;
+use serde::Serialize;
+use tactnet_catching::Robot;
+use tactnet_catching::safety::{Bodies, Hull, Monitor, MonitorConfig, PAIRS, distance};
+use tactnet_catching_packets::packets::JointCommand;
+use tactnet_catching_packets::{JOINTS, Joint};
+
+use crate::quantiles::Quantiles;
+
+/// Moments of a braking motion that are looked at.
+const SAMPLES: usize = 48;
+/// Random motions that are judged alone on a core, to be timed.
+const TIMED: usize = 5000;
+/// Ticks of a motion that is watched, to time the monitor as it works: joints swing.
+const WATCHED: usize = 5000;
+
+/// What is measured.
+#[derive(Debug, Clone, Copy)]
+pub struct SafetyBench {
+    /// Random motions, begun anywhere with any velocity within limits.
+    pub motions: usize,
+    /// Of the motions.
+    pub seed: u64,
+    /// The monitor's settings.
+    pub config: MonitorConfig,
+}
+
+/// What was measured. All but the times repeats to the bit.
+#[derive(Debug, Clone, Serialize)]
+pub struct SafetyReport {
+    /// Random motions.
+    pub motions: usize,
+    /// Of the motions.
+    pub seed: u64,
+    /// Least distance that the monitor allows, m.
+    pub margin: f64,
+    /// Motions that begin with bodies nearer than that, and are not counted below.
+    pub begun_too_near: usize,
+    /// Motions that the monitor lets go on.
+    pub go: usize,
+    /// Of those, motions in which bodies touch while the robot brakes: none, if the monitor is right.
+    pub missed: usize,
+    /// Least distance of bodies in those, m.
+    pub least_distance: f64,
+    /// Motions that are braked although bodies stay farther apart than the margin.
+    pub braked_in_vain: usize,
+    /// Of all motions in which bodies do.
+    pub free: usize,
+    /// A judgement of a random command, with every pair anew where that is needed, microseconds.
+    pub judge_anew_us: Option<Quantiles>,
+    /// A judgement in a motion of joints that swing, microseconds.
+    pub judge_us: Option<Quantiles>,
+    /// Distance of a pair of hulls at rest, microseconds, mean.
+    pub distance_us: f64,
+    /// Swept hulls of a pair and their distance, microseconds, mean.
+    pub swept_us: f64,
+}
+
+/// Points of two hulls, their radii and distance, for others to compute.
+#[derive(Debug, Clone, Serialize)]
+pub struct PeerHulls {
+    /// m.
+    pub a: Vec<[f64; 3]>,
+    /// m.
+    pub b: Vec<[f64; 3]>,
+    /// m.
+    pub radii: [f64; 2],
+    /// What ours says, m.
+    pub distance: f64,
+}
+
+/// What became of a random motion.
+struct Judged {
+    /// Bodies were far enough apart at first.
+    begun: bool,
+    go: bool,
+    /// While braking, m.
+    least: f64,
+}
+
+impl SafetyBench {
+    /// Measures.
+    ///
+    /// - `progress`: told how many motions are done
+    pub fn run(&self, robot: &Robot, progress: impl Fn(usize) + Sync) -> SafetyReport {
+        let bodies = Bodies::new(robot.description());
+        let done = std::sync::atomic::AtomicUsize::new(0);
+        let judged: Vec<Judged> = (0..self.motions)
+            .into_par_iter()
+            .map(|number| {
+                let judged = self.judge(robot, &bodies, number);
+                let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
+                if done.is_multiple_of(1000) {
+                    progress(done);
+                }
+                judged
+            })
+            .collect();
+        let begun = || judged.iter().filter(|judged| judged.begun);
+        let free = |judged: &&Judged| judged.least >= self.config.margin;
+        let times = self.times(robot, &bodies);
+        SafetyReport {
+            motions: self.motions,
+            seed: self.seed,
+            margin: self.config.margin,
+            begun_too_near: self.motions - begun().count(),
+            go: begun().filter(|judged| judged.go).count(),
+            missed: begun()
+                .filter(|judged| judged.go && judged.least <= 0.0)
+                .count(),
+            least_distance: begun()
+                .filter(|judged| judged.go)
+                .map(|judged| judged.least)
+                .fold(f64::INFINITY, f64::min),
+            braked_in_vain: begun().filter(free).filter(|judged| !judged.go).count(),
+            free: begun().filter(free).count(),
+            ..times
+        }
+    }
+
+    /// Returns hulls of random motions, at rest and swept.
+    pub fn peer_hulls(&self, robot: &Robot) -> Vec<PeerHulls> {
+        let bodies = Bodies::new(robot.description());
+        let peers = (0..self.motions).map(|number| {
+            let command = self.command(robot.joints(), number);
+            let monitor = Monitor::new(bodies.clone(), *robot.joints(), self.config, &command.q);
+            let pair = number % PAIRS;
+            let [a, b] = if number % 2 == 0 {
+                bodies.placed(pair, &command.q)
+            } else {
+                bodies.swept(pair, &monitor.intervals(&command))
+            };
+            let points = |hull: &Hull| {
+                hull.points()
+                    .iter()
+                    .map(|p: &Vector3<f64>| (*p).into())
+                    .collect()
+            };
+            PeerHulls {
+                a: points(&a),
+                b: points(&b),
+                radii: [a.radius, b.radius],
+                distance: distance(&a, &b),
+            }
+        });
+        peers.collect()
+    }
+
+    fn judge(&self, robot: &Robot, bodies: &Bodies, number: usize) -> Judged {
+        let command = self.command(robot.joints(), number);
+        let now = (0..PAIRS).map(|pair| {
+            let [a, b] = bodies.placed(pair, &command.q);
+            distance(&a, &b)
+        });
+        if now.fold(f64::INFINITY, f64::min) < self.config.margin {
+            return Judged {
+                begun: false,
+                go: false,
+                least: 0.0,
+            };
+        }
+        let mut monitor = Monitor::new(bodies.clone(), *robot.joints(), self.config, &command.q);
+        let ruling = monitor.judge(&command);
+        let least = least_while_braking(&monitor, robot.joints(), &command);
+        Judged {
+            begun: true,
+            go: ruling.go,
+            least,
+        }
+    }
+
+    /// Anywhere, with any velocity.
+    fn command(&self, joints: &[Joint; JOINTS], number: usize) -> JointCommand {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        rng.set_stream(number as u64);
+        let mut between = |low: f64, high: f64| low + (high - low) * rng.random::<f64>();
+        let q = std::array::from_fn(|i| between(joints[i].range[0], joints[i].range[1]));
+        let dq = std::array::from_fn(|i| between(-joints[i].speed, joints[i].speed));
+        JointCommand {
+            number: number as u64,
+            command_ns: 0,
+            q,
+            dq,
+        }
+    }
+
+    fn times(&self, robot: &Robot, bodies: &Bodies) -> SafetyReport {
+        let joints = robot.joints();
+        let timed = self.motions.min(TIMED);
+        let commands: Vec<JointCommand> = (0..timed).map(|i| self.command(joints, i)).collect();
+        let mut anew = Vec::with_capacity(timed);
+        let (mut distances, mut swept) = (0.0, 0.0);
+        let mut sum = 0.0;
+        for (i, command) in commands.iter().enumerate() {
+            let mut monitor = Monitor::new(bodies.clone(), *joints, self.config, &command.q);
+            let begun = Instant::now();
+            sum += monitor.judge(command).bound;
+            anew.push(begun.elapsed().as_secs_f64() * 1e6);
+            let pair = i % PAIRS;
+            let [a, b] = bodies.placed(pair, &command.q);
+            let begun = Instant::now();
+            sum += distance(&a, &b);
+            distances += begun.elapsed().as_secs_f64() * 1e6;
+            let intervals = monitor.intervals(command);
+            let begun = Instant::now();
+            let [a, b] = bodies.swept(pair, &intervals);
+            sum += distance(&a, &b);
+            swept += begun.elapsed().as_secs_f64() * 1e6;
+        }
+        // Joints swing about the middle of their ranges, a tick of a millisecond each time.
+        let swing = |tick: usize| {
+            let t = 1e-3 * tick as f64;
+            let of = |i: usize| {
+                let [low, high] = joints[i].range;
+                let (middle, half) = (0.5 * (low + high), 0.2 * (high - low));
+                let pace = 0.8 * joints[i].speed / half * (1.0 - 0.02 * i as f64);
+                (middle, half, pace)
+            };
+            JointCommand {
+                number: tick as u64,
+                command_ns: 0,
+                q: std::array::from_fn(|i| {
+                    let (middle, half, pace) = of(i);
+                    middle + half * (pace * t).sin()
+                }),
+                dq: std::array::from_fn(|i| {
+                    let (_, half, pace) = of(i);
+                    half * pace * (pace * t).cos()
+                }),
+            }
+        };
+        let mut monitor = Monitor::new(bodies.clone(), *joints, self.config, &swing(0).q);
+        let watched = (0..WATCHED).map(|tick| {
+            let command = swing(tick);
+            let begun = Instant::now();
+            sum += monitor.judge(&command).bound;
+            begun.elapsed().as_secs_f64() * 1e6
+        });
+        let watched: Vec<f64> = watched.collect();
+        std::hint::black_box(sum);
+        SafetyReport {
+            motions: 0,
+            seed: 0,
+            margin: 0.0,
+            begun_too_near: 0,
+            go: 0,
+            missed: 0,
+            least_distance: 0.0,
+            braked_in_vain: 0,
+            free: 0,
+            judge_anew_us: Quantiles::of(anew),
+            judge_us: Quantiles::of(watched),
+            distance_us: distances / timed.max(1) as f64,
+            swept_us: swept / timed.max(1) as f64,
+        }
+    }
+}
+
+/// Returns the least distance of bodies from a command until the robot has braked, looked at often, m.
+pub(crate) fn least_while_braking(
+    monitor: &Monitor,
+    joints: &[Joint; JOINTS],
+    command: &JointCommand,
+) -> f64 {
+    let mut least = f64::INFINITY;
+    for sample in 0..=SAMPLES {
+        let q = braked(joints, command, monitor.config().reaction, sample);
+        for pair in 0..PAIRS {
+            let [a, b] = monitor.bodies().placed(pair, &q);
+            least = least.min(distance(&a, &b));
+        }
+    }
+    least
+}
+
+/// Where joints are at a moment of a braking motion, the last of which is at rest.
+fn braked(
+    joints: &[Joint; JOINTS],
+    command: &JointCommand,
+    reaction: f64,
+    sample: usize,
+) -> [f64; JOINTS] {
+    let longest = (0..JOINTS)
+        .map(|i| reaction + command.dq[i].abs() / joints[i].acceleration)
+        .fold(0.0, f64::max);
+    let t = longest * sample as f64 / SAMPLES as f64;
+    std::array::from_fn(|i| {
+        let (q, dq) = (command.q[i], command.dq[i]);
+        let slowing = (t - reaction).clamp(0.0, dq.abs() / joints[i].acceleration);
+        q + dq * (t.min(reaction) + slowing)
+            - 0.5 * dq.signum() * joints[i].acceleration * slowing * slowing
+    })
+}
