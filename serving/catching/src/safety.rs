@@ -37,8 +37,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(200))]
 
-        /// Wherever joints are in their intervals, bodies are no nearer than their swept hulls, and no farther than those grown by what
-        /// sweeping may add.
+        /// Wherever joints are in their intervals, bodies lie in their swept hulls, and are no nearer to each other than those.
         #[test]
         fn swept_hulls_hold_their_bodies((places, halves, inside) in motion()) {
             let description = RobotDescription::nominal();

@@ -304,6 +304,5 @@ impl Kept {
 /// Returns true if a found circle is the ball's.
 pub fn is_ball(circle: &Circle, ball: &Circle) -> bool {
     let near = NEAR.0.max(NEAR.1 * ball.r);
-    (circle.u - ball.u).hypot(circle.v - ball.v) < near
-        && (circle.r - ball.r).abs() < near.max(NEAR.1 * ball.r)
+    (circle.u - ball.u).hypot(circle.v - ball.v) < near && (circle.r - ball.r).abs() < near
 }
