@@ -107,7 +107,17 @@ fn quiet_readers() {
     }));
 }
 
+/// Makes the processor Burn's default device unless somebody chose another: an optimiser is restored on the default device, and a GPU would be
+/// looked for on machines without one. What computes is named by `--device`.
+fn restore_on_the_processor() {
+    if std::env::var_os("BURN_DEVICE").is_none() {
+        // SAFETY: no other thread has been started.
+        unsafe { std::env::set_var("BURN_DEVICE", "flex") };
+    }
+}
+
 fn main() -> ExitCode {
+    restore_on_the_processor();
     quiet_readers();
     tracing_subscriber::fmt()
         .with_env_filter(tracing_subscriber::EnvFilter::from_default_env())

@@ -1,7 +1,9 @@
 //! Results on stdout.
 
 use std::io::Write;
+use std::path::Path;
 
+use anyhow::bail;
 use tactnet_data::is_control;
 
 /// Writes `text` and a line end; a reader that has gone is an error, not a panic. Control characters do not reach the terminal.
@@ -25,6 +27,20 @@ pub fn harmless(text: &str) -> std::borrow::Cow<'_, str> {
     } else {
         text.into()
     }
+}
+
+/// Refuses a file that is there, unless `force` says that it may go.
+///
+/// # Errors
+/// It is there.
+pub fn refuse_to_overwrite(out: &Path, force: bool) -> anyhow::Result<()> {
+    if out.exists() && !force {
+        bail!(
+            "{}: exists already; overwrite it with `--force`",
+            out.display()
+        );
+    }
+    Ok(())
 }
 
 /// Returns `number` with its noun, in the plural unless it is one.

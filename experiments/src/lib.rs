@@ -58,7 +58,7 @@ pub use questions::{
 pub use recipe::{ExperimentRecipe, Range, Search, Variant};
 pub use report::to_html;
 pub use result::{QuestionResult, answer_question};
-pub use run_text::{next_steps, run_text};
+pub use run_text::{advice, next_steps, run_text};
 pub use slurm::{SlurmArray, run_on_slurm};
 pub use statistic::{Statistic, holm, resampled_t_test};
 pub use status::{Status, TaskStatus};

@@ -1,9 +1,14 @@
 //! One training run's result as text, beside what was published, and what may come next.
 
 use tactnet_data::twin::TwinVersion;
-use tactnet_pipeline::{EvaluationTable, ModelRecipe, PipelineError, RunDir, RunResult, quoted};
+use tactnet_pipeline::{
+    EvaluationTable, ModelRecipe, PipelineError, RunDir, RunResult, TrainingSteps, quoted,
+};
 
 use crate::published_for;
+
+/// Accuracy from which on nobody needs advice.
+const GOOD: f64 = 0.95;
 
 /// Returns `result` as lines of text: data, accuracies, the published row that it may be set beside, chosen settings, time, folder.
 ///
@@ -18,6 +23,11 @@ pub fn run_text(run: &RunDir, result: &RunResult) -> Result<String, PipelineErro
         EvaluationTable(&result.evaluations).to_string(),
     ];
     let (config, split) = (run.config()?, run.split()?);
+    let materials = config.classifier.labels.len();
+    lines.push(format!(
+        "guessing one of {materials} materials is right in {:.1} %",
+        100.0 / materials as f64
+    ));
     let method = config.recipe.method();
     if let Some(row) = published_for(&config, result.origin, &split, method) {
         lines.push(format!(
@@ -38,6 +48,34 @@ pub fn run_text(run: &RunDir, result: &RunResult) -> Result<String, PipelineErro
     };
     lines.push(format!("{work}; run directory {}", run.path().display()));
     Ok(lines.join("\n"))
+}
+
+/// Returns what may make a poor result better, a line each: more steps where there were few, a simpler model where the result may as well be
+/// guessed. Empty for others.
+///
+/// # Errors
+/// A run directory whose configuration is damaged.
+pub fn advice(run: &RunDir, result: &RunResult) -> Result<Vec<String>, PipelineError> {
+    let config = run.config()?;
+    let mut lines = Vec::new();
+    let ModelRecipe::TactNet2(recipe) = &config.recipe else {
+        return Ok(lines);
+    };
+    let accuracies = result.evaluations.values().map(|of| of.one_sweep);
+    let best = accuracies.clone().map(|of| of.mean).fold(0.0, f64::max);
+    if best < GOOD {
+        let steps = TrainingSteps::of(&recipe.training, result.n_train);
+        lines.extend(steps.hint("--epochs "));
+    }
+    let chance = 1.0 / config.classifier.labels.len() as f64;
+    let surely = accuracies.map(|of| of.ci95_low).fold(0.0, f64::max);
+    if surely <= chance {
+        lines.push(format!(
+            "this may as well be guessed ({:.1} %); from few sweeps `--model minirocket` and `--model lda` learn faster",
+            100.0 * chance
+        ));
+    }
+    Ok(lines)
 }
 
 /// Returns what may follow a training, as two lines of commands.

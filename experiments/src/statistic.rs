@@ -13,7 +13,7 @@ pub struct Statistic {
     pub mean: f64,
     /// Standard deviation over folds; absent with one fold.
     pub sd: Option<f64>,
-    /// 95 % interval of the mean; absent with one fold.
+    /// 95 % interval of the mean; absent with one fold, and where all folds are equal, which does not say how sure the mean is.
     pub ci95: Option<[f64; 2]>,
     /// One value per task, in the order of the tasks.
     pub values: Vec<f64>,
@@ -44,7 +44,7 @@ impl Statistic {
         Self {
             mean,
             sd: Some(variance.sqrt()),
-            ci95: Some([mean - reach, mean + reach]),
+            ci95: (variance > 0.0).then_some([mean - reach, mean + reach]),
             values,
         }
     }
@@ -116,6 +116,8 @@ mod tests {
         assert!((p - 0.116_117).abs() < 1e-5, "{p}");
         assert_eq!(resampled_t_test(&[0.1], 0.25), None);
         assert_eq!(Statistic::of(vec![0.5], 0.25).ci95, None);
+        let equal = Statistic::of_shares(vec![1.0, 1.0], 1.0);
+        assert_eq!((equal.sd, equal.ci95), (Some(0.0), None));
     }
 
     /// As `statsmodels.stats.multitest.multipletests(p, method="holm")` (0.14).

@@ -74,7 +74,7 @@ impl fmt::Display for Status {
             write!(f, "\n  {}: {state}: {}", task.id, task.last_words)?;
         }
         if count(TaskState::Running) == 0 && count(TaskState::Done) < self.tasks.len() {
-            f.write_str("\nthe call that began it goes on with what is left")?;
+            f.write_str("\n`tactnet experiment run` with this folder goes on with what is left")?;
         }
         Ok(())
     }

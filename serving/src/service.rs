@@ -71,6 +71,8 @@ pub struct Service {
     connections: Connections,
     /// For whoever started it, since the last call.
     news: Vec<String>,
+    /// Rejections that nobody was told of yet, and the newest of them.
+    untold: (u64, StatusLine<256>),
     worker: ModelWorker,
     /// An event of the worker that waits for a pause between sweeps.
     worker_event: Option<WorkerEvent>,
@@ -174,6 +176,7 @@ impl Service {
             alive_ns: 0,
             connections: Connections::default(),
             news: Vec::new(),
+            untold: Default::default(),
             worker: ModelWorker::start(served, source, &config, measures, git)?,
             worker_event: None,
             retired: None,
@@ -253,7 +256,15 @@ impl Service {
 
     /// Returns what its operator should know since the last call, a line each.
     pub fn take_news(&mut self) -> Vec<String> {
-        std::mem::take(&mut self.news)
+        let mut news = std::mem::take(&mut self.news);
+        let (count, newest) = std::mem::take(&mut self.untold);
+        if count > 1 {
+            news.push(format!("{} sweeps rejected", count - 1));
+        }
+        if count > 0 {
+            news.push(newest.as_str().to_owned());
+        }
+        news
     }
 
     /// Returns true if frames of a finger came once and have not for ten seconds, although a skin is connected.
@@ -388,6 +399,12 @@ impl Service {
 
     fn reject(&mut self, number: usize, reject: &Reject) -> Result<(), ServeError> {
         self.counters.rejected += 1;
+        self.untold.0 += 1;
+        self.untold.1 = StatusLine::default();
+        let sweep = self.fingers[number].sweep;
+        self.untold
+            .1
+            .write(format_args!("sweep {sweep} rejected: {reject}"));
         self.publish_status(Event::Rejected, number as u32, format_args!("{reject}"))
     }
 

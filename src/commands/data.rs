@@ -7,7 +7,6 @@ mod make_twin;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::bail;
 use clap::{Args, Subcommand};
 use tactnet_data::format::{self, Format};
 use tactnet_data::{CheckReport, DataSource, Dataset, check, group_findings, info};
@@ -163,7 +162,7 @@ fn run_check(arguments: &CheckArgs) -> anyhow::Result<ExitCode> {
 
 fn convert(arguments: &ConvertArgs) -> anyhow::Result<ExitCode> {
     let format = Format::from_extension(&arguments.out)?;
-    refuse_to_overwrite(&arguments.out, arguments.force)?;
+    output::refuse_to_overwrite(&arguments.out, arguments.force)?;
     let dataset = source::load(&arguments.data)?;
     format.write(&arguments.out, &dataset)?;
     say!(
@@ -173,14 +172,4 @@ fn convert(arguments: &ConvertArgs) -> anyhow::Result<ExitCode> {
         dataset.shape()
     );
     Ok(ExitCode::SUCCESS)
-}
-
-fn refuse_to_overwrite(out: &Path, force: bool) -> anyhow::Result<()> {
-    if out.exists() && !force {
-        bail!(
-            "{}: exists already; overwrite it with `--force`",
-            out.display()
-        );
-    }
-    Ok(())
 }

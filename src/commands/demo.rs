@@ -6,13 +6,14 @@ use std::process::ExitCode;
 
 use clap::Args;
 use tactnet_data::DataSource;
-use tactnet_pipeline::RunDir;
+use tactnet_pipeline::{LabelOrder, RunDir};
 use tactnet_rehearsal::{Demo, SMALL_MATERIALS, SMALL_SWEEPS, make_twin, train_small_network};
 use tactnet_serving::web;
 
 use super::choices::listen;
-use crate::output;
+use super::simulate::check_fit;
 use crate::stop::Stop;
+use crate::{output, source};
 
 /// Materials of the whole twin.
 const ALL_MATERIALS: usize = 36;
@@ -64,7 +65,12 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
                     make_twin(&program, &made, ALL_MATERIALS, SMALL_SWEEPS)?;
                     made
                 }
-                DataSource::File(path) => path,
+                DataSource::File(path) => {
+                    // The skin reads it again; what it would say does not reach the terminal.
+                    let read = source::load_as(&config.spec, data, LabelOrder::True)?;
+                    check_fit(&read, data, &config.classifier)?;
+                    path
+                }
             };
             (run.clone(), sweeps)
         }

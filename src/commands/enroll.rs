@@ -10,7 +10,8 @@ use serde::Serialize;
 use tactnet_data::{SweepView, known_names, refuse_errors};
 use tactnet_models::Compute;
 use tactnet_pipeline::{
-    Calibration, Classifier, EnrolledMaterial, EnrolmentCost, RowPrior, RunDir, enroll,
+    Calibration, Classifier, Enrolled, EnrolledMaterial, EnrolmentCost, RowPrior, RunConfig,
+    RunDir, TestSweeps, enroll,
 };
 
 use super::choices::DeviceChoice;
@@ -60,6 +61,9 @@ struct EnrollResult<'a> {
     /// Only where sweeps of the known materials were set aside, by `train --calibrate`.
     #[serde(skip_serializing_if = "Option::is_none")]
     cost: Option<EnrolmentCost>,
+    /// The same on the test sweeps of the run's training; only where none were set aside and its data are at hand.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    test_cost: Option<EnrolmentCost>,
     /// Embedding, fit and writing, without loading data and network.
     seconds: f64,
 }
@@ -129,9 +133,25 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
     run.create_enrolled(&arguments.out, &enrolled, material.clone())
         .context("cannot write the new classifier")?;
     let seconds = begun.elapsed().as_secs_f64();
-    if thresholds.is_none() {
+    let test_cost = match &thresholds {
+        None => cost_on_test_sweeps(&run, &config, &classifier, &enrolled),
+        Some(_) => None,
+    };
+    if let Some(cost) = test_cost {
         say!(
-            "hint: what it costs the known materials is not known, since no sweeps were set aside by `train --calibrate`; `tactnet eval {}` counts, on the test sweeps of its training",
+            "of {} of the known materials {} are recognised, {} were before; {} taken for `{}`",
+            output::counted(cost.held_out, "test sweep"),
+            cost.right_after,
+            cost.right_before,
+            match cost.claimed {
+                1 => "1 is".into(),
+                claimed => format!("{claimed} are"),
+            },
+            arguments.material
+        );
+    } else if thresholds.is_none() {
+        say!(
+            "hint: what it costs the known materials is not known, since the run's data are not at hand; `tactnet eval {} --data FILE` counts, on its test sweeps",
             arguments.out.display()
         );
     }
@@ -141,7 +161,7 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
              fitted to; train anew with --calibrate"
         );
     }
-    if let Some(caution) = enrolled.cost.and_then(|cost| cost.caution()) {
+    if let Some(caution) = enrolled.cost.or(test_cost).and_then(|cost| cost.caution()) {
         say!("warning: {caution}");
     }
     if let Some(caution) = enrolled.calibration.as_ref().and_then(Calibration::caution) {
@@ -156,6 +176,7 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
             materials,
             prior: enrolled.prior,
             cost: enrolled.cost,
+            test_cost,
             seconds,
         })?;
     } else {
@@ -171,4 +192,19 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
         "next: `tactnet eval {out} --data FILE` tests it on other sweeps\n      `tactnet demo --run {out} --data FILE` shows it live on them"
     );
     Ok(ExitCode::SUCCESS)
+}
+
+/// Returns what the known materials lose on the test sweeps of the run's training; `None` where its data set is not at hand.
+fn cost_on_test_sweeps(
+    run: &RunDir,
+    config: &RunConfig,
+    classifier: &Classifier,
+    enrolled: &Enrolled,
+) -> Option<EnrolmentCost> {
+    let dataset = config.spec.read_sweeps_of_run(None).ok()?;
+    if dataset.sha256() != config.data_sha256 {
+        return None;
+    }
+    let tested = TestSweeps::of_run(run, &dataset).ok()?;
+    enrolled.cost_on(classifier, &tested.view).ok()
 }

@@ -100,22 +100,10 @@ fn this_program() -> anyhow::Result<PathBuf> {
 
 fn run_experiment(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen()?;
-    let recipe = ExperimentRecipe::load(&arguments.recipe, &arguments.settings())?;
-    let out = match &arguments.out {
-        Some(out) => out.clone(),
-        None => Path::new("experiments-out").join(&recipe.name),
+    let dir = match arguments.begun()? {
+        Some(dir) => ExperimentDir::open(dir)?,
+        None => begin(arguments)?,
     };
-    recipe.review_data(|dataset, finding| {
-        let name = dataset.name();
-        if finding.kind == FindingKind::AssumedRate {
-            say!(
-                "warning: {}",
-                assumed_rate_text(name, dataset.sample_rate_hz())
-            );
-        }
-        source::review(Some(name), finding, arguments.axes_are_right)
-    })?;
-    let dir = ExperimentDir::create(&out, &recipe, &arguments.command_line())?;
     let program = this_program()?;
     let mut progress = Progress::new();
     let tell = |event: Event<'_>| progress.show(&event);
@@ -141,8 +129,8 @@ fn run_experiment(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
     progress.end();
     if stop.asked() {
         say!(
-            "stopped; the same call goes on with {}",
-            dir.path().display()
+            "stopped; `tactnet experiment run {}` goes on",
+            tactnet_pipeline::quoted(&dir.path().display().to_string())
         );
         return Ok(ExitCode::from(failure::INTERRUPTED));
     }
@@ -150,6 +138,31 @@ fn run_experiment(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
     report(&dir, OutputFormat::from_flag(arguments.json))?;
     outcome?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Makes the folder of an experiment, or opens that of one with the same recipe.
+fn begin(arguments: &RunArgs) -> anyhow::Result<ExperimentDir> {
+    arguments.check()?;
+    let recipe = ExperimentRecipe::load(&arguments.recipe, &arguments.settings())?;
+    let out = match &arguments.out {
+        Some(out) => out.clone(),
+        None => Path::new("experiments-out").join(&recipe.name),
+    };
+    recipe.review_data(|dataset, finding| {
+        let name = dataset.name();
+        if finding.kind == FindingKind::AssumedRate {
+            say!(
+                "warning: {}",
+                assumed_rate_text(name, dataset.sample_rate_hz())
+            );
+        }
+        source::review(Some(name), finding, arguments.axes_are_right)
+    })?;
+    Ok(ExperimentDir::create(
+        &out,
+        &recipe,
+        &arguments.command_line(),
+    )?)
 }
 
 fn list() -> anyhow::Result<ExitCode> {

@@ -1,17 +1,19 @@
 //! `tactnet predict`: says of what material sweeps are, where nobody needs to know.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::bail;
 use clap::Args;
 use tactnet_models::Compute;
 use tactnet_pipeline::{
-    ClassifiedSweeps, Classifier, ModelRecipe, PipelineError, PredictionMethod, RunDir, write_whole,
+    ClassifiedSweeps, Classifier, ModelRecipe, PipelineError, PredictionMethod, RunDir, quoted,
+    write_whole,
 };
 
 use super::choices::{DeviceChoice, rate};
 use super::run_choice::RunChoice;
+use crate::output::OutputFormat;
 use crate::{output, source};
 
 #[derive(Args)]
@@ -19,7 +21,7 @@ use crate::{output, source};
     tactnet predict runs/a --data new.npz                  `X` alone: [n][steps][taxels] or [n][steps][rows][cols]\n  \
     tactnet predict runs/a --data sweep.csv                one sweep: a row per frame, a column per taxel\n  \
     tactnet predict runs/a --data new/ --one-object        a folder of .csv, all over the same object\n  \
-    tactnet predict runs/a --data new.npz --out found.csv  every probability, for a spreadsheet\n\n\
+    tactnet predict runs/a --data new.npz --out found.csv  every probability, for a spreadsheet; found.json: as --json prints it\n\n\
     `tactnet eval` says how often it is right on sweeps whose materials are named; `tactnet serve` classifies sweeps as they happen.")]
 pub struct PredictArgs {
     #[command(flatten)]
@@ -42,9 +44,12 @@ pub struct PredictArgs {
     /// Where to compute
     #[arg(long, value_enum, default_value_t)]
     device: DeviceChoice,
-    /// Write a table (.csv) with the probability of every material
+    /// Write the probability of every material: a table (.csv) or what --json prints (.json)
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Overwrite that file
+    #[arg(long, requires = "out")]
+    force: bool,
     /// Print one JSON document instead of a table
     #[arg(long)]
     json: bool,
@@ -52,6 +57,13 @@ pub struct PredictArgs {
 
 /// Runs the command.
 pub fn run(arguments: &PredictArgs) -> anyhow::Result<ExitCode> {
+    let out = match &arguments.out {
+        None => None,
+        Some(out) => Some((out, table_format(out)?)),
+    };
+    if let Some((out, _)) = out {
+        output::refuse_to_overwrite(out, arguments.force)?;
+    }
     let run = RunDir::open(arguments.run.dir())?;
     let config = run.config()?;
     if let (Some(1..), ModelRecipe::Baseline(baseline)) = (arguments.mc, &config.recipe) {
@@ -77,6 +89,14 @@ pub fn run(arguments: &PredictArgs) -> anyhow::Result<ExitCode> {
     }
     let known = &config.classifier;
     let sweeps = spec.read_to_classify(&arguments.data, known.shape, known.sample_rate_hz)?;
+    if sweeps.labelled && sweeps.dataset.sha256() == config.data_sha256 {
+        let learnt = run.split()?.fold(&sweeps.dataset)?.train.len();
+        say!(
+            "note: the run was trained on {learnt} of these {} sweeps; `tactnet eval {}` judges it by the others",
+            sweeps.dataset.len(),
+            quoted(&arguments.run.dir().display().to_string())
+        );
+    }
     let calibration = match run.calibration()? {
         None => None,
         Some(calibration) => Some((calibration, run.train_embeddings()?)),
@@ -100,8 +120,12 @@ pub fn run(arguments: &PredictArgs) -> anyhow::Result<ExitCode> {
         },
         other => other,
     })?;
-    if let Some(out) = &arguments.out {
-        write_whole(out, found.to_csv().as_bytes())?;
+    if let Some((out, format)) = out {
+        let text = match format {
+            OutputFormat::Table => found.to_csv(),
+            OutputFormat::Json => serde_json::to_string_pretty(&found)?,
+        };
+        write_whole(out, text.as_bytes())?;
         say!("probabilities: {}", out.display());
     }
     if arguments.json {
@@ -110,4 +134,16 @@ pub fn run(arguments: &PredictArgs) -> anyhow::Result<ExitCode> {
         output::print(&found)?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Returns how a file of this name is written.
+fn table_format(out: &Path) -> anyhow::Result<OutputFormat> {
+    match out.extension().and_then(|extension| extension.to_str()) {
+        Some("csv") => Ok(OutputFormat::Table),
+        Some("json") => Ok(OutputFormat::Json),
+        _ => bail!(
+            "--out {}: expected a name that ends in .csv or .json",
+            out.display()
+        ),
+    }
 }

@@ -8,8 +8,8 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use clap::Subcommand;
-use tactnet_data::Dataset;
-use tactnet_pipeline::{RunDir, TestSweeps};
+use tactnet_data::{Dataset, known_names};
+use tactnet_pipeline::{ClassifierConfig, PipelineError, RunDir, TestSweeps};
 
 #[derive(Subcommand)]
 #[command(after_help = "Examples:\n  \
@@ -32,6 +32,36 @@ pub fn run(command: SimulateCommand) -> anyhow::Result<ExitCode> {
         SimulateCommand::Catching(arguments) => catching::run(&arguments),
         SimulateCommand::Soak(arguments) => soak::run(&arguments),
     }
+}
+
+/// Refuses sweeps that the classifier of a run would reject, and says so where it knows none of their materials.
+pub(super) fn check_fit(
+    dataset: &Dataset,
+    data: &str,
+    run: &ClassifierConfig,
+) -> Result<(), PipelineError> {
+    let describe = |shape, rate: f64| format!("{shape} at {rate} Hz");
+    let (own, wanted) = (dataset.shape(), run.shape);
+    let alike = (own.rows, own.cols) == (wanted.rows, wanted.cols) && own.steps >= wanted.steps;
+    if !alike || dataset.sample_rate_hz() != run.sample_rate_hz {
+        return Err(PipelineError::Incompatible {
+            item: data.into(),
+            expected: format!(
+                "sweeps as the run's, {}",
+                describe(wanted, run.sample_rate_hz)
+            ),
+            found: describe(own, dataset.sample_rate_hz()),
+        });
+    }
+    let known = |name: &str| run.labels.names().any(|known| known == name);
+    if !dataset.labels().names().any(known) {
+        say!(
+            "note: the run knows none of the materials of {data} ({}), so no answer can be right; it knows {}",
+            known_names("", dataset.labels().names()),
+            known_names("", run.labels.names())
+        );
+    }
+    Ok(())
 }
 
 /// Returns the numbers of sweeps that a run has learnt nothing from.

@@ -43,14 +43,14 @@ pub fn run(arguments: &TaskArgs) -> anyhow::Result<ExitCode> {
         Start::Resume => {
             source::announce(&RunDir::open(&folder)?.config()?.spec.data);
             let session = Session::resume(&folder, None, program)?;
-            Ok(train(&session, &stop, OutputFormat::Table)?.0)
+            Ok(train(&session, &stop, OutputFormat::Table, true)?.0)
         }
         Start::Begin(job) => match *job {
             Job::Train(spec) => {
                 let job = TrainJob::try_from(spec)?;
                 source::announce(&job.spec().data);
                 let session = Session::begin(&job, Some(&folder), program, |_| Ok(()))?;
-                Ok(train(&session, &stop, OutputFormat::Table)?.0)
+                Ok(train(&session, &stop, OutputFormat::Table, false)?.0)
             }
             Job::Question(task) => answer(&task, &folder, program, &stop),
         },

@@ -7,8 +7,10 @@ use std::process::ExitCode;
 
 use anyhow::bail;
 use tactnet_data::Finding;
-use tactnet_experiments::{next_steps, run_text};
-use tactnet_pipeline::{ModelRecipe, Provenance, RunDir, Session, TrainJob, TrainOutcome};
+use tactnet_experiments::{advice, next_steps, run_text};
+use tactnet_pipeline::{
+    ModelRecipe, Provenance, RunDir, RunResult, Session, TrainJob, TrainOutcome,
+};
 use tactnet_skin::packets::unfit;
 
 use super::choices::ModelChoice;
@@ -51,20 +53,27 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
         say!("note: `tactnet serve` will not take this classifier: {reason}");
     }
     let format = OutputFormat::from_flag(arguments.json);
-    let (code, finished) = train(&session, &stop, format)?;
-    if finished {
+    let resumed = arguments.resume.is_some();
+    let (code, finished) = train(&session, &stop, format, resumed)?;
+    if let Some(result) = finished {
         say!("{}", next_steps(session.run(), unfit.is_none())?);
+        for line in advice(session.run(), &result)? {
+            say!("hint: {line}");
+        }
     }
     Ok(code)
 }
 
-/// Trains from where the run stands, and prints its result; false if somebody asked to stop.
+/// Trains from where the run stands, and prints its result, which is returned unless somebody asked to stop.
+///
+/// - `resumed`: another process began the run
 pub fn train(
     session: &Session,
     stop: &Stop,
     format: OutputFormat,
-) -> anyhow::Result<(ExitCode, bool)> {
-    let mut progress = Progress::default();
+    resumed: bool,
+) -> anyhow::Result<(ExitCode, Option<Box<RunResult>>)> {
+    let mut progress = Progress::new(resumed);
     let path = session.run().path().display();
     match session.train(
         |event| progress.show(&event, session.run().path()),
@@ -75,11 +84,11 @@ pub fn train(
                 OutputFormat::Json => output::print_json(&result)?,
                 OutputFormat::Table => output::print(run_text(session.run(), &result)?)?,
             }
-            Ok((ExitCode::SUCCESS, true))
+            Ok((ExitCode::SUCCESS, Some(result)))
         }
         TrainOutcome::Stopped => {
             say!("stopped; continue with `tactnet train --resume {path}`");
-            Ok((ExitCode::from(failure::INTERRUPTED), false))
+            Ok((ExitCode::from(failure::INTERRUPTED), None))
         }
     }
 }

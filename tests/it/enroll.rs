@@ -194,6 +194,15 @@ fn a_new_material_is_added_and_the_old_rows_stay() {
         (&5.into(), &new.into())
     );
     assert_eq!(found["sweeps"].as_array().unwrap().len(), 5);
+    // Nothing was set aside; the run's own test sweeps say what it costs, as `eval` counts.
+    let (before, after) = (eval(&lab, "run", None), eval(&lab, "more", None));
+    let cost = &found["test_cost"];
+    assert_eq!(cost["held_out"], before["n_test"], "{found}");
+    for (count, result) in [("right_before", before), ("right_after", after)] {
+        let mean = result["evaluations"]["plain"]["one_sweep"]["mean"].as_f64();
+        let right = mean.unwrap() * result["n_test"].as_f64().unwrap();
+        assert_eq!(cost[count].as_f64().unwrap(), right.round(), "{found}");
+    }
     assert_eq!(lab.json("more/enrolled.json")[0]["material"], new);
     assert_eq!(lab.json("more/config.json")["classifier"]["labels"][4], new);
 

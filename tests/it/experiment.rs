@@ -255,7 +255,17 @@ fn killed_runners_and_tasks_lose_nothing_that_had_ended() {
         .unwrap()
         .modified()
         .unwrap();
-    expect(0, experiment(&lab, "killed"));
+    // Its folder alone says all.
+    let mut set = tactnet(["experiment", "run"]);
+    set.arg(lab.path("killed")).args(["--set", "folds=2"]);
+    let refused = stderr(&expect(2, set));
+    assert!(
+        refused.contains("with the settings that it was begun with"),
+        "{refused}"
+    );
+    let mut go_on = tactnet(["experiment", "run"]);
+    go_on.arg(lab.path("killed"));
+    expect(0, go_on);
     assert_eq!(
         network
             .join("result.json")

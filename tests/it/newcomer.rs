@@ -40,6 +40,13 @@ fn few_training_steps_are_named_and_what_comes_next() {
         "{said}"
     );
     assert!(said.contains("next: `tactnet demo --run "), "{said}");
+    // Few steps lead nowhere: the last lines say what helps.
+    let end = said.rfind("next: ").map_or("", |at| &said[at..]);
+    assert!(end.contains("hint: 12 training steps are few"), "{said}");
+    assert!(
+        found.contains("guessing one of 4 materials is right in 25.0 %"),
+        "{found}"
+    );
     assert!(
         said.contains("`tactnet experiment run crossval_baselines --set data="),
         "{said}"
@@ -339,6 +346,21 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
         "{table}"
     );
 
+    for cell in table
+        .lines()
+        .skip(1)
+        .flat_map(|line| line.split(',').skip(5))
+    {
+        assert!(cell.len() <= 8, "{cell}: digits that nobody reads");
+    }
+    let again = |out: &str| stderr(&expect(2, predict("new", &["--out", out])));
+    assert!(again("found.csv").contains("overwrite it with `--force`"));
+    assert!(again("found.txt").contains(".csv or .json"));
+    expect(0, predict("new", &["--out", "found.csv", "--force"]));
+    expect(0, predict("new", &["--out", "found.json"]));
+    let written: serde_json::Value = serde_json::from_slice(&lab.read("found.json")).unwrap();
+    assert_eq!(written["sweeps"].as_array().unwrap().len(), rows.len());
+
     // A file alone, and a data set with materials, which then stand beside.
     let one = stdout(&expect(0, predict("new/0.csv", &[])));
     assert!(
@@ -346,6 +368,11 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
         "{one}"
     );
     let known = expect(0, predict("twin.h5", &["--json", "--mc", "0"]));
+    let said = stderr(&known);
+    assert!(
+        said.contains("note: the run was trained on 32 of these 40 sweeps"),
+        "{said}"
+    );
     let known: serde_json::Value = serde_json::from_str(&stdout(&known)).unwrap();
     assert_eq!(known["sweeps"][30]["named"], named[3]);
     let refused = stderr(&expect(2, predict("new", &["--rate", "100"])));

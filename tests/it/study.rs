@@ -88,8 +88,10 @@ fn n_shot_transfer_measures_every_method_the_same_way_however_many_threads() {
         assert_eq!(row["n"], 2, "two draws of the materials");
         assert!((0.0..=1.0).contains(&at("mean")), "{row}");
         assert!(
-            row["ci95"][0].as_f64() <= Some(at("mean"))
-                && Some(at("mean")) <= row["ci95"][1].as_f64(),
+            // Equal draws do not say how sure their mean is.
+            row["ci95"].is_null()
+                || row["ci95"][0].as_f64() <= Some(at("mean"))
+                    && Some(at("mean")) <= row["ci95"][1].as_f64(),
             "{row}"
         );
         // Three materials with thirty sweeps each are tested once; from scratch, two of five folds.

@@ -216,6 +216,16 @@ fn files_by_folder(path: &Path) -> Result<Vec<Entry>, DataError> {
     Ok(entries)
 }
 
+/// Returns true if there are single arrays of NumPy in a folder, or in the folders in it.
+pub(super) fn holds_arrays(folder: &Path) -> bool {
+    let is_array = |path: &PathBuf| path.extension().is_some_and(|e| e == "npy");
+    list(folder).is_ok_and(|paths| {
+        let mut within = paths.iter().filter(|path| path.is_dir());
+        paths.iter().any(is_array)
+            || within.any(|path| list(path).is_ok_and(|paths| paths.iter().any(is_array)))
+    })
+}
+
 /// What lies in a folder, in the order of names.
 fn list(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
     let io = |error| DataError::io(folder, "list", error);

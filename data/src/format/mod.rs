@@ -146,7 +146,12 @@ fn table_with_gaps(
             path,
             "folder",
             "labels.csv with columns file, material; or a folder of .csv files per material",
-            "neither",
+            match csv::holds_arrays(path) {
+                true => {
+                    "arrays (.npy); stack them into one file: np.savez_compressed(\"sweeps.npz\", X=X, y=y) with X [n][steps][taxels] and y [n]"
+                }
+                false => "neither",
+            },
         )));
     }
     let extension = path.extension()?.to_ascii_lowercase();
@@ -223,7 +228,7 @@ fn refuse_non_finite(path: &Path, dataset: Dataset) -> Result<Dataset, DataError
     let (step, taxel) = (rest / shape.taxels(), rest % shape.taxels());
     Err(DataError::format(
         path,
-        "data set `samples`",
+        "sweeps",
         "finite numbers",
         format!(
             "{count} that are not, the first {} in {} at step {step}, taxel ({}, {}); `tactnet data check` lists all",

@@ -42,6 +42,24 @@ pub(super) const NPY: &[u8] = b"\x93NUMPY";
 /// Names of the sweeps' array, and of their materials'.
 const SAMPLES: &[&str] = &["samples", "X"];
 const LABELS: &[&str] = &["labels", "y"];
+/// What sweeps are called that were meant to be read, and their materials, in lower case.
+const MEANT_AS_SAMPLES: &[&str] = &[
+    "arr_0",
+    "data",
+    "input",
+    "inputs",
+    "recordings",
+    "sample",
+    "signal",
+    "signals",
+    "sweeps",
+    "values",
+    "x",
+    "x_train",
+];
+const MEANT_AS_LABELS: &[&str] = &[
+    "arr_1", "class", "classes", "label", "material", "target", "targets", "y", "y_train",
+];
 /// What a rate is called that was meant to be read.
 const RATES: &[&str] = &[
     "fps",
@@ -278,8 +296,22 @@ impl<'a> Arrays<'a> {
             };
             // As the documents write it.
             let name = names.last().unwrap_or(&names[0]);
-            self.error(name, expected, format!("only {found}"))
+            let meant = self.meant(names).map_or(String::new(), |meant| {
+                format!("; rename `{meant}` to `{name}`, if that is what it holds")
+            });
+            self.error(name, expected, format!("only {found}{meant}"))
         })
+    }
+
+    /// The array that may be meant where none has one of `names`.
+    fn meant(&self, names: &[&'static str]) -> Option<&str> {
+        let usual = match names {
+            SAMPLES => MEANT_AS_SAMPLES,
+            LABELS => MEANT_AS_LABELS,
+            _ => &[],
+        };
+        let mut others = self.others.iter().map(String::as_str);
+        others.find(|other| usual.contains(&other.to_lowercase().as_str()))
     }
 
     fn names(&self, name: &'static str) -> Result<Vec<String>, DataError> {
@@ -382,10 +414,10 @@ impl<'a> Arrays<'a> {
                 None => Ok(None),
                 Some(name) => Err(self.error(
                     name,
+                    format!("the frames per second under the name `{RATE_ATTRIBUTE}`"),
                     format!(
-                        "the name `{RATE_ATTRIBUTE}` if it is the frames per second, and one that does not sound like a rate if it is not"
+                        "`{name}`: rename it to `{RATE_ATTRIBUTE}`; if it is no rate, to what does not sound like one"
                     ),
-                    "this one",
                 )),
             };
         };

@@ -173,7 +173,7 @@ fn every_bad_file_is_refused_with_file_data_set_expected_and_found() {
         ),
         (
             "h5/bad_nan.h5",
-            "data set `samples`: expected finite numbers, found 1 that are not, the first NaN in `denim` sweep 2 at step 30, taxel (1, 1); `tactnet data check` lists all",
+            "sweeps: expected finite numbers, found 1 that are not, the first NaN in `denim` sweep 2 at step 30, taxel (1, 1); `tactnet data check` lists all",
         ),
         (
             "h5/bad_no_samples.h5",
@@ -213,7 +213,7 @@ fn every_bad_file_is_refused_with_file_data_set_expected_and_found() {
         ),
         (
             "read/bad_infinite.h5",
-            "data set `samples`: expected finite numbers, found 1 that are not, the first inf in `denim` sweep 1 at step 12, taxel (2, 0); `tactnet data check` lists all",
+            "sweeps: expected finite numbers, found 1 that are not, the first inf in `denim` sweep 1 at step 12, taxel (2, 0); `tactnet data check` lists all",
         ),
         (
             "read/bad_materials_are_floats.h5",
@@ -245,11 +245,11 @@ fn every_bad_file_is_refused_with_file_data_set_expected_and_found() {
         ),
         (
             "read/bad_nan.npz",
-            "data set `samples`: expected finite numbers, found 1 that are not, the first NaN in `denim` sweep 2 at step 59, taxel (1, 3); `tactnet data check` lists all",
+            "sweeps: expected finite numbers, found 1 that are not, the first NaN in `denim` sweep 2 at step 59, taxel (1, 3); `tactnet data check` lists all",
         ),
         (
             "read/bad_no_samples.npz",
-            "array `X`: expected to be in the archive: np.savez_compressed(\"sweeps.npz\", X=X, y=y) with X [n][steps][taxels] and y [n], found only `x`",
+            "array `X`: expected to be in the archive: np.savez_compressed(\"sweeps.npz\", X=X, y=y) with X [n][steps][taxels] and y [n], found only `x`; rename `x` to `X`, if that is what it holds",
         ),
         (
             "read/bad_pickled.npz",

@@ -286,28 +286,67 @@ fn axes_in_another_order_and_short_sweeps_are_suspicious() {
     assert!(kinds(&turned).contains(&FindingKind::ShortSweeps));
 }
 
-#[test]
-fn a_rate_under_another_name_is_an_error_and_not_left_out() {
-    let dir = tempfile::tempdir().unwrap();
-    let (named, misnamed) = (dir.path().join("named.npz"), dir.path().join("own.npz"));
-    let words = format::read(&fixture("read/x_y_names.npz")).unwrap();
-    Format::Npz.write(&named, &words).unwrap();
-    for other in ["sample_rate", "fs", "Rate_Hz"] {
-        let mut from = ZipArchive::new(File::open(&named).unwrap()).unwrap();
-        let mut to = ZipWriter::new(File::create(&misnamed).unwrap());
-        for index in 0..from.len() {
-            let mut member = from.by_index(index).unwrap();
-            let name = member.name().unwrap().replace("sample_rate_hz", other);
-            to.start_file(name, SimpleFileOptions::default()).unwrap();
-            std::io::copy(&mut member, &mut to).unwrap();
-        }
-        to.finish().unwrap();
-        let refused = format::read(&misnamed).unwrap_err().to_string();
-        let expected = format!(
-            "array `{other}`: expected the name `sample_rate_hz` if it is the frames per second"
-        );
-        assert!(refused.contains(&expected), "{refused}");
+/// Copies an archive with the member `name` renamed to `to`.
+fn renamed(archive: &Path, name: &str, to: &str, out: &Path) {
+    let mut from = ZipArchive::new(File::open(archive).unwrap()).unwrap();
+    let mut copy = ZipWriter::new(File::create(out).unwrap());
+    for index in 0..from.len() {
+        let mut member = from.by_index(index).unwrap();
+        let own = member.name().unwrap();
+        let kept = if own == format!("{name}.npy") {
+            format!("{to}.npy")
+        } else {
+            own.into_owned()
+        };
+        copy.start_file(kept, SimpleFileOptions::default()).unwrap();
+        std::io::copy(&mut member, &mut copy).unwrap();
     }
+    copy.finish().unwrap();
+}
+
+/// Why a file is not read, without printing what was read if it is.
+fn refusal(file: &Path) -> String {
+    match format::read(file) {
+        Ok(_) => panic!("{} is read", file.display()),
+        Err(error) => error.to_string(),
+    }
+}
+
+#[test]
+fn arrays_under_other_names_are_errors_that_say_how_to_rename_them() {
+    let dir = tempfile::tempdir().unwrap();
+    let (named, misnamed) = (fixture("read/x_y_names.npz"), dir.path().join("own.npz"));
+    for (name, other, remedy) in [
+        (
+            "sample_rate_hz",
+            "sample_rate",
+            "rename it to `sample_rate_hz`",
+        ),
+        ("sample_rate_hz", "fs", "rename it to `sample_rate_hz`"),
+        ("sample_rate_hz", "Rate_Hz", "rename it to `sample_rate_hz`"),
+        ("X", "data", "rename `data` to `X`"),
+        ("X", "Signals", "rename `Signals` to `X`"),
+        ("y", "target", "rename `target` to `y`"),
+    ] {
+        renamed(&named, name, other, &misnamed);
+        let refused = refusal(&misnamed);
+        assert!(refused.contains(remedy), "{other}: {refused}");
+    }
+    renamed(&named, "X", "noise_floor", &misnamed);
+    let refused = refusal(&misnamed);
+    assert!(
+        refused.contains("`noise_floor`") && !refused.contains("rename"),
+        "nothing is guessed: {refused}"
+    );
+}
+
+#[test]
+fn a_folder_of_single_arrays_says_how_to_make_one_file_of_them() {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::create_dir(dir.path().join("felt")).unwrap();
+    std::fs::write(dir.path().join("felt/0.npy"), b"\x93NUMPY").unwrap();
+    let refused = format::read(dir.path()).unwrap_err().to_string();
+    assert!(refused.contains("np.savez_compressed("), "{refused}");
 }
 
 #[test]

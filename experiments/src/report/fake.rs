@@ -89,6 +89,7 @@ pub(super) fn summary() -> Summary {
             block_out: None,
             means: Some(0.5),
             permuted: Some(0.3),
+            permuted_chance: None,
             chance_sigma: 0.05,
             verdict: HOSTILE.into(),
         }],

@@ -138,7 +138,7 @@ fn qualifier(audit: Option<&Audit>, best: &Scored<'_>) -> String {
     };
     if let Some(permuted) = audit.leak() {
         return format!(
-            "With permuted labels a classifier still scores {} where guessing scores {guessing}: look for test sweeps that leak into \
+            "With permuted labels a classifier still scores {}, which guessing hardly does: look for test sweeps that leak into \
              training before trusting this, and see whether another seed (`--set seed=2`) says the same.",
             in_percent(permuted)
         );
@@ -184,6 +184,7 @@ mod tests {
         Audit {
             data: "sweeps, levels kept, 1000 steps".into(),
             chance: 1.0 / 36.0,
+            permuted_chance: None,
             best: Some(("net".into(), 0.8)),
             block_out,
             means,

@@ -158,7 +158,11 @@ impl ClassifiedSweeps {
             ];
             csv.push_str(&fields.join(","));
             for probability in &sweep.probabilities {
-                let _ = write!(csv, ",{probability}");
+                // Six decimal places, and three digits of what these would show as zero.
+                let _ = match probability {
+                    tiny if *tiny > 0.0 && *tiny < 1e-4 => write!(csv, ",{tiny:.2e}"),
+                    probability => write!(csv, ",{probability:.6}"),
+                };
             }
             csv.push('\n');
         }

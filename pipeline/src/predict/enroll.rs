@@ -30,6 +30,22 @@ pub struct Enrolled {
     pub prior: RowPrior,
 }
 
+impl Enrolled {
+    /// Returns what the new material costs the known ones on `sweeps`, to which nothing was fitted.
+    ///
+    /// - `before`: the classifier that the material was added to
+    ///
+    /// # Errors
+    /// Sweeps of another shape or of materials that it does not know.
+    pub fn cost_on(
+        &self,
+        before: &Classifier,
+        sweeps: &SweepView<'_>,
+    ) -> Result<EnrolmentCost, PipelineError> {
+        cost(before, self, &before.embed(sweeps)?)
+    }
+}
+
 /// Accuracy on sweeps of the known materials that nothing was fitted to, before and after a material was added.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct EnrolmentCost {
@@ -54,7 +70,7 @@ impl EnrolmentCost {
     pub fn caution(&self) -> Option<String> {
         self.is_high().then(|| {
             format!(
-                "the new material costs the others: of {} sweeps set aside, {} were recognised before and {} are now ({} are taken for it); \
+                "the new material costs the others: of {} sweeps that nothing was fitted to, {} were recognised before and {} are now ({} are taken for it); \
                  more sweeps of it, or a training anew with all materials, avoids that",
                 self.held_out, self.right_before, self.right_after, self.claimed
             )

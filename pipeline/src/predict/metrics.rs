@@ -114,7 +114,8 @@ impl Predictions {
             .iter()
             .map(|s| -s.log_probability[s.label])
             .sum();
-        total / self.sweeps.len() as f64
+        // Rounding may leave certain predictions a little below zero, or at minus zero.
+        (total / self.sweeps.len() as f64).max(0.0) + 0.0
     }
 
     /// Mean squared distance between the probabilities and the true one-hot vector, 0 to 2 (Brier, 1950).

@@ -123,10 +123,14 @@ impl Recording {
         );
         let mut found = Found::default();
         let mut cut = None;
+        let mut unread = length;
         while let Some(event) = reader.next_event() {
             match event {
                 Ok(LinearReadEvent::ReadRequest(bytes)) => {
+                    // As much memory as a record says it needs, but no more than the file can fill.
+                    let bytes = bytes.min(usize::try_from(unread).unwrap_or(bytes));
                     let read = file.read(reader.insert(bytes)).map_err(failed)?;
+                    unread = unread.saturating_sub(read as u64);
                     reader.notify_read(read);
                 }
                 Ok(LinearReadEvent::Record { data, opcode }) => {

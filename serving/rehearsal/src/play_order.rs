@@ -22,7 +22,12 @@ pub fn play_order(
 ) -> Result<Vec<usize>, RehearsalError> {
     let names: Vec<&str> = dataset.labels().names().collect();
     let labels: Vec<usize> = if materials.is_empty() {
-        (0..names.len()).collect()
+        // All of which there is a sweep.
+        let has_sweep = |label: &usize| {
+            let mut sweeps = sweeps.iter();
+            sweeps.any(|sweep| dataset.records()[*sweep].label == *label)
+        };
+        (0..names.len()).filter(has_sweep).collect()
     } else {
         let label_of = |material: &String| {
             let found = names.iter().position(|name| name == material);

@@ -9,8 +9,8 @@ use tactnet_data::DataSource;
 use tactnet_data::format::{Format, read_beginning};
 use tactnet_recording::{Recording, SweepSettings, sweeps};
 
-use super::{ConvertArgs, refuse_to_overwrite};
-use crate::source;
+use super::ConvertArgs;
+use crate::{output, source};
 
 #[derive(Args)]
 pub struct ImportArgs {
@@ -49,7 +49,7 @@ impl ImportArgs {
 /// Another program's data set, in any format that is read.
 fn import_data_set(arguments: &ImportArgs, format: Format) -> anyhow::Result<ExitCode> {
     let ConvertArgs { data, out, force } = &arguments.convert;
-    refuse_to_overwrite(out, *force)?;
+    output::refuse_to_overwrite(out, *force)?;
     let path = Path::new(data);
     let mut dataset = if DataSource::is_twin(data) || !path.exists() {
         let twin = source::load(data)?;
@@ -90,7 +90,7 @@ pub fn run(arguments: &ImportArgs) -> anyhow::Result<ExitCode> {
         }
         return import_data_set(arguments, format);
     }
-    refuse_to_overwrite(out, convert_arguments.force)?;
+    output::refuse_to_overwrite(out, convert_arguments.force)?;
     let recording = Recording::read(path)?;
     if let Some(cut) = &recording.cut {
         say!("{}: the end is missing ({cut})", path.display());

@@ -11,7 +11,6 @@ use tactnet_data::twin::{
     self, Comparison, Construction, Target, TwinConfig, TwinVersion, measure,
 };
 
-use super::refuse_to_overwrite;
 use crate::{GIT, output};
 
 #[derive(Args)]
@@ -97,7 +96,7 @@ pub fn run(arguments: &TwinArgs) -> anyhow::Result<ExitCode> {
         difficulty: arguments.difficulty.unwrap_or(default.difficulty),
     };
     if let Some(out) = &arguments.out {
-        refuse_to_overwrite(out, arguments.force)?;
+        output::refuse_to_overwrite(out, arguments.force)?;
     }
     let construction = match &arguments.construction {
         None => Construction::of(config.version),

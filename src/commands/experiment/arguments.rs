@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::bail;
 use clap::{Args, ValueEnum};
 
 use crate::commands::choices::DeviceChoice;
@@ -13,7 +14,7 @@ use crate::commands::choices::DeviceChoice;
     tactnet experiment run crossval_baselines --set folds=2 --set 'models=[\"minirocket\"]'\n  \
     tactnet experiment run nshot --set splits=3 --set 'shots=[1,10]'    n-shot transfer\n  \
     tactnet experiment run my.toml --engine slurm --out /shared/my      on a cluster\n\n\
-    The same call goes on where it was stopped; tasks that have ended are not run again.\n\n\
+    The same call goes on where it was stopped, and so does the call with its folder alone; tasks that have ended are not run again.\n\n\
     Fields for --set: data, models, levels, steps (a value or a list), seed, epochs, device, search.trials, and those of the question. Of a \
     cross-validation: split, probes (a value or a list), folds (how many of the five random folds are trained), runs (1 or 2), groups. Of the others: \
     splits (draws of new materials, or of the 2 x 5 folds), shots (sweeps that nshot and enrolment learn from, or behind a decision of the \
@@ -21,8 +22,8 @@ use crate::commands::choices::DeviceChoice;
     NAME` prints a whole recipe.\n\n\
     With --engine slurm, folder and program must lie under the same path on every node.")]
 pub struct RunArgs {
-    /// A built-in experiment (see `tactnet experiment list`) or a TOML file
-    #[arg(value_name = "NAME|FILE")]
+    /// A built-in experiment (see `tactnet experiment list`), a TOML file, or the folder of an experiment to go on with
+    #[arg(value_name = "NAME|FILE|DIR")]
     pub recipe: String,
     /// Folder for tasks and report [default: experiments-out/NAME]
     #[arg(long, value_name = "DIR")]
@@ -106,6 +107,42 @@ pub enum Engine {
 }
 
 impl RunArgs {
+    /// Returns the folder of an experiment, where one was named instead of a recipe.
+    ///
+    /// # Errors
+    /// Settings beside it: those of an experiment that has begun stay as they are.
+    pub fn begun(&self) -> anyhow::Result<Option<&Path>> {
+        let dir = Path::new(&self.recipe);
+        if !dir.join("experiment.json").exists() {
+            return Ok(None);
+        }
+        if self.out.is_some() || !self.settings().is_empty() {
+            bail!(
+                "{}: an experiment goes on with the settings that it was begun with; leave out --set, --data, --device and --out, or name a \
+                 recipe",
+                dir.display()
+            );
+        }
+        Ok(Some(dir))
+    }
+
+    /// Refuses two names of the data set.
+    ///
+    /// # Errors
+    /// `--data` and `--set data=`.
+    pub fn check(&self) -> anyhow::Result<()> {
+        let set = self.settings.iter().find(|set| {
+            let field = set.split_once('=').map(|(field, _)| field.trim());
+            field == Some("data")
+        });
+        if let (Some(data), Some(set)) = (&self.data, set) {
+            bail!(
+                "`--data {data}` and `--set {set}` name the data set twice; leave one of them out"
+            );
+        }
+        Ok(())
+    }
+
     /// Returns the settings of the recipe, with that of `--device`.
     pub fn settings(&self) -> Vec<String> {
         let device = self

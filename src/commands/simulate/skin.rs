@@ -10,7 +10,7 @@ use tactnet_pipeline::{LabelOrder, RunDir};
 use tactnet_rehearsal::{SkinDriver, SkinSimulator, play_order, rest_frames};
 use tactnet_skin::ServeConfig;
 
-use super::unseen_by;
+use super::{check_fit, unseen_by};
 use crate::stop::Stop;
 use crate::{output, source};
 
@@ -22,9 +22,9 @@ pub struct SkinArgs {
     /// The table of channels; `tactnet serve --print-table` prints one
     #[arg(long, value_name = "FILE")]
     table: PathBuf,
-    /// Whose sweeps
-    #[arg(long, value_name = "FILE|twin", default_value = "twin")]
-    data: String,
+    /// Whose sweeps [default: twin; with --unseen-by, the run's data]
+    #[arg(long, value_name = "FILE|twin")]
+    data: Option<String>,
     /// Only sweeps that this run was not trained on, at its sample rate and of its number of steps
     #[arg(long, value_name = "DIR")]
     unseen_by: Option<PathBuf>,
@@ -75,13 +75,16 @@ pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
     let (dataset, sweeps) = match &arguments.unseen_by {
         Some(run) => {
             // At the rate and with the steps of the run.
-            let spec = RunDir::open(run)?.config()?.spec;
-            let dataset = source::load_as(&spec, &arguments.data, LabelOrder::True)?;
+            let config = RunDir::open(run)?.config()?;
+            let spec = &config.spec;
+            let data = arguments.data.as_ref().unwrap_or(&spec.data);
+            let dataset = source::load_as(spec, data, LabelOrder::True)?;
+            check_fit(&dataset, data, &config.classifier)?;
             let unseen = unseen_by(&dataset, run)?;
             (dataset, unseen)
         }
         None => {
-            let dataset = source::load(&arguments.data)?;
+            let dataset = source::load(arguments.data.as_deref().unwrap_or("twin"))?;
             let all = (0..dataset.len()).collect();
             (dataset, all)
         }

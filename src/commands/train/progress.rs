@@ -10,9 +10,9 @@ use tactnet_pipeline::{BatchReport, TrainEvent};
 use crate::commands::progress_line::{about, in_five_columns};
 
 /// A bar on a terminal, a line per epoch elsewhere.
-#[derive(Default)]
 pub struct Progress {
     network: Option<NetworkProgress>,
+    resumed: bool,
 }
 
 struct NetworkProgress {
@@ -22,6 +22,14 @@ struct NetworkProgress {
 }
 
 impl Progress {
+    /// - `resumed`: the run was begun by another process
+    pub fn new(resumed: bool) -> Self {
+        Self {
+            network: None,
+            resumed,
+        }
+    }
+
     /// Shows what a session does in the run directory `run`.
     pub fn show(&mut self, event: &TrainEvent<'_>, run: &Path) {
         match *event {
@@ -33,6 +41,15 @@ impl Progress {
                 batches_before,
                 steps,
             } => {
+                match (self.resumed, batches_before) {
+                    (false, _) => {}
+                    (true, 0) => say!("nothing was saved before it ended: it begins anew"),
+                    (true, before) => say!(
+                        "going on after step {before} of {}, epoch {}",
+                        steps.count(),
+                        before / steps.batches + 1
+                    ),
+                }
                 // A run that goes on keeps its epochs.
                 if let Some(hint) = steps.hint("--epochs ").filter(|_| batches_before == 0) {
                     say!("hint: {hint}");

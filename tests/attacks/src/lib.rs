@@ -9,7 +9,7 @@ mod report;
 mod run;
 mod targets;
 
-pub use ceiling::Allocator;
+pub use ceiling::{Allocator, most_held};
 pub use report::Report;
 pub use run::{Limits, Row, attack};
 pub use targets::{NAMES, Target, open};

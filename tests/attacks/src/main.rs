@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
-use tactnet_attacks::{Allocator, Limits, Report, attack, open};
+use tactnet_attacks::{Allocator, Limits, Report, attack, most_held, open};
 
 #[global_allocator]
 static ALLOCATOR: Allocator = Allocator;
@@ -47,8 +47,10 @@ fn main() -> anyhow::Result<ExitCode> {
     let arguments = Arguments::parse();
     if let (Some(target), Some(input)) = (&arguments.target, &arguments.input) {
         let mut target = open(target)?;
-        let accepted = (target.run)(&std::fs::read(input)?);
-        println!("{}", if accepted { "accepted" } else { "refused" });
+        let input = std::fs::read(input)?;
+        let (accepted, most) = most_held(|| (target.run)(&input));
+        let (answer, mib) = (if accepted { "accepted" } else { "refused" }, most >> 20);
+        println!("{answer}, {mib} of {} MiB", target.ceiling >> 20);
         return Ok(ExitCode::SUCCESS);
     }
     let limits = Limits {

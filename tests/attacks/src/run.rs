@@ -15,8 +15,10 @@ use crate::ceiling::most_held;
 use crate::mutate::mutated;
 use crate::targets;
 
-/// A call that takes longer hangs.
+/// A call that takes longer on the processor hangs,
 const PATIENCE: Duration = Duration::from_secs(10);
+/// and one that waits so much longer, since other programs may hold the processor.
+const WAIT: u32 = 20;
 /// Exit code of a process that hangs.
 pub const HANGS: i32 = 3;
 /// Findings of one kind of which the inputs are kept.
@@ -46,7 +48,7 @@ pub struct Row {
     pub accepted: u64,
     /// Calls that panicked, or ended the process.
     pub panics: u64,
-    /// Calls that took over ten seconds.
+    /// Calls that took over ten seconds of the processor, or two hundred by the clock.
     pub hangs: u64,
     /// Calls that took more memory than the target's ceiling.
     pub over_memory: u64,
@@ -123,13 +125,30 @@ pub fn attack(name: &str, limits: &Limits) -> anyhow::Result<Row> {
 /// Ends the process if a call hangs; `since` is when the call began, milliseconds after `begun`.
 fn watch(begun: Instant, since: Arc<AtomicU64>) {
     std::thread::spawn(move || {
+        let mut seen = (u64::MAX, Duration::ZERO);
         loop {
             std::thread::sleep(Duration::from_millis(200));
             let since = since.load(Relaxed);
-            let now = begun.elapsed().as_millis() as u64;
-            if since != u64::MAX && now.saturating_sub(since) > PATIENCE.as_millis() as u64 {
-                std::process::exit(HANGS);
+            if since != seen.0 {
+                seen = (since, processor_time());
+            } else if since != u64::MAX {
+                let waited = begun.elapsed().saturating_sub(Duration::from_millis(since));
+                if processor_time() - seen.1 > PATIENCE || waited > PATIENCE * WAIT {
+                    std::process::exit(HANGS);
+                }
             }
         }
     });
+}
+
+/// How long this process has had a processor.
+fn processor_time() -> Duration {
+    let mut time = libc::timespec {
+        tv_sec: 0,
+        tv_nsec: 0,
+    };
+    // SAFETY: `time` lives for the call.
+    let failed = unsafe { libc::clock_gettime(libc::CLOCK_PROCESS_CPUTIME_ID, &raw mut time) };
+    assert_eq!(failed, 0, "Linux has this clock");
+    Duration::new(time.tv_sec as u64, time.tv_nsec as u32)
 }

@@ -3,6 +3,10 @@
 use std::process::Command;
 
 use serde_json::Value;
+use tactnet_attacks::{Allocator, most_held, open};
+
+#[global_allocator]
+static ALLOCATOR: Allocator = Allocator;
 
 #[test]
 fn damaged_input_breaks_nothing() {
@@ -22,4 +26,15 @@ fn damaged_input_breaks_nothing() {
         // Some changes do no harm.
         assert!(row["accepted"].as_u64().unwrap() > 0, "{row}");
     }
+}
+
+#[test]
+fn a_record_that_says_it_is_long_takes_no_more_memory_than_its_file() {
+    let mut target = open("mcap").unwrap();
+    let mut input = target.seeds[0].clone();
+    // Behind the magic bytes and the kind of the first record stands its length.
+    input[9..17].copy_from_slice(&((64_u64 << 20) - 1).to_le_bytes());
+    let (accepted, most) = most_held(|| (target.run)(&input));
+    assert!(!accepted, "the record is cut off");
+    assert!(most < 8 << 20, "{most} bytes for {}", input.len());
 }

@@ -10,8 +10,11 @@ use super::Scored;
 pub struct Audit {
     /// Name of the data set, with what happens to levels.
     pub data: String,
-    /// Accuracy of guessing.
+    /// Accuracy of guessing: one over the number of materials.
     pub chance: f64,
+    /// Accuracy of guesses that name each material as often as the classifier of permuted labels does, where that was run.
+    #[serde(default)]
+    pub permuted_chance: Option<f64>,
     /// Best contender on random folds, and its accuracy.
     pub best: Option<(String, f64)>,
     /// The same model with a recording block left out, where that was run.
@@ -53,9 +56,14 @@ impl Audit {
         })
     }
 
+    /// Returns the accuracy that permuted labels are compared with.
+    fn guessed(&self) -> f64 {
+        self.permuted_chance.unwrap_or(self.chance)
+    }
+
     /// Returns the accuracy with permuted labels if it is so far above chance that labels of test sweeps seem to reach training.
     pub(crate) fn leak(&self) -> Option<f64> {
-        let away = |permuted: f64| (permuted - self.chance) / self.chance_sigma;
+        let away = |permuted: f64| (permuted - self.guessed()) / self.chance_sigma;
         self.permuted.filter(|permuted| away(*permuted) > TOO_WELL)
     }
 }
@@ -102,26 +110,20 @@ fn audit(data: &str, levels: MeanRemoval, steps: usize, rows: &[&Scored<'_>]) ->
     if means.is_none() && permuted.is_none() && block_out.is_none() {
         return None;
     }
-    let (chance, chance_sigma) = permuted.map_or_else(
-        || {
-            let chance = 1.0 / rows[0].materials.len() as f64;
-            (
-                chance,
-                (chance * (1.0 - chance) / rows[0].n_test as f64).sqrt(),
-            )
-        },
-        |row| guessing(row),
-    );
+    let chance = 1.0 / rows[0].materials.len() as f64;
+    let guessing = permuted.map(|row| guessing(row));
+    let binomial = (chance * (1.0 - chance) / rows[0].n_test as f64).sqrt();
     let mut audit = Audit {
         data: format!("{data}, levels {}, {steps} steps", levels.name()),
         chance,
+        permuted_chance: guessing.map(|(chance, _)| chance),
         best: best.map(|row| (row.model_name(), row.one_sweep.mean)),
         block_out,
         means: means
             .filter(|_| levels.is_none())
             .map(|row| row.one_sweep.mean),
         permuted: permuted.map(|row| row.one_sweep.mean),
-        chance_sigma,
+        chance_sigma: guessing.map_or(binomial, |(_, sigma)| sigma),
         verdict: String::new(),
     };
     audit.verdict = verdict(&audit);
@@ -148,21 +150,22 @@ fn verdict(audit: &Audit) -> String {
     let percent = |share: f64| format!("{:.1} %", 100.0 * share);
     let mut sentences = Vec::new();
     if let Some(permuted) = audit.permuted {
-        let away = (permuted - audit.chance) / audit.chance_sigma;
+        let guessed = audit.guessed();
+        let away = (permuted - guessed) / audit.chance_sigma;
         sentences.push(if audit.leak().is_none() {
             format!(
-                "With permuted labels MiniRocket scores chance ({} against {}, {away:+.1} sigma): no sign that labels of test sweeps reach \
+                "With permuted labels MiniRocket scores chance ({} against {} for guesses with its shares, {away:+.1} sigma): no sign that labels of test sweeps reach \
                  training; {} would have been one.",
                 percent(permuted),
-                percent(audit.chance),
-                percent(audit.chance + TOO_WELL * audit.chance_sigma)
+                percent(guessed),
+                percent(guessed + TOO_WELL * audit.chance_sigma)
             )
         } else {
             format!(
                 "With permuted labels MiniRocket scores {} where chance is {} ({away:+.1} sigma): look for test sweeps that leak into training \
                  before trusting anything else here; whether it was chance, `--set seed=2` tells, which permutes anew.",
                 percent(permuted),
-                percent(audit.chance)
+                percent(guessed)
             )
         });
     }
@@ -201,6 +204,7 @@ mod tests {
         let mut audit = Audit {
             data: "x".into(),
             chance: 0.05,
+            permuted_chance: None,
             best: Some(("svm-h".into(), 0.95)),
             block_out: Some(0.6),
             means: Some(0.9),
@@ -216,5 +220,9 @@ mod tests {
         assert!(text.contains("35.0 points"), "{text}");
         audit.permuted = Some(0.2);
         assert!(verdict(&audit).contains("leak into training before"));
+        // Guesses of few test sweeps may be right a little less often than one in as many materials.
+        audit.permuted_chance = Some(0.19);
+        assert!(verdict(&audit).contains("scores chance (20.0 % against 19.0 %"));
+        assert_eq!(audit.chance, 0.05);
     }
 }
