@@ -21,15 +21,17 @@ use tactnet_catching_packets::packets::{Circle, Circles, MAX_CIRCLES};
 
 pub use gates::{Gate, gates};
 use lens::Lens;
-use refine::{Rays, refined};
+use refine::{Rays, polished, refined};
 use votes::{Peak, RADII, Votes};
 
 /// Radii are found at the level of the pyramid where they are this many pixels, and less than twice as many.
 const LEAST_RADIUS: f64 = 4.5;
 /// Peaks of a picture that are looked at closely.
-const MOST_PEAKS: usize = 128;
+const MOST_PEAKS: usize = 256;
 /// Circles whose centres are closer than this share of the larger radius are one.
 const SAME: f64 = 0.5;
+/// Peaks are looked at closely where their radius is this many pixels or more, and less than twice as many.
+const FINE_RADIUS: f64 = 12.0;
 
 /// How circles are found.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,7 +51,7 @@ pub struct CircleConfig {
 impl Default for CircleConfig {
     fn default() -> Self {
         Self {
-            threshold: 0.35,
+            threshold: 0.3,
             gate_threshold: 0.2,
             largest: 140.0,
             noise: 6.0,
@@ -152,9 +154,16 @@ impl CircleDetector {
         }
         self.keep_best_peaks();
         self.found.clear();
-        for peak in &self.peaks {
-            let size = [self.width, self.height];
-            let circle = refined(&self.rays, pixels, size, peak, self.config.inliers);
+        for i in 0..self.peaks.len() {
+            let peak = self.peaks[i];
+            let is_known = self
+                .found
+                .iter()
+                .any(|circle| peak.is_like(&Peak::of(circle)));
+            if is_known {
+                continue;
+            }
+            let circle = self.refined(pixels, &peak);
             self.found
                 .extend(circle.filter(|circle| circle.r <= self.config.largest));
         }
@@ -166,6 +175,43 @@ impl CircleDetector {
             if place < MAX_CIRCLES && !circles.valid().iter().any(|other| same(other, &circle)) {
                 circles.circles[place] = circle;
                 circles.count += 1;
+            }
+        }
+    }
+
+    /// Looks closely at a peak: where its radius is [`FINE_RADIUS`], and then at twice the resolution, where blur may hide it.
+    fn refined(&self, pixels: &[u8], peak: &Peak) -> Option<Circle> {
+        let mut level = 0;
+        while level < self.halved.len() && peak.r / f64::from(2 << level) >= FINE_RADIUS {
+            level += 1;
+        }
+        let (pixels_of, size, scale) = self.level(pixels, level);
+        let mut circle = refined(
+            &self.rays,
+            pixels_of,
+            size,
+            &peak.scaled(1.0 / scale),
+            self.config.inliers,
+        )?;
+        circle = scaled(&circle, scale);
+        if level > 0 {
+            let (pixels_of, size, scale) = self.level(pixels, level - 1);
+            let coarse = scaled(&circle, 1.0 / scale);
+            if let Some(fine) = polished(&self.rays, pixels_of, size, &coarse) {
+                circle = scaled(&fine, scale);
+            }
+        }
+        Some(circle)
+    }
+
+    /// The picture, or how it is after it was halved `level` times; pixels, width and height, pixels of the picture in one.
+    fn level<'a>(&'a self, pixels: &'a [u8], level: usize) -> (&'a [u8], [usize; 2], f64) {
+        match level {
+            0 => (pixels, [self.width, self.height], 1.0),
+            _ => {
+                let halved = &self.halved[level - 1];
+                let size = [halved.width, halved.height];
+                (&halved.pixels, size, f64::from(1 << level))
             }
         }
     }
@@ -237,6 +283,16 @@ impl CircleDetector {
             }
         }
         self.peaks.truncate(kept);
+    }
+}
+
+/// The circle in pixels that are so many times smaller.
+fn scaled(circle: &Circle, by: f64) -> Circle {
+    Circle {
+        u: circle.u * by,
+        v: circle.v * by,
+        r: circle.r * by,
+        response: circle.response,
     }
 }
 

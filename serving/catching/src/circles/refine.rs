@@ -18,7 +18,12 @@ const BAND: (f64, f64) = (0.4, 4.0);
 /// How far from the circle they may lie, share of the radius, and at least so many pixels.
 const TOLERANCE: (f64, f64) = (0.05, 0.9);
 /// The same after the first pass, and the share of the rays that are asked for in the end.
-const FIRST: (f64, f64, f64) = (0.1, 1.2, 0.7);
+const FIRST: (f64, f64, f64) = (0.1, 1.2, 0.6);
+/// How far from a known circle its edges are looked for at twice the resolution, share of the radius, and at least so many pixels; least
+/// share of rays on which they lie on it.
+const POLISH: (f64, f64, f64) = (0.1, 2.5, 0.4);
+/// Distance of samples on a ray, pixels: for a first look, and for a closer one.
+const FINEST: [f64; 2] = [0.75, 0.5];
 /// Difference of brightness across an edge that counts half, digits.
 const HALF: f64 = 8.0;
 
@@ -64,12 +69,20 @@ pub(super) fn refined(
         if !(inside(u, size[0]) && inside(v, size[1]) && r > 2.0) {
             return None;
         }
-        // Most peaks are none of a ball, which every other ray tells.
-        let stride = if pass == 0 { 2 } else { 1 };
+        // Most peaks are none of a ball, which every third ray tells.
+        let stride = if pass == 0 { 3 } else { 1 };
         let rays = &mut edges[..RAYS / stride];
         for (i, edge) in rays.iter_mut().enumerate() {
             let ray = directions.0[i * stride];
-            *edge = edge_on_ray(pixels, size[0], [u, v], ray, r, [reach, reach]);
+            *edge = edge_on_ray(
+                pixels,
+                size[0],
+                [u, v],
+                ray,
+                r,
+                [reach, reach],
+                FINEST[pass.min(1)],
+            );
         }
         let scale = SCALE.0 + SCALE.1 * r;
         let step = fitted(rays, r, scale)?;
@@ -99,7 +112,15 @@ pub(super) fn refined(
     let tolerance = (TOLERANCE.0 * r).max(TOLERANCE.1);
     let mut on_circle = 0.0;
     for ray in directions.0 {
-        let edge = edge_on_ray(pixels, size[0], [u, v], ray, r, [reach, 2.0 * reach]);
+        let edge = edge_on_ray(
+            pixels,
+            size[0],
+            [u, v],
+            ray,
+            r,
+            [reach, 2.0 * reach],
+            FINEST[0],
+        );
         if (edge.distance - r).abs() < tolerance {
             on_circle += edge.weight;
         }
@@ -109,8 +130,47 @@ pub(super) fn refined(
         u,
         v,
         r,
-        response: (0.5 * (peak.response + share)).min(1.0),
+        response: (0.25 * peak.response + 0.75 * share).min(1.0),
     })
+}
+
+/// Returns a circle that is known, looked at once more at a higher resolution; `None` if it cannot be seen there, or is another one.
+pub(super) fn polished(
+    directions: &Rays,
+    pixels: &[u8],
+    size: [usize; 2],
+    circle: &Circle,
+) -> Option<Circle> {
+    let Circle {
+        mut u,
+        mut v,
+        mut r,
+        response,
+    } = *circle;
+    let reach = (POLISH.0 * r).max(POLISH.1);
+    let mut edges = [Edge::default(); RAYS];
+    for _ in 0..2 {
+        let margin = r + reach + 2.0;
+        let inside = |x: f64, size: usize| x - margin >= 0.0 && x + margin < size as f64;
+        if !(inside(u, size[0]) && inside(v, size[1])) {
+            return None;
+        }
+        for (edge, ray) in edges.iter_mut().zip(directions.0) {
+            *edge = edge_on_ray(pixels, size[0], [u, v], ray, r, [reach, reach], FINEST[1]);
+        }
+        let step = fitted(&edges, r, SCALE.0 + SCALE.1 * r)?;
+        if step.xy().norm().max(step.z.abs()) > reach {
+            return None;
+        }
+        (u, v, r) = (u + step.x, v + step.y, r + step.z);
+    }
+    let tolerance = (TOLERANCE.0 * r).max(TOLERANCE.1);
+    let on_circle: f64 = edges
+        .iter()
+        .filter(|edge| edge.residual(r, &Vector3::zeros()).abs() < tolerance)
+        .map(|edge| edge.weight)
+        .sum();
+    (on_circle >= POLISH.2 * RAYS as f64).then_some(Circle { u, v, r, response })
 }
 
 impl Edge {
@@ -121,6 +181,9 @@ impl Edge {
 }
 
 /// The strongest edge within `reach` of the circle; one a `width` away counts half.
+///
+/// - `finest`: least distance of samples, pixels
+#[inline]
 fn edge_on_ray(
     pixels: &[u8],
     stride: usize,
@@ -128,25 +191,32 @@ fn edge_on_ray(
     [cos, sin]: [f64; 2],
     r: f64,
     [reach, width]: [f64; 2],
+    finest: f64,
 ) -> Edge {
-    let step = (2.0 * (reach + 1.5) / (MOST_SAMPLES - 1) as f64).max(0.5);
+    let step = (2.0 * (reach + 1.5) / (MOST_SAMPLES - 1) as f64).max(finest);
     let count = ((2.0 * (reach + 1.5) / step) as usize + 1).min(MOST_SAMPLES);
     let first = r - reach - 1.5;
-    let mut samples = [0.0_f32; MOST_SAMPLES];
-    for (i, sample) in samples[..count].iter_mut().enumerate() {
-        let distance = first + i as f64 * step;
-        *sample = bilinear(pixels, stride, u + distance * cos, v + distance * sin);
+    // Sums of the samples before each place.
+    let mut sums = [0_i32; MOST_SAMPLES + 1];
+    let mut place = [u + first * cos - 0.5, v + first * sin - 0.5].map(fixed);
+    let move_on = [step * cos, step * sin].map(fixed);
+    for i in 0..count {
+        sums[i + 1] = sums[i] + bilinear(pixels, stride, place);
+        place = [place[0] + move_on[0], place[1] + move_on[1]];
     }
     // Means of a pixel and a half, or a sample where those are farther apart, before and behind a place.
     let half = ((1.5 / step).round() as usize).max(1);
+    let mean = 1.0 / (half as f32 * (SUB * SUB) as f32);
+    let (from, each) = (((first - r) / width) as f32, (step / width) as f32);
     let mut differences = [0.0_f32; MOST_SAMPLES];
     let mut best = (0.0, 0);
     for i in half..count - half {
-        let (before, behind) = (&samples[i - half..i], &samples[i + 1..=i + half]);
-        let difference = behind.iter().sum::<f32>() - before.iter().sum::<f32>();
-        differences[i] = difference / half as f32;
-        let away = (first + i as f64 * step - r) / width;
-        let size = f64::from(differences[i].abs()) / (1.0 + away * away);
+        let behind = sums[i + half + 1] - sums[i + 1];
+        let before = sums[i] - sums[i - half];
+        let difference = mean * (behind - before) as f32;
+        differences[i] = difference;
+        let away = from + i as f32 * each;
+        let size = difference.abs() / (1.0 + away * away);
         if size > best.0 {
             best = (size, i);
         }
@@ -195,16 +265,32 @@ fn fitted(edges: &[Edge], r: f64, scale: f64) -> Option<Vector3<f64>> {
     Some(step)
 }
 
-/// - `u`, `v`: pixels from the picture's upper left corner; a pixel's middle is at a half
-fn bilinear(pixels: &[u8], stride: usize, u: f64, v: f64) -> f32 {
-    let (u, v) = (u - 0.5, v - 0.5);
-    let (column, line) = (u as usize, v as usize);
-    let (right, down) = ((u - column as f64) as f32, (v - line as f64) as f32);
+/// Parts of a pixel that are told apart.
+const SUB: i32 = 256;
+/// Bits of a fixed-point coordinate below the pixel.
+const BITS: u32 = 16;
+
+/// A coordinate in fixed point.
+fn fixed(x: f64) -> i32 {
+    (x * f64::from(1 << BITS)) as i32
+}
+
+/// The brightness between four pixels, times [`SUB`] squared.
+///
+/// - `place`: pixels from the middle of the picture's upper left one, in fixed point
+#[inline(always)]
+fn bilinear(pixels: &[u8], stride: usize, [u, v]: [i32; 2]) -> i32 {
+    let (column, line) = ((u >> BITS) as usize, (v >> BITS) as usize);
+    let part = |x: i32| (x >> (BITS - 8)) & (SUB - 1);
+    let (right, down) = (part(u), part(v));
     let from = line * stride + column;
-    let mix = |from: usize| {
-        let (a, b) = (f32::from(pixels[from]), f32::from(pixels[from + 1]));
-        a + right * (b - a)
+    let mix = |pair: &[u8]| {
+        let (a, b) = (i32::from(pair[0]), i32::from(pair[1]));
+        SUB * a + right * (b - a)
     };
-    let (upper, lower) = (mix(from), mix(from + stride));
-    upper + down * (lower - upper)
+    let (upper, lower) = (
+        mix(&pixels[from..from + 2]),
+        mix(&pixels[from + stride..from + stride + 2]),
+    );
+    SUB * upper + down * (lower - upper)
 }

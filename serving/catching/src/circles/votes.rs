@@ -1,6 +1,8 @@
 //! Votes of edges for circles: for each pixel and radius, the mean over 24 points around it of how much more edge lies along the normal
 //! than along the circle.
 
+use tactnet_catching_packets::packets::Circle;
+
 use super::Window;
 use super::edges::{DIRECTIONS, Rows, SHARE, directed};
 
@@ -22,7 +24,7 @@ const FULL: f64 = POINTS as f64 / 3.0 * SHARE;
 /// Pixels that are summed up together.
 const RUN: usize = 32;
 /// Peaks that are looked for in one window.
-const MOST: usize = 256;
+const MOST: usize = 1024;
 
 /// A circle that many edges vote for, in pixels of the whole picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,11 +36,30 @@ pub(super) struct Peak {
 }
 
 impl Peak {
-    /// Returns true if both are of one circle.
+    pub(super) fn of(circle: &Circle) -> Self {
+        Self {
+            u: circle.u,
+            v: circle.v,
+            r: circle.r,
+            response: circle.response,
+        }
+    }
+
+    /// The same in pixels that are so many times smaller.
+    pub(super) fn scaled(&self, by: f64) -> Self {
+        Self {
+            u: self.u * by,
+            v: self.v * by,
+            r: self.r * by,
+            response: self.response,
+        }
+    }
+
+    /// Returns true if both lead to the same circle.
     pub(super) fn is_like(&self, other: &Self) -> bool {
         let ratio = self.r / other.r;
-        (self.u - other.u).hypot(self.v - other.v) < 0.5 * self.r.min(other.r)
-            && (0.6..1.67).contains(&ratio)
+        (self.u - other.u).hypot(self.v - other.v) < 0.2 * self.r.min(other.r)
+            && (0.8..1.25).contains(&ratio)
     }
 }
 
@@ -142,21 +163,17 @@ impl Votes {
         }
     }
 
-    /// No neighbour in place and radius has more; of equal ones the first is the peak.
+    /// No neighbour in place has more votes for the radius; of equal ones the first is the peak. Neighbours in radius do not count: the votes
+    /// of a ball that is lit from one side are a ridge, from a circle within its lit half to its outline, which is not the top of it.
     fn is_peak(&self, radius: usize, at: usize, value: u8) -> bool {
+        let responses = &self.responses[radius];
         let width = self.window.width;
-        for i in radius.saturating_sub(1)..(radius + 2).min(COUNT) {
-            for line in [at - width, at, at + width] {
-                for place in line - 1..=line + 1 {
-                    let other = self.responses[i][place];
-                    let is_before = (i, place) < (radius, at);
-                    if other > value || (other == value && is_before) {
-                        return false;
-                    }
-                }
-            }
-        }
-        true
+        [at - width, at, at + width].into_iter().all(|line| {
+            (line - 1..=line + 1).all(|place| {
+                let other = responses[place];
+                other < value || (other == value && place >= at)
+            })
+        })
     }
 }
 
