@@ -31,6 +31,16 @@ impl DataSource {
         matches!(Self::named(name), Self::Twin(_))
     }
 
+    /// Returns the name of a data set as it is read from any working folder: `twin`, or the file's absolute path.
+    pub fn from_anywhere(name: &str) -> String {
+        match Self::named(name) {
+            Self::Twin(_) => name.into(),
+            // Without a working folder there is nothing better than the path as it was given.
+            Self::File(path) => std::path::absolute(&path)
+                .map_or_else(|_| name.into(), |path| path.display().to_string()),
+        }
+    }
+
     /// Reads the file or generates the twin.
     ///
     /// # Errors

@@ -309,7 +309,16 @@ fn with_near_name(message: &str, beside: &[&str]) -> String {
 /// A message of several lines as one.
 fn one_line(text: &str) -> String {
     let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
-    lines.collect::<Vec<_>>().join(", ")
+    let line = lines.collect::<Vec<_>>().join(", ");
+    // What the parser calls types, as people call them.
+    [
+        ("expected usize", "expected a whole number"),
+        ("expected u64", "expected a whole number"),
+        ("expected u32", "expected a whole number"),
+        ("expected f64", "expected a number"),
+    ]
+    .into_iter()
+    .fold(line, |line, (from, to)| line.replace(from, to))
 }
 
 #[cfg(test)]

@@ -36,7 +36,10 @@ pub fn run_text(run: &RunDir, result: &RunResult) -> Result<String, PipelineErro
         ));
     }
     for (setting, value) in &result.chosen {
-        lines.push(format!("chosen on training sweeps: {setting} = {value}"));
+        lines.push(format!(
+            "chosen on training sweeps: {setting} = {}",
+            in_four_digits(*value)
+        ));
     }
     let seconds = result.train_seconds;
     let work = match (result.epochs, result.seconds_per_epoch) {
@@ -48,6 +51,15 @@ pub fn run_text(run: &RunDir, result: &RunResult) -> Result<String, PipelineErro
     };
     lines.push(format!("{work}; run directory {}", run.path().display()));
     Ok(lines.join("\n"))
+}
+
+/// A number of a setting: whole ones as they are, others with four digits.
+fn in_four_digits(value: f64) -> String {
+    if value == value.trunc() && value.abs() < 1e6 {
+        return value.to_string();
+    }
+    let digits = (3 - value.abs().log10().floor() as i32).clamp(0, 12) as usize;
+    format!("{value:.digits$}")
 }
 
 /// Returns what may make a poor result better, a line each: more steps where there were few, a simpler model where the result may as well be
@@ -108,4 +120,22 @@ pub fn next_steps(run: &RunDir, fits_serving: bool) -> Result<String, PipelineEr
     Ok(format!(
         "next: {first}\n      `tactnet experiment run crossval_baselines{data}{rate}{epochs}` makes a report of models side by side"
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_are_shown_with_four_digits() {
+        for (value, shown) in [
+            (0.021_544_346_9, "0.02154"),
+            (0.288_103_378, "0.2881"),
+            (3.0, "3"),
+            (1234.567, "1235"),
+            (0.0, "0"),
+        ] {
+            assert_eq!(in_four_digits(value), shown);
+        }
+    }
 }

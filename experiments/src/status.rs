@@ -36,7 +36,13 @@ impl Status {
             let state = dir.state(task);
             let last_words = match state {
                 TaskState::Done | TaskState::Open => String::new(),
-                TaskState::Running | TaskState::Interrupted => dir.last_words(task),
+                TaskState::Running => dir.last_words(task),
+                // How to go on with a task alone is for those who run one alone.
+                TaskState::Interrupted => {
+                    let words = dir.last_words(task);
+                    let said = words.split("; continue with ").next();
+                    said.unwrap_or_default().into()
+                }
             };
             TaskStatus {
                 id: task.id.clone(),

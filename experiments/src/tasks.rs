@@ -61,6 +61,22 @@ pub struct ExperimentDir {
 }
 
 impl ExperimentDir {
+    /// Returns the folder `parent/NAME` of an experiment, numbered on where others are: the first that is free or holds the same one.
+    ///
+    /// # Errors
+    /// A model's recipe that cannot be used.
+    pub fn place_in(parent: &Path, recipe: &ExperimentRecipe) -> Result<PathBuf, ExperimentError> {
+        let plan = Plan::new(recipe, "")?;
+        let is_other = |path: &Path| {
+            let holds = path.join("experiment.json").exists();
+            holds && !Self::open(path).is_ok_and(|known| known.plan.difference(&plan).is_none())
+        };
+        let numbered = (2..).map(|number| parent.join(format!("{}-{number}", recipe.name)));
+        let mut places = std::iter::once(parent.join(&recipe.name)).chain(numbered);
+        let free = places.find(|path| !is_other(path));
+        Ok(free.unwrap_or_else(|| parent.join(&recipe.name)))
+    }
+
     /// Plans `recipe` in a folder, or opens the folder where the same was planned before.
     ///
     /// # Errors

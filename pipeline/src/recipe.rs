@@ -51,6 +51,9 @@ pub struct Input {
 pub struct TrainingSettings {
     /// Passes over the training sweeps.
     pub epochs: usize,
+    /// Steps of the optimiser that a training takes at least: with few sweeps, epochs are added.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub least_steps: Option<usize>,
     /// Sweeps in a batch, at most; batches of one epoch differ by one sweep at most.
     pub batch: usize,
     /// Learning rate of the first epoch; the highest one where `one_cycle` is set.
@@ -280,6 +283,18 @@ impl Recipe {
             .unwrap_or_else(|error| panic!("a recipe is always valid TOML: {error}"))
     }
 
+    /// Returns the recipe for so many training sweeps: with the epochs that its least number of steps takes.
+    #[must_use]
+    pub fn for_sweeps(&self, sweeps: usize) -> Self {
+        let mut recipe = self.clone();
+        let training = &mut recipe.training;
+        if let Some(steps) = training.least_steps.take() {
+            let batches = sweeps.div_ceil(training.batch).max(1);
+            training.epochs = training.epochs.max(steps.div_ceil(batches));
+        }
+        recipe
+    }
+
     /// Learning rate of batch `batch` of `batches` in `epoch`, both counted from 0.
     pub fn learning_rate(&self, epoch: usize, batch: usize, batches: usize) -> f64 {
         let training = &self.training;
@@ -370,6 +385,18 @@ impl Recipe {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn few_sweeps_are_trained_on_for_more_epochs() {
+        let fast = Recipe::load("fast").unwrap();
+        let epochs = |sweeps| fast.for_sweeps(sweeps).training.epochs;
+        assert_eq!((epochs(2880), epochs(1000)), (12, 12));
+        // 3 batches, and one.
+        assert_eq!((epochs(96), epochs(20)), (100, 300));
+        assert_eq!(fast.for_sweeps(20).training.least_steps, None);
+        let thesis = Recipe::load("thesis").unwrap();
+        assert_eq!(thesis.for_sweeps(20), thesis);
+    }
 
     #[test]
     fn built_in_recipes_parse_and_carry_their_name() {

@@ -268,7 +268,10 @@ impl TryFrom<TrainSpec> for TrainJob {
         match (&mut recipe, spec.epochs) {
             (_, None) => {}
             (_, Some(0)) => return Err(refused("epochs", "at least 1", "0".into())),
-            (ModelRecipe::TactNet2(network), Some(epochs)) => network.training.epochs = epochs,
+            (ModelRecipe::TactNet2(network), Some(epochs)) => {
+                network.training.epochs = epochs;
+                network.training.least_steps = None;
+            }
             (ModelRecipe::Baseline(baseline), Some(_)) => {
                 let found = format!("`{}`, which is fitted at once", baseline.name);
                 return Err(refused("epochs", "the recipe of a network", found));

@@ -140,12 +140,12 @@ fn run_check(arguments: &CheckArgs) -> anyhow::Result<ExitCode> {
         output::print_json(&report)?;
     } else {
         output::print(format_args!(
-            "{}: {} sweeps of {} at {} Hz, {} materials",
+            "{}: {} sweeps of {} at {} Hz, {}",
             arguments.file.data,
             dataset.len(),
             dataset.shape(),
             dataset.sample_rate_hz(),
-            dataset.labels().len()
+            output::counted(dataset.labels().len(), "material")
         ))?;
         let shown = if arguments.all { findings.len() } else { 3 };
         for group in group_findings(findings) {

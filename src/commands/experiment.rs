@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 use clap::Subcommand;
-use tactnet_data::FindingKind;
+use tactnet_data::{DataSource, FindingKind};
 use tactnet_experiments::{
     Event, ExperimentDir, ExperimentRecipe, LocalPool, SlurmArray, Status, assumed_rate_text,
     export_mlflow, run_locally, run_on_slurm, run_task, summarise, to_html, to_table,
@@ -143,10 +143,13 @@ fn run_experiment(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
 /// Makes the folder of an experiment, or opens that of one with the same recipe.
 fn begin(arguments: &RunArgs) -> anyhow::Result<ExperimentDir> {
     arguments.check()?;
-    let recipe = ExperimentRecipe::load(&arguments.recipe, &arguments.settings())?;
+    let mut recipe = ExperimentRecipe::load(&arguments.recipe, &arguments.settings())?;
+    for data in &mut recipe.data {
+        *data = DataSource::from_anywhere(data);
+    }
     let out = match &arguments.out {
         Some(out) => out.clone(),
-        None => Path::new("experiments-out").join(&recipe.name),
+        None => ExperimentDir::place_in(Path::new("experiments-out"), &recipe)?,
     };
     recipe.review_data(|dataset, finding| {
         let name = dataset.name();

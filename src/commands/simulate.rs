@@ -69,5 +69,14 @@ fn unseen_by(dataset: &Dataset, run: &Path) -> anyhow::Result<Vec<usize>> {
     let run = RunDir::open(run)?;
     let unseen = TestSweeps::unseen(dataset, &run.config()?, &run.split()?)?;
     let view = unseen.without_enrolled(&run)?.view;
+    if view.is_empty() {
+        return Err(PipelineError::Incompatible {
+            item: dataset.name().into(),
+            expected: "sweeps that the run has not learnt from".into(),
+            found: "none: all of them were trained on or enrolled; `--data FILE` names others"
+                .into(),
+        }
+        .into());
+    }
     Ok(view.indices().to_vec())
 }

@@ -118,6 +118,37 @@ fn an_experiment_reports_every_task_and_runs_none_twice() {
         "{refused}"
     );
 
+    // Where no folder is named there is another one for it.
+    let mut free = tactnet([
+        "experiment",
+        "run",
+        "crossval_baselines",
+        "--set",
+        "models=means",
+    ]);
+    free.args([
+        "--set",
+        "probes=[]",
+        "--set",
+        "folds=1",
+        "--data",
+        "twin.h5",
+    ]);
+    free.current_dir(lab.folder.path());
+    expect(0, free);
+    let mut free = tactnet([
+        "experiment",
+        "run",
+        "crossval_baselines",
+        "--set",
+        "models=means",
+    ]);
+    free.args(["--set", "probes=[]", "--set", "folds=2", "--data"]);
+    free.arg(lab.path("twin.h5")).current_dir(lab.folder.path());
+    expect(0, free);
+    let second = lab.json("experiments-out/crossval_baselines-2/summary.json");
+    assert_eq!(second["tasks"], 2);
+
     // A model whose file has changed is another model.
     let recipe = lab.path("small.toml");
     let changed = std::fs::read_to_string(&recipe)

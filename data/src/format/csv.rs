@@ -162,13 +162,24 @@ fn read_files(
         },
         blocks: entries.iter().map(|entry| entry.block).collect(),
         test: entries.iter().map(|entry| entry.test).collect(),
-        sweeps: entries
-            .iter()
-            .map(|entry| super::stem(&entry.file))
-            .collect(),
+        sweeps: sweep_names(&entries),
         materials: entries.into_iter().map(|entry| entry.material).collect(),
         samples,
     })
+}
+
+/// The files' names, with those of their folders where some would be the same.
+fn sweep_names(entries: &[Entry]) -> Vec<String> {
+    let names = || entries.iter().map(|entry| super::stem(&entry.file));
+    let different: std::collections::HashSet<String> = names().collect();
+    if different.len() == entries.len() {
+        return names().collect();
+    }
+    let folder = |entry: &Entry| entry.file.parent().map(super::stem);
+    names()
+        .zip(entries)
+        .map(|(name, entry)| format!("{}/{name}", folder(entry).unwrap_or_default()))
+        .collect()
 }
 
 /// The files that a table of labels lists, in its order.

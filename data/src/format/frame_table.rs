@@ -290,7 +290,7 @@ pub(super) fn common_length(
                 None => format!("{wanted} frames, as `{}`", sweeps[0]),
             },
             format!(
-                "{}; `tactnet data import … --steps {}` keeps as many of each",
+                "{}; `tactnet data import FILE --out NEW.npz --steps {}` keeps as many of each",
                 lengths[odd], lengths[shortest]
             ),
         )),

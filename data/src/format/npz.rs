@@ -274,6 +274,7 @@ impl<'a> Arrays<'a> {
         }
         Err({
             let known = self.by_name.iter().map(|(name, array)| match array {
+                Ok(array) if array.shape.is_empty() => format!("`{name}`"),
                 Ok(array) => format!("`{name}` {:?}", array.shape),
                 Err(_) => format!("`{name}`"),
             });

@@ -7,8 +7,10 @@ use crate::Row;
 pub(crate) struct Headline {
     /// The number with its unit.
     pub(crate) value: String,
-    /// Its 95 % interval; `None` with one task.
+    /// Its 95 % interval; `None` with one task, or where all tasks are alike.
     pub(crate) interval: Option<String>,
+    /// Tasks that it is the mean of.
+    pub(crate) tasks: usize,
     /// What it is a share or number of.
     pub(crate) says: String,
     /// One sentence: chance, what levels alone reach, what it costs.
@@ -21,6 +23,7 @@ impl Headline {
         Self {
             value: in_percent(row.statistic.mean),
             interval: row.statistic.ci95.map(interval),
+            tasks: row.statistic.values.len(),
             says,
             qualifier,
         }

@@ -62,6 +62,9 @@ fn drawn(summary: &Summary, headlines: &[Placed], none: &str) -> String {
         .map(|(place, headline)| {
             let (interval, meaning) = match &headline.interval {
                 Some(interval) => (format!(" {interval}"), "in brackets the 95\u{a0}% interval"),
+                None if headline.tasks > 1 => {
+                    (String::new(), "every fold the same, so no interval")
+                }
                 None => (String::new(), "one task, so no interval"),
             };
             format!(
@@ -98,6 +101,7 @@ fn contender(summary: &Summary, set: &DataSet, best: &Scored<'_>) -> Headline {
     Headline {
         value: in_percent(best.one_sweep.mean),
         interval: best.one_sweep.ci95.map(interval),
+        tasks: best.one_sweep.values.len(),
         says: format!(
             "of single sweeps of {} materials recognised by {}{split}{three}",
             best.materials.len(),

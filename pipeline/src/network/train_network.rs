@@ -61,6 +61,7 @@ pub fn train_network(
     device: &Device,
     go_on: impl FnMut(&BatchReport) -> bool,
 ) -> Result<Option<Classifier>, PipelineError> {
+    let recipe = &recipe.for_sweeps(train.len());
     let setup = TactNetSetup::fit(recipe, train);
     let model = ModelConfig::TactNet2(setup.clone());
     let config = ClassifierConfig::new(model, train, seed);

@@ -394,6 +394,10 @@ impl Classifier {
             let mut found = hz(dataset.sample_rate_hz(), dataset.is_rate_assumed());
             if dataset.is_rate_assumed() {
                 found.push_str(" since the data does not say; `--rate HZ` names it");
+            } else if *sample_rate_assumed {
+                found.push_str(
+                    "; if the classifier's data were recorded so, train it anew with `--rate`",
+                );
             }
             return incompatible(
                 "sample rate",

@@ -69,9 +69,15 @@ impl EnrolmentCost {
     /// Returns a warning if more than one in twenty of the known materials' sweeps are lost, and at least two.
     pub fn caution(&self) -> Option<String> {
         self.is_high().then(|| {
+            let remedy = if self.right_after * 2 < self.right_before {
+                "the network most likely knows its few training sweeps by heart, so that all others look new to it: train it on more sweeps \
+                 of each material, or on all materials with the new one among them"
+            } else {
+                "more sweeps of it, or a training anew with all materials, avoids that"
+            };
             format!(
                 "the new material costs the others: of {} sweeps that nothing was fitted to, {} were recognised before and {} are now ({} are taken for it); \
-                 more sweeps of it, or a training anew with all materials, avoids that",
+                 {remedy}",
                 self.held_out, self.right_before, self.right_after, self.claimed
             )
         })

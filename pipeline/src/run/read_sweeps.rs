@@ -91,13 +91,3 @@ impl TrainSpec {
         Ok(self.read_sweeps_of(place, self.label_order)?)
     }
 }
-
-/// Returns the name of a data set as it is read from any working folder: `twin`, or the file's absolute path.
-pub(super) fn from_anywhere(data: &str) -> String {
-    match DataSource::named(data) {
-        DataSource::Twin(_) => data.into(),
-        // Without a working folder there is nothing better than the path as it was given.
-        DataSource::File(path) => std::path::absolute(&path)
-            .map_or_else(|_| data.into(), |path| path.display().to_string()),
-    }
-}

@@ -5,10 +5,11 @@
 use std::path::Path;
 use std::time::Instant;
 
-use tactnet_data::{Dataset, Finding, Fold, TrainSplit, ValidationSplit, refuse_errors};
+use tactnet_data::{
+    DataSource, Dataset, Finding, Fold, TrainSplit, ValidationSplit, refuse_errors,
+};
 
 use super::free_folder::free_folder;
-use super::read_sweeps::from_anywhere;
 use super::training_record::TrainingRecord;
 use crate::network::train_network::train_batches;
 use crate::{
@@ -108,7 +109,13 @@ impl Session {
         if let Some((target, aside)) = &aside {
             target.check(aside.len())?;
         }
-        let model = match job.recipe() {
+        let recipe = match job.recipe() {
+            ModelRecipe::TactNet2(recipe) => {
+                ModelRecipe::TactNet2(recipe.for_sweeps(fitted.train.len()))
+            }
+            baseline => baseline.clone(),
+        };
+        let model = match &recipe {
             ModelRecipe::TactNet2(recipe) => {
                 ModelConfig::TactNet2(TactNetSetup::fit(recipe, &fitted.train))
             }
@@ -119,11 +126,11 @@ impl Session {
         let config = RunConfig {
             schema_version: RunConfig::SCHEMA_VERSION,
             spec: TrainSpec {
-                data: from_anywhere(&spec.data),
+                data: DataSource::from_anywhere(&spec.data),
                 ..spec.clone()
             },
             data_sha256: dataset.sha256().into(),
-            recipe: job.recipe().clone(),
+            recipe,
             classifier,
         };
         let folder = match folder {
@@ -445,8 +452,11 @@ mod tests {
         drop(session);
         assert_eq!(named, asked.data, "an absolute path stays as it is");
         let here = std::env::current_dir().unwrap().join("sweeps.h5");
-        assert_eq!(from_anywhere("sweeps.h5"), here.display().to_string());
-        assert_eq!(from_anywhere("twin"), "twin");
+        assert_eq!(
+            DataSource::from_anywhere("sweeps.h5"),
+            here.display().to_string()
+        );
+        assert_eq!(DataSource::from_anywhere("twin"), "twin");
 
         let moved = folder.path().join("moved.h5");
         std::fs::rename(&named, &moved).unwrap();

@@ -38,7 +38,10 @@ impl<'a> TestSweeps<'a> {
             return Err(PipelineError::Incompatible {
                 item: "test sweeps".into(),
                 expected: "sweeps that it has not been trained on".into(),
-                found: format!("none in {}", dataset.name()),
+                found: format!(
+                    "none: all of {} were trained on or enrolled (`enroll --sweeps N` keeps the others of a file)",
+                    dataset.name()
+                ),
             });
         }
         Ok(found)

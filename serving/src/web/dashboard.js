@@ -120,7 +120,9 @@ const skin = () => { const n = view.frame.length, cols = view.cols || Math.ceil(
 /** Taxels of one trace, and rows and columns of the traces. */
 const layout = () => {
   const n = view.frame.length, lines = traces.length ? traces[0].length : n, together = Math.ceil(n / Math.max(lines, 1)) || 1;
-  if (together === 1) return [1, ...skin()];
+  const [rows, columns] = skin();
+  // A line of sensors is no shape for curves.
+  if (together === 1 && Math.max(rows, columns) <= 4 * Math.min(rows, columns)) return [1, rows, columns];
   const cols = Math.ceil(Math.sqrt(lines)); return [together, Math.ceil(lines / cols), cols];
 };
 function heatBox() {

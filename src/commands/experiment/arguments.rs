@@ -25,7 +25,7 @@ pub struct RunArgs {
     /// A built-in experiment (see `tactnet experiment list`), a TOML file, or the folder of an experiment to go on with
     #[arg(value_name = "NAME|FILE|DIR")]
     pub recipe: String,
-    /// Folder for tasks and report [default: experiments-out/NAME]
+    /// Folder for tasks and report [default: experiments-out/NAME, numbered on if another experiment is there]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// The data set, as `--set data=FILE` says
