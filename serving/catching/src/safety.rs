@@ -67,24 +67,57 @@ mod tests {
         }
     }
 
-    /// The least distance of all pairs while joints brake, looked at often.
-    fn least(monitor: &Monitor, command: &JointCommand) -> f64 {
-        let intervals = monitor.intervals(command);
+    /// Where a joint is `time` after a command, if its drive begins to brake `begun` after it.
+    fn at(q: f64, dq: f64, deceleration: f64, begun: f64, time: f64) -> f64 {
+        let slowing = (time - begun).clamp(0.0, dq.abs() / deceleration);
+        q + dq * (time.min(begun) + slowing) - 0.5 * dq.signum() * deceleration * slowing * slowing
+    }
+
+    proptest! {
+        /// Whenever drives begin to brake within the reaction, joints are in the intervals of the part of the time.
+        #[test]
+        fn parts_of_braking_hold_the_motion(
+            q in -2.0..2.0f64, dq in -7.0..7.0f64, begun in 0.0..0.01f64, part in 0..8_usize, within in 0.0..1.0f64,
+        ) {
+            let joint = RobotDescription::nominal().joints()[7];
+            let longest = 0.01 + dq.abs() / joint.acceleration;
+            let time = [part, part + 1].map(|number| longest * number as f64 / 8.0);
+            let interval = sweep::braking_between(q, dq, &joint, 0.01, time);
+            let whole = braking(q, dq, &joint, 0.01);
+            let moment = time[0] + within * (time[1] - time[0]);
+            let place = at(q, dq, joint.acceleration, begun, moment);
+            prop_assert!((interval.low - 1e-12..=interval.high + 1e-12).contains(&place));
+            prop_assert!(whole.low <= interval.low + 1e-12 && interval.high <= whole.high + 1e-12);
+        }
+    }
+
+    /// The least distance of all pairs while joints brake, looked at often, if drives begin to brake at once or at the end of the reaction.
+    fn least(
+        monitor: &Monitor,
+        joints: &[tactnet_catching_packets::Joint; JOINTS],
+        command: &JointCommand,
+    ) -> f64 {
+        let reaction = monitor.config().reaction;
+        let longest = (0..JOINTS)
+            .map(|i| reaction + command.dq[i].abs() / joints[i].acceleration)
+            .fold(0.0, f64::max);
         let mut least = f64::INFINITY;
-        for sample in 0..=20 {
-            // All joints from where they are to where they stop, each at its own pace.
-            let q = std::array::from_fn(|i| {
-                let Interval { low, high } = intervals[i];
-                let share = f64::from(sample) / 20.0;
-                if command.dq[i] < 0.0 {
-                    high + share * (low - high)
-                } else {
-                    low + share * (high - low)
+        for begun in [0.0, reaction] {
+            for sample in 0..=20 {
+                let time = longest * f64::from(sample) / 20.0;
+                let q = std::array::from_fn(|i| {
+                    at(
+                        command.q[i],
+                        command.dq[i],
+                        joints[i].acceleration,
+                        begun,
+                        time,
+                    )
+                });
+                for pair in 0..PAIRS {
+                    let [a, b] = monitor.bodies().placed(pair, &q);
+                    least = least.min(distance(&a, &b));
                 }
-            });
-            for pair in 0..PAIRS {
-                let [a, b] = monitor.bodies().placed(pair, &q);
-                least = least.min(distance(&a, &b));
             }
         }
         least
@@ -119,7 +152,7 @@ mod tests {
                     stopped = true;
                     break;
                 }
-                assert!(least(&monitor, &now) >= ruling.bound - 1e-9);
+                assert!(least(&monitor, &description.joints(), &now) >= ruling.bound - 1e-9);
                 at[6] += 1e-3 * dq[6];
                 at[7] += 1e-3 * dq[7];
             }

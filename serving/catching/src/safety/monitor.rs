@@ -5,7 +5,7 @@ use tactnet_catching_packets::{JOINTS, Joint};
 
 use super::bodies::{Bodies, PAIRS};
 use super::gjk::distance;
-use super::sweep::{Interval, braking};
+use super::sweep::{Interval, braking, braking_between, braking_time};
 
 /// How the monitor works.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,6 +16,8 @@ pub struct MonitorConfig {
     pub reaction: f64,
     /// Pairs that a tick computes anew, those with the least bounds.
     pub updates: usize,
+    /// Times that a part of the braking time is halved, in which a pair comes too near, before it ends a motion.
+    pub halvings: usize,
 }
 
 impl Default for MonitorConfig {
@@ -24,6 +26,7 @@ impl Default for MonitorConfig {
             margin: 0.01,
             reaction: 0.005,
             updates: 4,
+            halvings: 5,
         }
     }
 }
@@ -115,6 +118,11 @@ impl Monitor {
             };
             // What was known may be the tighter one: swept hulls are larger than the motion.
             bounds[pair] = bounds[pair].max(exact);
+            if bounds[pair] < self.config.margin {
+                let whole = [0.0, self.longest(command)];
+                let parts = self.in_parts(pair, command, whole, self.config.halvings, bounds[pair]);
+                bounds[pair] = bounds[pair].max(parts);
+            }
             fresh[pair] = true;
         }
         let pair = least(&bounds, |_| true).unwrap_or(0);
@@ -123,6 +131,45 @@ impl Monitor {
             bound: bounds[pair],
             pair,
         }
+    }
+
+    /// How long the robot takes from a command until it stands still, s.
+    fn longest(&self, command: &JointCommand) -> f64 {
+        let reaction = self.config.reaction;
+        (0..JOINTS)
+            .map(|i| braking_time(command.dq[i], &self.joints[i], reaction))
+            .fold(0.0, f64::max)
+    }
+
+    /// A bound from below of a pair's distance over a part of the braking time, in seconds after the command. At any moment joints are in the
+    /// intervals of one part together, which are far smaller than those of the whole motion: a part whose bound is below the margin is
+    /// halved, up to `depth` times. No better than `enough` is looked for.
+    fn in_parts(
+        &self,
+        pair: usize,
+        command: &JointCommand,
+        [from, to]: [f64; 2],
+        depth: usize,
+        enough: f64,
+    ) -> f64 {
+        let middle = 0.5 * (from + to);
+        let mut least = f64::INFINITY;
+        for part in [[from, middle], [middle, to]] {
+            let intervals = std::array::from_fn(|i| {
+                let (q, dq) = (command.q[i], command.dq[i]);
+                braking_between(q, dq, &self.joints[i], self.config.reaction, part)
+            });
+            let [a, b] = self.bodies.swept(pair, &intervals);
+            let mut bound = distance(&a, &b);
+            if bound < self.config.margin && depth > 1 {
+                bound = bound.max(self.in_parts(pair, command, part, depth - 1, enough));
+            }
+            least = least.min(bound);
+            if least <= enough {
+                break;
+            }
+        }
+        least
     }
 
     /// A bound from below of a pair's distance while joints are in `intervals`: what it was, less what the bodies can have come nearer.

@@ -53,6 +53,33 @@ pub fn braking(q: f64, dq: f64, joint: &Joint, reaction: f64) -> Interval {
     }
 }
 
+/// Returns how long a joint takes from a command until it stands still, s.
+pub(super) fn braking_time(dq: f64, joint: &Joint, reaction: f64) -> f64 {
+    reaction + dq.abs() / joint.acceleration
+}
+
+/// Returns where a joint may be in a part of that time: drives begin to brake at some moment of the `reaction`.
+///
+/// - `from`, `to`: seconds after the command
+pub fn braking_between(
+    q: f64,
+    dq: f64,
+    joint: &Joint,
+    reaction: f64,
+    [from, to]: [f64; 2],
+) -> Interval {
+    let at = |time: f64, begun: f64| {
+        let slowing = (time - begun).clamp(0.0, dq.abs() / joint.acceleration);
+        q + dq * (time.min(begun) + slowing)
+            - 0.5 * dq.signum() * joint.acceleration * slowing * slowing
+    };
+    let (first, last) = (at(from, 0.0), at(to, reaction));
+    Interval {
+        low: first.min(last),
+        high: first.max(last),
+    }
+}
+
 /// A link of a chain from the frame that a body is asked for in to its own.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Step {
