@@ -2,7 +2,7 @@
 """Runs `tactnet demo` and opens its page in a real headless Chromium. Usage: check_dashboard.py TACTNET SCREENSHOTS_FOLDER
 
 Fails on any console message, a request to anywhere else, a page without answer, truth, score, skin or traces, more than three sweeps fused,
-a stale page that looks live, anything cut off or scrolling sideways, or a demo that does not end when asked to. Leaves screenshots: a laptop and
+an answer during a sweep that does not say that it is provisional, a scale that forgets the readings of a sweep, a stale page that looks live, anything cut off or scrolling sideways, or a demo that does not end when asked to. Leaves screenshots: a laptop and
 a phone, light and dark, without a connection, and other skins with other numbers of materials.
 """
 
@@ -37,6 +37,22 @@ OTHER_SKIN = """(() => {
   next.belief = { ...view.belief, stage: 'dropout', posterior: names, fused: names, fused_sweeps: 2 };
   next.object = { number: 7, truth: names[1][0], taught: true, several: false, sweeps: 2, answer: { material: names[0][0], nearest: names[0][0], probability: .25 }, right: false };
   traces = []; source.close(); source.onmessage({ data: JSON.stringify(next) }); show();
+})()"""
+
+# What is shown of an object's first sweep while it goes on, drawn and read in one go.
+PROVISIONAL = """(() => {
+  if (!view || !view.belief || view.belief.stage !== 'anytime' || view.object.sweeps > 0) return null;
+  show();
+  const bar = document.querySelector('#bars li b');
+  return [...['sweep', 'answer-title'].map(id => document.getElementById(id).textContent), getComputedStyle(bar).backgroundImage];
+})()"""
+# A page that is opened while the skin is at rest, after a sweep whose readings reached 3.2.
+AT_REST = """(() => {
+  traces = []; low_ = top_ = most_ = 0; source.close();
+  const rest = view.frame.map(() => 0);
+  source.onmessage({ data: JSON.stringify({ ...view, frame: rest, trace: [rest], range: { least: -0.4, most: 3.2, whole: false } }) });
+  show();
+  return document.getElementById('scale-low').textContent + ' to ' + document.getElementById('scale-high').textContent;
 })()"""
 
 tactnet = pathlib.Path(sys.argv[1]).resolve()
@@ -81,14 +97,18 @@ def shoot(browser, name):
 
 def check_live(browser):
     # Until the first object is finished: its sweeps are counted, and forgotten afterwards.
-    seen = []
+    seen, provisional = [], None
     for _ in range(600):
+        provisional = provisional or browser.run(PROVISIONAL)
         state = browser.run("view && view.object ? [view.object.number, view.object.sweeps, view.belief ? view.belief.fused_sweeps : 0] : null")
         if state and (not seen or seen[-1] != state):
             seen.append(state)
         if state and state[0] >= 2 and state[1] >= 1:
             break
         time.sleep(0.05)
+    if not provisional or not re.fullmatch(r"Sweep \d, \d+ of \d+ readings, provisional: .+", provisional[0]) \
+            or not provisional[1].startswith("Provisional") or "gradient" not in provisional[2]:
+        wrong.append(f"an answer during a sweep does not look provisional: {provisional}")
     for number, sweeps, fused in seen:
         if max(sweeps, fused) > SWEEPS_OF_AN_OBJECT or fused > sweeps:
             wrong.append(f"object {number}: {fused} fused of {sweeps} sweeps")
@@ -176,6 +196,8 @@ try:
             if not re.fullmatch(r"Old: this was the answer [1-9]\d* s ago\.", age):
                 wrong.append(f"a stale answer without its age: `{age}`")
             shoot(browser, "laptop_stale")
+        if (scale := browser.run(AT_REST)) != "-0.40 to 3.50":
+            wrong.append(f"the scale of a skin at rest, whose readings reached -0.4 to 3.2, is {scale}")
         for rows, cols, materials in ((8, 8, 64), (6, 10, 2), (32, 32, 12)):
             for size in SIZES:
                 show_at(browser, size, "dark" if materials == 2 else "light")

@@ -192,12 +192,24 @@ fn beliefs_are_echoed_in_words_and_a_second_service_is_told_of_the_first() {
     let last = words.lines().last().unwrap();
     assert!(last.contains("sweep ") && last.contains(" %"), "{words}");
     assert!(!last.contains("label "), "materials have names: {words}");
+    // The network's length comes with its names, and every second belief or so is of a part of a sweep.
+    let provisional = words
+        .lines()
+        .any(|line| line.contains(" of 120 frames, provisional: "));
+    let complete = words.lines().any(|line| line.contains(", complete"));
+    assert!(provisional && complete, "{words}");
     let document = echo("tactile/belief", &["--count", "1", "--json"]);
     let document: Value = serde_json::from_str(&document).unwrap();
     let belief = &document["packet"];
     assert_eq!(belief["type"], "TactileBelief", "{document}");
     assert!(belief["sweep_says"]["probability"].is_number(), "{belief}");
     assert!(belief["sweep"].as_u64().unwrap() > 0, "{belief}");
+    assert_eq!(belief["sweep_frames"], 120, "{belief}");
+    assert_eq!(
+        belief["provisional"],
+        belief["stage"] == "anytime",
+        "{belief}"
+    );
     let frame = echo("skin/right", &["--count", "1"]);
     assert!(
         frame.contains(" frame ") && frame.contains("(8 more)"),

@@ -10,10 +10,10 @@ use tactnet_channel::{
     Domain, GetPort, HubThread, PacketType, Priority, PutPort, Start, Table, Wait, now_ns,
     remove_bus,
 };
+use tactnet_skin::ServeConfig;
 use tactnet_skin::packets::{
     Command, MAX_TAXELS, ModelNames, SkinFrame, SweepCommand, TactileBelief, Text,
 };
-use tactnet_skin::{ServeConfig, material_names};
 
 use crate::error::{TactnetError, raised};
 use crate::packet_ports::{RawGetPort, RawPutPort, deadline};
@@ -354,8 +354,7 @@ impl BeliefPort {
                         .names
                         .as_ref()
                         .filter(|names| names.version == belief.model_version);
-                    let names = names.map(material_names).unwrap_or_default();
-                    belief_in_words(&belief, &names)
+                    belief_in_words(&belief, names)
                 }))
             });
             if let Some(belief) = found.map_err(raised)? {

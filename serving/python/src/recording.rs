@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use tactnet_recording::{RecordedPacket, SweepSettings, sweeps};
-use tactnet_skin::material_names;
 
 use crate::dataset::Dataset;
 use crate::error::{TactnetError, raised};
@@ -99,16 +98,16 @@ impl Recording {
     /// Returns `(channel, time_ns, JSON document)` of every packet but frames.
     fn packets_json(&self) -> Vec<(String, u64, String)> {
         let mut found = Vec::new();
-        let mut names = Vec::new();
+        let mut network = None;
         for entry in &self.inner.entries {
             let words = match &entry.packet {
                 RecordedPacket::Frame(_) => None,
-                RecordedPacket::Command(packet) => in_words(packet, &names),
-                RecordedPacket::Belief(packet) => belief_in_words(packet, &names),
-                RecordedPacket::Status(packet) => in_words(&**packet, &names),
+                RecordedPacket::Command(packet) => in_words(packet, network),
+                RecordedPacket::Belief(packet) => belief_in_words(packet, network),
+                RecordedPacket::Status(packet) => in_words(&**packet, network),
                 RecordedPacket::Model(packet) => {
-                    names = material_names(packet);
-                    in_words(&**packet, &names)
+                    network = Some(&**packet);
+                    in_words(&**packet, network)
                 }
             };
             if let Some(words) = words {

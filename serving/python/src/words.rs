@@ -3,23 +3,27 @@
 use bytemuck::{AnyBitPattern, NoUninit};
 use serde_json::Value;
 use tactnet_channel::Packet;
-use tactnet_skin::Readable;
-use tactnet_skin::packets::TactileBelief;
+use tactnet_skin::packets::{ModelNames, TactileBelief};
+use tactnet_skin::{Readable, material_names};
 
 /// Returns a packet in words; `None` for one that none can be had of.
 ///
-/// - `names`: materials by label, as far as they are known
+/// - `network`: which gave the answers, where that is known
 pub(crate) fn in_words<T: Packet + NoUninit + AnyBitPattern>(
     packet: &T,
-    names: &[String],
+    network: Option<&ModelNames>,
 ) -> Option<Value> {
-    let words = Readable::new(T::NAME, T::VERSION, bytemuck::bytes_of(packet), names)?;
+    let words = Readable::new(T::NAME, T::VERSION, bytemuck::bytes_of(packet), network)?;
     serde_json::to_value(words).ok()
 }
 
 /// Returns a belief in words, with the whole posteriors and the names that they are in the order of.
-pub(crate) fn belief_in_words(belief: &TactileBelief, names: &[String]) -> Option<Value> {
-    let mut words = in_words(belief, names)?;
+pub(crate) fn belief_in_words(
+    belief: &TactileBelief,
+    network: Option<&ModelNames>,
+) -> Option<Value> {
+    let mut words = in_words(belief, network)?;
+    let names = network.map(material_names).unwrap_or_default();
     let materials = (belief.materials as usize).min(belief.posterior.len());
     let object = words.as_object_mut()?;
     object.insert("materials".into(), names.into());

@@ -48,6 +48,11 @@ pub enum Readable {
         stage: &'static str,
         /// Frames of the sweep so far.
         frames: u32,
+        /// Frames of a whole sweep, once the network has said so.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        sweep_frames: Option<u32>,
+        /// The sweep goes on: its answer may still change.
+        provisional: bool,
         /// Of this sweep alone.
         sweep_says: Answer,
         /// Of all sweeps of the object; `None` before the first whole one.
@@ -108,11 +113,16 @@ impl Readable {
     /// Returns a packet's first item; `None` for packets that are none of the tactile ones, of another version, or too short.
     ///
     /// - `packet`, `version`: as the table says
-    /// - `names`: materials by label, as far as they are known
-    pub fn new(packet: &str, version: u32, bytes: &[u8], names: &[String]) -> Option<Self> {
+    /// - `network`: which gave the answers, where that is known
+    pub fn new(
+        packet: &str,
+        version: u32,
+        bytes: &[u8],
+        network: Option<&ModelNames>,
+    ) -> Option<Self> {
         None.or_else(|| item(packet, version, bytes).map(|frame| of_frame(&frame)))
             .or_else(|| item(packet, version, bytes).map(|command| of_command(&command)))
-            .or_else(|| item(packet, version, bytes).map(|belief| of_belief(&belief, names)))
+            .or_else(|| item(packet, version, bytes).map(|belief| of_belief(&belief, network)))
             .or_else(|| item(packet, version, bytes).map(|status| of_status(&status)))
             .or_else(|| item(packet, version, bytes).map(|model| of_names(&model)))
     }
@@ -153,7 +163,8 @@ fn of_command(command: &SweepCommand) -> Readable {
     }
 }
 
-fn of_belief(belief: &TactileBelief, names: &[String]) -> Readable {
+fn of_belief(belief: &TactileBelief, network: Option<&ModelNames>) -> Readable {
+    let names = network.map(material_names).unwrap_or_default();
     let answer = |label: u32, probabilities: &[f32], verdict: u32| Answer {
         label,
         material: names.get(label as usize).cloned(),
@@ -175,6 +186,8 @@ fn of_belief(belief: &TactileBelief, names: &[String]) -> Readable {
             _ => "?",
         },
         frames: belief.frames,
+        sweep_frames: network.map(|network| network.steps),
+        provisional: belief.stage == Stage::Anytime as u32,
         sweep_says: answer(belief.label, &belief.posterior, belief.verdict),
         object_says: (belief.fused_sweeps > 0)
             .then(|| answer(belief.fused_label, &belief.fused, belief.fused_verdict)),
@@ -255,15 +268,23 @@ impl fmt::Display for Readable {
                 sweep,
                 stage,
                 frames,
+                sweep_frames,
+                provisional,
                 sweep_says,
                 object_says,
                 object_sweeps,
                 ..
             } => {
-                write!(
-                    f,
-                    "sweep {sweep}, {stage} after {frames} frames: {sweep_says}"
-                )?;
+                write!(f, "sweep {sweep}, ")?;
+                match (provisional, sweep_frames) {
+                    (true, Some(all)) => write!(f, "{frames} of {all} frames, provisional")?,
+                    (true, None) => write!(f, "{frames} frames so far, provisional")?,
+                    (false, _) => write!(f, "complete")?,
+                }
+                if *stage == "dropout" {
+                    f.write_str(", mean over dropout masks")?;
+                }
+                write!(f, ": {sweep_says}")?;
                 match object_says {
                     Some(answer) => {
                         let plural = if *object_sweeps == 1 { "" } else { "s" };
@@ -329,8 +350,49 @@ mod tests {
     use super::*;
     use crate::packets::Text;
 
-    fn read<T: Packet>(packet: &T, names: &[String]) -> Option<Readable> {
-        Readable::new(T::NAME, T::VERSION, bytemuck::bytes_of(packet), names)
+    fn read<T: Packet>(packet: &T, network: Option<&ModelNames>) -> Option<Readable> {
+        Readable::new(T::NAME, T::VERSION, bytemuck::bytes_of(packet), network)
+    }
+
+    /// Tells cork from wood by 400 frames.
+    fn network() -> ModelNames {
+        let mut network = ModelNames {
+            steps: 400,
+            materials: 2,
+            ..ModelNames::zeroed()
+        };
+        network.names[0] = Text::new("cork");
+        network.names[1] = Text::new("wood");
+        network
+    }
+
+    #[test]
+    fn a_belief_during_a_sweep_says_how_much_was_seen_and_that_it_is_provisional() {
+        let mut belief = TactileBelief {
+            sweep: 12,
+            stage: Stage::Anytime as u32,
+            frames: 25,
+            label: 1,
+            ..TactileBelief::zeroed()
+        };
+        belief.posterior[1] = 0.997;
+        let shown = |belief: &TactileBelief, network: Option<&ModelNames>| {
+            read(belief, network).unwrap().to_string()
+        };
+        assert_eq!(
+            shown(&belief, Some(&network())),
+            "sweep 12, 25 of 400 frames, provisional: wood 99.7 %"
+        );
+        assert_eq!(
+            shown(&belief, None),
+            "sweep 12, 25 frames so far, provisional: label 1 99.7 %"
+        );
+        belief.stage = Stage::Plain as u32;
+        belief.frames = 400;
+        assert_eq!(
+            shown(&belief, Some(&network())),
+            "sweep 12, complete: wood 99.7 %"
+        );
     }
 
     #[test]
@@ -344,19 +406,18 @@ mod tests {
             ..TactileBelief::zeroed()
         };
         belief.posterior[1] = 0.9311;
-        let alone = read(&belief, &[]).unwrap().to_string();
+        let alone = read(&belief, None).unwrap().to_string();
         assert_eq!(
             alone,
-            "sweep 12, dropout after 400 frames: label 1 93.1 % (known)"
+            "sweep 12, complete, mean over dropout masks: label 1 93.1 % (known)"
         );
         belief.fused_sweeps = 2;
         belief.fused_label = 0;
         belief.fused[0] = 0.75;
-        let names = ["cork".to_owned(), "wood".to_owned()];
-        let named = read(&belief, &names).unwrap().to_string();
+        let named = read(&belief, Some(&network())).unwrap().to_string();
         assert_eq!(
             named,
-            "sweep 12, dropout after 400 frames: wood 93.1 % (known); object after 2 sweeps: cork 75.0 %"
+            "sweep 12, complete, mean over dropout masks: wood 93.1 % (known); object after 2 sweeps: cork 75.0 %"
         );
     }
 
@@ -370,7 +431,7 @@ mod tests {
         };
         frame.digits[..2].copy_from_slice(&[-1.71791, 8.0]);
         assert_eq!(
-            read(&frame, &[]).unwrap().to_string(),
+            read(&frame, None).unwrap().to_string(),
             "frame 7 at 28.0 ms: -1.718 8"
         );
         let status = TactileStatus {
@@ -380,22 +441,22 @@ mod tests {
             ..TactileStatus::zeroed()
         };
         assert_eq!(
-            read(&status, &[]).unwrap().to_string(),
+            read(&status, None).unwrap().to_string(),
             "rejected, sweep 3; 0 frames, 0 sweeps, 0 rejected: taxel 4 is saturated"
         );
-        assert!(read(&SweepCommand::zeroed(), &[]).is_some());
+        assert!(read(&SweepCommand::zeroed(), None).is_some());
         let model = ModelNames {
             materials: u32::MAX,
             ..ModelNames::zeroed()
         };
-        assert!(read(&model, &[]).is_some());
+        assert!(read(&model, None).is_some());
         let bytes = bytemuck::bytes_of(&status);
         for (packet, version, bytes) in [
             ("Imu", 1, bytes),
             (TactileStatus::NAME, 99, bytes),
             (TactileStatus::NAME, TactileStatus::VERSION, &bytes[..9]),
         ] {
-            assert_eq!(Readable::new(packet, version, bytes, &[]), None);
+            assert_eq!(Readable::new(packet, version, bytes, None), None);
         }
     }
 }

@@ -13,16 +13,18 @@ const ago = ms => ms < 60000 ? Math.round(ms / 1000) + " s" : Math.round(ms / 60
 
 // ---- Answer, score, events, counters
 
+/** How much of a sweep that goes on a belief has seen. */
+const seenOf = belief => belief.frames + (view.steps ? " of " + view.steps : "") + " readings";
 function showAnswer() {
-  const { belief, object } = view, answer = object.answer;
+  const { belief, object } = view, answer = object.answer, partial = belief && belief.stage === "anytime";
   if (answer) {
     set("answer", answer.material === null ? "unknown material" : answer.material);
     el("answer").className = answer.material === null ? "unknown" : "";
     set("answer-title", "After " + object.sweeps + (object.sweeps === 1 ? " sweep" : " sweeps") + ", it feels like");
   } else if (belief && belief.posterior.length) {
     set("answer", belief.posterior[0][0] + "?");
-    el("answer").className = "";
-    set("answer-title", "During the first sweep, it feels like");
+    el("answer").className = partial ? "provisional" : "";
+    set("answer-title", partial ? "Provisional, after " + seenOf(belief) + " of the first sweep" : "During the first sweep, it feels like");
   } else {
     set("answer", "waiting for a sweep");
     el("answer").className = "soft";
@@ -34,12 +36,13 @@ function showAnswer() {
     : object.truth === null ? "" : object.right === null ? "It is " + object.truth + "."
     : (object.right ? "✓ Right" : "✗ Wrong") + ": it is " + object.truth + (object.taught ? "." : ", which it was never taught."));
   if (belief) {
-    const [name, p] = belief.posterior[0] || ["", 0], whole = belief.stage !== "anytime";
-    set("sweep", "Sweep " + (object.sweeps + (whole ? 0 : 1)) + (whole ? " alone: " : " so far: ") + (belief.unknown ? "unknown, nearest " : "") + name + " " + percent(p));
+    const [name, p] = belief.posterior[0] || ["", 0], says = (belief.unknown ? "unknown, nearest " : "") + name + " " + percent(p);
+    set("sweep", partial ? "Sweep " + (object.sweeps + 1) + ", " + seenOf(belief) + ", provisional: " + says : "Sweep " + object.sweeps + " alone: " + says);
     el("progress").value = view.steps ? belief.frames / view.steps : 0;
   } else { set("sweep", "The finger is about to move."); el("progress").value = 0; }
   const fused = belief && belief.fused_sweeps > 0 && object.sweeps > 0, rows = !belief ? [] : fused ? belief.fused : belief.posterior;
-  set("bars-title", fused ? "Probabilities, all sweeps of this object" : "Probabilities, this sweep");
+  set("bars-title", fused ? "Probabilities, all complete sweeps of this object" : partial ? "Probabilities, provisional: " + seenOf(belief) + " seen" : "Probabilities, this sweep");
+  el("bars").className = partial && !fused ? "provisional" : "";
   showBars(rows);
   const text = !answer ? "" : "Object " + object.number + ", after " + object.sweeps + (object.sweeps === 1 ? " sweep: " : " sweeps: ") + el("answer").textContent + (object.truth && !object.several ? ". It is " + object.truth : "") + ".";
   if (text && text !== said) { said = text; el("said").textContent = text; }
@@ -82,7 +85,7 @@ function showEvents() {
   el("events").replaceChildren(...(items.length ? items : [node("li", "Nothing yet.", "soft")]));
 }
 const WHY = {
-  "late answers": "Answers later than promised after a sweep's last reading: after one reading's time, or three with dropout masks, unless the table says otherwise. They are late, not wrong.",
+  "answers over the time limit": "Answers later than promised after a sweep's last reading: after one reading's time, or three with dropout masks, unless the table says otherwise. They are late, not wrong.",
   "sweeps rejected": "Sweeps that cannot be used; the reason stands among what happened.",
 };
 function showCounters() {
@@ -135,11 +138,11 @@ const part = digit => (digit - low_) / (top_ - low_ || 1);
 const number = digit => { const span = top_ - low_; return digit.toFixed(whole || span >= 100 ? 0 : span >= 10 ? 1 : 2); };
 /** The next round number that is at least as far from zero. */
 const outwards = x => { const step = 10 ** Math.floor(Math.log10(Math.abs(x) || 1)) / 2; return Math.sign(x) * Math.ceil(Math.abs(x) / step) * step; };
-/** Widens the scale to the readings; whole numbers are shown from 0 to 20 at least. */
+/** Widens the scale to all readings since the page's program began; whole numbers are shown from 0 to 20 at least. */
 function widenScale() {
-  const seen = traces.concat([view.frame]);
+  const seen = traces.concat([view.frame, [view.range.least, view.range.most]]);
   const least = Math.min(0, ...seen.map(row => Math.min(...row))), most = Math.max(0, ...seen.map(row => Math.max(...row)));
-  whole = whole && view.frame.every(Number.isInteger);
+  whole = view.range.whole && view.frame.every(Number.isInteger);
   if (least < low_) low_ = outwards(least);
   most_ = Math.max(most_, most);
   top_ = Math.max(outwards(most_), whole ? 20 : 0);

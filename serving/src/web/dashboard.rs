@@ -12,7 +12,7 @@ use tactnet_skin::{ServeConfig, material_names};
 use tokio::sync::watch;
 
 use super::WebServer;
-use super::view::{Seen, View, lines};
+use super::view::{Range, Seen, View, lines};
 use crate::ServeError;
 
 const EVERY: Duration = Duration::from_millis(50);
@@ -33,6 +33,7 @@ pub struct Dashboard {
     names: Option<Box<ModelNames>>,
     /// Digits of the newest frame.
     frame: Vec<f32>,
+    range: Range,
     /// Frames since the last view, thinned out.
     trace: Vec<Vec<f32>>,
     frames_per_s: f64,
@@ -75,6 +76,7 @@ impl Dashboard {
             seen: Seen::default(),
             names: None,
             frame: Vec::new(),
+            range: Range::default(),
             trace: Vec::new(),
             frames_per_s: 0.0,
             begun: now,
@@ -105,6 +107,7 @@ impl Dashboard {
                     self.trace.push(lines(frame.values()));
                 }
                 self.frame = frame.values().to_vec();
+                self.range.widen(&self.frame);
             }
         }
         while let Some(packet) = self.model.try_get()? {
@@ -158,6 +161,7 @@ impl Dashboard {
         let mut view = View {
             materials: seen.names.len(),
             frame: &self.frame,
+            range: &self.range,
             trace: &self.trace,
             frames_per_s: self.frames_per_s,
             belief: seen.belief.as_ref(),

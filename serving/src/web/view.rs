@@ -27,6 +27,8 @@ pub(super) struct View<'a> {
     pub(super) materials: usize,
     /// Digits of the newest frame.
     pub(super) frame: &'a [f32],
+    /// Of all frames so far.
+    pub(super) range: &'a Range,
     /// Frames since the last view, thinned out.
     pub(super) trace: &'a [Vec<f32>],
     /// Rows of `trace` a second.
@@ -43,6 +45,36 @@ pub(super) struct View<'a> {
     pub(super) alive: bool,
     /// Since the last status, milliseconds.
     pub(super) heard_ms: u64,
+}
+
+/// The least and the largest digit so far, and zero: what a page that is opened between two sweeps scales to.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub(super) struct Range {
+    least: f32,
+    most: f32,
+    /// Every digit was a whole number.
+    whole: bool,
+}
+
+impl Default for Range {
+    fn default() -> Self {
+        Self {
+            least: 0.0,
+            most: 0.0,
+            whole: true,
+        }
+    }
+}
+
+impl Range {
+    /// - `digits`: of a frame; those that are no numbers are passed over
+    pub(super) fn widen(&mut self, digits: &[f32]) {
+        for digit in digits.iter().filter(|digit| digit.is_finite()) {
+            self.least = self.least.min(*digit);
+            self.most = self.most.max(*digit);
+            self.whole &= digit.fract() == 0.0;
+        }
+    }
 }
 
 /// A line of the events.
@@ -203,7 +235,10 @@ fn counters(counters: &Counters) -> Vec<(&'static str, f64)> {
         ("sweeps judged", counters.sweeps as f64),
         ("sweeps rejected", counters.rejected as f64),
         ("sweeps called unknown", counters.unknown as f64),
-        ("late answers", counters.deadline_misses as f64),
+        (
+            "answers over the time limit",
+            counters.deadline_misses as f64,
+        ),
         (
             "longest delay, ms",
             (counters.worst_delay_ns as f64 / 1e4).round() / 100.0,
@@ -315,6 +350,19 @@ mod tests {
             seen.take_status(&status(Event::Rejected, "again"));
         }
         assert_eq!(seen.news.len(), EVENTS, "where nobody asks");
+    }
+
+    #[test]
+    fn the_range_keeps_what_a_sweep_reached_when_the_skin_is_at_rest() {
+        let mut range = Range::default();
+        range.widen(&[3.0, -2.0, f32::NAN]);
+        assert!(range.whole);
+        range.widen(&[f32::INFINITY, 140.5]);
+        for _ in 0..3 {
+            range.widen(&[0.0, 1.0]);
+        }
+        let (least, most, whole) = (-2.0, 140.5, false);
+        assert_eq!(range, Range { least, most, whole });
     }
 
     #[test]

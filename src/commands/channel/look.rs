@@ -11,7 +11,7 @@ use tactnet_channel::{
     Bus, ChannelId, Domain, ListedChannel, ReceivedSummary, Start, Table, Wait, list_channels,
     measure_rate,
 };
-use tactnet_skin::{Readable, ServeConfig, material_names};
+use tactnet_skin::{Readable, ServeConfig};
 
 use super::TableArgs;
 use crate::output;
@@ -89,11 +89,11 @@ pub fn echo(arguments: &EchoArgs) -> anyhow::Result<ExitCode> {
     let bus = Bus::open(Domain::Host, &table)?;
     let port = bus.raw_get_port(ChannelId::new(&arguments.channel)?)?;
     let config = table.channel(&arguments.channel)?;
-    // Names of materials, where a classifier tells them.
+    // Names of materials and length of a sweep, where a classifier tells them.
     let models = ServeConfig::of(&table)
         .ok()
         .and_then(|config| bus.get_port(config.model.as_str(), Start::History(1)).ok());
-    let mut names = Vec::new();
+    let mut network = None;
     let mut seen = 0;
     while !stop.asked() && arguments.count.is_none_or(|count| seen < count) {
         let Some(packet) = port.get(LOOK)? else {
@@ -101,12 +101,12 @@ pub fn echo(arguments: &EchoArgs) -> anyhow::Result<ExitCode> {
         };
         if let Some(model) = &models {
             while let Some(model) = model.try_get()? {
-                names = model.first().map(material_names).unwrap_or_default();
+                network = model.first().copied().map(Box::new);
             }
         }
         let echoed = Echoed {
             received: ReceivedSummary::new(&packet, &port),
-            packet: Readable::new(&config.packet, config.version, &packet, &names),
+            packet: Readable::new(&config.packet, config.version, &packet, network.as_deref()),
         };
         drop(packet);
         seen += 1;

@@ -77,8 +77,9 @@ class BeliefPort:
     def get(self, timeout: float | None = None) -> dict[str, Any] | None:
         """Waits for the next belief; returns None after ``timeout`` seconds.
 
-        A belief is a dict: ``stage`` (``anytime``, ``plain``, ``dropout``), ``sweep_says`` and ``object_says`` with ``material``,
-        ``probability`` and ``verdict``, ``posterior`` and ``fused`` in the order of ``materials``, ``latency_ms``.
+        A belief is a dict: ``stage`` (``anytime`` during a sweep, ``plain`` after it, ``dropout`` after it as a mean over dropout masks),
+        ``provisional`` (the sweep goes on, so that the answer may change), ``frames`` of ``sweep_frames``, ``sweep_says`` and
+        ``object_says`` with ``material``, ``probability`` and ``verdict``, ``posterior`` and ``fused`` in the order of ``materials``, ``latency_ms``.
         """
         found = self._native.get_json(timeout)
         return None if found is None else json.loads(found)

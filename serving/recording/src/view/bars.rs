@@ -75,11 +75,11 @@ pub(super) fn outline() -> LineStrips2D {
 /// The belief in words, Markdown.
 pub(super) fn words(belief: &TactileBelief, names: &[String]) -> String {
     let stage = if belief.stage == Stage::Anytime as u32 {
-        format!("after {} frames", belief.frames)
+        format!("{} frames so far, provisional", belief.frames)
     } else if belief.stage == Stage::Plain as u32 {
         "whole sweep".into()
     } else {
-        "whole sweep, Monte Carlo dropout".into()
+        "whole sweep, mean over dropout masks".into()
     };
     let unknown = if belief.verdict == Verdict::Unknown as u32 {
         "\n\n**unknown material**"
