@@ -39,6 +39,10 @@ fn few_training_steps_are_named_and_what_comes_next() {
         said.contains("hint: 12 training steps are few; `--epochs 75` trains for 300"),
         "{said}"
     );
+    assert!(
+        !said.contains(" epochs instead of "),
+        "the recipe's own: {said}"
+    );
     assert!(said.contains("next: `tactnet demo --run "), "{said}");
     // Few steps lead nowhere: the last lines say what helps.
     let end = said.rfind("next: ").map_or("", |at| &said[at..]);
@@ -55,6 +59,14 @@ fn few_training_steps_are_named_and_what_comes_next() {
         found.contains("(fold 1 of 5)") && found.contains("in brackets: 95 % interval"),
         "{found}"
     );
+
+    let more = lab.recipe(RecipeChange {
+        extra_training: "least_steps = 40",
+        ..RecipeChange::default()
+    });
+    let said = stderr(&expect(0, lab.train(&more, "more")));
+    let why = "note: 10 epochs instead of 3, since these few sweeps make 4 training steps an epoch, and the recipe takes at least 40 steps";
+    assert!(said.contains(why), "{said}");
 
     let flat = lab.path("flat.npz").display().to_string();
     let shape = ["--shape", "1x16", "--out", &flat];
@@ -157,6 +169,15 @@ fn a_rate_that_nobody_named_is_said_and_can_be_named_everywhere() {
     assert!(page.contains("<strong>Assumed:</strong> own does not say"));
     assert!(found.contains("TactNet-II (small), MC dropout"), "{found}");
     assert!(!found.contains("published"), "{found}");
+    // Two of the five folds are asked for, and that says little.
+    assert!(
+        found.contains("own, 2 of 5 random folds, levels kept"),
+        "{found}"
+    );
+    assert!(found.contains("note: 95 % interval"), "{found}");
+    assert!(page.contains("(2 of 5 random folds)"));
+    assert!(page.contains("Test sweeps: 2 of 5 random folds, counted together."));
+    assert!(!page.contains("random split") && !page.contains("Split "));
     let few =
         "TactNet-II (small) on own: 6 training steps are few; `--set epochs=150` trains for 300";
     assert!(found.contains(&format!("hint: {few}")), "{found}");

@@ -42,6 +42,20 @@ impl TrainingSteps {
         FEW.div_ceil(self.batches.max(1))
     }
 
+    /// Returns why a training takes more epochs than its recipe says, in one line; `None` where it does not.
+    pub fn why_more_epochs(self, recipe: &TrainingSettings) -> Option<String> {
+        let least = recipe.least_steps?;
+        let (epochs, batches) = (self.epochs, self.batches);
+        (epochs > recipe.epochs).then(|| {
+            format!(
+                "{epochs} epochs instead of {}, since these few sweeps make {batches} training step{} an epoch, and the recipe takes at least {least} \
+                 steps; `--epochs N` sets another number",
+                recipe.epochs,
+                if batches == 1 { "" } else { "s" },
+            )
+        })
+    }
+
     /// Returns what to do about few steps, in one line; `None` where they are not few.
     ///
     /// - `option`: what sets the epochs: `--epochs` of `train`, `--set epochs=` of an experiment
@@ -60,7 +74,32 @@ impl TrainingSteps {
 
 #[cfg(test)]
 mod tests {
+    use crate::Recipe;
+
     use super::*;
+
+    #[test]
+    fn more_epochs_than_the_recipe_has_are_explained_by_its_least_steps() {
+        let fast = Recipe::parse(
+            "fast",
+            "name = \"fast\"\nnetwork = { maps = [3, 4], hidden = 8, keep_probability = 0.8 }\n[training]\nepochs = 12\nleast_steps = 300\nbatch = 35\n\
+             learning_rate = 0.005\nmethod = { kind = \"base\" }",
+        )
+        .unwrap();
+        let why = |recipe: &Recipe, sweeps| {
+            let taken = recipe.for_sweeps(sweeps).training;
+            TrainingSteps::of(&taken, sweeps).why_more_epochs(&recipe.training)
+        };
+        assert_eq!(
+            why(&fast, 90).unwrap(),
+            "100 epochs instead of 12, since these few sweeps make 3 training steps an epoch, and the recipe takes at least 300 steps; \
+             `--epochs N` sets another number"
+        );
+        assert_eq!(why(&fast, 2800), None);
+        let mut free = fast.clone();
+        free.training.least_steps = None;
+        assert_eq!(why(&free, 90), None);
+    }
 
     #[test]
     fn few_steps_come_with_the_epochs_that_make_them_enough() {

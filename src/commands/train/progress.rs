@@ -40,6 +40,7 @@ impl Progress {
             TrainEvent::Begun {
                 batches_before,
                 steps,
+                ref why_more_epochs,
             } => {
                 match (self.resumed, batches_before) {
                     (false, _) => {}
@@ -49,6 +50,9 @@ impl Progress {
                         steps.count(),
                         before / steps.batches + 1
                     ),
+                }
+                if let Some(why) = why_more_epochs {
+                    say!("note: {why}");
                 }
                 // A run that goes on keeps its epochs.
                 if let Some(hint) = steps.hint("--epochs ").filter(|_| batches_before == 0) {

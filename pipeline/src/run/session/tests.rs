@@ -1,0 +1,271 @@
+use std::cell::Cell;
+
+use tactnet_data::format::Format;
+use tactnet_data::twin::{self, TwinConfig};
+use tactnet_data::{Samples, Scheme, Seed};
+
+use super::*;
+
+const RECIPE: &str = r#"
+        name = "small"
+        network = { maps = [3, 4], hidden = 8, keep_probability = 0.8 }
+        [training]
+        epochs = 3
+        batch = 8
+        learning_rate = 0.005
+        method = { kind = "base" }
+    "#;
+
+fn program() -> Provenance {
+    Provenance::of_this_process("0", "test")
+}
+
+fn spec(folder: &Path) -> TrainSpec {
+    let [data, recipe] = ["twin.h5", "small.toml"].map(|name| folder.join(name));
+    let config = TwinConfig {
+        materials: 3,
+        sweeps: 10,
+        steps: 60,
+        ..TwinConfig::default()
+    };
+    Format::TactMat
+        .write(&data, &twin::generate(&config).unwrap())
+        .unwrap();
+    std::fs::write(&recipe, RECIPE).unwrap();
+    TrainSpec {
+        data: data.display().to_string(),
+        recipe: recipe.display().to_string(),
+        ..TrainSpec::default()
+    }
+}
+
+#[test]
+fn a_session_that_is_stopped_after_every_batch_ends_with_the_same_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    let job = TrainJob::try_from(spec(folder.path())).unwrap();
+    let [whole, parts] = ["whole", "parts"].map(|name| folder.path().join(name));
+    let session = Session::begin(&job, Some(&whole), program(), |_| Ok(())).unwrap();
+    let mut batches = 0;
+    let count = |event: TrainEvent<'_>| {
+        batches += usize::from(matches!(event, TrainEvent::Batch { .. }));
+    };
+    let outcome = session.train(count, || false).unwrap();
+    assert!(matches!(outcome, TrainOutcome::Finished(_)), "{outcome:?}");
+    assert_eq!(batches, 9, "three epochs of three batches");
+    drop(session);
+
+    drop(Session::begin(&job, Some(&parts), program(), |_| Ok(())).unwrap());
+    let mut sessions = 0;
+    loop {
+        let session = Session::resume(&parts, None, program()).unwrap();
+        let trained = Cell::new(false);
+        let note = |event: TrainEvent<'_>| {
+            trained.set(trained.get() || matches!(event, TrainEvent::Batch { .. }));
+        };
+        sessions += 1;
+        if let TrainOutcome::Finished(_) = session.train(note, || trained.get()).unwrap() {
+            break;
+        }
+    }
+    assert_eq!(sessions, 10, "one for every batch, one to end");
+    for file in ["weights.safetensors", "predictions_test.csv"] {
+        let [whole, parts] = [&whole, &parts].map(|run| std::fs::read(run.join(file)).unwrap());
+        assert!(whole == parts, "{file}");
+    }
+    let again = Session::resume(&whole, None, program()).unwrap();
+    let ended = Cell::new(false);
+    let note = |event: TrainEvent<'_>| ended.set(matches!(event, TrainEvent::AlreadyEnded));
+    again.train(note, || false).unwrap();
+    assert!(ended.get());
+}
+
+#[test]
+fn a_run_names_its_data_from_anywhere_and_says_how_to_name_a_new_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let asked = spec(folder.path());
+    let job = TrainJob::try_from(asked.clone()).unwrap();
+    let run = folder.path().join("run");
+    let session = Session::begin(&job, Some(&run), program(), |_| Ok(())).unwrap();
+    let named = session.run().config().unwrap().spec.data;
+    drop(session);
+    assert_eq!(named, asked.data, "an absolute path stays as it is");
+    let here = std::env::current_dir().unwrap().join("sweeps.h5");
+    assert_eq!(
+        DataSource::from_anywhere("sweeps.h5"),
+        here.display().to_string()
+    );
+    assert_eq!(DataSource::from_anywhere("twin"), "twin");
+
+    let moved = folder.path().join("moved.h5");
+    std::fs::rename(&named, &moved).unwrap();
+    let resume = |data: Option<&str>| Session::resume(&run, data, program()).map(drop);
+    let lost = resume(None).unwrap_err();
+    assert!(
+        lost.is_usage() && lost.to_string().contains(&named),
+        "{lost}"
+    );
+    assert!(lost.to_string().contains("`--data FILE`"), "{lost}");
+    let other = folder.path().join("other.h5");
+    let config = TwinConfig {
+        materials: 3,
+        sweeps: 10,
+        steps: 60,
+        seed: 2,
+        ..TwinConfig::default()
+    };
+    let twin = twin::generate(&config).unwrap();
+    Format::TactMat.write(&other, &twin).unwrap();
+    let refused = resume(other.to_str()).unwrap_err().to_string();
+    assert!(
+        refused.contains("another data set than the run began with"),
+        "{refused}"
+    );
+    resume(moved.to_str()).unwrap();
+}
+
+#[test]
+fn runs_of_the_versions_before_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let asked = TrainSpec {
+        steps: Some(40),
+        inner: Some(1),
+        ..spec(folder.path())
+    };
+    let job = TrainJob::try_from(asked.clone()).unwrap();
+    let run = folder.path().join("run");
+    let session = Session::begin(&job, Some(&run), program(), |_| Ok(())).unwrap();
+    let config = session.run().config().unwrap();
+    assert_eq!(config.spec, asked);
+    let mut old = serde_json::to_value(&config).unwrap();
+    let fields = old.as_object_mut().unwrap();
+    fields.remove("spec");
+    fields["schema_version"] = 2.into();
+    for (field, value) in [
+        ("data", asked.data.clone().into()),
+        ("recipe_source", asked.recipe.clone().into()),
+        ("steps", 40.into()),
+        ("inner", 1.into()),
+        ("seed", asked.seed.0.into()),
+        ("compute", "cpu".into()),
+    ] {
+        fields.insert(field.into(), value);
+    }
+    let read = RunConfig::from_json(&old.to_string()).unwrap();
+    assert_eq!(read, config);
+    old["schema_version"] = 5.into();
+    let refused = RunConfig::from_json(&old.to_string()).unwrap_err();
+    assert_eq!(refused, "expected schema version 4, 3 or 2, found 5");
+
+    let mut old = serde_json::to_value(&config).unwrap();
+    old["schema_version"] = 3.into();
+    let read = RunConfig::from_json(&old.to_string()).unwrap();
+    assert_eq!(read, config);
+    old["spec"]["data"] = "twin".into();
+    let read = RunConfig::from_json(&old.to_string()).unwrap();
+    assert_eq!(read.spec.data, "twin1", "the only twin that there was");
+}
+
+#[test]
+fn a_run_names_the_spec_that_leads_to_it_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let asked = TrainSpec {
+        fold: Some(2),
+        ..spec(folder.path())
+    };
+    let job = TrainJob::try_from(asked.clone()).unwrap();
+    let run = folder.path().join("run");
+    let session = Session::begin(&job, Some(&run), program(), |_| Ok(())).unwrap();
+    let config = session.run().config().unwrap();
+    let manifest = session.run().split().unwrap();
+    let fold = manifest.fold(&session.dataset).unwrap();
+    let named = config.named_spec(&fold);
+    assert_eq!(named.epochs, Some(3), "what the recipe says is named");
+    let again = TrainSpec {
+        mean_removal: None,
+        split: None,
+        epochs: None,
+        ..named
+    };
+    assert_eq!(again, asked);
+}
+
+/// Of two recordings that differ in their test sweeps alone.
+#[test]
+fn nothing_that_is_fitted_depends_on_the_test_sweeps() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = TwinConfig {
+        materials: 3,
+        sweeps: 20,
+        steps: 200,
+        ..TwinConfig::default()
+    };
+    let twin = twin::generate(&config).unwrap();
+    let tested = Fold::new(&twin, Scheme::default(), Seed(1), 0, 0).unwrap();
+    let digits: Vec<f32> = (0..twin.len())
+        .flat_map(|index| {
+            let other = tested.test.indices().contains(&index);
+            let digits = twin.sweep(index).into_iter().enumerate();
+            digits.map(move |(i, x)| {
+                if other {
+                    ((i + 7 * index) * (i + 1) % 97) as f32
+                } else {
+                    x
+                }
+            })
+        })
+        .collect();
+    let changed = Dataset::new(
+        "changed",
+        twin.sample_rate_hz(),
+        twin.shape(),
+        twin.labels().clone(),
+        twin.records().to_vec(),
+        Samples::U8(digits.into_iter().map(|x| x as u8).collect()),
+    )
+    .unwrap();
+    let fitted = |name: &str, dataset: &Dataset| {
+        let [data, recipe, run] =
+            ["h5", "toml", "run"].map(|end| folder.path().join(format!("{name}.{end}")));
+        Format::TactMat.write(&data, dataset).unwrap();
+        std::fs::write(
+            &recipe,
+            format!("{RECIPE}\n[input]\nscaling = \"per-taxel\""),
+        )
+        .unwrap();
+        let spec = TrainSpec {
+            data: data.display().to_string(),
+            recipe: recipe.display().to_string(),
+            calibration: Some(CalibrationTarget {
+                false_alarms: 0.2,
+                coverage: 0.8,
+            }),
+            ..TrainSpec::default()
+        };
+        let job = TrainJob::try_from(spec).unwrap();
+        let session = Session::begin(&job, Some(&run), program(), |_| Ok(())).unwrap();
+        session.train(|_| {}, || false).unwrap();
+        let run = session.run();
+        let parts = (
+            run.weights().unwrap(),
+            run.config().unwrap().classifier,
+            run.calibration().unwrap().unwrap(),
+            run.train_embeddings().unwrap(),
+        );
+        let fold = Fold::new(dataset, Scheme::default(), Seed(1), 0, 0).unwrap();
+        let baselines = ["lda", "svm-h", "knn-l", "minirocket"].map(|name| {
+            let ModelRecipe::Baseline(recipe) = ModelRecipe::load(name).unwrap() else {
+                panic!("{name} is a baseline");
+            };
+            let fit = fit_baseline(&recipe, &fold.train, Seed(1), |_| {}).unwrap();
+            (fit.weights, fit.chosen)
+        });
+        (parts, baselines)
+    };
+    assert_ne!(twin.sha256(), changed.sha256());
+    let (first, second) = (fitted("twin", &twin), fitted("changed", &changed));
+    assert_eq!(first.0.1, second.0.1, "normaliser");
+    assert_eq!(first.0.0, second.0.0, "weights");
+    assert_eq!(first.0.2, second.0.2, "calibration");
+    assert_eq!(first.0.3, second.0.3, "embeddings");
+    assert_eq!(first.1, second.1, "baselines");
+}
