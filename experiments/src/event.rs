@@ -1,6 +1,6 @@
 //! What happens while an experiment runs.
 
-use crate::Task;
+use crate::{Task, TimeLeft};
 
 /// An event that a runner reports.
 #[derive(Debug, Clone, PartialEq)]
@@ -11,6 +11,8 @@ pub enum Event<'a> {
         done: usize,
         /// Tasks there are.
         all: usize,
+        /// What is known of how long they will take.
+        left: TimeLeft,
     },
     /// A task runs.
     Started {

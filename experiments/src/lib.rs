@@ -35,6 +35,7 @@ mod summary;
 mod table;
 mod task_process;
 mod tasks;
+mod time_left;
 
 pub use assumed_rate::assumed_rate_text;
 pub use comparison::Comparison;
@@ -66,3 +67,4 @@ pub use summarise::summarise;
 pub use summary::{DataRecord, Row, Summary, TaskRecord};
 pub use table::to_table;
 pub use tasks::{ExperimentDir, Start, TaskState};
+pub use time_left::TimeLeft;

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use crate::task_process::TaskProcess;
 use crate::tasks::{ExperimentDir, TaskState};
-use crate::{Event, ExperimentError, Task};
+use crate::{Event, ExperimentError, Task, TimeLeft};
 
 /// How often processes are looked at.
 const POLL: Duration = Duration::from_millis(50);
@@ -73,6 +73,7 @@ pub fn run_locally(
     tell(Event::Begun {
         done: ended.iter().filter(|ended| **ended).count(),
         all: tasks.len(),
+        left: TimeLeft::of(dir, pool.jobs),
     });
     loop {
         let stopping = stop();

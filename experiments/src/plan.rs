@@ -9,7 +9,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use tactnet_data::DataSource;
 use tactnet_data::format::csv::is_folder_of_sweeps;
-use tactnet_pipeline::TrainSpec;
+use tactnet_pipeline::{ModelRecipe, TrainSpec};
 use toml::{Table, Value};
 
 use crate::suitable::refuse_unsuitable;
@@ -127,6 +127,22 @@ impl Plan {
             recipes,
             tasks,
         })
+    }
+
+    /// Returns whether a task trains a network, or answers a question about networks; false for a recipe that cannot be read any more.
+    pub(crate) fn trains_network(&self, task: &Task) -> bool {
+        let Job::Train(spec) = &task.job else {
+            return true;
+        };
+        let own = spec.recipe.strip_prefix(Self::OWN_RECIPE);
+        let recipe = match own.and_then(|file| file.strip_suffix(".toml")) {
+            Some(name) => {
+                let text = self.recipes.get(name).map_or("", String::as_str);
+                ModelRecipe::parse(name, text)
+            }
+            None => ModelRecipe::load(&spec.recipe),
+        };
+        matches!(recipe, Ok(ModelRecipe::TactNet2(_)))
     }
 
     /// Returns the first difference that keeps `other` from going on with this plan.

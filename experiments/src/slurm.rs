@@ -10,7 +10,7 @@ use tactnet_process::without_prefix;
 
 use crate::local::failures;
 use crate::tasks::{ExperimentDir, TaskState};
-use crate::{Event, ExperimentError, Task};
+use crate::{Event, ExperimentError, Task, TimeLeft};
 
 /// How often a task is submitted before it counts as failed.
 const ATTEMPTS: usize = 3;
@@ -56,6 +56,7 @@ pub fn run_on_slurm(
     tell(Event::Begun {
         done: known.iter().filter(|known| **known).count(),
         all: tasks.len(),
+        left: TimeLeft::of(dir, array.jobs),
     });
     for attempt in 1..=ATTEMPTS {
         let open: Vec<usize> = (0..tasks.len()).filter(|&i| !known[i]).collect();

@@ -5,18 +5,26 @@ use std::time::Duration;
 /// Columns of the narrowest terminal.
 pub const COLUMNS: usize = 60;
 
-/// Returns a time in at most 7 columns, for what is left to do: `89 s`, `89 min`, `47 h`, `12 days`.
+/// Returns a time in at most 7 columns, for what is left to do: `89 s`, `2.5 min`, `89 min`, `7.5 h`, `12 days`.
 pub fn about(left: Duration) -> String {
     let seconds = left.as_secs_f64();
-    let in_units = |unit: f64| (seconds / unit).round();
-    if in_units(1.0) < 90.0 {
-        format!("{} s", in_units(1.0))
+    // Halves of a unit while there are few of them, so that a time that passes is seen to pass.
+    let in_units = |unit: f64| {
+        let count = seconds / unit;
+        if count < 9.75 {
+            (2.0 * count).round() / 2.0
+        } else {
+            count.round()
+        }
+    };
+    if seconds < 99.5 {
+        format!("{} s", seconds.round())
     } else if in_units(60.0) < 90.0 {
         format!("{} min", in_units(60.0))
     } else if in_units(3600.0) < 48.0 {
         format!("{} h", in_units(3600.0))
     } else {
-        format!("{} days", in_units(86_400.0).min(99.0))
+        format!("{} days", (seconds / 86_400.0).round().min(99.0))
     }
 }
 
@@ -121,9 +129,14 @@ mod tests {
         for (seconds, shown) in [
             (0.0, "0 s"),
             (89.4, "89 s"),
-            (89.6, "1 min"),
+            (99.6, "1.5 min"),
+            (121.0, "2 min"),
+            (149.0, "2.5 min"),
+            (584.0, "9.5 min"),
+            (586.0, "10 min"),
             (5369.0, "89 min"),
-            (5371.0, "1 h"),
+            (5371.0, "1.5 h"),
+            (27_000.0, "7.5 h"),
             (172_000.0, "2 days"),
             (1e9, "99 days"),
         ] {

@@ -1,28 +1,46 @@
 //! How far an experiment is.
 
+use std::fmt::Write;
 use std::io::IsTerminal;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use tactnet_experiments::Event;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use tactnet_experiments::{Event, TimeLeft};
 
 use crate::commands::progress_line::{COLUMNS, about, end_of};
 
 /// A bar over tasks on a terminal, a line per task elsewhere.
 pub struct Progress {
     bar: Option<ProgressBar>,
-    begun: Instant,
-    done_before: usize,
+    left: Left,
     done: usize,
     all: usize,
+}
+
+/// What is known of the time left; a bar reads it whenever it is drawn.
+#[derive(Debug, Clone, Default)]
+struct Left(Arc<Mutex<Option<TimeLeft>>>);
+
+impl Left {
+    fn change(&self, change: impl FnOnce(&mut TimeLeft)) {
+        let mut left = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        left.as_mut().map(change);
+    }
+
+    /// `2.5 min to go`; empty while nothing is known.
+    fn text(&self) -> String {
+        let left = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let time = left.as_ref().and_then(|left| left.at(Instant::now()));
+        time.map_or(String::new(), |time| format!("{} to go", about(time)))
+    }
 }
 
 impl Progress {
     pub fn new() -> Self {
         Self {
             bar: None,
-            begun: Instant::now(),
-            done_before: 0,
+            left: Left::default(),
             done: 0,
             all: 0,
         }
@@ -31,31 +49,31 @@ impl Progress {
     /// Shows what has happened.
     pub fn show(&mut self, event: &Event<'_>) {
         match event {
-            Event::Begun { done, all } => {
-                (self.done_before, self.done, self.all) = (*done, *done, *all);
-                self.bar = std::io::stderr()
-                    .is_terminal()
-                    .then(|| task_bar(*done, *all, ProgressDrawTarget::stderr()));
+            Event::Begun { done, all, left } => {
+                (self.done, self.all) = (*done, *all);
+                self.left = Left(Arc::new(Mutex::new(Some(left.clone()))));
+                self.bar = std::io::stderr().is_terminal().then(|| {
+                    task_bar(*done, *all, self.left.clone(), ProgressDrawTarget::stderr())
+                });
                 if self.bar.is_none() {
                     say!("{all} tasks, {done} done");
                 }
             }
             Event::Started { task } => {
+                self.left.change(|left| left.start(task, Instant::now()));
                 if let Some(bar) = &self.bar {
                     bar.set_message(task.id.clone());
                 }
             }
             Event::Done { task, seconds } => {
                 self.done += 1;
+                self.left.change(|left| left.end(task, *seconds));
                 match &self.bar {
                     Some(bar) => bar.inc(1),
                     None => {
-                        let spent = self.begun.elapsed();
-                        let here = (self.done - self.done_before) as f64;
-                        let left = spent.mul_f64((self.all - self.done) as f64 / here);
                         let counted = format!("{}/{}", self.done, self.all);
                         let took = Duration::from_secs_f64(*seconds);
-                        say!("{}", done_text(&counted, &task.id, took, left));
+                        say!("{}", done_text(&counted, &task.id, took, &self.left.text()));
                     }
                 }
             }
@@ -64,6 +82,7 @@ impl Progress {
                 attempt,
                 reason,
             } => {
+                self.left.change(|left| left.fail(task));
                 let line = format!("{} failed (attempt {attempt}): {reason}", task.id);
                 match &self.bar {
                     Some(bar) => bar.println(line),
@@ -82,21 +101,30 @@ impl Progress {
 }
 
 /// In at most 60 columns; of a long name the end.
-fn done_text(counted: &str, task: &str, took: Duration, left: Duration) -> String {
-    let times = format!("in {}, {} to go", about(took), about(left));
+fn done_text(counted: &str, task: &str, took: Duration, left: &str) -> String {
+    let times = match left {
+        "" => format!("in {}", about(took)),
+        left => format!("in {}, {left}", about(took)),
+    };
     let room = COLUMNS.saturating_sub(counted.len() + times.len() + 2);
     format!("{counted} {} {times}", end_of(task, room))
 }
 
-fn task_bar(done: usize, all: usize, target: ProgressDrawTarget) -> ProgressBar {
+fn task_bar(done: usize, all: usize, left: Left, target: ProgressDrawTarget) -> ProgressBar {
     let bar = ProgressBar::with_draw_target(Some(all as u64), target);
-    if let Ok(style) =
-        ProgressStyle::with_template("{pos}/{len} tasks [{bar:15}] {eta} to go, {wide_msg}")
+    if let Ok(style) = ProgressStyle::with_template("{pos}/{len} tasks [{bar:15}] {left}{wide_msg}")
     {
-        bar.set_style(style.progress_chars("=> "));
+        let told = move |_: &ProgressState, out: &mut dyn Write| {
+            let text = left.text();
+            // Nobody could do anything about a line that cannot be written.
+            let _ = match text.as_str() {
+                "" => Ok(()),
+                text => write!(out, "{text}, "),
+            };
+        };
+        bar.set_style(style.progress_chars("=> ").with_key("left", told));
     }
     bar.set_position(done as u64);
-    bar.reset_eta();
     bar.enable_steady_tick(Duration::from_secs(1));
     bar
 }
@@ -110,24 +138,21 @@ mod tests {
     fn the_longest_line_of_an_experiment_fits_terminals_of_every_width() {
         let long = "a_data_set_with_a_long_name-multirocket-hydra-removed-run1-fold4";
         let days = Duration::from_secs(99 * 86_400);
-        let line = done_text("1000/1000", long, days, days);
+        let line = done_text("1000/1000", long, days, "99 days to go");
         assert_eq!(line.chars().count(), COLUMNS, "{line}");
         assert!(
             line.contains("-run1-fold4 in 99 days, 99 days to go"),
             "{line}"
         );
-        let minute = Duration::from_secs(60);
-        assert_eq!(
-            done_text(
-                "3/8",
-                "twin-knn-l-run0-fold2",
-                Duration::from_secs(2),
-                minute
-            ),
-            "3/8 twin-knn-l-run0-fold2 in 2 s, 60 s to go"
-        );
+        let took = Duration::from_secs(2);
+        for (left, end) in [("60 s to go", ", 60 s to go"), ("", "")] {
+            assert_eq!(
+                done_text("3/8", "twin-knn-l-run0-fold2", took, left),
+                format!("3/8 twin-knn-l-run0-fold2 in 2 s{end}")
+            );
+        }
         let shown = Screen::shows(
-            |target| task_bar(500, 1000, target),
+            |target| task_bar(500, 1000, Left::default(), target),
             |bar| bar.set_message(long),
         );
         assert!(shown[0].starts_with("500/1000 tasks [==="), "{shown:?}");
