@@ -47,6 +47,13 @@ IN_VIEW = """(() => {
 SILENT = """[...document.querySelectorAll('.scroll')].filter((frame) => frame.checkVisibility()
   && frame.scrollWidth > frame.clientWidth + 1 && (frame.previousElementSibling?.className !== 'hint' || frame.previousElementSibling.hidden))
   .map((frame) => frame.getAttribute('aria-label'))"""
+# Axis titles of figures that other letters run into.
+RUN_INTO = """[...document.querySelectorAll('svg.figure')].filter((svg) => svg.checkVisibility()).flatMap((svg) => {
+  const texts = [...svg.querySelectorAll('text')].map((text) => [text, text.getBoundingClientRect()]);
+  return texts.filter(([text]) => text.classList.contains('label')).flatMap(([title, a]) => texts
+    .filter(([text, b]) => text !== title && a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom)
+    .map(([text]) => title.textContent + ' / ' + text.textContent));
+})"""
 # Details of the provenance that are open, and whether it comes after the results.
 UNFOLDED = "document.querySelectorAll('section[aria-labelledby=provenance] details[open]').length"
 FOLDED_FACTS = "[...document.querySelectorAll('dl.facts')].every((facts) => facts.closest('section[aria-labelledby=provenance] details'))"
@@ -100,6 +107,8 @@ try:
             wrong.append(f"{width} px: scrolls without a sign: {silent}")
         if browser.run(UNFOLDED) or not browser.run(FOLDED_FACTS):
             wrong.append(f"{width} px: provenance is not folded")
+        if run_into := browser.run(RUN_INTO):
+            wrong.append(f"{width} px: letters over each other: {run_into[:3]}")
         contrast, text = browser.run(CONTRAST)
         if contrast < 4.5:
             wrong.append(f"{width} px, {scheme}: contrast {contrast:.1f} of `{text}`")

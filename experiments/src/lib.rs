@@ -10,6 +10,7 @@ mod context;
 mod error;
 mod event;
 mod groups;
+mod interval_note;
 mod local;
 mod measure;
 mod mlflow;

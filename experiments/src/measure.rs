@@ -3,6 +3,7 @@
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
+use tactnet_pipeline::PredictionMethod;
 
 /// A quantity that a task measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -195,6 +196,17 @@ impl Measurement {
             sweeps: Some(sweeps),
             ..self
         }
+    }
+}
+
+/// Returns a method's name for people: what files call `plain` is one pass without dropout.
+pub(crate) fn method_name(method: &str) -> &str {
+    let dropout = PredictionMethod::McDropout { mc_samples: 1 };
+    let ways = [PredictionMethod::Plain, dropout];
+    let way = ways.into_iter().find(|way| way.name() == method);
+    match way {
+        Some(way) => way.title(),
+        None => method,
     }
 }
 

@@ -28,7 +28,7 @@ pub use feature_maps::FeatureMap;
 pub use nshot::{SampleEfficiency, TransferMethod};
 
 pub(crate) use crossval::{LevelShare, Scored, few_steps, read_training, scored};
-pub(crate) use headline::{Headline, in_percent, interval};
+pub(crate) use headline::{Headline, in_percent, interval, listed, rank};
 
 macro_rules! registry {
     ($($(#[$doc:meta])* $name:literal => $file:ident::$question:ident),+ $(,)?) => {

@@ -2,6 +2,8 @@
 
 use std::fmt::{self, Write};
 
+use crate::interval_note::interval_notes;
+use crate::measure::method_name;
 use crate::questions::{Scored, few_steps, scored};
 use crate::{Comparison, Measure, Question, Row, SampleEfficiency, Statistic, Summary};
 
@@ -67,6 +69,8 @@ fn contenders(out: &mut String, summary: &Summary) -> fmt::Result {
             writeln!(out, "{}", contender(row, published))?;
         }
     }
+    let rows = contenders.iter().map(|row| (row.name(), row.one_sweep));
+    notes(out, &interval_notes(rows, "fold"))?;
     for line in few_steps(&contenders) {
         writeln!(out, "\nhint: {line}")?;
     }
@@ -74,6 +78,16 @@ fn contenders(out: &mut String, summary: &Summary) -> fmt::Result {
         writeln!(out, "\n{}: {}", audit.data, audit.verdict)?;
     }
     Ok(())
+}
+
+/// Why intervals of the table above are missing or wide.
+fn notes(out: &mut String, lines: &[String]) -> fmt::Result {
+    if !lines.is_empty() {
+        writeln!(out)?;
+    }
+    lines
+        .iter()
+        .try_for_each(|line| writeln!(out, "note: {line}"))
 }
 
 /// - `published`: whether there is a column of published accuracies
@@ -138,6 +152,14 @@ fn measures(out: &mut String, summary: &Summary) -> fmt::Result {
         }
         writeln!(out, "{}", measure(row, published))?;
     }
+    let rows = summary.rows.iter();
+    let rows = rows.map(|row| {
+        (
+            format!("{} of {}", row.measure, method_name(&row.method)),
+            &row.statistic,
+        )
+    });
+    notes(out, &interval_notes(rows, "task"))?;
     for comparison in &summary.comparisons {
         if let Some(line) = compared(summary, comparison) {
             writeln!(out, "{line}")?;
@@ -163,7 +185,7 @@ fn measure(row: &Row, published: bool) -> String {
     };
     format!(
         "{:<22} {:<14} {:>5} {:>6} {:>8} {:>18} {:>4}{beside}",
-        row.method,
+        method_name(&row.method),
         row.setting,
         count(row.shots),
         count(row.sweeps),
@@ -203,8 +225,8 @@ fn compared(summary: &Summary, comparison: &Comparison) -> Option<String> {
         first.levels.name(),
         first.measure,
         place.join(", "),
-        first.method,
-        second.method,
+        method_name(&first.method),
+        method_name(&second.method),
         100.0 * comparison.difference,
         comparison
             .p

@@ -216,6 +216,14 @@ impl PredictionMethod {
         }
     }
 
+    /// Its name for people.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Plain => "without dropout",
+            Self::McDropout { .. } => "MC dropout",
+        }
+    }
+
     /// Number of Monte Carlo passes, or `otherwise` for a plain prediction.
     pub fn mc_samples_or(self, otherwise: usize) -> usize {
         match self {

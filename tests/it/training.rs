@@ -256,7 +256,12 @@ fn a_loss_that_is_no_number_stops_with_epoch_and_batch_and_keeps_the_checkpoint(
     eval.arg(lab.path("run"));
     let table = stdout(&expect(0, eval));
     assert!(
-        table.contains("mc_dropout") && !table.contains("NaN"),
+        table.contains("\nMC dropout ") && !table.contains("NaN"),
+        "{table}"
+    );
+    assert!(table.contains("\nwithout dropout "), "{table}");
+    assert!(
+        table.contains("; MC dropout: mean over 20 passes with dropout left on"),
         "{table}"
     );
 }

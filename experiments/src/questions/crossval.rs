@@ -7,7 +7,8 @@ mod scored;
 mod training;
 
 use serde::{Deserialize, Serialize};
-use tactnet_pipeline::SplitKind;
+use tactnet_data::{Scheme, SplitManifest};
+use tactnet_pipeline::{RunConfig, SplitKind};
 
 use super::{Ask, Compared, FOLDS, Named, REPEATS, five, one, within};
 use crate::context::{Cancelled, StudyContext};
@@ -54,6 +55,25 @@ impl Default for Crossval {
             repeats: one(),
             probes: Vec::new(),
             groups: 0,
+        }
+    }
+}
+
+impl Crossval {
+    /// Returns how a data set was split and how many of its folds are asked for, for people: "2 of 5 random folds".
+    fn folds_text(&self, split: &SplitManifest, config: &RunConfig) -> String {
+        let whole = training::split_name(split, config);
+        let Scheme::StratifiedKFold { folds, .. } = split.scheme else {
+            return whole;
+        };
+        let part = if self.folds < folds {
+            format!("{} of {whole}", self.folds)
+        } else {
+            whole
+        };
+        match self.repeats {
+            0 | 1 => part,
+            repeats => format!("{part}, {repeats} times"),
         }
     }
 }
@@ -141,7 +161,7 @@ impl Ask for Crossval {
         summary: &mut Summary,
         finished: &[FinishedTask<'_>],
     ) -> Result<(), ExperimentError> {
-        summary.contenders = contenders::contenders(dir, summary, finished)?;
+        summary.contenders = contenders::contenders(dir, summary, finished, self)?;
         for row in &mut summary.rows {
             let published = summary
                 .contenders

@@ -1,6 +1,9 @@
 //! The result that a report begins with, and the one sentence that qualifies it.
 
+use std::cmp::Reverse;
+
 use crate::Row;
+use crate::interval_note::interval_note;
 
 /// A result with what it is to be judged by, as plain text.
 #[derive(Debug, Clone, PartialEq)]
@@ -9,8 +12,8 @@ pub(crate) struct Headline {
     pub(crate) value: String,
     /// Its 95 % interval; `None` with one task, or where all tasks are alike.
     pub(crate) interval: Option<String>,
-    /// Tasks that it is the mean of.
-    pub(crate) tasks: usize,
+    /// Why there is no interval, or why it is wide.
+    pub(crate) interval_note: Option<String>,
     /// What it is a share or number of.
     pub(crate) says: String,
     /// One sentence: chance, what levels alone reach, what it costs.
@@ -23,7 +26,7 @@ impl Headline {
         Self {
             value: in_percent(row.statistic.mean),
             interval: row.statistic.ci95.map(interval),
-            tasks: row.statistic.values.len(),
+            interval_note: interval_note(&row.statistic, "task"),
             says,
             qualifier,
         }
@@ -48,7 +51,51 @@ pub(crate) fn sweeps(count: usize) -> String {
     }
 }
 
-/// Returns the row with the largest mean.
+/// Returns names, which may hold commas, as a phrase: "a", "a and b", "a; b; c", "a; b; and 3 others".
+pub(crate) fn listed(names: &[String]) -> String {
+    match names {
+        [] => String::new(),
+        [one] => one.clone(),
+        [one, two] => format!("{one} and {two}"),
+        [one, two, three] => format!("{one}; {two}; {three}"),
+        [one, two, others @ ..] => format!("{one}; {two}; and {} others", others.len()),
+    }
+}
+
+/// Returns the row with the largest mean; of rows that tie, the first.
 pub(crate) fn best<'a>(rows: impl Iterator<Item = &'a Row>) -> Option<&'a Row> {
-    rows.max_by(|a, b| a.statistic.mean.total_cmp(&b.statistic.mean))
+    rows.min_by_key(|row| Reverse(rank(row.statistic.mean)))
+}
+
+/// Returns what results are compared by: means that differ by rounding alone tie.
+pub(crate) fn rank(mean: f64) -> i64 {
+    (1e9 * mean).round() as i64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::fake;
+    use crate::{Measure, Statistic};
+
+    #[test]
+    fn long_lists_of_names_are_cut_short() {
+        let many: Vec<String> = (0..5).map(|k| k.to_string()).collect();
+        assert_eq!(listed(&many), "0; 1; and 3 others");
+        assert_eq!(listed(&many[..3]), "0; 1; 2");
+    }
+
+    #[test]
+    fn of_rows_that_tie_but_for_rounding_the_first_is_the_best() {
+        let row = |method: &str, mean: f64| Row {
+            statistic: Statistic::of(vec![mean], 0.0),
+            ..fake::row("twin", "net", method, Measure::Accuracy)
+        };
+        let sum: f64 = [0.1, 0.2, 0.3].iter().sum();
+        let rows = [row("a", 0.3), row("b", sum), row("c", 0.6), row("d", 0.5)];
+        assert!(sum > rows[2].statistic.mean);
+        let first = |rows: &[&Row]| best(rows.iter().copied()).unwrap().method.clone();
+        assert_eq!(first(&[&rows[0], &rows[1], &rows[2], &rows[3]]), "b");
+        assert_eq!(first(&[&rows[0], &rows[2], &rows[1], &rows[3]]), "c");
+    }
 }

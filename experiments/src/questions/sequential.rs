@@ -12,6 +12,7 @@ use super::{
     Ask, Compared, Figure, Published, check_counts, check_folds, five, folds, given_or, one,
 };
 use crate::context::{Cancelled, StudyContext};
+use crate::measure::method_name;
 use crate::one_or_many::one_or_many;
 use crate::pairs::rows_of_label;
 use crate::result::Answer;
@@ -117,10 +118,7 @@ impl Ask for Sequential {
             "of decisions right after {:.1} sweeps on average, sweeping {} ({})",
             taken(chosen)?,
             chosen.setting,
-            match chosen.method.as_str() {
-                "mc_dropout" => "MC dropout",
-                method => method,
-            }
+            method_name(&chosen.method)
         );
         Some(Headline::of(chosen, says, qualifier))
     }

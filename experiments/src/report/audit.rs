@@ -3,6 +3,7 @@
 use tactnet_plot::escape;
 
 use super::text::{percent, prose};
+use crate::questions::listed;
 use crate::{Audit, Summary};
 
 /// Returns a table for each data set; `None` if none was probed.
@@ -19,6 +20,11 @@ pub(super) fn section(summary: &Summary) -> Option<String> {
 
 fn audit(audit: &Audit) -> String {
     let best = match &audit.best {
+        Some((model, _)) if !audit.tied.is_empty() => format!(
+            "Best contender ({}; as accurate: {}), random folds",
+            escape(model),
+            escape(&listed(&audit.tied))
+        ),
         Some((model, _)) => format!("Best contender ({}), random folds", escape(model)),
         None => "Best contender, random folds".to_string(),
     };

@@ -115,7 +115,8 @@ impl<'a> Confusion<'a> {
             .iter()
             .map(|name| shortened(name, NAME_LIMIT))
             .collect();
-        let margin = 22.0 + text_width(&labels);
+        // Names begin beside the cells and end before the axis titles, in wide fonts too.
+        let margin = 26.0 + 1.2 * text_width(&labels);
         let side = cell * size as f64;
         let mut content = String::new();
         for (k, label) in labels.iter().enumerate() {
@@ -284,6 +285,21 @@ mod tests {
             "true b, predicted b: 9 of 10 (90.0 %)"
         );
         assert_eq!(confusion.detailed().matches("class=\"border\"").count(), 2);
+    }
+
+    /// Letters of a wide font take a fifth more room than the estimate.
+    #[test]
+    fn the_longest_name_in_a_wide_font_ends_below_the_axis_title() {
+        let name = "w".repeat(60);
+        let cells = Cells::Counts(vec![vec![4, 0], vec![0, 3]]);
+        let svg = Confusion::new("m".into(), vec![&name, "b"], cells).detailed();
+        let (_, upright) = svg.split_once("<text transform=\"translate(").unwrap();
+        let numbers = upright.split_once(')').unwrap().0;
+        let (_, begins) = numbers.split_once(' ').unwrap();
+        let shown = shortened(&name, NAME_LIMIT);
+        let ends = begins.parse::<f64>().unwrap() - 1.2 * text_width(&[shown]);
+        let (title, descenders) = (12.0, 4.0);
+        assert!(ends >= title + descenders, "{ends}");
     }
 
     #[test]

@@ -7,7 +7,7 @@ use super::confusion::{Cells, Confusion, shades};
 use super::data_set::{DataSet, split_name};
 use super::text::{percent, percent_and_sd, scroll};
 use crate::Summary;
-use crate::questions::Scored;
+use crate::questions::{Scored, listed};
 
 /// Returns the best model of each data set; `None` before one has ended.
 pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> Option<String> {
@@ -17,7 +17,7 @@ pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> Option<String> {
         .collect();
     (!parts.is_empty()).then(|| {
         format!(
-            "<p>For each data set, the model with the highest accuracy of single sweeps. It was chosen by that number, so the number \
+            "<p>For each data set, the model with the highest accuracy of single sweeps; of models that tie, the first of the table. It was chosen by that number, so the number \
              flatters it a little.</p>\n{parts}"
         )
     })
@@ -29,13 +29,21 @@ fn contender(summary: &Summary, set: &DataSet, best: &Scored<'_>) -> String {
         .three_sweeps
         .map(|three| format!(", three fused: {}\u{a0}%", percent(three.mean)))
         .unwrap_or_default();
+    let together = match best.folds.len() {
+        1 => "",
+        _ => ", counted together",
+    };
+    let tied = match set.tied().as_slice() {
+        [] => String::new(),
+        [one] => format!(" {} is as accurate.", escape(one)),
+        others => format!(" {} are as accurate.", escape(&listed(others))),
+    };
     let mut html = format!(
-        "<h3>{}: {}</h3>\n<p>One sweep: {}\u{a0}%{three}. Split {}, {} folds together.</p>\n",
+        "<h3>{}: {}</h3>\n<p>One sweep: {}\u{a0}%{three}. Test sweeps: {}{together}.{tied}</p>\n",
         escape(&set.heading()),
         escape(&name),
         percent_and_sd(best.one_sweep),
         escape(&split_name(best.split)),
-        best.folds.len()
     );
     let size = best.materials.len();
     if size > 0

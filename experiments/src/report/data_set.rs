@@ -1,8 +1,10 @@
 //! The rows of a summary by data set: what may be compared with what.
 
+use std::cmp::Reverse;
+
 use tactnet_pipeline::MeanRemoval;
 
-use crate::questions::Scored;
+use crate::questions::{Scored, rank};
 
 /// The rows on one data set with the same treatment of levels.
 pub(super) struct DataSet<'a> {
@@ -33,13 +35,24 @@ impl<'a> DataSet<'a> {
     fn most_accurate_first(&self, probe: bool) -> Vec<&'a Scored<'a>> {
         let own = self.rows.iter().copied();
         let mut rows: Vec<&'a Scored<'a>> = own.filter(|row| row.probe == probe).collect();
-        rows.sort_by(|a, b| b.one_sweep.mean.total_cmp(&a.one_sweep.mean));
+        // Rows that tie stay in the order of the summary.
+        rows.sort_by_key(|row| Reverse(rank(row.one_sweep.mean)));
         rows
     }
 
-    /// The most accurate contender.
+    /// The most accurate contender; of those that tie, the first of the summary.
     pub fn best(&self) -> Option<&'a Scored<'a>> {
         self.contenders().first().copied()
+    }
+
+    /// Returns the names of contenders that are as accurate as the best one; not yet escaped.
+    pub fn tied(&self) -> Vec<String> {
+        let rows = self.contenders();
+        let (Some(best), others) = (rows.first(), rows.iter().skip(1)) else {
+            return Vec::new();
+        };
+        let tied = others.filter(|row| rank(row.one_sweep.mean) == rank(best.one_sweep.mean));
+        tied.map(|row| self.name(row)).collect()
     }
 
     /// Returns a name that tells `row` from the others here; not yet escaped.

@@ -86,6 +86,7 @@ pub(super) fn summary() -> Summary {
             data: HOSTILE.into(),
             chance: 1.0 / 3.0,
             best: Some((HOSTILE.into(), 0.9)),
+            tied: vec![HOSTILE.into()],
             block_out: None,
             means: Some(0.5),
             permuted: Some(0.3),

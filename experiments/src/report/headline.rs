@@ -4,7 +4,8 @@ use tactnet_plot::escape;
 
 use super::data_set::{DataSet, split_name};
 use super::text::prose;
-use crate::questions::{Headline, LevelShare, Scored, in_percent, interval};
+use crate::interval_note::interval_note;
+use crate::questions::{Headline, LevelShare, Scored, in_percent, interval, listed};
 use crate::{Audit, Row, Summary};
 
 /// Data set and headline.
@@ -60,12 +61,18 @@ fn drawn(summary: &Summary, headlines: &[Placed], none: &str) -> String {
     let parts: String = headlines
         .iter()
         .map(|(place, headline)| {
+            let note = headline.interval_note.as_deref();
             let (interval, meaning) = match &headline.interval {
-                Some(interval) => (format!(" {interval}"), "in brackets the 95\u{a0}% interval"),
-                None if headline.tasks > 1 => {
-                    (String::new(), "every fold the same, so no interval")
-                }
-                None => (String::new(), "one task, so no interval"),
+                Some(interval) => (
+                    format!(" {interval}"),
+                    note.map_or("in brackets the 95\u{a0}% interval".into(), |note| {
+                        format!("in brackets the 95\u{a0}% interval, {note}")
+                    }),
+                ),
+                None => (
+                    String::new(),
+                    format!("95\u{a0}% interval: {}", note.unwrap_or("none")),
+                ),
             };
             format!(
                 "<div>\n<p class=\"lead\"><span class=\"result\"><strong>{}</strong>{interval}</span> {}</p>\n<p class=\"qualifier\">{}</p>\n\
@@ -98,12 +105,16 @@ fn contender(summary: &Summary, set: &DataSet, best: &Scored<'_>) -> Headline {
     } else {
         format!(" ({})", split_name(best.split))
     };
+    let tied = match set.tied().as_slice() {
+        [] => String::new(),
+        others => format!(", and as many by {}", listed(others)),
+    };
     Headline {
         value: in_percent(best.one_sweep.mean),
         interval: best.one_sweep.ci95.map(interval),
-        tasks: best.one_sweep.values.len(),
+        interval_note: interval_note(best.one_sweep, "fold"),
         says: format!(
-            "of single sweeps of {} materials recognised by {}{split}{three}",
+            "of single sweeps of {} materials recognised by {}{split}{tied}{three}",
             best.materials.len(),
             set.name(best)
         ),
@@ -190,6 +201,7 @@ mod tests {
             chance: 1.0 / 36.0,
             permuted_chance: None,
             best: Some(("net".into(), 0.8)),
+            tied: Vec::new(),
             block_out,
             means,
             permuted,
@@ -213,6 +225,26 @@ mod tests {
             100.0 * high
         );
         assert!(page.contains(&ends), "{page}");
+        assert!(page.contains("interval, wide, since it rests on 2 folds only</p>"));
+    }
+
+    #[test]
+    fn models_that_tie_are_named_with_the_one_that_stands_for_them() {
+        let mut summary = fake::tactmat();
+        assert!(!page(&summary).contains("as many by"));
+        let best = summary.rows[0].statistic.clone();
+        for row in &mut summary.rows {
+            if row.measure == Measure::Accuracy && row.sweeps == Some(1) {
+                row.statistic = best.clone();
+            }
+        }
+        let page = page(&summary);
+        assert!(
+            page.contains(
+                "recognised by net, MC dropout (k-fold), and as many by knn, MC dropout; three"
+            ),
+            "{page}"
+        );
     }
 
     #[test]
@@ -324,7 +356,10 @@ mod tests {
             })
             .collect();
         let page = of_study(&summary);
-        assert!(page.contains("one task, so no interval"), "{page}");
+        assert!(
+            page.contains("95\u{a0}% interval: none, since there is one task only"),
+            "{page}"
+        );
         page.replace('\u{a0}', " ").replace("</span>", "")
     }
 

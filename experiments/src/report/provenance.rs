@@ -106,7 +106,7 @@ fn folds(summary: &Summary, contenders: &[Scored<'_>], sets: &[DataSet]) -> Stri
         let name = format!("{}: {}", set.heading(), set.name(row));
         html.push_str(&format!(
             "<details id=\"row-{index}\"><summary>{}</summary>\n<p>{} training and {} test sweeps a fold, {} time steps \
-             each; split {}.{published} Commits, splits and recipes are shortened hashes; the full ones are their titles.</p>\n{}</details>\n",
+             each; test sweeps: {}.{published} Commits, splits and recipes are shortened hashes; the full ones are their titles.</p>\n{}</details>\n",
             escape(&name),
             row.n_train,
             row.n_test,

@@ -22,7 +22,7 @@ pub(super) fn section(contenders: &[Scored<'_>]) -> Option<String> {
     for (variant, accuracies) in variants(contenders) {
         if let Some(ranking) = Ranking::of(&accuracies) {
             found.push_str(&ranking.drawn(&format!(
-                "levels {}, split {}",
+                "levels {}, {}",
                 variant.0,
                 split_name(variant.1)
             )));

@@ -5,6 +5,7 @@ use tactnet_plot::escape;
 use super::data_set::{DataSet, split_name};
 use super::text::{ABSENT, decimal, percent, percent_and_sd, percent_interval, prose, scroll};
 use crate::Statistic;
+use crate::interval_note::interval_notes;
 use crate::questions::{Scored, few_steps};
 
 use Heading::{Number, Score, Text};
@@ -74,9 +75,11 @@ pub(super) fn section(contenders: &[Scored<'_>], sets: &[DataSet]) -> Option<Str
     ))
 }
 
-/// What qualifies rows of the table: networks that had few steps to learn in.
+/// What qualifies rows of the table: intervals that are missing or wide, networks that had few steps to learn in.
 fn notes(contenders: &[Scored<'_>]) -> String {
-    let lines = few_steps(contenders);
+    let rows = contenders.iter().map(|row| (row.name(), row.one_sweep));
+    let mut lines = interval_notes(rows, "fold");
+    lines.extend(few_steps(contenders));
     lines
         .iter()
         .map(|line| format!("<p class=\"note\">{}</p>\n", prose(line)))

@@ -10,8 +10,10 @@ use tactnet_plot::escape;
 use super::results::Heading::{Number, Score, Text};
 use super::results::{body, number, sortable};
 use super::terms::terms;
-use super::text::{ABSENT, decimal, percent, scroll};
+use super::text::{ABSENT, decimal, percent, prose, scroll};
 use super::{PROVENANCE, Section, provenance};
+use crate::interval_note::interval_notes;
+use crate::measure::method_name;
 use crate::{Measure, Row, Summary, Unit};
 
 /// Words of every page.
@@ -146,7 +148,10 @@ impl Columns {
             )
         };
         let mean = row.statistic.mean;
-        let mut cells = format!("<th scope=\"row\">{}</th>", escape(&row.method));
+        let mut cells = format!(
+            "<th scope=\"row\">{}</th>",
+            escape(method_name(&row.method))
+        );
         for (there, cell) in [
             (
                 self.setting,
@@ -227,8 +232,17 @@ fn results(study: &Summary) -> Option<String> {
     } else {
         String::new()
     };
+    let rows = study.rows.iter();
+    let rows = rows.map(|row| {
+        let name = format!("{} of {}", row.measure, method_name(&row.method));
+        (name, &row.statistic)
+    });
+    let notes: String = interval_notes(rows, "task")
+        .iter()
+        .map(|line| format!("<p class=\"note\">{}</p>\n", prose(line)))
+        .collect();
     Some(format!(
-        "<p>{}Means over tasks.</p>\n{}",
+        "<p>{}Means over tasks.</p>\n{}{notes}",
         escape(&of),
         scroll("Results table", &table)
     ))

@@ -6,7 +6,7 @@ use std::fmt;
 use crate::{Estimate, Evaluation, FusedAccuracy, PredictionMethod};
 
 /// Shows one row per way of predicting: accuracies in percent with their 95 % intervals, NLL in nats, ECE, Brier score; then a line that
-/// says what brackets and `3x` mean.
+/// says what brackets, `3x` and the ways of predicting mean.
 #[derive(Debug, Clone, Copy)]
 pub struct EvaluationTable<'a>(pub &'a BTreeMap<PredictionMethod, Evaluation>);
 
@@ -14,7 +14,7 @@ impl fmt::Display for EvaluationTable<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{:<12} {:>22} {:>22} {:>22} {:>7} {:>7} {:>7}",
+            "{:<15} {:>22} {:>22} {:>22} {:>7} {:>7} {:>7}",
             "prediction",
             "1 sweep [%]",
             "fused, Bayes [%]",
@@ -24,7 +24,11 @@ impl fmt::Display for EvaluationTable<'_> {
             "Brier"
         )?;
         for (method, evaluation) in self.0 {
-            let name = method.name();
+            // Of a baseline nothing else could be asked.
+            let name = match self.0.len() {
+                1 if *method == PredictionMethod::Plain => "-",
+                _ => method.title(),
+            };
             let fused = |pick: fn(&FusedAccuracy) -> Estimate| {
                 evaluation.fused.as_ref().map_or_else(
                     || "too few sweeps".into(),
@@ -33,7 +37,7 @@ impl fmt::Display for EvaluationTable<'_> {
             };
             write!(
                 f,
-                "\n{name:<12} {:>22} {:>22} {:>22} {:>7.3} {:>7.3} {:>7.3}",
+                "\n{name:<15} {:>22} {:>22} {:>22} {:>7.3} {:>7.3} {:>7.3}",
                 percent(evaluation.one_sweep),
                 fused(|f| f.bayes),
                 fused(|f| f.majority),
@@ -49,7 +53,14 @@ impl fmt::Display for EvaluationTable<'_> {
                 fused.sweeps
             )
         });
-        write!(f, "\nin brackets: 95 % interval{fused}")
+        let passes = self.0.keys().find_map(|method| match method {
+            PredictionMethod::McDropout { mc_samples } => Some(mc_samples),
+            PredictionMethod::Plain => None,
+        });
+        let passes = passes.map_or(String::new(), |passes| {
+            format!("; MC dropout: mean over {passes} passes with dropout left on")
+        });
+        write!(f, "\nin brackets: 95 % interval{fused}{passes}")
     }
 }
 

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use tactnet_pipeline::{MeanRemoval, SplitKind};
 
 use super::Scored;
+use crate::questions::rank;
 
 /// The best model of a data set beside the probes, which show how much the data give away.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -17,6 +18,9 @@ pub struct Audit {
     pub permuted_chance: Option<f64>,
     /// Best contender on random folds, and its accuracy.
     pub best: Option<(String, f64)>,
+    /// Contenders on random folds that are as accurate; of those that tie, the first of the summary is called the best.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tied: Vec<String>,
     /// The same model with a recording block left out, where that was run.
     pub block_out: Option<f64>,
     /// Nearest neighbour on taxel means.
@@ -92,9 +96,15 @@ fn audit(data: &str, levels: MeanRemoval, steps: usize, rows: &[&Scored<'_>]) ->
     // Random folds or the author's split, judged by test sweeps.
     let usual = |row: &&&Scored<'_>| !by_block(row) && row.inner.is_none();
     let contenders = || rows.iter().filter(|row| !row.probe);
-    let best = contenders()
+    let most = contenders()
         .filter(usual)
-        .max_by(|a, b| a.one_sweep.mean.total_cmp(&b.one_sweep.mean));
+        .map(|row| rank(row.one_sweep.mean))
+        .max();
+    let mut most_accurate = contenders()
+        .filter(usual)
+        .filter(|row| Some(rank(row.one_sweep.mean)) == most);
+    let best = most_accurate.next();
+    let tied: Vec<String> = most_accurate.map(|row| row.name()).collect();
     let split = best.map_or(rows[0].split, |best| best.split);
     let probe = |name: &str| {
         rows.iter()
@@ -118,6 +128,7 @@ fn audit(data: &str, levels: MeanRemoval, steps: usize, rows: &[&Scored<'_>]) ->
         chance,
         permuted_chance: guessing.map(|(chance, _)| chance),
         best: best.map(|row| (row.model_name(), row.one_sweep.mean)),
+        tied,
         block_out,
         means: means
             .filter(|_| levels.is_none())
@@ -154,15 +165,15 @@ fn verdict(audit: &Audit) -> String {
         let away = (permuted - guessed) / audit.chance_sigma;
         sentences.push(if audit.leak().is_none() {
             format!(
-                "With permuted labels MiniRocket scores chance ({} against {} for guesses with its shares, {away:+.1} sigma): no sign that labels of test sweeps reach \
-                 training; {} would have been one.",
+                "With permuted labels MiniRocket scores chance: {}, where random guesses that name each material as often as it does would score {} \
+                 ({away:+.1} standard deviations). No sign that labels of test sweeps reach training; {} would have been one.",
                 percent(permuted),
                 percent(guessed),
                 percent(guessed + TOO_WELL * audit.chance_sigma)
             )
         } else {
             format!(
-                "With permuted labels MiniRocket scores {} where chance is {} ({away:+.1} sigma): look for test sweeps that leak into training \
+                "With permuted labels MiniRocket scores {} where chance is {} ({away:+.1} standard deviations): look for test sweeps that leak into training \
                  before trusting anything else here; whether it was chance, `--set seed=2` tells, which permutes anew.",
                 percent(permuted),
                 percent(guessed)
@@ -206,6 +217,7 @@ mod tests {
             chance: 0.05,
             permuted_chance: None,
             best: Some(("svm-h".into(), 0.95)),
+            tied: Vec::new(),
             block_out: Some(0.6),
             means: Some(0.9),
             permuted: Some(0.055),
@@ -222,7 +234,12 @@ mod tests {
         assert!(verdict(&audit).contains("leak into training before"));
         // Guesses of few test sweeps may be right a little less often than one in as many materials.
         audit.permuted_chance = Some(0.19);
-        assert!(verdict(&audit).contains("scores chance (20.0 % against 19.0 %"));
+        let text = verdict(&audit);
+        assert!(
+            text.contains("scores chance: 20.0 %, where random guesses")
+                && text.contains("would score 19.0 % (+1.0 standard"),
+            "{text}"
+        );
         assert_eq!(audit.chance, 0.05);
     }
 }

@@ -9,6 +9,7 @@ use tactnet_pipeline::{
     RunResult, SplitKind, SweepScore, TrainingSteps,
 };
 
+use super::Crossval;
 use super::confidence::{ReliabilityBin, RiskCoverage, reliability, risk_coverage};
 use super::training::split_name;
 use crate::summarise::{FinishedTask, is_one_sweep_accuracy};
@@ -120,6 +121,7 @@ pub(crate) fn contenders(
     dir: &ExperimentDir,
     summary: &Summary,
     finished: &[FinishedTask<'_>],
+    asked: &Crossval,
 ) -> Result<Vec<Contender>, ExperimentError> {
     let mut of: BTreeMap<String, Vec<Fold<'_>>> = BTreeMap::new();
     for finished in finished {
@@ -150,12 +152,17 @@ pub(crate) fn contenders(
         .filter_map(|row| {
             let mut folds = of.remove(&row.contender)?;
             folds.sort_by_key(|fold| fold.finished.record.part);
-            Some(contender(row.contender.clone(), row.statistic.mean, &folds))
+            Some(contender(
+                row.contender.clone(),
+                row.statistic.mean,
+                &folds,
+                asked,
+            ))
         })
         .collect())
 }
 
-fn contender(key: String, accuracy: f64, folds: &[Fold<'_>]) -> Contender {
+fn contender(key: String, accuracy: f64, folds: &[Fold<'_>], asked: &Crossval) -> Contender {
     let first = &folds[0];
     let materials: Vec<String> = first
         .config
@@ -180,7 +187,7 @@ fn contender(key: String, accuracy: f64, folds: &[Fold<'_>]) -> Contender {
         origin: first.finished.origin,
         model: first.finished.model.clone(),
         levels: first.finished.levels,
-        split: split_name(&first.split, &first.config),
+        split: asked.folds_text(&first.split, &first.config),
         split_kind: SplitKind::of(first.split.scheme),
         inner: first.config.spec.inner,
         prediction: first.method,

@@ -114,9 +114,10 @@ fn shown_model(name: &str, title: &str) -> String {
     }
 }
 
+/// How the data set was split, for people.
 pub(super) fn split_name(split: &SplitManifest, config: &RunConfig) -> String {
     let scheme = match split.scheme {
-        Scheme::StratifiedKFold { folds, .. } => format!("random split into {folds} folds"),
+        Scheme::StratifiedKFold { folds, .. } => format!("{folds} random folds"),
         Scheme::HoldOut { test_percent, .. } => format!("{test_percent} % held out"),
         Scheme::TestFlag => "author's test sweeps".into(),
         Scheme::TrainOnAll => "no test sweeps".into(),

@@ -6,6 +6,7 @@ use super::super::results::Heading::{Number, Text};
 use super::super::results::{number, sortable};
 use super::super::text::{ABSENT, decimal, p_value, percent, scroll};
 use super::count;
+use crate::measure::method_name;
 use crate::{SampleEfficiency, Summary};
 
 pub(super) fn comparisons(study: &Summary) -> String {
@@ -28,8 +29,8 @@ pub(super) fn comparisons(study: &Summary) -> String {
                 escape(&first.setting),
                 count(first.shots),
                 count(first.sweeps),
-                escape(&first.method),
-                escape(&second.method),
+                escape(method_name(&first.method)),
+                escape(method_name(&second.method)),
                 number(Some(points), &decimal(points, 1)),
                 number(comparison.ci95.map(|ends| ends[0]), &ends),
                 number(comparison.p, &comparison.p.map(p_value).unwrap_or_default()),

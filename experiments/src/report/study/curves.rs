@@ -4,6 +4,7 @@ use tactnet_pipeline::MeanRemoval;
 use tactnet_plot::{Axes, Axis, Scale, Series, Tick, escape, figure, legend};
 
 use super::super::text::percent;
+use crate::measure::method_name;
 use crate::questions::Figure;
 use crate::{Measure, Row, Summary};
 
@@ -105,7 +106,7 @@ fn accuracy_by_sweeps(name: &str, rows: &[&Row]) -> String {
             continue;
         };
         let rule = accuracy.setting.split(' ').next().unwrap_or_default();
-        let label = format!("{}, {rule}", accuracy.method);
+        let label = format!("{}, {rule}", method_name(&accuracy.method));
         let point = (sweeps.statistic.mean, accuracy.statistic.mean);
         match series.iter_mut().find(|(known, _)| *known == label) {
             Some((_, points)) => points.push(point),
@@ -157,7 +158,7 @@ fn bars(name: &str, rows: &[&Row], measure: Measure) -> String {
             "<text class=\"end\" x=\"{:.1}\" y=\"{:.1}\">{}</text><line class=\"grid\" x1=\"{left}\" x2=\"{:.1}\" y1=\"{:.1}\" y2=\"{:.1}\"/>\n",
             left - 8.0,
             y + 4.0,
-            escape(&format!("{}{setting}{sweeps}", row.method)),
+            escape(&format!("{}{setting}{sweeps}", method_name(&row.method))),
             left + width,
             y,
             y
