@@ -161,6 +161,9 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
              fitted to; train anew with --calibrate"
         );
     }
+    if let Some(note) = enrolled.prior.note() {
+        say!("note: {note}");
+    }
     if let Some(caution) = enrolled.cost.or(test_cost).and_then(|cost| cost.caution()) {
         say!("warning: {caution}");
     }
