@@ -46,6 +46,13 @@ PROVISIONAL = """(() => {
   const bar = document.querySelector('#bars li b');
   return [...['sweep', 'answer-title'].map(id => document.getElementById(id).textContent), getComputedStyle(bar).backgroundImage];
 })()"""
+# How many lines the answer takes when its name is as long as names get.
+LONG_ANSWER = """(() => {
+  const name = 'synthetic leather with a very coarse grain, reverse side', object = { ...view.object, sweeps: 2, answer: { material: name, nearest: name, probability: .9 } };
+  view = { ...view, object }; show();
+  const answer = document.getElementById('answer'), style = getComputedStyle(answer);
+  return Math.round(answer.getBoundingClientRect().height / parseFloat(style.lineHeight));
+})()"""
 # A page that is opened while the skin is at rest, after a sweep whose readings reached 3.2.
 AT_REST = """(() => {
   traces = []; low_ = top_ = most_ = 0; source.close();
@@ -198,6 +205,10 @@ try:
             shoot(browser, "laptop_stale")
         if (scale := browser.run(AT_REST)) != "-0.40 to 3.50":
             wrong.append(f"the scale of a skin at rest, whose readings reached -0.4 to 3.2, is {scale}")
+        for size, most in (("laptop", 2), ("phone", 3)):
+            show_at(browser, size, "light")
+            if (lines := browser.run(LONG_ANSWER)) > most:
+                wrong.append(f"{size}: an answer of 56 letters takes {lines} lines")
         for rows, cols, materials in ((8, 8, 64), (6, 10, 2), (32, 32, 12)):
             for size in SIZES:
                 show_at(browser, size, "dark" if materials == 2 else "light")

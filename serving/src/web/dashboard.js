@@ -3,6 +3,8 @@ const el = id => document.getElementById(id);
 const SECONDS = 3;
 /** Without a view for so long, what is shown is old; milliseconds. */
 const PATIENCE = 1000;
+/** Letters from which on an answer is set smaller. */
+const LONG = 24;
 let view = null, traces = [], came = 0, pending = false, chosen = -1, low_ = 0, top_ = 0, most_ = 0, whole = true, said = "", connected = true;
 
 const percent = p => p > .9995 && p < 1 ? "> 99.9\u00a0%" : (100 * p).toFixed(1) + "\u00a0%";
@@ -24,12 +26,13 @@ function showAnswer() {
   } else if (belief && belief.posterior.length) {
     set("answer", belief.posterior[0][0] + "?");
     el("answer").className = partial ? "provisional" : "";
-    set("answer-title", partial ? "Provisional, after " + seenOf(belief) + " of the first sweep" : "During the first sweep, it feels like");
+    set("answer-title", partial ? "Provisional: " + seenOf(belief) : "During the first sweep, it feels like");
   } else {
     set("answer", "waiting for a sweep");
     el("answer").className = "soft";
     set("answer-title", object.number > 1 ? "Next object" : "It feels like");
   }
+  el("answer").classList.toggle("long", el("answer").textContent.length > LONG);
   const truth = el("truth");
   truth.className = object.right === null ? "" : object.right ? "right" : "wrong";
   set("truth", object.several ? "Several materials were touched since the last new object."
@@ -41,7 +44,7 @@ function showAnswer() {
     el("progress").value = view.steps ? belief.frames / view.steps : 0;
   } else { set("sweep", "The finger is about to move."); el("progress").value = 0; }
   const fused = belief && belief.fused_sweeps > 0 && object.sweeps > 0, rows = !belief ? [] : fused ? belief.fused : belief.posterior;
-  set("bars-title", fused ? "Probabilities, all complete sweeps of this object" : partial ? "Probabilities, provisional: " + seenOf(belief) + " seen" : "Probabilities, this sweep");
+  set("bars-title", fused ? "Probabilities, all complete sweeps of this object" : partial ? "Probabilities, provisional" : "Probabilities, this sweep");
   el("bars").className = partial && !fused ? "provisional" : "";
   showBars(rows);
   const text = !answer ? "" : "Object " + object.number + ", after " + object.sweeps + (object.sweeps === 1 ? " sweep: " : " sweeps: ") + el("answer").textContent + (object.truth && !object.several ? ". It is " + object.truth : "") + ".";
