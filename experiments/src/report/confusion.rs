@@ -115,8 +115,8 @@ impl<'a> Confusion<'a> {
             .iter()
             .map(|name| shortened(name, NAME_LIMIT))
             .collect();
-        // Names begin beside the cells and end before the axis titles, in wide fonts too.
-        let margin = 26.0 + 1.2 * text_width(&labels);
+        // Room for names in wide fonts, and for the axis titles in the corner, where no name reaches.
+        let margin = (8.0 + 1.2 * text_width(&labels)).max(90.0);
         let side = cell * size as f64;
         let mut content = String::new();
         for (k, label) in labels.iter().enumerate() {
@@ -133,10 +133,11 @@ impl<'a> Confusion<'a> {
             ));
         }
         content.push_str(&format!(
-            "<text class=\"label middle\" x=\"{:.1}\" y=\"12\">predicted</text>\
-             <text class=\"label middle\" transform=\"translate(12 {:.1}) rotate(-90)\">true</text>\n",
-            margin + side / 2.0,
-            margin + side / 2.0
+            "<text class=\"label end\" x=\"{0:.1}\" y=\"{1:.1}\">predicted \u{2192}</text>\
+             <text class=\"label end\" x=\"{0:.1}\" y=\"{2:.1}\">true \u{2193}</text>\n",
+            margin - 6.0,
+            margin - 26.0,
+            margin - 10.0
         ));
         content.push_str(&self.heat(margin, margin, cell));
         let bars = margin + side + 16.0;
@@ -287,19 +288,26 @@ mod tests {
         assert_eq!(confusion.detailed().matches("class=\"border\"").count(), 2);
     }
 
-    /// Letters of a wide font take a fifth more room than the estimate.
     #[test]
-    fn the_longest_name_in_a_wide_font_ends_below_the_axis_title() {
-        let name = "w".repeat(60);
-        let cells = Cells::Counts(vec![vec![4, 0], vec![0, 3]]);
-        let svg = Confusion::new("m".into(), vec![&name, "b"], cells).detailed();
-        let (_, upright) = svg.split_once("<text transform=\"translate(").unwrap();
-        let numbers = upright.split_once(')').unwrap().0;
-        let (_, begins) = numbers.split_once(' ').unwrap();
-        let shown = shortened(&name, NAME_LIMIT);
-        let ends = begins.parse::<f64>().unwrap() - 1.2 * text_width(&[shown]);
-        let (title, descenders) = (12.0, 4.0);
-        assert!(ends >= title + descenders, "{ends}");
+    fn axis_titles_stand_in_the_corner_that_no_name_reaches() {
+        let name = "W".repeat(60);
+        for names in [vec![name.as_str(), "b"], vec!["a", "b"]] {
+            let cells = Cells::Counts(vec![vec![4, 0], vec![0, 3]]);
+            let svg = Confusion::new("m".into(), names, cells).detailed();
+            let number = |text: &str, before: &str| -> f64 {
+                let (_, after) = text.split_once(before).unwrap();
+                after.split_once('"').unwrap().0.parse().unwrap()
+            };
+            let (left, top) = (number(&svg, "data-left=\""), number(&svg, "data-top=\""));
+            for title in ["predicted \u{2192}", "true \u{2193}"] {
+                let (before, _) = svg.split_once(&format!(">{title}<")).unwrap();
+                let element = &before[before.rfind("<text").unwrap()..];
+                let (x, y) = (number(element, "x=\""), number(element, "y=\""));
+                assert!(element.contains("end"), "{element}");
+                assert!(x < left && y < top, "{element}");
+                assert!(x - 1.2 * text_width(&[title]) > 0.0, "{element}");
+            }
+        }
     }
 
     #[test]
