@@ -4,6 +4,7 @@
 mod say;
 
 mod commands;
+mod device_times;
 mod failure;
 mod output;
 mod source;
@@ -13,8 +14,8 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use commands::{
-    catch, channel, completions, dashboard, data, demo, doctor, enroll, eval, experiment, export,
-    man, predict, record, replay, serve, simulate, task, train, version, view,
+    bench, catch, channel, completions, dashboard, data, demo, doctor, enroll, eval, experiment,
+    export, man, predict, record, replay, serve, simulate, task, train, version, view,
 };
 
 #[global_allocator]
@@ -85,6 +86,9 @@ enum Command {
     /// Catch balls with two arms in a simulated world, and measure how well
     #[command(subcommand)]
     Catch(catch::CatchCommand),
+    /// Time this machine
+    #[command(subcommand)]
+    Bench(bench::BenchCommand),
     /// Hub, simulated skin, classifier and dashboard together, for a first look
     Demo(demo::DemoArgs),
     /// Print what bash, zsh, fish, elvish or PowerShell needs to complete commands and options
@@ -144,6 +148,7 @@ fn main() -> ExitCode {
         Command::Replay(arguments) => replay::run(&arguments),
         Command::View(arguments) => view::run(&arguments),
         Command::Simulate(command) => simulate::run(command),
+        Command::Bench(command) => bench::run(command),
         Command::Catch(command) => catch::run(command),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Doctor(arguments) => doctor::run(&arguments),

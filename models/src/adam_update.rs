@@ -7,8 +7,8 @@ use tactnet_conv::AdamStep;
 
 use crate::conv::{in_order, reclaim};
 
-/// Returns the parameter and both moments after a step from `[parameter, gradient, first moment, second moment]`, all of one shape and on the
-/// processor ([`crate::is_cpu`]).
+/// Returns the parameter and both moments after a step from `[parameter, gradient, first moment, second moment]`, all of one shape and on a
+/// device with fused operations ([`crate::is_fused`]).
 ///
 /// Tensors that are not shared are changed in place, the others copied first.
 pub fn adam_update<const D: usize>(step: AdamStep, tensors: [Tensor<D>; 4]) -> [Tensor<D>; 3] {
@@ -20,13 +20,13 @@ pub fn adam_update<const D: usize>(step: AdamStep, tensors: [Tensor<D>; 4]) -> [
 /// Result of [`AdamUpdate::adam_update`].
 #[derive(ExtensionType)]
 pub struct AdamOutput<B: Backend> {
-    parameter: FloatTensor<B>,
-    first: FloatTensor<B>,
-    second: FloatTensor<B>,
+    pub(crate) parameter: FloatTensor<B>,
+    pub(crate) first: FloatTensor<B>,
+    pub(crate) second: FloatTensor<B>,
 }
 
 /// Backends that take the step as one operation.
-#[backend_extension(Flex)]
+#[backend_extension(Flex, Cube: cfg(any(feature = "vulkan", feature = "cuda")))]
 pub trait AdamUpdate: Backend {
     /// See [`adam_update`].
     fn adam_update(

@@ -107,7 +107,7 @@ impl ConvBlock {
     /// Forward pass that normalises with the batch's own statistics, and returns them.
     pub fn forward_train(&self, input: Tensor<4>) -> (Tensor<4>, BatchStatistics) {
         let [batch, steps, taxels, _] = input.dims();
-        let found = if conv::is_cpu(&input.device()) {
+        let found = if conv::is_fused(&input.device()) {
             let (gamma, beta) = (self.gamma.val(), self.beta.val());
             conv::block_train(input, self.weight.val(), gamma, beta, self.pool)
         } else {
@@ -127,7 +127,7 @@ impl ConvBlock {
             self.running_mean.clone(),
             self.running_variance.clone(),
         ];
-        if conv::is_cpu(&device) && !device.is_autodiff() {
+        if conv::is_fused(&device) && !device.is_autodiff() {
             conv::block_eval(input, self.weight.val(), norm, self.pool)
         } else {
             let [gamma, beta, mean, variance] = norm;

@@ -22,13 +22,12 @@ impl Compute {
     /// Opens the device, without autodiff.
     ///
     /// # Errors
-    /// The binary was built without the device's cargo feature.
+    /// The binary was built without the device's cargo feature; no driver, or no GPU that it drives.
     pub fn open(self) -> Result<Device, ModelError> {
         match self {
             Self::Cpu => Ok(Device::flex()),
-            // Burn's WGSL kernels: its SPIR-V ones (`Device::vulkan`) make mesa's lavapipe crash while it reads them.
             #[cfg(feature = "vulkan")]
-            Self::Vulkan => Ok(Device::wgpu(burn::tensor::DeviceKind::DefaultDevice)),
+            Self::Vulkan => vulkan::gpu().map(|gpu| gpu.device.clone()),
             #[cfg(not(feature = "vulkan"))]
             Self::Vulkan => Err(missing("vulkan")),
             #[cfg(feature = "cuda")]
@@ -36,6 +35,63 @@ impl Compute {
             #[cfg(not(feature = "cuda"))]
             Self::Cuda => Err(missing("cuda")),
         }
+    }
+}
+
+impl Compute {
+    /// Returns the devices of this machine with their names; of those that compute in software, the processor alone.
+    pub fn present() -> Vec<(Self, String)> {
+        #[allow(unused_mut)]
+        let mut present = vec![(Self::Cpu, "processor".to_owned())];
+        #[cfg(feature = "vulkan")]
+        if let Ok(gpu) = vulkan::gpu()
+            && !gpu.software
+        {
+            present.push((Self::Vulkan, gpu.name.clone()));
+        }
+        present
+    }
+}
+
+#[cfg(feature = "vulkan")]
+mod vulkan {
+    use std::sync::OnceLock;
+
+    use burn::tensor::Device;
+    use burn::tensor::wgpu::wgpu::DeviceType;
+
+    use crate::ModelError;
+
+    /// The GPU that this process uses.
+    pub(super) struct Gpu {
+        pub(super) device: Device,
+        pub(super) name: String,
+        /// Whether the processor plays the GPU.
+        pub(super) software: bool,
+    }
+
+    /// Opens it once: a second attempt would be refused.
+    pub(super) fn gpu() -> Result<&'static Gpu, ModelError> {
+        static GPU: OnceLock<Result<Gpu, String>> = OnceLock::new();
+        GPU.get_or_init(open)
+            .as_ref()
+            .map_err(|reason| ModelError::Compute {
+                device: "vulkan",
+                reason: reason.clone(),
+            })
+    }
+
+    /// Burn's WGSL kernels: its SPIR-V ones make mesa's lavapipe crash while it reads them.
+    fn open() -> Result<Gpu, String> {
+        let (device, setup) = Device::wgpu_options()
+            .init_with_setup()
+            .map_err(|error| format!("no GPU with a driver was found: {error}"))?;
+        let info = setup.adapter.get_info();
+        Ok(Gpu {
+            device,
+            name: info.name,
+            software: info.device_type == DeviceType::Cpu,
+        })
     }
 }
 

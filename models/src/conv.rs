@@ -15,7 +15,25 @@ use burn::backend::{
 use burn::tensor::{Device, Tensor, TensorData};
 use tactnet_conv::{Block, BlockShape, Saved, Weight, shared_block, spare};
 
-/// Returns whether `device` is the processor, that is Burn's Flex backend, with or without autodiff. The fused operations run only there.
+/// Returns whether the fused operations run on `device`: on the processor, that is Burn's Flex backend, and on GPUs.
+pub fn is_fused(device: &Device) -> bool {
+    match device.as_dispatch() {
+        DispatchDevice::Autodiff(device) => fused(device),
+        device => fused(device),
+    }
+}
+
+fn fused(device: &DispatchDevice) -> bool {
+    match device {
+        DispatchDevice::Flex(_) => true,
+        #[cfg(any(feature = "vulkan", feature = "cuda"))]
+        DispatchDevice::Cube(_) => true,
+        #[allow(unreachable_patterns)]
+        _ => false,
+    }
+}
+
+/// Returns whether `device` is the processor, with or without autodiff.
 pub fn is_cpu(device: &Device) -> bool {
     match device.as_dispatch() {
         DispatchDevice::Flex(_) => true,
@@ -79,13 +97,13 @@ pub(crate) fn block_eval(
 /// Result of [`TrainableBlock::block_train`]; shapes as in [`TrainedBlock`].
 #[derive(ExtensionType)]
 pub struct BlockOutput<B: Backend> {
-    pooled: FloatTensor<B>,
-    mean: FloatTensor<B>,
-    variance: FloatTensor<B>,
+    pub(crate) pooled: FloatTensor<B>,
+    pub(crate) mean: FloatTensor<B>,
+    pub(crate) variance: FloatTensor<B>,
 }
 
 /// Backends that train the block as one operation.
-#[backend_extension(Flex, Autodiff)]
+#[backend_extension(Flex, Cube: cfg(any(feature = "vulkan", feature = "cuda")), Autodiff)]
 pub trait TrainableBlock: Backend {
     /// See [`block_train`].
     fn block_train(
@@ -98,7 +116,7 @@ pub trait TrainableBlock: Backend {
 }
 
 /// Backends that evaluate the block as one operation.
-#[backend_extension(Flex)]
+#[backend_extension(Flex, Cube: cfg(any(feature = "vulkan", feature = "cuda")))]
 pub trait FrozenBlock: Backend {
     /// See [`block_eval`].
     fn block_eval(
@@ -159,9 +177,15 @@ fn tensor<const D: usize>(values: Vec<f32>, extents: [usize; D]) -> Primitive {
 }
 
 fn plan(input: &Primitive, weight: &Primitive, pool: usize) -> Arc<Block> {
-    let [batch, steps, taxels, maps_in] = input.shape().dims();
-    let [maps_out, _, kernel_steps, kernel_taxels] = weight.shape().dims();
-    shared_block(BlockShape {
+    shared_block(shape_of(input.shape().dims(), weight.shape().dims(), pool))
+}
+
+/// The shape of a block that takes `input` `[batch, steps, taxels, maps_in]` with weights
+/// `[maps_out, maps_in, kernel steps, kernel taxels]`.
+pub(crate) fn shape_of(input: [usize; 4], weight: [usize; 4], pool: usize) -> BlockShape {
+    let [batch, steps, taxels, maps_in] = input;
+    let [maps_out, _, kernel_steps, kernel_taxels] = weight;
+    BlockShape {
         batch,
         steps,
         taxels,
@@ -169,7 +193,7 @@ fn plan(input: &Primitive, weight: &Primitive, pool: usize) -> Arc<Block> {
         maps_out,
         kernel: [kernel_steps, kernel_taxels],
         pool,
-    })
+    }
 }
 
 /// Runs a block's pass on a thread of rayon's pool: from another thread each of its parallel parts would be handed over to the pool and

@@ -12,6 +12,8 @@ mod belief;
 mod block;
 mod compute;
 mod conv;
+#[cfg(any(feature = "vulkan", feature = "cuda"))]
+mod conv_gpu;
 mod dense;
 mod dense_product;
 mod dropout;
@@ -39,7 +41,7 @@ pub use belief::{
 };
 pub use block::{BatchStatistics, BlockConfig, ConvBlock, NORM_EPSILON};
 pub use compute::Compute;
-pub use conv::is_cpu;
+pub use conv::{is_cpu, is_fused};
 pub use dense::NormalizedDense;
 pub use dropout::dropout_masks;
 pub use features::Features;

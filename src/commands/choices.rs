@@ -123,6 +123,31 @@ impl From<DeviceChoice> for Compute {
     }
 }
 
+/// Where to train.
+#[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+pub enum TrainDeviceChoice {
+    /// The processor
+    #[default]
+    Cpu,
+    /// A GPU with a Vulkan driver (needs a build with `--features vulkan`)
+    Vulkan,
+    /// An NVIDIA GPU (needs a build with `--features cuda`)
+    Cuda,
+    /// The fastest of this machine by a few steps of the published network
+    Auto,
+}
+
+impl TrainDeviceChoice {
+    /// Returns the device that was named; the processor for `auto`.
+    pub fn named(self) -> Compute {
+        match self {
+            Self::Cpu | Self::Auto => Compute::Cpu,
+            Self::Vulkan => Compute::Vulkan,
+            Self::Cuda => Compute::Cuda,
+        }
+    }
+}
+
 /// What computes the scores.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum RuntimeChoice {

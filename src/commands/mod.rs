@@ -1,5 +1,6 @@
 //! One file a subcommand: arguments, progress, exit code.
 
+pub mod bench;
 pub mod catch;
 pub mod channel;
 pub mod choices;

@@ -13,10 +13,10 @@ use tactnet_pipeline::{
 };
 use tactnet_skin::packets::unfit;
 
-use super::choices::ModelChoice;
+use super::choices::{ModelChoice, TrainDeviceChoice};
 use crate::output::{self, OutputFormat};
 use crate::stop::Stop;
-use crate::{GIT, failure, source};
+use crate::{GIT, device_times, failure, source};
 pub use arguments::TrainArgs;
 use progress::Progress;
 
@@ -36,7 +36,11 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
             Session::resume(folder, data, program)?
         }
         None => {
-            let job = TrainJob::try_from(arguments.spec())?;
+            let mut spec = arguments.spec();
+            if arguments.device == TrainDeviceChoice::Auto {
+                spec.device = device_times::fastest()?;
+            }
+            let job = TrainJob::try_from(spec)?;
             if let Some(model) = arguments.model {
                 refuse_other_model(&job, model)?;
             }

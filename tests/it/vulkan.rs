@@ -2,11 +2,13 @@
 
 use burn::optim::GradientsParams;
 use burn::tensor::{Device, Int, Tensor, TensorData};
-use tactnet_data::Seed;
+use tactnet_data::twin::{TwinConfig, generate};
+use tactnet_data::{Fold, Scheme, Seed};
 use tactnet_models::{
     Architecture, Compute, InputShape, TactNet, TactNetConfig, Weights, cross_entropy,
     dropout_masks,
 };
+use tactnet_pipeline::{ClassifierConfig, ModelConfig, Recipe, TactNetSetup, Training};
 
 fn logits_and_gradients(device: &Device) -> (Vec<f32>, Weights) {
     let device = device.clone().autodiff();
@@ -54,6 +56,72 @@ fn vulkan_gives_the_logits_and_gradients_of_the_processor() {
         let scale = expected.iter().fold(1e-3_f32, |m, v| m.max(v.abs()));
         for (a, b) in gradient.values.iter().zip(expected) {
             assert!((a - b).abs() < 1e-3 * scale, "{name}: {a} instead of {b}");
+        }
+    }
+}
+
+/// The mean loss after each of ten steps, and the weights after them: blocks of one map in and of several, Adam, running statistics.
+///
+/// With `threads` every step comes from a thread of its own.
+fn trained(device: Compute, method: &str, threads: bool) -> (Vec<f64>, Weights) {
+    let text = format!(
+        "name = \"small\"\nnetwork = {{ maps = [4, 6], hidden = 8 }}\n\
+         [training]\nepochs = 5\nbatch = 8\nlearning_rate = 0.01\nmethod = {method}\n"
+    );
+    let recipe = Recipe::parse("small", &text).unwrap();
+    let twin = generate(&TwinConfig {
+        materials: 3,
+        sweeps: 5,
+        steps: 60,
+        ..TwinConfig::default()
+    })
+    .unwrap();
+    let fold = Fold::new(&twin, Scheme::default(), Seed(1), 0, 0).unwrap();
+    let setup = TactNetSetup::fit(&recipe, &fold.train);
+    let model = ModelConfig::TactNet2(setup.clone());
+    let config = ClassifierConfig::new(model, &fold.train, Seed(1))
+        .network_config(&setup)
+        .unwrap();
+    let device = device.open().unwrap();
+    let normalizer = &setup.normalizer;
+    let mut training =
+        Training::start(&recipe, &fold.train, normalizer, &config, Seed(1), &device).unwrap();
+    let mut losses = Vec::new();
+    for _ in 0..10 {
+        let report = if threads {
+            std::thread::scope(|scope| scope.spawn(|| training.step()).join().unwrap())
+        } else {
+            training.step()
+        };
+        losses.push(report.unwrap().unwrap().mean_loss);
+    }
+    (losses, training.state().unwrap().weights)
+}
+
+#[test]
+fn vulkan_trains_as_the_processor_does_and_always_the_same() {
+    for (method, tolerance) in [
+        ("{ kind = \"base\" }", 1e-3),
+        // The sign of a gradient near zero is another one.
+        (
+            "{ kind = \"adversarial\", alpha = 0.5, epsilon = 4.0 }",
+            1e-2,
+        ),
+    ] {
+        let (expected, _) = trained(Compute::Cpu, method, false);
+        let found = trained(Compute::Vulkan, method, false);
+        assert!(
+            found == trained(Compute::Vulkan, method, false),
+            "to the bit"
+        );
+        let elsewhere = trained(Compute::Vulkan, method, true);
+        assert!(found == elsewhere, "to the bit, from other threads");
+        for (a, b) in found.0.iter().zip(&expected) {
+            assert!(
+                (a - b).abs() < tolerance * b,
+                "{method}: {:?} instead of {expected:?}",
+                found.0
+            );
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Adam in one pass over the parameters.
 //!
 //! Burn's own Adam composes about ten tensor operations, each a pass over memory; with two million parameters that costs a tenth of
-//! a training step. On the processor this one reads gradient, parameter and moments once and writes them once. State and record are
+//! a training step. This one reads gradient, parameter and moments once and writes them once. State and record are
 //! Burn's.
 
 use burn::optim::decay::WeightDecayConfig;
@@ -9,7 +9,7 @@ use burn::optim::{
     Adam, AdamConfig, AdamState, AdaptiveMomentumState, LearningRate, ModuleOptimizer, Optimizer,
 };
 use burn::tensor::{Device, Tensor};
-use tactnet_models::{AdamStep, adam_update, is_cpu};
+use tactnet_models::{AdamStep, adam_update, is_fused};
 
 use crate::PenalizedParameters;
 
@@ -63,7 +63,7 @@ impl Optimizer for FusedAdam {
         gradient: Tensor<D>,
         state: Option<AdamState<D>>,
     ) -> (Tensor<D>, Option<AdamState<D>>) {
-        if !is_cpu(&tensor.device()) {
+        if !is_fused(&tensor.device()) {
             let composed = &self.composed[usize::from(!self.penalizes(D))];
             return composed.step(learning_rate, tensor, gradient, state);
         }

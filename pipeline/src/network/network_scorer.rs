@@ -59,7 +59,7 @@ impl NetworkScorer {
         view: &SweepView<'_>,
         method: PredictionMethod,
     ) -> Vec<Vec<f64>> {
-        in_pool(|| self.score(view, method))
+        in_pool(&self.device, || self.score(view, method))
     }
 
     fn score(&self, view: &SweepView<'_>, method: PredictionMethod) -> Vec<Vec<f64>> {

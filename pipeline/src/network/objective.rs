@@ -186,11 +186,20 @@ fn pass(
         .argmax(1)
         .squeeze_dim::<1>(1)
         .equal(labels.clone());
-    let correct = recognised.int().sum().into_scalar::<i64>() as usize;
+    let correct = recognised.float().sum();
     let loss = cross_entropy(forward.logits, labels);
-    let value = f64::from(loss.clone().into_scalar::<f32>());
-    let gradients = loss.mul_scalar(weight).backward();
-    (gradients, forward.statistics, value, correct)
+    let gradients = loss.clone().mul_scalar(weight).backward();
+    // Read together, and last: a GPU has all of the pass to do by then.
+    let read = values(Tensor::cat(
+        vec![loss.without_autodiff(), correct.without_autodiff()],
+        0,
+    ));
+    (
+        gradients,
+        forward.statistics,
+        f64::from(read[0]),
+        read[1] as usize,
+    )
 }
 
 /// `first + second`; on the processor on all threads.

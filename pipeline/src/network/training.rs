@@ -180,7 +180,8 @@ impl<'a> Training<'a> {
     /// # Errors
     /// A loss that is not finite, with its epoch and batch; the weights are then those before this batch.
     pub fn step(&mut self) -> Result<Option<BatchReport>, PipelineError> {
-        in_pool(|| self.take_step())
+        let device = self.device.clone();
+        in_pool(&device, || self.take_step())
     }
 
     fn take_step(&mut self) -> Result<Option<BatchReport>, PipelineError> {

@@ -6,7 +6,7 @@ use clap::Args;
 use tactnet_data::Seed;
 use tactnet_pipeline::{CalibrationTarget, LabelOrder, TrainSpec};
 
-use crate::commands::choices::{DeviceChoice, LevelsChoice, ModelChoice, SplitChoice, share};
+use crate::commands::choices::{LevelsChoice, ModelChoice, SplitChoice, TrainDeviceChoice, share};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
@@ -78,7 +78,7 @@ pub struct TrainArgs {
     epochs: Option<usize>,
     /// Where to compute
     #[arg(long, value_enum, default_value_t)]
-    device: DeviceChoice,
+    pub device: TrainDeviceChoice,
     /// Continue an interrupted run with its own settings; --data says where its data set is now, if it was moved
     #[arg(long, value_name = "DIR", conflicts_with_all = ["model", "recipe", "levels", "rate", "steps", "permute_labels", "inner", "calibrate", "split", "folds", "fold", "repeat", "out", "seed", "epochs", "device"])]
     pub resume: Option<PathBuf>,
@@ -118,7 +118,7 @@ impl TrainArgs {
             }),
             seed: Seed(self.seed),
             epochs: self.epochs,
-            device: self.device.into(),
+            device: self.device.named(),
         }
     }
 }

@@ -1,0 +1,17 @@
+//! Buffers on a device.
+
+use cubecl::client::Client;
+use cubecl::prelude::*;
+use cubecl::server::Handle;
+
+/// A buffer of `len` 32-bit numbers, not set.
+pub(crate) fn floats(client: &Client, len: usize) -> (Handle, usize) {
+    (client.empty(len * size_of::<f32>()), len)
+}
+
+/// # Safety
+/// The length must be the buffer's.
+pub(crate) unsafe fn buffer((handle, len): &(Handle, usize)) -> BufferArg {
+    // SAFETY: as the caller promises.
+    unsafe { BufferArg::from_raw_parts(handle.clone(), *len) }
+}

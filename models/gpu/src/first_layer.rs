@@ -1,0 +1,421 @@
+//! The convolution of one map, tap by tap, with values in registers: a product has too few multiplications for each load here.
+
+use cubecl::client::Client;
+use cubecl::prelude::*;
+use cubecl::server::Handle;
+use tactnet_conv::BlockShape;
+
+use crate::device::{buffer, floats};
+use crate::norm::{Passed, Sizes as NormSizes, gradient_at};
+
+/// Steps of a unit.
+const STRIP: usize = 8;
+/// Maps of a unit.
+const MAPS: usize = 4;
+/// Units of a cube, about.
+const UNITS: usize = 256;
+/// Taps in time of a unit of the weights' gradient.
+const TAPS: usize = 2;
+/// Bytes of shared memory that every GPU has.
+const SHARED: usize = 16 << 10;
+/// Most partial sums of the weights' gradient.
+const PARTS: usize = 528;
+/// Longest kernel in time whose steps fit the registers.
+const MAX_KERNEL: usize = 33;
+
+/// Sizes as kernels take them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+struct Sizes {
+    steps: usize,
+    taxels: usize,
+    maps: usize,
+    kernel_t: usize,
+    kernel_x: usize,
+    /// Units side by side that share positions and take [`MAPS`] maps each.
+    groups: usize,
+    /// Columns of the weights and gradients in shared memory: maps and what is left of the last group.
+    columns: usize,
+    strips: usize,
+    /// Strips of all sweeps and taxels, and those of a cube.
+    pairs: usize,
+    pairs_of_cube: usize,
+    grid: usize,
+    /// Units of a cube of the weights' gradient that each take their share of its steps.
+    teams: usize,
+    /// Steps of all sweeps, those of a cube of the weights' gradient, and those in shared memory at a time.
+    rows: usize,
+    rows_of_part: usize,
+    rows_at_once: usize,
+    parts: usize,
+}
+
+/// The route of a shape with one map in.
+#[derive(Debug)]
+pub(crate) struct FirstLayer {
+    shape: BlockShape,
+    sizes: Sizes,
+}
+
+impl FirstLayer {
+    /// `None` where weights or a frame's gradients do not fit into shared memory, or a strip not into registers.
+    pub(crate) fn of(shape: &BlockShape) -> Option<Self> {
+        let [kernel_t, kernel_x] = shape.kernel;
+        let groups = shape.maps_out.div_ceil(MAPS);
+        let columns = groups * MAPS;
+        let frame = shape.taxels * columns * size_of::<f32>();
+        let weights = kernel_t * kernel_x * columns * size_of::<f32>();
+        let fits = shape.maps_in == 1
+            && frame <= SHARED
+            && weights <= SHARED
+            && kernel_t <= MAX_KERNEL
+            && kernel_x <= 9
+            && groups * kernel_t.div_ceil(TAPS) <= UNITS;
+        if !fits {
+            return None;
+        }
+        let strips = shape.steps.div_ceil(STRIP);
+        let pairs = shape.batch * strips * shape.taxels;
+        let pairs_of_cube = (UNITS / groups).max(1);
+        let rows = shape.batch * shape.steps;
+        let rows_of_part = rows.div_ceil(PARTS);
+        let teams = UNITS / (groups * kernel_t.div_ceil(TAPS));
+        let sizes = Sizes {
+            steps: shape.steps,
+            taxels: shape.taxels,
+            maps: shape.maps_out,
+            kernel_t,
+            kernel_x,
+            groups,
+            columns,
+            strips,
+            pairs,
+            pairs_of_cube,
+            grid: pairs.div_ceil(pairs_of_cube).min(65_535),
+            rows,
+            rows_of_part,
+            rows_at_once: (SHARED / 2 / frame).clamp(1, rows_of_part.max(teams)),
+            teams,
+            parts: rows.div_ceil(rows_of_part) * teams,
+        };
+        Some(Self {
+            shape: *shape,
+            sizes,
+        })
+    }
+
+    /// Returns `[batch][steps][taxels][maps]`.
+    pub(crate) fn convolve(&self, client: &Client, input: &Handle, weight: &Handle) -> Handle {
+        let s = self.sizes;
+        let out = floats(client, self.shape.count() * s.maps);
+        let cubes = s.pairs.div_ceil(s.pairs_of_cube);
+        // SAFETY: lengths are those of the buffers, and the kernel stays inside of `s`.
+        unsafe {
+            convolve_strips::launch_unchecked(
+                client,
+                CubeCount::Static(s.grid as u32, cubes.div_ceil(s.grid) as u32, 1),
+                CubeDim::new_1d((s.groups * s.pairs_of_cube) as u32),
+                BufferArg::from_raw_parts(input.clone(), self.shape.input_len()),
+                BufferArg::from_raw_parts(weight.clone(), self.shape.weight_len()),
+                buffer(&out),
+                s,
+            );
+        }
+        out.0
+    }
+
+    /// Returns the gradient of the weights, from the convolution's output and what is known of its gradient.
+    pub(crate) fn weight_gradient(
+        &self,
+        client: &Client,
+        input: &Handle,
+        convolved: &Handle,
+        passed: &Passed<'_>,
+        [of_gamma, of_beta]: [&Handle; 2],
+    ) -> Handle {
+        let s = self.sizes;
+        let partial = floats(client, s.parts * self.shape.weight_len());
+        let out = floats(client, self.shape.weight_len());
+        let map = |handle: &Handle| (handle.clone(), s.maps);
+        let pooled = |handle: &Handle| (handle.clone(), self.shape.output_len());
+        // SAFETY: lengths are those of the buffers, and kernels stay inside of `s`.
+        unsafe {
+            correlate::launch_unchecked(
+                client,
+                CubeCount::Static((s.parts / s.teams) as u32, 1, 1),
+                CubeDim::new_1d((s.teams * s.groups * s.kernel_t.div_ceil(TAPS)) as u32),
+                BufferArg::from_raw_parts(input.clone(), self.shape.input_len()),
+                BufferArg::from_raw_parts(convolved.clone(), self.shape.count() * s.maps),
+                buffer(&map(passed.gamma)),
+                buffer(&map(passed.mean)),
+                buffer(&map(passed.variance)),
+                buffer(&map(of_gamma)),
+                buffer(&map(of_beta)),
+                buffer(&pooled(passed.pooled)),
+                buffer(&pooled(passed.winners)),
+                buffer(&pooled(passed.gradient)),
+                buffer(&partial),
+                s,
+                NormSizes::of(&self.shape, self.shape.count() * s.maps),
+            );
+            sum_parts::launch_unchecked(
+                client,
+                CubeCount::Static(out.1.div_ceil(LANES) as u32, 1, 1),
+                CubeDim::new_1d(UNITS as u32),
+                buffer(&partial),
+                buffer(&out),
+                s,
+            );
+        }
+        out.0
+    }
+}
+
+/// Each unit takes a strip of steps of one taxel and every `groups`-th map: neighbours in a cube write side by side.
+#[cube(launch_unchecked)]
+fn convolve_strips(input: &[f32], weight: &[f32], out: &mut [f32], #[comptime] s: Sizes) {
+    let units = comptime!(s.groups * s.pairs_of_cube);
+    let taps = comptime!(s.kernel_t * s.kernel_x);
+    let (half_t, half_x) = comptime!((s.kernel_t / 2, s.kernel_x / 2));
+    let window = comptime!(STRIP + s.kernel_t - 1);
+    let unit = UNIT_POS as usize;
+    let mut weights = Shared::<[f32]>::new_slice(comptime!(taps * s.columns));
+    let mut e = unit;
+    while e < comptime!(taps * s.columns) {
+        let map = e % s.columns;
+        let mut value = 0.0f32;
+        if map < s.maps {
+            value = weight[map * taps + e / s.columns];
+        }
+        weights[e] = value;
+        e += units;
+    }
+    sync_cube();
+
+    let group = unit % s.groups;
+    let cube = CUBE_POS_Y as usize * s.grid + CUBE_POS_X as usize;
+    let pair = cube * s.pairs_of_cube + unit / s.groups;
+    if pair < s.pairs {
+        let x = pair % s.taxels;
+        let first = pair / s.taxels % s.strips * STRIP;
+        let sweep = pair / comptime!(s.taxels * s.strips);
+        let mut sums = Array::<f32>::new(comptime!(STRIP * MAPS));
+        let mut values = Array::<f32>::new(window);
+        #[unroll]
+        for i in 0..comptime!(STRIP * MAPS) {
+            sums[i] = 0.0f32;
+        }
+        for dx in 0..s.kernel_x {
+            let inside = x + dx >= half_x && x + dx < comptime!(s.taxels + half_x);
+            #[unroll]
+            for i in 0..window {
+                let t = first + i;
+                let mut value = 0.0f32;
+                if inside && t >= half_t && t < comptime!(s.steps + half_t) {
+                    value = input[(sweep * s.steps + t - half_t) * s.taxels + x + dx - half_x];
+                }
+                values[i] = value;
+            }
+            #[unroll]
+            for dt in 0..s.kernel_t {
+                #[unroll]
+                for j in 0..MAPS {
+                    let at = (comptime!(dt * s.kernel_x) + dx) * s.columns;
+                    let weight = weights[at + comptime!(j * s.groups) + group];
+                    #[unroll]
+                    for i in 0..STRIP {
+                        sums[comptime!(i * MAPS + j)] += values[comptime!(i + dt)] * weight;
+                    }
+                }
+            }
+        }
+        #[unroll]
+        for i in 0..STRIP {
+            let t = first + i;
+            #[unroll]
+            for j in 0..MAPS {
+                let map = comptime!(j * s.groups) + group;
+                if t < s.steps && map < s.maps {
+                    let at = ((sweep * s.steps + t) * s.taxels + x) * s.maps + map;
+                    out[at] = sums[comptime!(i * MAPS + j)];
+                }
+            }
+        }
+    }
+}
+
+/// Each unit takes two taps in time, all across and every `groups`-th map; a cube adds up its share of all steps.
+#[cube(launch_unchecked)]
+fn correlate(
+    input: &[f32],
+    convolved: &[f32],
+    gamma: &[f32],
+    mean: &[f32],
+    variance: &[f32],
+    of_gamma: &[f32],
+    of_beta: &[f32],
+    pooled: &[f32],
+    winners: &[u32],
+    gradient: &[f32],
+    partial: &mut [f32],
+    #[comptime] s: Sizes,
+    #[comptime] norm: NormSizes,
+) {
+    let apart = comptime!(s.kernel_t.div_ceil(TAPS));
+    let units = comptime!(s.teams * s.groups * apart);
+    let (half_t, half_x) = comptime!((s.kernel_t / 2, s.kernel_x / 2));
+    let frame = comptime!(s.taxels * s.columns);
+    // Steps around those at once, and taxels with zeros around.
+    let (slab_rows, slab_row) =
+        comptime!((s.rows_at_once + s.kernel_t - 1, s.taxels + s.kernel_x - 1));
+    let unit = UNIT_POS as usize;
+    let group = unit % s.groups;
+    let tap = unit / s.groups % apart;
+    let team = unit / comptime!(s.groups * apart);
+    let mut gradients = Shared::<[f32]>::new_slice(comptime!(s.rows_at_once * frame));
+    let mut slab = Shared::<[f32]>::new_slice(comptime!(slab_rows * slab_row));
+    let mut sums = Array::<f32>::new(comptime!(TAPS * s.kernel_x * MAPS));
+    let mut values = Array::<f32>::new(comptime!(TAPS * s.kernel_x));
+    #[unroll]
+    for i in 0..comptime!(TAPS * s.kernel_x * MAPS) {
+        sums[i] = 0.0f32;
+    }
+    let begin = CUBE_POS_X as usize * s.rows_of_part;
+    let end = (begin + s.rows_of_part).min(s.rows);
+    let mut first = begin;
+    while first < end {
+        let mut e = unit;
+        while e < comptime!(s.rows_at_once * frame) {
+            let map = e % s.columns;
+            let position = e / s.columns;
+            let mut value = 0.0f32;
+            if map < s.maps && first + position / s.taxels < end {
+                let at = (first * s.taxels + position) * s.maps + map;
+                value = gradient_at(
+                    at,
+                    convolved[at],
+                    gamma,
+                    mean,
+                    variance,
+                    of_gamma,
+                    of_beta,
+                    pooled,
+                    winners,
+                    gradient,
+                    norm,
+                );
+            }
+            gradients[e] = value;
+            e += units;
+        }
+        let mut e = unit;
+        while e < comptime!(slab_rows * slab_row) {
+            let (row, x) = (first + e / slab_row, e % slab_row);
+            let mut value = 0.0f32;
+            if row >= half_t
+                && row < comptime!(s.rows + half_t)
+                && x >= half_x
+                && x < comptime!(s.taxels + half_x)
+            {
+                value = input[(row - half_t) * s.taxels + x - half_x];
+            }
+            slab[e] = value;
+            e += units;
+        }
+        sync_cube();
+        let mut row = team;
+        while row < s.rows_at_once {
+            let t = (first + row) % s.steps;
+            #[unroll]
+            for q in 0..TAPS {
+                #[unroll]
+                for k in 1..s.kernel_x {
+                    let at = (row + tap + comptime!(q * apart)).min(slab_rows - 1) * slab_row;
+                    values[comptime!(q * s.kernel_x + k)] = slab[at + comptime!(k - 1)];
+                }
+            }
+            for x in 0..s.taxels {
+                #[unroll]
+                for q in 0..TAPS {
+                    let at = (row + tap + comptime!(q * apart)).min(slab_rows - 1) * slab_row;
+                    #[unroll]
+                    for k in 1..s.kernel_x {
+                        values[comptime!(q * s.kernel_x + k - 1)] =
+                            values[comptime!(q * s.kernel_x + k)];
+                    }
+                    values[comptime!((q + 1) * s.kernel_x - 1)] =
+                        slab[at + x + comptime!(s.kernel_x - 1)];
+                }
+                // Of other sweeps nothing counts.
+                let mut inside = Array::<f32>::new(TAPS);
+                #[unroll]
+                for q in 0..TAPS {
+                    let at = t + tap + comptime!(q * apart);
+                    inside[q] = f32::cast_from(at >= half_t && at < comptime!(s.steps + half_t));
+                }
+                #[unroll]
+                for j in 0..MAPS {
+                    let at = row * frame + x * s.columns + comptime!(j * s.groups) + group;
+                    let gradient = gradients[at];
+                    #[unroll]
+                    for q in 0..TAPS {
+                        let gradient = gradient * inside[q];
+                        #[unroll]
+                        for k in 0..s.kernel_x {
+                            let i = comptime!(q * s.kernel_x + k);
+                            sums[comptime!(i * MAPS + j)] += values[i] * gradient;
+                        }
+                    }
+                }
+            }
+            row += s.teams;
+        }
+        sync_cube();
+        first += s.rows_at_once;
+    }
+    #[unroll]
+    for q in 0..TAPS {
+        let dt = tap + comptime!(q * apart);
+        #[unroll]
+        for k in 0..s.kernel_x {
+            #[unroll]
+            for j in 0..MAPS {
+                let map = comptime!(j * s.groups) + group;
+                if dt < s.kernel_t && map < s.maps {
+                    let part = CUBE_POS_X as usize * s.teams + team;
+                    let of = (part * s.kernel_t + dt) * s.kernel_x + k;
+                    partial[of * s.maps + map] = sums[comptime!((q * s.kernel_x + k) * MAPS + j)];
+                }
+            }
+        }
+    }
+}
+
+/// Values that a cube sums side by side.
+const LANES: usize = 32;
+
+/// Sums `[parts][taps][maps]` into `[maps][taps]`.
+#[cube(launch_unchecked)]
+fn sum_parts(partial: &[f32], out: &mut [f32], #[comptime] s: Sizes) {
+    let taps = comptime!(s.kernel_t * s.kernel_x);
+    let len = comptime!(taps * s.maps);
+    let unit = UNIT_POS as usize;
+    let at = CUBE_POS_X as usize * LANES + unit % LANES;
+    let mut all = Shared::<[f32]>::new_slice(UNITS);
+    let mut sum = 0.0f32;
+    if at < len {
+        let mut part = unit / LANES;
+        while part < s.parts {
+            sum += partial[part * len + at];
+            part += comptime!(UNITS / LANES);
+        }
+    }
+    all[unit] = sum;
+    sync_cube();
+    if unit < LANES && at < len {
+        let mut sum = 0.0f32;
+        for i in 0..comptime!(UNITS / LANES) {
+            sum += all[unit + i * LANES];
+        }
+        out[at % s.maps * taps + at / s.maps] = sum;
+    }
+}

@@ -1,0 +1,113 @@
+//! How long training takes on the devices of this machine.
+
+use std::time::Instant;
+
+use anyhow::Context;
+use tactnet_data::twin::{TwinConfig, generate};
+use tactnet_data::{Fold, Scheme, Seed};
+use tactnet_models::Compute;
+use tactnet_pipeline::{ClassifierConfig, ModelConfig, ModelRecipe, TactNetSetup, Training};
+
+/// Steps before those that are timed: a GPU compiles its kernels.
+const WARM_UP: usize = 3;
+/// Steps by which devices are compared.
+const COMPARED: usize = 5;
+
+/// Times in ms.
+pub struct Times {
+    /// Sweeps of a batch.
+    pub batch: usize,
+    /// The median step.
+    pub step: f64,
+    /// All timed steps together.
+    pub all: f64,
+}
+
+/// Times an epoch of training, or `limit` steps of it.
+///
+/// # Errors
+/// A device that does not open.
+pub fn time(
+    fold: &Fold<'_>,
+    recipe: &str,
+    device: Compute,
+    limit: Option<usize>,
+) -> anyhow::Result<Times> {
+    let ModelRecipe::TactNet2(recipe) = ModelRecipe::load(recipe)? else {
+        anyhow::bail!("{recipe} is no recipe of a network");
+    };
+    let setup = TactNetSetup::fit(&recipe, &fold.train);
+    let model = ModelConfig::TactNet2(setup.clone());
+    let config = ClassifierConfig::new(model, &fold.train, Seed(1)).network_config(&setup)?;
+    let device = device.open()?;
+    let start = || {
+        Training::start(
+            &recipe,
+            &fold.train,
+            &setup.normalizer,
+            &config,
+            Seed(1),
+            &device,
+        )
+    };
+    let mut warm_up = start()?;
+    for _ in 0..WARM_UP {
+        warm_up.step()?;
+    }
+    let mut training = start()?;
+    let steps = limit.unwrap_or_else(|| training.batches());
+    let begin = Instant::now();
+    let mut times = Vec::new();
+    for _ in 0..steps {
+        let step = Instant::now();
+        training
+            .step()?
+            .context("recipes have at least one epoch")?;
+        times.push(step.elapsed().as_secs_f64() * 1e3);
+    }
+    let all = begin.elapsed().as_secs_f64() * 1e3;
+    times.sort_by(f64::total_cmp);
+    Ok(Times {
+        batch: recipe.training.batch,
+        step: times[times.len() / 2],
+        all,
+    })
+}
+
+/// Returns the device that trains the published network fastest, and says on stderr which and why.
+///
+/// # Errors
+/// A device that does not open.
+pub fn fastest() -> anyhow::Result<Compute> {
+    let present = Compute::present();
+    if present.len() == 1 {
+        let reason = if cfg!(any(feature = "vulkan", feature = "cuda")) {
+            "no GPU with a driver was found"
+        } else {
+            "this build knows no GPU (feature `vulkan`)"
+        };
+        say!("device: the processor; {reason}");
+        return Ok(Compute::Cpu);
+    }
+    let twin = generate(&TwinConfig {
+        sweeps: 5,
+        ..TwinConfig::default()
+    })?;
+    let fold = Fold::new(&twin, Scheme::default(), Seed(1), 0, 0)?;
+    let mut found = Vec::new();
+    for (device, name) in present {
+        let step = time(&fold, "fast", device, Some(COMPARED))?.step;
+        found.push((device, name, step));
+    }
+    found.sort_by(|a, b| a.2.total_cmp(&b.2));
+    let times: Vec<String> = found
+        .iter()
+        .map(|(_, name, step)| format!("{name} {step:.1} ms"))
+        .collect();
+    say!(
+        "device: {}; a step of the published network takes: {}",
+        found[0].1,
+        times.join(", ")
+    );
+    Ok(found[0].0)
+}
