@@ -59,6 +59,7 @@ mod vulkan {
 
     use burn::tensor::Device;
     use burn::tensor::wgpu::wgpu::DeviceType;
+    use burn::tensor::wgpu::{WgpuBackend, WgpuInitError};
 
     use crate::ModelError;
 
@@ -83,9 +84,15 @@ mod vulkan {
 
     /// Burn's WGSL kernels: its SPIR-V ones make mesa's lavapipe crash while it reads them.
     fn open() -> Result<Gpu, String> {
-        let (device, setup) = Device::wgpu_options()
-            .init_with_setup()
-            .map_err(|error| format!("no GPU with a driver was found: {error}"))?;
+        let mut options = Device::wgpu_options();
+        // Elsewhere it is Metal or DirectX; here Mesa's OpenGL would take the place of a missing driver.
+        if cfg!(target_os = "linux") {
+            options = options.graphics_api(WgpuBackend::Vulkan);
+        }
+        let (device, setup) = options.init_with_setup().map_err(|error| match error {
+            WgpuInitError::AdapterUnavailable { .. } => "no GPU with a driver was found".to_owned(),
+            error => error.to_string(),
+        })?;
         let info = setup.adapter.get_info();
         Ok(Gpu {
             device,

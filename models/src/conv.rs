@@ -4,6 +4,7 @@ use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use burn::backend::Autodiff;
+use burn::backend::autodiff::NodeId;
 use burn::backend::autodiff::checkpoint::{base::Checkpointer, strategy::CheckpointStrategy};
 use burn::backend::autodiff::grads::Gradients as Graph;
 use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
@@ -213,7 +214,7 @@ fn pooled(values: Vec<f32>, shape: &BlockShape) -> Primitive {
 }
 
 /// The forward pass, and what its backward pass needs.
-fn train(inputs: [Primitive; 4], pool: usize) -> (BlockOutput<Flex>, State) {
+fn train(inputs: [Primitive; 4], pool: usize) -> (BlockOutput<Flex>, State<Block, Saved>) {
     let block = plan(&inputs[0], &inputs[1], pool);
     let [input, weight, gamma, beta] = inputs.map(Values::of);
     let trained = in_pool(|| {
@@ -226,8 +227,11 @@ fn train(inputs: [Primitive; 4], pool: usize) -> (BlockOutput<Flex>, State) {
         mean: tensor(trained.mean, maps),
         variance: tensor(trained.variance, maps),
     };
-    let saved = Arc::new(Mutex::new(Some(trained.saved)));
-    (output, State { block, saved })
+    (output, State::new(block, trained.saved))
+}
+
+fn recycle(state: State<Block, Saved>) {
+    state.block.recycle(state.take());
 }
 
 impl TrainableBlock for Flex {
@@ -239,9 +243,7 @@ impl TrainableBlock for Flex {
         pool: usize,
     ) -> BlockOutput<Self> {
         let (output, state) = train([input, weight, gamma, beta], pool);
-        if let Some(saved) = state.take() {
-            state.block.recycle(saved);
-        }
+        recycle(state);
         output
     }
 }
@@ -274,25 +276,103 @@ impl FrozenBlock for Flex {
     }
 }
 
-/// State for the backward pass; it can be taken once.
-#[derive(Clone)]
-struct State {
-    block: Arc<Block>,
-    saved: Arc<Mutex<Option<Saved>>>,
+/// A planned block and the state that its forward pass left for the backward pass; that can be taken once.
+pub(crate) struct State<B, S> {
+    pub(crate) block: Arc<B>,
+    saved: Arc<Mutex<Option<S>>>,
 }
 
-impl State {
-    fn take(&self) -> Option<Saved> {
+impl<B, S> State<B, S> {
+    pub(crate) fn new(block: Arc<B>, saved: S) -> Self {
+        let saved = Arc::new(Mutex::new(Some(saved)));
+        Self { block, saved }
+    }
+
+    /// Returns what the forward pass saved.
+    ///
+    /// # Panics
+    /// At the second call.
+    pub(crate) fn take(&self) -> S {
         self.saved
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
             .take()
+            .unwrap_or_else(|| panic!("a block's backward pass runs once"))
     }
 }
 
-impl fmt::Debug for State {
+impl<B, S> Clone for State<B, S> {
+    fn clone(&self) -> Self {
+        Self {
+            block: Arc::clone(&self.block),
+            saved: Arc::clone(&self.saved),
+        }
+    }
+}
+
+impl<B: fmt::Debug, S> fmt::Debug for State<B, S> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_tuple("State").field(self.block.shape()).finish()
+        f.debug_tuple("State").field(&self.block).finish()
+    }
+}
+
+/// Extents of a block's input, its weights, and values per map.
+pub(crate) fn extents(shape: &BlockShape) -> ([usize; 4], [usize; 4], [usize; 1]) {
+    let BlockShape {
+        batch,
+        steps,
+        taxels,
+        maps_in,
+        maps_out,
+        kernel: [kernel_steps, kernel_taxels],
+        ..
+    } = *shape;
+    (
+        [batch, steps, taxels, maps_in],
+        [maps_out, maps_in, kernel_steps, kernel_taxels],
+        [maps_out],
+    )
+}
+
+/// Runs a block's forward pass as one node of the graph; what it saved goes to `unused` where nobody will ask for gradients.
+pub(crate) fn as_one_node<B, C, K>(
+    operation: K,
+    inputs: [FloatTensor<Autodiff<B, C>>; 4],
+    train: impl FnOnce([FloatTensor<B>; 4]) -> (BlockOutput<B>, K::State),
+    unused: impl FnOnce(K::State),
+) -> BlockOutput<Autodiff<B, C>>
+where
+    B: Backend,
+    C: CheckpointStrategy,
+    K: Backward<B, 4>,
+{
+    let nodes = inputs.each_ref().map(|tensor| tensor.node());
+    let prepared = operation.prepare::<C>(nodes).compute_bound().stateful();
+    let (found, state) = train(inputs.map(|tensor| tensor.into_primitive()));
+    let pooled = match prepared {
+        OpsKind::Tracked(prepared) => prepared.finish(state, found.pooled),
+        OpsKind::UnTracked(prepared) => {
+            unused(state);
+            prepared.finish(found.pooled)
+        }
+    };
+    BlockOutput {
+        pooled,
+        mean: Autodiff::<B, C>::from_inner(found.mean),
+        variance: Autodiff::<B, C>::from_inner(found.variance),
+    }
+}
+
+/// Hands gradients of input, weight, gamma and beta on to whoever made them, where somebody asks for them.
+pub(crate) fn hand_on<B: Backend>(
+    graph: &mut Graph,
+    parents: [Option<NodeId>; 4],
+    gradients: [Option<FloatTensor<B>>; 4],
+) {
+    for (node, gradient) in parents.into_iter().zip(gradients) {
+        if let (Some(node), Some(gradient)) = (node, gradient) {
+            graph.register::<B>(node, gradient);
+        }
     }
 }
 
@@ -300,36 +380,29 @@ impl fmt::Debug for State {
 struct BlockBackward;
 
 impl Backward<Flex, 4> for BlockBackward {
-    type State = State;
+    type State = State<Block, Saved>;
 
-    fn backward(self, ops: Ops<State, 4>, graph: &mut Graph, _checkpointer: &mut Checkpointer) {
-        let State { block, .. } = &ops.state;
-        let shape = *block.shape();
-        let saved = ops
-            .state
-            .take()
-            .unwrap_or_else(|| panic!("a block's backward pass runs once"));
+    fn backward(
+        self,
+        ops: Ops<Self::State, 4>,
+        graph: &mut Graph,
+        _checkpointer: &mut Checkpointer,
+    ) {
+        let block = &ops.state.block;
+        let saved = ops.state.take();
         let gradient = Values::of(graph.consume::<Flex>(&ops.node));
-        let [input, weight, gamma, beta] = ops.parents;
-        let need_input = input.is_some();
+        let need_input = ops.parents[0].is_some();
         let found = in_pool(|| block.backward(saved, gradient.slice(), need_input));
         reclaim(gradient.0);
-        let maps = [shape.maps_out];
-        if let (Some(node), Some(values)) = (input, found.input) {
-            let extents = [shape.batch, shape.steps, shape.taxels, shape.maps_in];
-            graph.register::<Flex>(node.id, tensor(values, extents));
-        }
-        if let Some(node) = weight {
-            let [kernel_steps, kernel_taxels] = shape.kernel;
-            let extents = [shape.maps_out, shape.maps_in, kernel_steps, kernel_taxels];
-            graph.register::<Flex>(node.id, tensor(found.weight, extents));
-        }
-        if let Some(node) = gamma {
-            graph.register::<Flex>(node.id, tensor(found.gamma, maps));
-        }
-        if let Some(node) = beta {
-            graph.register::<Flex>(node.id, tensor(found.beta, maps));
-        }
+        let (input, weight, maps) = extents(block.shape());
+        let gradients = [
+            found.input.map(|values| tensor(values, input)),
+            Some(tensor(found.weight, weight)),
+            Some(tensor(found.gamma, maps)),
+            Some(tensor(found.beta, maps)),
+        ];
+        let parents = ops.parents.map(|node| node.map(|node| node.id));
+        hand_on::<Flex>(graph, parents, gradients);
     }
 }
 
@@ -342,27 +415,7 @@ impl<C: CheckpointStrategy> TrainableBlock for Autodiff<Flex, C> {
         pool: usize,
     ) -> BlockOutput<Self> {
         let inputs = [input, weight, gamma, beta];
-        let nodes = inputs.each_ref().map(|tensor| tensor.node());
-        let prepared = BlockBackward.prepare::<C>(nodes).compute_bound().stateful();
-        let primitives = inputs.map(|tensor| tensor.into_primitive());
-        let (found, pooled) = match prepared {
-            OpsKind::Tracked(prepared) => {
-                let (found, state) = train(primitives, pool);
-                let pooled = prepared.finish(state, found.pooled.clone());
-                (found, pooled)
-            }
-            OpsKind::UnTracked(prepared) => {
-                let [input, weight, gamma, beta] = primitives;
-                let found = Flex::block_train(input, weight, gamma, beta, pool);
-                let pooled = prepared.finish(found.pooled.clone());
-                (found, pooled)
-            }
-        };
-        BlockOutput {
-            pooled,
-            mean: Self::from_inner(found.mean),
-            variance: Self::from_inner(found.variance),
-        }
+        as_one_node::<Flex, C, _>(BlockBackward, inputs, |inputs| train(inputs, pool), recycle)
     }
 }
 

@@ -1,21 +1,22 @@
 //! The block of `tactnet-conv-gpu`, and Adam, as operations of Burn's CubeCL backend.
 
 use std::collections::HashMap;
-use std::fmt;
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
 use burn::backend::autodiff::checkpoint::{base::Checkpointer, strategy::CheckpointStrategy};
 use burn::backend::autodiff::grads::Gradients as Graph;
-use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
+use burn::backend::autodiff::ops::{Backward, Ops};
 use burn::backend::tensor::FloatTensor;
-use burn::backend::{Autodiff, AutodiffBackend, Cube, CubeDevice, TensorMetadata};
+use burn::backend::{Autodiff, Cube, CubeDevice, TensorMetadata};
 use burn_cubecl::kernel::into_contiguous;
 use cubecl::server::Handle;
 use tactnet_conv::{AdamStep, BlockShape};
 use tactnet_conv_gpu::{Block, Saved};
 
 use crate::adam_update::{AdamOutput, AdamUpdate};
-use crate::conv::{BlockOutput, FrozenBlock, TrainableBlock, shape_of};
+use crate::conv::{
+    BlockOutput, FrozenBlock, State, TrainableBlock, as_one_node, extents, hand_on, shape_of,
+};
 
 type Primitive = FloatTensor<Cube>;
 type Plans = HashMap<(CubeDevice, BlockShape), Arc<Block>>;
@@ -54,7 +55,7 @@ fn pooled(like: &Primitive, handle: Handle, shape: &BlockShape) -> Primitive {
 }
 
 /// The forward pass, and what its backward pass needs.
-fn train(inputs: [Primitive; 4], pool: usize) -> (BlockOutput<Cube>, State) {
+fn train(inputs: [Primitive; 4], pool: usize) -> (BlockOutput<Cube>, State<Block, Saved>) {
     let block = plan(&inputs[0], &inputs[1], pool);
     let [input, weight, gamma, beta] = inputs.map(into_contiguous);
     let trained = block.forward_train(&input.handle, &weight.handle, &gamma.handle, &beta.handle);
@@ -64,8 +65,7 @@ fn train(inputs: [Primitive; 4], pool: usize) -> (BlockOutput<Cube>, State) {
         mean: tensor(&input, trained.mean, maps),
         variance: tensor(&input, trained.variance, maps),
     };
-    let saved = Arc::new(Mutex::new(Some(trained.saved)));
-    (output, State { block, saved })
+    (output, State::new(block, trained.saved))
 }
 
 impl TrainableBlock for Cube {
@@ -99,52 +99,31 @@ impl FrozenBlock for Cube {
     }
 }
 
-/// State for the backward pass; it can be taken once.
-#[derive(Clone)]
-struct State {
-    block: Arc<Block>,
-    saved: Arc<Mutex<Option<Saved>>>,
-}
-
-impl fmt::Debug for State {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_tuple("State").field(self.block.shape()).finish()
-    }
-}
-
 #[derive(Debug)]
 struct BlockBackward;
 
 impl Backward<Cube, 4> for BlockBackward {
-    type State = State;
+    type State = State<Block, Saved>;
 
-    fn backward(self, ops: Ops<State, 4>, graph: &mut Graph, _checkpointer: &mut Checkpointer) {
-        let State { block, saved } = &ops.state;
-        let shape = *block.shape();
-        let saved = saved
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .take()
-            .unwrap_or_else(|| panic!("a block's backward pass runs once"));
+    fn backward(
+        self,
+        ops: Ops<Self::State, 4>,
+        graph: &mut Graph,
+        _checkpointer: &mut Checkpointer,
+    ) {
+        let block = &ops.state.block;
+        let saved = ops.state.take();
         let gradient = into_contiguous(graph.consume::<Cube>(&ops.node));
-        let [input, weight, gamma, beta] = ops.parents;
-        let found = block.backward(saved, &gradient.handle, input.is_some());
-        let maps = [shape.maps_out];
-        if let (Some(node), Some(handle)) = (input, found.input) {
-            let extents = [shape.batch, shape.steps, shape.taxels, shape.maps_in];
-            graph.register::<Cube>(node.id, tensor(&gradient, handle, extents));
-        }
-        if let Some(node) = weight {
-            let [kernel_steps, kernel_taxels] = shape.kernel;
-            let extents = [shape.maps_out, shape.maps_in, kernel_steps, kernel_taxels];
-            graph.register::<Cube>(node.id, tensor(&gradient, found.weight, extents));
-        }
-        if let Some(node) = gamma {
-            graph.register::<Cube>(node.id, tensor(&gradient, found.gamma, maps));
-        }
-        if let Some(node) = beta {
-            graph.register::<Cube>(node.id, tensor(&gradient, found.beta, maps));
-        }
+        let found = block.backward(saved, &gradient.handle, ops.parents[0].is_some());
+        let (input, weight, maps) = extents(block.shape());
+        let gradients = [
+            found.input.map(|handle| tensor(&gradient, handle, input)),
+            Some(tensor(&gradient, found.weight, weight)),
+            Some(tensor(&gradient, found.gamma, maps)),
+            Some(tensor(&gradient, found.beta, maps)),
+        ];
+        let parents = ops.parents.map(|node| node.map(|node| node.id));
+        hand_on::<Cube>(graph, parents, gradients);
     }
 }
 
@@ -157,18 +136,7 @@ impl<C: CheckpointStrategy> TrainableBlock for Autodiff<Cube, C> {
         pool: usize,
     ) -> BlockOutput<Self> {
         let inputs = [input, weight, gamma, beta];
-        let nodes = inputs.each_ref().map(|tensor| tensor.node());
-        let prepared = BlockBackward.prepare::<C>(nodes).compute_bound().stateful();
-        let (found, state) = train(inputs.map(|tensor| tensor.into_primitive()), pool);
-        let pooled = match prepared {
-            OpsKind::Tracked(prepared) => prepared.finish(state, found.pooled),
-            OpsKind::UnTracked(prepared) => prepared.finish(found.pooled),
-        };
-        BlockOutput {
-            pooled,
-            mean: Self::from_inner(found.mean),
-            variance: Self::from_inner(found.variance),
-        }
+        as_one_node::<Cube, C, _>(BlockBackward, inputs, |inputs| train(inputs, pool), drop)
     }
 }
 

@@ -16,6 +16,7 @@ mod channel_hosts;
 mod command;
 mod command_line;
 mod data_command;
+mod devices;
 mod enroll;
 mod experiment;
 mod facade;

@@ -1,11 +1,79 @@
-//! Sums behind the products of the direct route.
+//! The convolution as one product over the kernel's taps.
 
 use cubecl::client::Client;
 use cubecl::prelude::*;
 use cubecl::server::Handle;
 use tactnet_conv::BlockShape;
 
-use crate::device::{buffer, floats};
+use crate::device::{Buffer, buffer, floats};
+use crate::matrix::{InOrder, Layout, Patches, Shared2, Taps, Transposed};
+use crate::product::{Problem, Side, product};
+
+/// Parts that the sum over positions is cut into: the weights' gradient is one small product over many positions.
+const PARTS: usize = 256;
+
+/// Taps of one output map.
+fn taps(shape: &BlockShape) -> usize {
+    shape.kernel[0] * shape.kernel[1] * shape.maps_in
+}
+
+/// Returns the convolution `[batch][steps][taxels][maps out]`.
+pub(crate) fn convolve(
+    client: &Client,
+    shape: &BlockShape,
+    input: &Buffer,
+    weight: &Buffer,
+) -> Handle {
+    let layout = Layout::of(shape);
+    let out = floats(client, shape.count() * shape.maps_out);
+    let patches = if shape.maps_in > 1 {
+        Side::along_depth(layout)
+    } else {
+        Side::across(layout)
+    };
+    let sizes = [shape.count(), taps(shape), shape.maps_out];
+    let problem = Problem::of(sizes, patches, Side::along_depth(layout));
+    product::<Patches, Taps, InOrder>(client, problem, input, weight, &out);
+    out.0
+}
+
+/// Returns the gradient of the weights.
+pub(crate) fn weight_gradient(
+    client: &Client,
+    shape: &BlockShape,
+    input: &Buffer,
+    gradient: &Buffer,
+) -> Handle {
+    let (positions, maps) = (shape.count(), shape.maps_out);
+    let parts = PARTS.min(positions.div_ceil(64));
+    let partial = floats(client, parts * shape.weight_len());
+    let layout = Layout::of(shape);
+    let patches = if shape.maps_in > 1 {
+        Side::across(layout)
+    } else {
+        Side::along_depth(layout)
+    };
+    let by_map = Side::across(Layout::in_order(positions, maps));
+    let problem = Problem::of([taps(shape), positions, maps], patches, by_map).parts(parts);
+    product::<Transposed<Patches>, Shared2, InOrder>(client, problem, input, gradient, &partial);
+    sum_parts(client, shape, parts, &partial)
+}
+
+/// Returns the gradient of the input: what each position gives to each tap, gathered. Holds `[positions][taps]` meanwhile.
+pub(crate) fn input_gradient(
+    client: &Client,
+    shape: &BlockShape,
+    gradient: &Buffer,
+    weight: &Buffer,
+) -> Handle {
+    let (positions, maps) = (shape.count(), shape.maps_out);
+    let shares = floats(client, positions * taps(shape));
+    let by_map = Side::along_depth(Layout::in_order(positions, maps));
+    let weights = Side::across(Layout::of(shape));
+    let problem = Problem::of([positions, maps, taps(shape)], by_map, weights);
+    product::<Shared2, Transposed<Taps>, InOrder>(client, problem, gradient, weight, &shares);
+    gather(client, shape, &shares)
+}
 
 const UNITS: usize = 256;
 
@@ -47,12 +115,7 @@ fn position(#[comptime] s: Sizes) -> usize {
 }
 
 /// Sums `parts` of `[parts][taps x maps in][maps out]` into weights `[maps out][maps in][taps]`.
-pub(crate) fn sum_parts(
-    client: &Client,
-    shape: &BlockShape,
-    parts: usize,
-    partial: &(Handle, usize),
-) -> Handle {
+fn sum_parts(client: &Client, shape: &BlockShape, parts: usize, partial: &Buffer) -> Handle {
     let out = floats(client, shape.weight_len());
     let sizes = Sizes::of(shape, out.1, parts);
     // SAFETY: lengths are those of the buffers, and the kernel stays inside of `sizes`.
@@ -87,7 +150,7 @@ fn sum_weights(partial: &[f32], out: &mut [f32], #[comptime] s: Sizes) {
 }
 
 /// Adds up what each position gives to each tap, `[positions][taps][maps in]`, into the gradient of the input `[positions][maps in]`.
-pub(crate) fn gather(client: &Client, shape: &BlockShape, shares: &(Handle, usize)) -> Handle {
+fn gather(client: &Client, shape: &BlockShape, shares: &Buffer) -> Handle {
     let out = floats(client, shape.input_len());
     let sizes = Sizes::of(shape, out.1, 1);
     // SAFETY: lengths are those of the buffers, and the kernel stays inside of `sizes`.

@@ -14,6 +14,7 @@ mod first_layer;
 mod matrix;
 mod norm;
 mod product;
+mod spectral;
 mod tables;
 
 pub use adam::adam_update;

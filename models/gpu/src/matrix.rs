@@ -1,6 +1,7 @@
 //! Matrices that a product reads and writes, each a rule from indices to a place in a buffer.
 
 use cubecl::prelude::*;
+use tactnet_conv::BlockShape;
 
 /// Sizes that the rules use. What each means is said there; those that a rule does not name do not matter to it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -29,6 +30,29 @@ pub(crate) struct Layout {
     pub(crate) neighbours: usize,
     /// Whether taps count backwards.
     pub(crate) mirrored: bool,
+}
+
+impl Layout {
+    /// Of a matrix that lies there as it is.
+    pub(crate) fn in_order(rows: usize, columns: usize) -> Self {
+        Self {
+            rows,
+            columns,
+            ..Self::default()
+        }
+    }
+
+    /// Of a block's maps: those that come in, and as others those that go out.
+    pub(crate) fn of(shape: &BlockShape) -> Self {
+        Self {
+            steps: shape.steps,
+            taxels: shape.taxels,
+            maps: shape.maps_in,
+            others: shape.maps_out,
+            kernel: shape.kernel,
+            ..Self::default()
+        }
+    }
 }
 
 /// A matrix for each member of a batch.

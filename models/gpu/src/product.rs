@@ -2,9 +2,9 @@
 
 use cubecl::client::Client;
 use cubecl::prelude::*;
-use cubecl::server::Handle;
 
-use crate::matrix::{Layout, Matrix, Store};
+use crate::device::{Buffer, buffer};
+use crate::matrix::{Layout, Matrix, Store, Transposed};
 
 /// Most cubes along one axis of a launch that every GPU takes.
 const AXIS: usize = 65_535;
@@ -37,21 +37,74 @@ impl Tile {
     }
 }
 
+/// One side of a product.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) struct Side {
+    layout: Layout,
+    /// Whether neighbours along the depth lie side by side in memory, else along rows or columns.
+    along_depth: bool,
+}
+
+impl Side {
+    /// A side whose neighbours along the depth lie side by side in memory.
+    pub(crate) fn along_depth(layout: Layout) -> Self {
+        Self {
+            layout,
+            along_depth: true,
+        }
+    }
+
+    /// A side whose neighbours along rows or columns lie side by side in memory.
+    pub(crate) fn across(layout: Layout) -> Self {
+        Self {
+            layout,
+            along_depth: false,
+        }
+    }
+}
+
 /// What a product multiplies: sizes, and the rules' own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) struct Problem {
-    pub(crate) members: usize,
-    pub(crate) rows: usize,
-    pub(crate) columns: usize,
-    pub(crate) depth: usize,
-    /// Parts of the depth that are summed apart, each a member of the result.
-    pub(crate) parts: usize,
-    pub(crate) left: Layout,
-    pub(crate) right: Layout,
-    pub(crate) out: Layout,
-    /// Whether neighbours along the depth lie side by side in memory (else along rows or columns).
-    pub(crate) left_along_depth: bool,
-    pub(crate) right_along_depth: bool,
+    rows: usize,
+    depth: usize,
+    columns: usize,
+    left: Side,
+    right: Side,
+    members: usize,
+    parts: usize,
+    out: Layout,
+}
+
+impl Problem {
+    /// `[rows][depth]` by `[depth][columns]`, into a matrix that lies in order.
+    pub(crate) fn of([rows, depth, columns]: [usize; 3], left: Side, right: Side) -> Self {
+        Self {
+            rows,
+            depth,
+            columns,
+            left,
+            right,
+            members: 1,
+            parts: 1,
+            out: Layout::in_order(rows, columns),
+        }
+    }
+
+    /// The same for as many matrices.
+    pub(crate) fn members(self, members: usize) -> Self {
+        Self { members, ..self }
+    }
+
+    /// With the depth cut into `parts`, each summed apart as a member of the result.
+    pub(crate) fn parts(self, parts: usize) -> Self {
+        Self { parts, ..self }
+    }
+
+    /// With entries stored by a rule with `out`.
+    pub(crate) fn into(self, out: Layout) -> Self {
+        Self { out, ..self }
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -68,9 +121,9 @@ struct Plan {
 pub(crate) fn product<L: Matrix, R: Matrix, S: Store>(
     client: &Client,
     problem: Problem,
-    left: (&Handle, usize),
-    right: (&Handle, usize),
-    out: (&Handle, usize),
+    left: &Buffer,
+    right: &Buffer,
+    out: &Buffer,
 ) {
     let tile = Tile::of(problem.rows);
     let column_tiles = problem.columns.div_ceil(tile.columns);
@@ -98,9 +151,9 @@ pub(crate) fn product<L: Matrix, R: Matrix, S: Store>(
             client,
             count,
             CubeDim::new_1d(tile.units() as u32),
-            BufferArg::from_raw_parts(left.0.clone(), left.1),
-            BufferArg::from_raw_parts(right.0.clone(), right.1),
-            BufferArg::from_raw_parts(out.0.clone(), out.1),
+            buffer(left),
+            buffer(right),
+            buffer(out),
             plan,
         );
     }
@@ -150,20 +203,28 @@ fn multiply<L: Matrix, R: Matrix, S: Store>(
         #[unroll]
         for i in 0..loads_l {
             let e = unit + i * units;
-            let (k, row) = split(e, rows, p.left_along_depth);
+            let (k, row) = split(e, rows, p.left.along_depth);
             if comptime!((i + 1) * units <= rows * DEPTH) || e < comptime!(rows * DEPTH) {
                 let first = first_row + row * FOUR;
-                tile_l[k * pitch_l + row] = rows_at::<L>(left, member, first, at + k, end, p);
+                tile_l[k * pitch_l + row] =
+                    four_of::<L>(left, member, first, at + k, end, p.rows, p.left.layout);
             }
         }
         #[unroll]
         for i in 0..loads_r {
             let e = unit + i * units;
-            let (k, column) = split(e, columns, p.right_along_depth);
+            let (k, column) = split(e, columns, p.right.along_depth);
             if comptime!((i + 1) * units <= columns * DEPTH) || e < comptime!(columns * DEPTH) {
                 let first = first_column + column * FOUR;
-                tile_r[k * pitch_r + column] =
-                    columns_at::<R>(right, member, at + k, first, end, p);
+                tile_r[k * pitch_r + column] = four_of::<Transposed<R>>(
+                    right,
+                    member,
+                    first,
+                    at + k,
+                    end,
+                    p.columns,
+                    p.right.layout,
+                );
             }
         }
         sync_cube();
@@ -193,44 +254,23 @@ fn multiply<L: Matrix, R: Matrix, S: Store>(
     }
 }
 
-/// Four rows of one column of the left side; zeros beyond its edges.
+/// Four rows of one column, zeros beyond the last row and column.
 #[cube]
-fn rows_at<L: Matrix>(
-    left: &[f32],
+fn four_of<M: Matrix>(
+    data: &[f32],
     member: usize,
     row: usize,
-    k: usize,
-    end: usize,
-    #[comptime] p: Problem,
-) -> Quad {
-    let mut quad = Quad::new(0.0f32);
-    if k < end {
-        #[unroll]
-        for j in 0..FOUR {
-            if row + j < p.rows {
-                quad.insert(j, L::at(left, member, row + j, k, p.left));
-            }
-        }
-    }
-    quad
-}
-
-/// Four columns of one row of the right side; zeros beyond its edges.
-#[cube]
-fn columns_at<R: Matrix>(
-    right: &[f32],
-    member: usize,
-    k: usize,
     column: usize,
-    end: usize,
-    #[comptime] p: Problem,
+    last_column: usize,
+    #[comptime] rows: usize,
+    #[comptime] layout: Layout,
 ) -> Quad {
     let mut quad = Quad::new(0.0f32);
-    if k < end {
+    if column < last_column {
         #[unroll]
         for j in 0..FOUR {
-            if column + j < p.columns {
-                quad.insert(j, R::at(right, member, k, column + j, p.right));
+            if row + j < rows {
+                quad.insert(j, M::at(data, member, row + j, column, layout));
             }
         }
     }

@@ -171,9 +171,8 @@ const MANY_SWEEPS: usize = 50;
 impl RowPrior {
     /// Returns the prior for a network of which no held-out sweeps say what a new material costs.
     ///
-    /// Measured on networks of 10, 12, 24 and 40 training sweeps a material: over all materials a hundredth with a penalised bias is 0.4 to 19
-    /// points more accurate than a tenth, whose new material takes up to three quarters of the others' sweeps. With 80 training sweeps a tenth
-    /// is better (few-sweeps.md).
+    /// Measured on networks of 12, 24, 40 and 80 training sweeps a material (few-sweeps.md): up to 40 a hundredth with a penalised bias is 0 to 26
+    /// points more accurate over all materials than a tenth, whose new material takes sweeps of the others; with 80 a tenth is better.
     fn without_held_out(known: &TrainEmbeddings) -> Self {
         let mut materials = known.labels.clone();
         materials.sort_unstable();
