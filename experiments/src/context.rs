@@ -5,7 +5,7 @@ use rand::Rng;
 use tactnet_data::{Dataset, Seed, SweepView, TrainSplit};
 use tactnet_pipeline::{
     BatchReport, Classifier, ClassifierConfig, Embedding, ModelConfig, PipelineError, Recipe,
-    TactNetSetup, train_network,
+    TactNetSetup, train_network, train_siamese,
 };
 
 use crate::networks::FinishedNetworks;
@@ -64,6 +64,30 @@ impl StudyContext<'_> {
         train: &TrainSplit<'_>,
         seed: Seed,
     ) -> Result<Classifier, Cancelled> {
+        self.finished_or(what, train, seed, |go_on| {
+            train_network(self.recipe, train, seed, self.device, go_on)
+        })
+    }
+
+    /// The same on pairs: a Siamese network.
+    pub(crate) fn trained_on_pairs(
+        &self,
+        what: &str,
+        train: &TrainSplit<'_>,
+        seed: Seed,
+    ) -> Result<Classifier, Cancelled> {
+        self.finished_or(what, train, seed, |go_on| {
+            train_siamese(self.recipe, train, seed, self.device, go_on)
+        })
+    }
+
+    fn finished_or(
+        &self,
+        what: &str,
+        train: &TrainSplit<'_>,
+        seed: Seed,
+        fit: impl FnOnce(&dyn Fn(&BatchReport) -> bool) -> Result<Option<Classifier>, PipelineError>,
+    ) -> Result<Classifier, Cancelled> {
         self.say(what)?;
         let network = self.networks.next(&format!(
             "{what}, seed {}, data {}, sweeps {:?}\n{}",
@@ -78,8 +102,7 @@ impl StudyContext<'_> {
             return Ok(Classifier::new(config, &weights, self.device)?);
         }
         let go_on = |batch: &BatchReport| (self.go_on)(what, Some(batch));
-        let classifier = train_network(self.recipe, train, seed, self.device, go_on)?
-            .ok_or(Cancelled::Stopped)?;
+        let classifier = fit(&go_on)?.ok_or(Cancelled::Stopped)?;
         network.write(&classifier).map_err(Cancelled::Failed)?;
         Ok(classifier)
     }

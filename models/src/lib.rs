@@ -54,7 +54,7 @@ pub use left_out::left_out;
 pub use loss::cross_entropy;
 pub use mlp::{DenseWeights, Mlp, matrix};
 pub use ridge::{Gram, Ridge, default_penalties};
-pub use siamese::{contrastive_loss, distance, probability_of_difference};
+pub use siamese::{batch_contrastive_loss, contrastive_loss, distance, probability_of_difference};
 pub use streaming::StreamingNet;
 pub use svm::{Pair, PlattSigmoids, Svm, SvmSettings, fit_platt};
 pub use tactnet::{

@@ -3,8 +3,8 @@
 //! Tulbure & Bäuml, Humanoids 2018, figure 4b, after Koch et al., 2015: two identical, frozen networks, the distance between their
 //! outputs, and a small network from the distance to 'same' or 'different'.
 
-use burn::tensor::Tensor;
 use burn::tensor::activation::softmax;
+use burn::tensor::{Tensor, TensorData};
 
 use crate::Mlp;
 
@@ -32,6 +32,42 @@ pub fn contrastive_loss(distance: Tensor<2>, different: Tensor<2>, margin: f64) 
     (same * near + different * far).mean().mul_scalar(0.5)
 }
 
+/// Contrastive loss of all pairs of a batch, those of one material and those of two weighing half each, whatever their number. Distances
+/// are divided by the root of the width: the margin is in root mean squares of a unit.
+///
+/// - `embeddings`: `[sweeps, width]`
+/// - `labels`: `[sweeps]`
+///
+/// Returns the loss and the distances, `[sweeps, sweeps]`.
+pub fn batch_contrastive_loss(
+    embeddings: Tensor<2>,
+    labels: &[usize],
+    margin: f64,
+) -> (Tensor<1>, Tensor<2>) {
+    let [sweeps, width] = embeddings.dims();
+    assert_eq!(sweeps, labels.len(), "a label for every sweep");
+    let device = embeddings.device();
+    let lengths = (embeddings.clone() * embeddings.clone()).sum_dim(1);
+    let products = embeddings.clone().matmul(embeddings.transpose());
+    let squares = lengths.clone() + lengths.transpose() - products.mul_scalar(2.0);
+    let distances = (squares.div_scalar(width as f64).clamp_min(0.0) + FLOOR).sqrt();
+    let share = |different: bool| {
+        let takes = |i: usize, j: usize| i < j && (labels[i] != labels[j]) == different;
+        let rows = 0..sweeps;
+        let chosen = rows.flat_map(|i| (0..sweeps).map(move |j| f32::from(u8::from(takes(i, j)))));
+        let chosen: Vec<f32> = chosen.collect();
+        // Half of the weight of all pairs, half of which is the loss's own.
+        let each = 0.25 / chosen.iter().sum::<f32>().max(1.0);
+        let weights = chosen.into_iter().map(|one| one * each).collect::<Vec<_>>();
+        Tensor::<2>::from_data(TensorData::new(weights, [sweeps, sweeps]), &device)
+    };
+    let near = distances.clone() * distances.clone();
+    let short = (distances.clone().neg() + margin).clamp_min(0.0);
+    let far = short.clone() * short;
+    let loss = (share(false) * near + share(true) * far).sum();
+    (loss, distances)
+}
+
 /// Probability that the two differ, given their distances: `[pairs, inputs] -> [pairs, 1]`.
 ///
 /// As the last layer has two units and a softmax, this probability is the distance that the contrastive loss is applied to, with
@@ -51,7 +87,7 @@ mod tests {
     use super::*;
     use crate::{DenseWeights, Weights};
     use burn::optim::GradientsParams;
-    use burn::tensor::{Device, TensorData};
+    use burn::tensor::Device;
 
     /// `tests/golden/siamese_with_torch.py`
     struct Golden(Weights);
@@ -128,6 +164,60 @@ mod tests {
             golden.agrees(&format!("d_weight{index}"), weight);
             golden.agrees(&format!("d_bias{index}"), bias);
         }
+    }
+
+    #[test]
+    fn the_loss_of_a_batch_is_that_of_its_pairs_by_kind_and_has_their_gradient() {
+        let labels = [0, 1, 0, 2, 1];
+        let (width, margin) = (4, 0.9);
+        let rows: Vec<f32> = (0..20).map(|i| ((i * 37) % 17) as f32 / 9.0).collect();
+        let sweeps = |rows: &[f32]| {
+            let data = TensorData::new(rows.to_vec(), [rows.len() / width, width]);
+            Tensor::<2>::from_data(data, &Device::flex())
+                .autodiff()
+                .require_grad()
+        };
+        let batch = sweeps(&rows);
+        let (loss, distances) = batch_contrastive_loss(batch.clone(), &labels, margin);
+        let found: Vec<f32> = batch
+            .grad(&loss.backward())
+            .unwrap()
+            .into_data()
+            .try_into_vec()
+            .unwrap();
+
+        let whole = sweeps(&rows);
+        let row = |i: usize| whole.clone().narrow(0, i, 1);
+        let means = [false, true].map(|different| {
+            let pairs = (0..5).flat_map(|i| (i + 1..5).map(move |j| (i, j)));
+            let pairs: Vec<(usize, usize)> = pairs
+                .filter(|(i, j)| (labels[*i] != labels[*j]) == different)
+                .collect();
+            assert!(pairs.len() > 1);
+            let losses = pairs.iter().map(|&(i, j)| {
+                let apart = distance(row(i), row(j)).div_scalar((width as f64).sqrt());
+                let kind =
+                    Tensor::<2>::full([1, 1], f64::from(u8::from(different)), &whole.device());
+                contrastive_loss(apart, kind, margin)
+            });
+            Tensor::cat(losses.collect(), 0).mean()
+        });
+        let expected = (means[0].clone() + means[1].clone()).mul_scalar(0.5);
+        let apart = (expected.clone().inner() - loss.inner()).abs();
+        assert!(apart.into_scalar::<f32>() < 1e-6);
+        let gradient = whole.grad(&expected.backward()).unwrap();
+        let expected: Vec<f32> = gradient.into_data().try_into_vec().unwrap();
+        for (found, expected) in found.iter().zip(&expected) {
+            assert!((found - expected).abs() < 1e-5, "{found} {expected}");
+        }
+        assert_eq!(distances.dims(), [5, 5]);
+    }
+
+    #[test]
+    fn a_batch_of_one_material_has_a_loss_that_is_a_number() {
+        let rows = Tensor::<2>::ones([3, 2], &Device::flex());
+        let (loss, _) = batch_contrastive_loss(rows, &[1, 1, 1], 1.0);
+        assert!(loss.into_scalar::<f32>().abs() < 1e-6);
     }
 
     #[test]

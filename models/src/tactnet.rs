@@ -247,6 +247,8 @@ impl TactNetConfig {
 pub struct TrainingForward {
     /// `[batch, materials]`
     pub logits: Tensor<2>,
+    /// `[batch, hidden]`: what the output layer sees.
+    pub hidden: Tensor<2>,
     /// Statistics of every normalised layer, for [`TactNet::update_running_stats`].
     pub statistics: Vec<BatchStatistics>,
 }
@@ -323,7 +325,8 @@ impl TactNet {
         let (hidden, batch) = self.hidden.forward_train(flat_features(maps) * mask);
         statistics.push(batch);
         TrainingForward {
-            logits: self.output(hidden),
+            logits: self.output(hidden.clone()),
+            hidden,
             statistics,
         }
     }

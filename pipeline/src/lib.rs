@@ -48,7 +48,7 @@ pub use network::fit_mlp::{
 pub use network::novelty::{NoveltyScore, NoveltyScorer};
 pub use network::objective::{AdversarialOutcome, Pass, Perturbation, adversarial_pass, base_pass};
 pub use network::train_embeddings::TrainEmbeddings;
-pub use network::train_network::train_network;
+pub use network::train_network::{train_network, train_siamese};
 pub use network::training::{BatchReport, Position, Training, TrainingState};
 pub use predict::by_method::serialize_by_method;
 pub use predict::calibration::{

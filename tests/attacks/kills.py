@@ -5,7 +5,7 @@
 
 Prints one JSON with a row for each attack: `target`, `executions` (kills), `panics`, `hangs`, `over_memory`, `lost`. A process that
 prints `panicked` counts as a panic, one that does not end or answer within a minute as a hang, work that ended before a kill and is
-another or gone after it as lost.
+another or gone after it as lost; so does a program that does not start again, which ends that attack.
 """
 
 import argparse
@@ -35,12 +35,17 @@ method = { kind = "base" }
 """
 
 
+class DoesNotStart(Exception):
+    """A program that is not ready, with what it said."""
+
+
 class Attack:
     """One row, and how processes are run for it."""
 
     def __init__(self, name, tactnet, work):
         self.tactnet, self.work = tactnet, work
         self.row = {"target": name, "executions": 0, "panics": 0, "hangs": 0, "over_memory": 0, "lost": 0}
+        self.started = []
 
     def start(self, *arguments, ready=False):
         log = open(self.work / "log", "w+")
@@ -48,16 +53,24 @@ class Attack:
             [self.tactnet, *map(str, arguments)], cwd=self.work, stdout=subprocess.PIPE if ready else log, stderr=log, start_new_session=True
         )
         process.log = log
+        self.started.append(process)
         if ready:
             line = process.stdout.readline()
             if line != b"ready\n":
-                raise RuntimeError(f"{arguments}: {line!r} {self.said(process)}")
+                raise DoesNotStart(f"{' '.join(map(str, arguments))}: {line!r} {self.said(process)}")
         return process
 
     def said(self, process):
         process.log.flush()
         process.log.seek(0)
         return process.log.read()
+
+    def end(self):
+        """Leaves nothing behind, however the attack ended."""
+        for process in self.started:
+            if process.poll() is None:
+                process.kill()
+                process.wait()
 
     def kill(self, process):
         """As the kernel kills one when memory is short: it, not its children."""
@@ -291,8 +304,16 @@ def main():
             kills = arguments.channel_kills if name == "kill channels" and arguments.channel_kills else arguments.kills
             begun = time.monotonic()
             print(f"{name} …", file=sys.stderr, flush=True)
-            attack_with(attack, kills, random.Random(f"{name} {arguments.seed}"))
+            try:
+                attack_with(attack, kills, random.Random(f"{name} {arguments.seed}"))
+            except DoesNotStart as error:
+                attack.row["lost"] += 1
+                print(error, file=sys.stderr)
+            finally:
+                attack.end()
             attack.row["seconds"] = round(time.monotonic() - begun, 1)
+            # The others may take hours.
+            print(json.dumps(attack.row), file=sys.stderr, flush=True)
             rows.append(attack.row)
     print(json.dumps({"schema_version": 1, "seed": arguments.seed, "rows": rows}, indent=2))
     return 1 if any(row[key] for row in rows for key in ("panics", "hangs", "over_memory", "lost")) else 0

@@ -139,6 +139,8 @@ pub(super) fn study() -> Summary {
             methods: vec![],
             new_materials: 6,
             scratch_folds: 1,
+            scratch_steps: 300,
+            scratch_learning_rate: None,
         }),
         comparisons: vec![Comparison {
             first: rows[6].key.clone(),

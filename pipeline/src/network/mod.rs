@@ -8,6 +8,7 @@ pub(crate) mod in_pool;
 pub(crate) mod network_scorer;
 pub(crate) mod novelty;
 pub(crate) mod objective;
+pub(crate) mod pairs_pass;
 pub(crate) mod train_embeddings;
 pub(crate) mod train_network;
 pub(crate) mod training;

@@ -61,12 +61,49 @@ pub fn train_network(
     device: &Device,
     go_on: impl FnMut(&BatchReport) -> bool,
 ) -> Result<Option<Classifier>, PipelineError> {
+    train_whole(recipe, train, seed, device, |training| training, go_on)
+}
+
+/// Trains a network on pairs of sweeps, so that those of one material come close to each other in its embedding: a Siamese network (Koch
+/// et al., 2015). Its output layer has learnt nothing. `None` when `go_on` said no.
+///
+/// - `go_on`: called after every batch, whose accuracy is the share of sweeps with a nearest neighbour of their own material in the
+///   batch; false stops the training, whose work is then lost
+///
+/// # Errors
+/// A training set without sweeps, a setting out of range, a loss that is not finite.
+pub fn train_siamese(
+    recipe: &Recipe,
+    train: &TrainSplit<'_>,
+    seed: Seed,
+    device: &Device,
+    go_on: impl FnMut(&BatchReport) -> bool,
+) -> Result<Option<Classifier>, PipelineError> {
+    train_whole(
+        recipe,
+        train,
+        seed,
+        device,
+        |training| training.on_pairs(),
+        go_on,
+    )
+}
+
+fn train_whole(
+    recipe: &Recipe,
+    train: &TrainSplit<'_>,
+    seed: Seed,
+    device: &Device,
+    objective: impl FnOnce(Training<'_>) -> Training<'_>,
+    go_on: impl FnMut(&BatchReport) -> bool,
+) -> Result<Option<Classifier>, PipelineError> {
     let recipe = &recipe.for_sweeps(train.len());
     let setup = TactNetSetup::fit(recipe, train);
     let model = ModelConfig::TactNet2(setup.clone());
     let config = ClassifierConfig::new(model, train, seed);
     let network = config.network_config(&setup)?;
-    let mut training = Training::start(recipe, train, &setup.normalizer, &network, seed, device)?;
+    let training = Training::start(recipe, train, &setup.normalizer, &network, seed, device)?;
+    let mut training = objective(training);
     if !train_batches(&mut training, None, go_on)? {
         return Ok(None);
     }
@@ -119,6 +156,60 @@ mod tests {
             .iter()
             .map(|(name, tensor)| (name, &tensor.values));
         all.partition(|(name, _)| name.contains("running"))
+    }
+
+    /// Mean distance of test sweeps of two materials over that of one, in the embedding.
+    fn apart(classifier: &Classifier, fold: &Fold<'_>) -> f64 {
+        let embedding = classifier.embed(&fold.test).unwrap();
+        let (hidden, labels) = (&embedding.hidden, &embedding.labels);
+        let mut sums = [(0.0, 0); 2];
+        for i in 0..labels.len() {
+            for j in 0..i {
+                let squares = hidden.row(i).iter().zip(hidden.row(j));
+                let square: f32 = squares.map(|(a, b)| (a - b).powi(2)).sum();
+                let (sum, count) = &mut sums[usize::from(labels[i] != labels[j])];
+                *sum += f64::from(square).sqrt();
+                *count += 1;
+            }
+        }
+        let [same, different] = sums.map(|(sum, count)| sum / f64::from(count));
+        different / same
+    }
+
+    #[test]
+    fn a_siamese_network_brings_unseen_sweeps_of_one_material_close() {
+        let twin = generate(&TwinConfig {
+            materials: 4,
+            sweeps: 30,
+            steps: 100,
+            ..TwinConfig::default()
+        })
+        .unwrap();
+        let recipe = |epochs: usize| {
+            let text = format!(
+                "name = \"small\"\nnetwork = {{ maps = [4, 8], hidden = 16, keep_probability = 0.8 }}\n\
+                 [training]\nepochs = {epochs}\nbatch = 24\nlearning_rate = 0.005\nmethod = {{ kind = \"base\" }}\n"
+            );
+            Recipe::parse("small", &text).unwrap()
+        };
+        let fold = Fold::new(&twin, Scheme::default(), Seed(1), 0, 0).unwrap();
+        let device = Compute::Cpu.open().unwrap();
+        let trained = |epochs: usize| {
+            train_siamese(&recipe(epochs), &fold.train, Seed(1), &device, |_| true)
+                .unwrap()
+                .unwrap()
+        };
+        let (one, many) = (trained(1), trained(30));
+        let [before, after] = [&one, &many].map(|classifier| apart(classifier, &fold));
+        assert!(after > 1.5 * before, "{before} {after}");
+        let [untouched, still] =
+            [one, many].map(|classifier| classifier.network().unwrap().output_layer().weights);
+        assert_eq!(untouched, still);
+        assert!(
+            train_siamese(&recipe(1), &fold.train, Seed(1), &device, |_| false)
+                .unwrap()
+                .is_none()
+        );
     }
 
     #[test]

@@ -10,6 +10,7 @@ use tactnet_models::{TactNet, TactNetConfig, Weights, dropout_masks, spare_memor
 use crate::network::adam::FusedAdam;
 use crate::network::in_pool::in_pool;
 use crate::network::objective::{Perturbation, adversarial_pass, base_pass};
+use crate::network::pairs_pass::pairs_pass;
 use crate::{
     AdversarialMask, AdversarialStatistics, Normalizer, PipelineError, Recipe, TrainingMethod,
 };
@@ -83,6 +84,8 @@ pub struct Training<'a> {
     net: Option<TactNet>,
     optimizer: ModuleOptimizer,
     position: Position,
+    /// Pairs are learnt, not materials.
+    on_pairs: bool,
     /// Epoch and batch of the last step, counted from 0, for messages.
     last: (usize, usize),
 }
@@ -119,8 +122,18 @@ impl<'a> Training<'a> {
             net: Some(net),
             optimizer: adam(recipe),
             position: Position::default(),
+            on_pairs: false,
             last: (0, 0),
         })
+    }
+
+    /// Brings sweeps of one material close to each other and keeps others apart, whatever the recipe's method: a Siamese network. The
+    /// output layer stays as it was drawn.
+    pub(crate) fn on_pairs(self) -> Self {
+        Self {
+            on_pairs: true,
+            ..self
+        }
     }
 
     /// Continues from `state`.
@@ -196,6 +209,10 @@ impl<'a> Training<'a> {
         let mask = |stream| self.mask(stream, positions.len());
 
         let pass = match self.recipe.training.method {
+            _ if self.on_pairs => {
+                let own: Vec<usize> = positions.iter().map(|p| self.train.label(*p)).collect();
+                pairs_pass(self.net(), sweeps, &own, mask("dropout"))
+            }
             TrainingMethod::Base => base_pass(self.net(), sweeps, labels, mask("dropout")),
             TrainingMethod::Adversarial {
                 alpha,

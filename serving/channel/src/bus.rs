@@ -20,10 +20,7 @@ use crate::{
 };
 
 /// How long the places of dead clients may take to become free.
-const CLEARING_UP: Duration = Duration::from_secs(4);
-/// How long the hub clears up after one dead client, which nobody sees any more meanwhile.
-const CLEARING_UP_ONE: Duration = Duration::from_millis(100);
-
+pub(crate) const CLEARING_UP: Duration = Duration::from_secs(4);
 /// Which components a bus connects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Domain {
@@ -347,40 +344,12 @@ pub(crate) fn node<S: Service>(config: &Config) -> Result<Node<S>, ChannelError>
         .map_err(|error| ChannelError::transport("node", format!("{error:?}")))
 }
 
-type Channel<S> =
+pub(crate) type Channel<S> =
     iceoryx2::service::port_factory::publish_subscribe::PortFactory<S, [Block], Header>;
 
 pub(crate) fn service_name(id: ChannelId) -> Result<ServiceName, ChannelError> {
     ServiceName::new(id.as_str()?)
         .map_err(|error| ChannelError::transport(id, format!("{error:?}")))
-}
-
-/// Creates a port; where all places are taken, waits while dead clients hold some, which only the hub clears up: a client that is killed while
-/// it did so would leave a place that nobody can free (iceoryx2 0.10 skips a port whose tag is gone and forgets its node).
-pub(crate) fn create_port<S: Service, P, E>(
-    channel: &Channel<S>,
-    is_full: impl Fn(&E) -> bool,
-    mut create: impl FnMut() -> Result<P, E>,
-) -> Result<P, E> {
-    let begun = Instant::now();
-    let mut seen = begun;
-    loop {
-        let created = create();
-        if !created.as_ref().is_err_and(&is_full) {
-            return created;
-        }
-        // Unreadable states count as living.
-        let _ = channel.nodes(|node| {
-            if matches!(node, NodeState::Dead(_)) {
-                seen = Instant::now();
-            }
-            CallbackProgression::Continue
-        });
-        if seen.elapsed() > CLEARING_UP_ONE || begun.elapsed() > CLEARING_UP {
-            return created;
-        }
-        std::thread::sleep(Duration::from_millis(10));
-    }
 }
 
 /// Opens a channel of the hub.

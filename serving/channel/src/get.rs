@@ -9,7 +9,8 @@ use std::time::{Duration, Instant};
 use iceoryx2::port::ReceiveError;
 use iceoryx2::port::subscriber::SubscriberCreateError;
 
-use crate::bus::{Opened, create_port};
+use crate::bus::Opened;
+use crate::create_port::{Side, create_port};
 use crate::failed_connections::FailedConnections;
 use crate::transport::{AnySample, AnySubscriber, Either, both};
 use crate::wake_event::WakeEvent;
@@ -103,7 +104,7 @@ impl<T: Packet> GetPort<T> {
                 let is_full = |error: &SubscriberCreateError| {
                     *error == SubscriberCreateError::ExceedsMaxSupportedSubscribers
                 };
-                create_port($channel, is_full, || {
+                create_port($channel, Side::Get, is_full, || {
                     $channel
                         .subscriber_builder()
                         .history_request(history)

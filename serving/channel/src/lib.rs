@@ -11,6 +11,7 @@
 #[cfg(feature = "zenoh")]
 mod bridge;
 mod bus;
+mod create_port;
 mod description;
 mod error;
 mod failed_connections;

@@ -12,7 +12,8 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::BackpressureStrategy;
 use parking_lot::Mutex;
 
-use crate::bus::{Opened, create_port};
+use crate::bus::Opened;
+use crate::create_port::{Side, create_port};
 use crate::failed_connections::FailedConnections;
 use crate::memory_folder::free_memory;
 use crate::packet::{Block, blocks};
@@ -72,7 +73,7 @@ impl<T: Packet> PutPort<T> {
                 let is_full = |error: &PublisherCreateError| {
                     *error == PublisherCreateError::ExceedsMaxSupportedPublishers
                 };
-                create_port($channel, is_full, || {
+                create_port($channel, Side::Put, is_full, || {
                     $channel
                         .publisher_builder()
                         .initial_max_slice_len(blocks(config.packet_bytes()))

@@ -18,7 +18,7 @@ use crate::commands::choices::DeviceChoice;
     Fields for --set: data, models, levels, steps (a value or a list), seed, epochs, device, search.trials, and those of the question. Of a \
     cross-validation: split, probes (a value or a list), folds (how many of the five random folds are trained), runs (1 or 2), groups. Of the others: \
     splits (draws of new materials, or of the 2 x 5 folds), shots (sweeps that nshot and enrolment learn from, or behind a decision of the \
-    others), new_materials, methods (nshot: nk, ol, ol-fcl, ol-mean, nn, siamese, simpleshot, lda, tuned-ol, whitened-ol). `tactnet experiment show \
+    others), new_materials, methods (nshot: nk, ol, ol-fcl, ol-mean, nn, siamese, siamese-full, simpleshot, lda, tuned-ol, whitened-ol). `tactnet experiment show \
     NAME` prints a whole recipe.\n\n\
     With --engine slurm, folder and program must lie under the same path on every node.")]
 pub struct RunArgs {

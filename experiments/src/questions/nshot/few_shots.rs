@@ -76,7 +76,9 @@ impl FewShots<'_> {
                 );
                 largest(head.scores(&queries.hidden))
             }
-            TransferMethod::Nn => nearest(support, labels, &queries.hidden),
+            TransferMethod::Nn | TransferMethod::SiameseFull => {
+                nearest(support, labels, &queries.hidden)
+            }
             TransferMethod::Siamese => {
                 let layers = self
                     .knowledge

@@ -16,8 +16,10 @@ pub enum TransferMethod {
     OlMean,
     /// Nearest neighbour in the embedding (4.6.2).
     Nn,
-    /// Nearest neighbour in an embedding whose dense layer was trained on pairs (4.6.2; Koch et al., 2015).
+    /// Nearest neighbour in an embedding whose dense layer was trained on pairs.
     Siamese,
+    /// Nearest neighbour in the embedding of a network that was trained on pairs alone (4.6.2; Koch et al., 2015).
+    SiameseFull,
     /// Nearest class mean, centred and normalised (Wang et al., 2019).
     Simpleshot,
     /// Nearest class mean after whitening with the knowledge classes' covariance (linear discriminant analysis).
@@ -30,13 +32,14 @@ pub enum TransferMethod {
 
 impl TransferMethod {
     /// All of them, those of the thesis first.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Nk,
         Self::Ol,
         Self::OlFcl,
         Self::OlMean,
         Self::Nn,
         Self::Siamese,
+        Self::SiameseFull,
         Self::Simpleshot,
         Self::Lda,
         Self::TunedOl,
@@ -52,6 +55,7 @@ impl TransferMethod {
             Self::OlMean => "ol-mean",
             Self::Nn => "nn",
             Self::Siamese => "siamese",
+            Self::SiameseFull => "siamese-full",
             Self::Simpleshot => "simpleshot",
             Self::Lda => "lda",
             Self::WhitenedOl => "whitened-ol",

@@ -13,8 +13,6 @@ use crate::pairs::random_pairs;
 use crate::result::Answer;
 use crate::{Measure, Measurement};
 
-/// Steps of the optimiser, about, when a whole network learns few sweeps; one epoch of a single batch is one step.
-const SCRATCH_STEPS: usize = 300;
 /// Pairs that the Siamese embedding is trained on.
 const PAIRS: usize = 20_000;
 
@@ -26,6 +24,8 @@ pub(super) struct Knowledge {
     pub(super) whitening: Whitening,
     pub(super) tuned: Tuned,
     pub(super) siamese: Option<Vec<DenseWeights>>,
+    /// A network that was trained on pairs from the beginning.
+    pub(super) siamese_full: Option<Classifier>,
 }
 
 pub(super) fn transfer(task: &Nshot, context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
@@ -38,6 +38,10 @@ pub(super) fn transfer(task: &Nshot, context: &StudyContext<'_>) -> Result<Answe
     let knowledge = learn(task, context, &split)?;
     let everything = SweepView::all(&split.new);
     let whole = embedded(&knowledge.classifier, &everything)?;
+    let by_pairs = match &knowledge.siamese_full {
+        Some(classifier) => Some(embedded(classifier, &everything)?),
+        None => None,
+    };
     // Draws deal folds and shots of their own, which all methods share.
     let own = context.seed_for("folds of new materials", context.part.stream());
     let folds: Vec<Fold<'_>> = (0..FOLDS)
@@ -62,7 +66,9 @@ pub(super) fn transfer(task: &Nshot, context: &StudyContext<'_>) -> Result<Answe
             let mut right = 0;
             let mut decisions = 0;
             let answers: Vec<Result<Vec<usize>, Cancelled>> = if method == TransferMethod::Nk {
-                own.iter().map(|fold| from_scratch(context, fold)).collect()
+                own.iter()
+                    .map(|fold| from_scratch(task, context, fold))
+                    .collect()
             } else {
                 let (recipe, device) = (context.recipe, context.device);
                 let seeds: Vec<Seed> = (0..FOLDS)
@@ -72,6 +78,11 @@ pub(super) fn transfer(task: &Nshot, context: &StudyContext<'_>) -> Result<Answe
                     .collect();
                 own.par_iter()
                     .map(|fold| {
+                        // Of the network that the method looks for neighbours with.
+                        let whole = match (method, &by_pairs) {
+                            (TransferMethod::SiameseFull, Some(by_pairs)) => by_pairs,
+                            _ => &whole,
+                        };
                         let support = whole.part(&everything, &fold.train);
                         let queries = whole.part(&everything, &fold.test);
                         let few = FewShots {
@@ -159,7 +170,14 @@ fn learn(
     } else {
         None
     };
+    let siamese_full = if task.methods().contains(&TransferMethod::SiameseFull) {
+        let seed = context.seed_for("network trained on pairs", context.part.stream());
+        Some(context.trained_on_pairs("network trained on pairs", &fold.train, seed)?)
+    } else {
+        None
+    };
     Ok(Knowledge {
+        siamese_full,
         prior,
         centre,
         whitening,
@@ -209,10 +227,19 @@ fn siamese_layers(
 }
 
 /// A network trained on the few sweeps alone: its answers to the test sweeps.
-fn from_scratch(context: &StudyContext<'_>, fold: &Fold<'_>) -> Result<Vec<usize>, Cancelled> {
+fn from_scratch(
+    task: &Nshot,
+    context: &StudyContext<'_>,
+    fold: &Fold<'_>,
+) -> Result<Vec<usize>, Cancelled> {
     let batches = fold.train.len().div_ceil(context.recipe.training.batch);
     let mut recipe: Recipe = context.recipe.clone();
-    recipe.training.epochs = (SCRATCH_STEPS / batches).max(recipe.training.epochs);
+    // Of the task's own steps.
+    recipe.training.least_steps = None;
+    recipe.training.epochs = (task.scratch_steps / batches).max(recipe.training.epochs);
+    if let Some(rate) = task.scratch_learning_rate {
+        recipe.training.learning_rate = rate;
+    }
     let scratch = StudyContext {
         recipe: &recipe,
         ..*context

@@ -22,6 +22,9 @@ use crate::timing::Ablation;
 /// Without the inertial unit, the head is where kinematics put it, to a tenth of a millimetre, as a tracker is told that knows no better.
 const KINEMATIC_VARIANCE: f64 = 1e-8;
 
+/// Circles of a picture that are no balls, with the world's surroundings (`tactnet catch detect-bench`).
+const CLUTTER_OF_PICTURES: f64 = 24.0;
+
 /// Sensors, pose estimator and tracker with their delays.
 pub(crate) struct Perception {
     robot: Robot,
@@ -92,6 +95,9 @@ impl Perception {
             track.drag = [1e-9, 1e-9];
             track.drag_walk = 1e-9;
             (track.lift, track.lift_walk) = (1e-9, 1e-9);
+        }
+        if config.pixels {
+            track.clutter = CLUTTER_OF_PICTURES;
         }
         let description = config.robot.description();
         Ok(Self {

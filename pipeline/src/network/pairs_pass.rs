@@ -1,0 +1,70 @@
+//! The objective of a Siamese network: sweeps of one material close to each other, others apart (Koch et al., 2015).
+
+use burn::optim::GradientsParams;
+use burn::tensor::Tensor;
+use tactnet_models::{TactNet, batch_contrastive_loss, values};
+
+use super::objective::Pass;
+
+/// Distance that sweeps of two materials shall keep, in root mean squares of a unit: what a rectified, normalised unit has.
+const MARGIN: f64 = 1.0;
+
+/// Contrastive loss of all pairs of a batch on what the output layer sees, which itself learns nothing. `Pass::correct` counts sweeps
+/// whose nearest neighbour in the batch is of their material.
+///
+/// - `sweeps`: `[batch, 1, steps, taxels]` without autodiff
+/// - `labels`: `[batch]`
+/// - `mask`: `[batch, features]` dropout mask
+pub(crate) fn pairs_pass(
+    net: &TactNet,
+    sweeps: Tensor<4>,
+    labels: &[usize],
+    mask: Tensor<2>,
+) -> Pass {
+    let forward = net.forward_train(sweeps.autodiff(), mask);
+    let (loss, distances) = batch_contrastive_loss(forward.hidden, labels, MARGIN);
+    let mut gradients = loss.backward();
+    let gradients = GradientsParams::from_module(&mut gradients, net);
+    let read = values(Tensor::cat(
+        vec![
+            loss.without_autodiff(),
+            distances.without_autodiff().flatten(0, 1),
+        ],
+        0,
+    ));
+    Pass {
+        gradients,
+        statistics: forward.statistics,
+        adversarial: None,
+        loss: f64::from(read[0]),
+        correct: near_their_own(&read[1..], labels),
+    }
+}
+
+/// - `distances`: `[sweeps][sweeps]`
+fn near_their_own(distances: &[f32], labels: &[usize]) -> usize {
+    let rows = distances.chunks_exact(labels.len()).enumerate();
+    rows.filter(|(own, row)| {
+        let others = (0..labels.len()).filter(|other| other != own);
+        let nearest = others.min_by(|a, b| row[*a].total_cmp(&row[*b]));
+        nearest.is_some_and(|nearest| labels[nearest] == labels[*own])
+    })
+    .count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sweep_is_right_where_its_nearest_neighbour_is_of_its_material() {
+        let distances = [
+            0.0, 1.0, 2.0, 9.0, //
+            1.0, 0.0, 3.0, 9.0, //
+            2.0, 3.0, 0.0, 9.0, //
+            9.0, 9.0, 8.0, 0.0,
+        ];
+        assert_eq!(near_their_own(&distances, &[0, 0, 1, 1]), 3);
+        assert_eq!(near_their_own(&[0.0], &[0]), 0);
+    }
+}
