@@ -81,8 +81,8 @@ fn n_shot_transfer_measures_every_method_the_same_way_however_many_threads() {
     one.args(["--jobs", "1"]);
     let one = summary(one);
     assert_eq!(one["rows"], two["rows"], "threads change nothing");
-    // Ten methods; no material has 40 training sweeps.
-    assert_eq!(rows(&one).len(), 20);
+    // Eleven methods; no material has 40 training sweeps.
+    assert_eq!(rows(&one).len(), 22);
     for row in rows(&one) {
         let at = |field: &str| row[field].as_f64().unwrap();
         assert_eq!(row["n"], 2, "two draws of the materials");
@@ -108,8 +108,8 @@ fn n_shot_transfer_measures_every_method_the_same_way_however_many_threads() {
             .filter(move |row| row["shots"] == shots)
             .count()
     };
-    assert_eq!((methods(1), methods(3)), (10, 10));
-    assert_eq!(one["comparisons"].as_array().unwrap().len(), 18);
+    assert_eq!((methods(1), methods(3)), (11, 11));
+    assert_eq!(one["comparisons"].as_array().unwrap().len(), 20);
     let page = String::from_utf8(lab.read("one/report.html")).unwrap();
     assert!(page.contains("Methods of the thesis: accuracy against shots"));
     let again = expect(0, study(&lab, "nshot", &NSHOT, "one"));
