@@ -14,4 +14,5 @@ pub(crate) mod online;
 pub(crate) mod overlap;
 pub(crate) mod predictions;
 pub(crate) mod runtime;
+pub(crate) mod same;
 pub(crate) mod verdicts;

@@ -1,7 +1,9 @@
 //! The ways to tell whether two sweeps differ.
 
 use tactnet_models::{Features, LinearHead, Mlp, WeightPrior, argmax};
-use tactnet_pipeline::{Embedding, SweepPair, predict_difference};
+use tactnet_pipeline::{
+    Embedding, SweepPair, predict_difference, probability_of_different_materials,
+};
 
 use crate::context::Cancelled;
 
@@ -77,25 +79,13 @@ impl PairScorer {
             Self::Bayes => {
                 let log_p = embedding.log_probabilities();
                 let each = pairs.iter();
-                each.map(|pair| different(&log_p[pair.first], &log_p[pair.second]))
-                    .collect()
+                each.map(|pair| {
+                    probability_of_different_materials(&log_p[pair.first], &log_p[pair.second])
+                })
+                .collect()
             }
         }
     }
-}
-
-/// Returns the probability that two sweeps are of different materials, given the posterior of each: `s = sum_m a_m b_m` is the chance that
-/// labels drawn from both agree, which they do with a chance of `1 / K` where nothing is known; of pairs half are of one material.
-///
-/// With uniform priors `p(x_a, x_b | same) ~ s / K` and `p(x_a, x_b | different) ~ (1 - s) / (K (K - 1))`, so that
-///
-/// ```text
-/// P(different) = (1 - s) / ((1 - s) + (K - 1) s)
-/// ```
-pub(super) fn different(a: &[f64], b: &[f64]) -> f64 {
-    let same: f64 = a.iter().zip(b).map(|(a, b)| (a + b).exp()).sum();
-    let apart = (1.0 - same).max(0.0);
-    apart / (apart + (a.len() as f64 - 1.0) * same)
 }
 
 pub(super) fn scaled(mut features: Features, scale: f32) -> Features {
@@ -114,36 +104,4 @@ pub(super) fn threshold(train: &Embedding, pairs: &[SweepPair]) -> Result<PairSc
     Ok(PairScorer::Threshold(LinearHead::fit(
         &distances, &different, 2, &prior,
     )?))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn posteriors_that_say_nothing_leave_one_half() {
-        for materials in [2, 6, 36] {
-            let flat = vec![-(materials as f64).ln(); materials];
-            assert!((different(&flat, &flat) - 0.5).abs() < 1e-12, "{materials}");
-        }
-    }
-
-    /// The joint posterior of both labels, term by term, with half of the pairs of one material.
-    #[test]
-    fn the_rule_is_the_sum_over_all_pairs_of_labels() {
-        let logs = |p: [f64; 3]| p.map(f64::ln);
-        let (a, b) = ([0.7, 0.2, 0.1], [0.3, 0.3, 0.4]);
-        let (mut same, mut apart) = (0.0, 0.0);
-        for (i, a) in a.iter().enumerate() {
-            for (j, b) in b.iter().enumerate() {
-                if i == j {
-                    same += 0.5 / 3.0 * a * b;
-                } else {
-                    apart += 0.5 / 6.0 * a * b;
-                }
-            }
-        }
-        let found = different(&logs(a), &logs(b));
-        assert!((found - apart / (same + apart)).abs() < 1e-12, "{found}");
-    }
 }

@@ -1,0 +1,151 @@
+//! Are two objects of one material? Bayes's rule on what a classifier says of each.
+
+use std::fmt;
+
+use serde::Serialize;
+use tactnet_data::LabelSet;
+
+use crate::{ClassifiedObject, ClassifiedSweeps, PredictionMethod};
+
+/// Returns the probability that two objects are of different materials, given the logarithm of the posterior of each: `s = sum_m a_m b_m`
+/// is the chance that labels drawn from both agree, which they do with a chance of `1 / K` where nothing is known; of pairs half are of one
+/// material.
+///
+/// With uniform priors `p(x_a, x_b | same) ~ s / K` and `p(x_a, x_b | different) ~ (1 - s) / (K (K - 1))`, so that
+///
+/// ```text
+/// P(different) = (1 - s) / ((1 - s) + (K - 1) s)
+/// ```
+///
+/// - `a`, `b`: `[materials]`
+pub fn probability_of_different_materials(a: &[f64], b: &[f64]) -> f64 {
+    let same: f64 = a.iter().zip(b).map(|(a, b)| (a + b).exp()).sum();
+    let apart = (1.0 - same).max(0.0);
+    apart / (apart + (a.len() as f64 - 1.0) * same)
+}
+
+/// Two objects, and whether they are of one material.
+#[derive(Debug, Clone, Serialize)]
+pub struct SameMaterial {
+    /// Version of this layout.
+    pub schema_version: u32,
+    /// How the probabilities were computed.
+    pub method: PredictionMethod,
+    /// `[materials]`: the names that probabilities are in the order of.
+    pub materials: LabelSet,
+    /// Names of the two data sets.
+    pub data: [String; 2],
+    /// What the classifier says of each.
+    pub objects: [ClassifiedObject; 2],
+    /// Probability that both are of one material, before which same and different are equally likely. It holds for materials that the
+    /// classifier has learnt.
+    pub same: f64,
+    /// What is strange about the values of the sweeps.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub cautions: Vec<String>,
+}
+
+impl SameMaterial {
+    /// Of two sets of sweeps that were classified as one object each, by one classifier; `None` where one was not.
+    pub fn of(found: [ClassifiedSweeps; 2]) -> Option<Self> {
+        let [first, second] = found;
+        let objects = [first.object?, second.object?];
+        let [a, b] = objects.each_ref().map(|object| {
+            let rows = object.probabilities.iter();
+            rows.map(|p| p.ln()).collect::<Vec<f64>>()
+        });
+        Some(Self {
+            schema_version: 1,
+            method: first.method,
+            materials: first.materials,
+            data: [first.data, second.data],
+            same: 1.0 - probability_of_different_materials(&a, &b),
+            objects,
+            cautions: [first.caution, second.caution]
+                .into_iter()
+                .flatten()
+                .collect(),
+        })
+    }
+}
+
+impl fmt::Display for SameMaterial {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let width = self.data.iter().map(|name| name.chars().count()).max();
+        for (name, object) in self.data.iter().zip(&self.objects) {
+            let most = object.probabilities.iter().copied().fold(0.0, f64::max);
+            let sweeps = match object.sweeps {
+                1 => "1 sweep".to_string(),
+                n => format!("{n} sweeps"),
+            };
+            writeln!(
+                f,
+                "{name:0$}  {sweeps}, {1} with {2:.1} %",
+                width.unwrap_or(0),
+                object.material,
+                100.0 * most
+            )?;
+        }
+        let answer = if self.same >= 0.5 {
+            "same"
+        } else {
+            "different"
+        };
+        write!(
+            f,
+            "{answer}: of one material with {:.1} %",
+            100.0 * self.same
+        )?;
+        for (name, object) in self.data.iter().zip(&self.objects) {
+            if object.unknown == Some(true) {
+                write!(
+                    f,
+                    "\nwarning: {name} is most likely none of the materials that the classifier knows, so this says little"
+                )?;
+            }
+        }
+        for caution in &self.cautions {
+            write!(f, "\nwarning: {caution}")?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn logs(p: &[f64]) -> Vec<f64> {
+        p.iter().map(|p| p.ln()).collect()
+    }
+
+    #[test]
+    fn who_knows_nothing_calls_it_even_and_who_is_sure_is_sure() {
+        for materials in [2, 5, 36] {
+            let flat = vec![(1.0 / materials as f64).ln(); materials];
+            let found = probability_of_different_materials(&flat, &flat);
+            assert!((found - 0.5).abs() < 1e-12, "{materials}");
+        }
+        let [glass, felt] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].map(|p| logs(&p));
+        assert_eq!(probability_of_different_materials(&glass, &glass), 0.0);
+        assert_eq!(probability_of_different_materials(&glass, &felt), 1.0);
+    }
+
+    /// The joint posterior of both labels, term by term, with half of the pairs of one material.
+    #[test]
+    fn the_rule_is_the_sum_over_all_pairs_of_labels() {
+        let (a, b) = ([0.7, 0.2, 0.1], [0.3, 0.3, 0.4]);
+        let (mut same, mut apart) = (0.0, 0.0);
+        for (i, a) in a.iter().enumerate() {
+            for (j, b) in b.iter().enumerate() {
+                if i == j {
+                    same += 0.5 / 3.0 * a * b;
+                } else {
+                    apart += 0.5 / 6.0 * a * b;
+                }
+            }
+        }
+        let found = probability_of_different_materials(&logs(&a), &logs(&b));
+        assert!((found - apart / (same + apart)).abs() < 1e-12, "{found}");
+    }
+}
