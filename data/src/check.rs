@@ -533,9 +533,7 @@ fn assumed_patch(dataset: &Dataset) -> Option<Finding> {
     }
     // The most nearly square of the grids that have so many taxels.
     let sides = (2..taxels).take_while(|side| side * side <= taxels);
-    let rows = sides
-        .filter(|side| taxels.is_multiple_of(*side))
-        .last()?;
+    let rows = sides.filter(|side| taxels.is_multiple_of(*side)).last()?;
     let message = format!(
         "one row of {taxels} taxels, since the data does not say how they are arranged; if the skin is a grid: \
          `tactnet data import FILE --shape {rows}x{} --out NEW.npz`",

@@ -52,7 +52,7 @@ pub(super) fn read_with_gaps(
     if labels == Labels::Optional && !has_line_of_names(path)? {
         return read_files(path, vec![Entry::unlabelled(path.into())], steps);
     }
-    read_table(path)?.into_sweeps(steps, labels)
+    read_table(path, labels)?.into_sweeps(steps, labels)
 }
 
 /// Reads the `.csv` files that lie in a folder itself, each a sweep, in the order of their names; `None` where there is none.
@@ -334,11 +334,11 @@ impl SweepFile {
     }
 }
 
-/// All frames of all sweeps in one file.
-fn read_table(path: &Path) -> Result<FrameTable<'_>, DataError> {
+/// All frames of all sweeps in one file; what its columns lack is said before what its lines hold.
+fn read_table(path: &Path, labels: Labels) -> Result<FrameTable<'_>, DataError> {
     let mut rows = Rows::open(path)?;
     let header = rows.next()?.unwrap_or_default();
-    let mut columns: Vec<(String, Column)> = header
+    let columns = header
         .into_iter()
         .map(|name| {
             let column = if may_hold_words(&name) {
@@ -349,8 +349,12 @@ fn read_table(path: &Path) -> Result<FrameTable<'_>, DataError> {
             (name, column)
         })
         .collect();
+    let mut table = FrameTable { path, columns };
+    if labels == Labels::Needed {
+        table.check_names()?;
+    }
     while let Some(row) = rows.next()? {
-        for (cell, (_, column)) in row.into_iter().zip(&mut columns) {
+        for (cell, (_, column)) in row.into_iter().zip(&mut table.columns) {
             match column {
                 Column::Words(words) => words.push(cell),
                 Column::Numbers(numbers) => {
@@ -360,7 +364,7 @@ fn read_table(path: &Path) -> Result<FrameTable<'_>, DataError> {
             }
         }
     }
-    Ok(FrameTable { path, columns })
+    Ok(table)
 }
 
 /// The rows of a file, all as long as the first.

@@ -184,6 +184,16 @@ impl FrameTable<'_> {
         found.map(|(_, column)| column)
     }
 
+    /// Succeeds if there are the columns of sweeps with their materials.
+    ///
+    /// # Errors
+    /// One is missing.
+    pub(super) fn check_names(&self) -> Result<(), DataError> {
+        self.required(SWEEP)?;
+        self.required(MATERIAL)?;
+        Ok(())
+    }
+
     fn required(&self, names: &[&str]) -> Result<&Column, DataError> {
         self.find(names).ok_or_else(|| {
             let there = || self.columns.iter().map(|(name, _)| name.as_str());

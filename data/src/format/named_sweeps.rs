@@ -71,10 +71,7 @@ impl NamedSweeps {
 
 /// Names in backquotes, of many the first.
 pub(super) fn some_names<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
-    let quoted: Vec<String> = names
-        .into_iter()
-        .map(|name| format!("`{name}`"))
-        .collect();
+    let quoted: Vec<String> = names.into_iter().map(|name| format!("`{name}`")).collect();
     some_of(quoted)
 }
 

@@ -359,9 +359,8 @@ impl<'a> Arrays<'a> {
     /// What is in the archive and not read, a sentence for each thing.
     fn left_out(&self) -> Vec<String> {
         let has_blocks = self.by_name.contains_key("blocks");
-        let is_block = |name: &str| {
-            !has_blocks && MEANT_AS_BLOCKS.contains(&name.to_lowercase().as_str())
-        };
+        let is_block =
+            |name: &str| !has_blocks && MEANT_AS_BLOCKS.contains(&name.to_lowercase().as_str());
         let names = self.others.iter().map(|(name, _)| name.as_str());
         let (blocks, others): (Vec<&str>, Vec<&str>) = names.partition(|name| is_block(name));
         let mut sentences = Vec::new();
