@@ -9,6 +9,7 @@ mod failure;
 mod output;
 mod source;
 mod stop;
+mod table;
 
 use std::process::ExitCode;
 

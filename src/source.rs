@@ -42,7 +42,9 @@ pub fn review(
         });
     }
     let other = finding.kind != FindingKind::AssumedRate;
-    if finding.severity == Severity::Warning && finding.is_general() && other {
+    // Once trained, a network keeps its arrangement.
+    let told = finding.severity == Severity::Warning || finding.kind == FindingKind::AssumedPatch;
+    if told && finding.is_general() && other {
         match name {
             Some(name) => say!("{}: {name}: {}", finding.severity, finding.message),
             None => say!("{finding}"),

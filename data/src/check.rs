@@ -19,6 +19,8 @@
 //! | [`ClockTaxel`](FindingKind::ClockTaxel) | warning | the same rising line in all sweeps |
 //! | [`SingleMaterial`](FindingKind::SingleMaterial) | warning | nothing to tell apart |
 //! | [`AlikeNames`](FindingKind::AlikeNames) | warning | names that differ in nothing but case or blanks |
+//! | [`AssumedPatch`](FindingKind::AssumedPatch) | note | taxels in one row that may be a grid, of a file that does not say |
+//! | [`NotRead`](FindingKind::NotRead) | note | something in the file that is not read |
 
 mod names;
 
@@ -66,6 +68,8 @@ pub fn check(dataset: &Dataset) -> Vec<Finding> {
     findings.extend(names::that_mislead(dataset));
     findings.extend(clock_taxels(dataset, &sweeps));
     findings.extend(time_axis(dataset));
+    findings.extend(assumed_patch(dataset));
+    findings.extend(not_read(dataset));
     findings.sort_by_key(|finding| (finding.severity, finding.kind, finding.at.sweep));
     findings
 }
@@ -521,6 +525,30 @@ fn time_axis(dataset: &Dataset) -> Vec<Finding> {
     findings
 }
 
+/// Taxels in one row that nobody has arranged and that may be a grid.
+fn assumed_patch(dataset: &Dataset) -> Option<Finding> {
+    let taxels = dataset.shape().taxels();
+    if !dataset.is_patch_assumed() {
+        return None;
+    }
+    // The most nearly square of the grids that have so many taxels.
+    let sides = (2..taxels).take_while(|side| side * side <= taxels);
+    let rows = sides.filter(|side| taxels.is_multiple_of(*side)).last()?;
+    let message = format!(
+        "one row of {taxels} taxels, since the data does not say how they are arranged; if the skin is a grid: \
+         `tactnet data import FILE --shape {rows}x{} --out NEW.npz`",
+        taxels / rows
+    );
+    let kind = FindingKind::AssumedPatch;
+    Some(finding(Severity::Note, kind, Place::default(), message))
+}
+
+fn not_read(dataset: &Dataset) -> impl Iterator<Item = Finding> + use<'_> {
+    let kind = FindingKind::NotRead;
+    let sentences = dataset.left_out().iter();
+    sentences.map(move |said| finding(Severity::Note, kind, Place::default(), said.clone()))
+}
+
 fn sweeps_per_material(dataset: &Dataset) -> Vec<Finding> {
     let counts = dataset.sweeps_per_label();
     let mut findings = Vec::new();
@@ -567,7 +595,7 @@ fn sweeps_per_material(dataset: &Dataset) -> Vec<Finding> {
     if counts[least] != counts[most] {
         let (few, many) = (dataset.labels().name(least), dataset.labels().name(most));
         let message = format!(
-            "from {} (`{few}`) to {} (`{many}`) sweeps per material: accuracy leans to the latter",
+            "from {} (`{few}`) to {} (`{many}`) sweeps per material: accuracy leans to those with more; record more of `{few}`, or leave some of the others out",
             counts[least], counts[most]
         );
         let kind = FindingKind::UnbalancedMaterials;

@@ -60,6 +60,9 @@ pub struct Dataset {
     name: String,
     sample_rate_hz: f64,
     rate_assumed: bool,
+    patch_assumed: bool,
+    /// What the file holds besides, a sentence each.
+    left_out: Vec<String>,
     shape: SweepShape,
     labels: LabelSet,
     records: Vec<SweepRecord>,
@@ -136,6 +139,8 @@ impl Dataset {
             name: name.into().replace(is_control, "\u{fffd}"),
             sample_rate_hz,
             rate_assumed: false,
+            patch_assumed: false,
+            left_out: Vec::new(),
             shape,
             labels,
             records,
@@ -189,7 +194,7 @@ impl Dataset {
     /// # Errors
     /// A rate that is not a positive number.
     pub fn with_sample_rate(self, sample_rate_hz: f64) -> Result<Self, DataError> {
-        let origin = self.origin;
+        let (origin, patch_assumed, left_out) = (self.origin, self.patch_assumed, self.left_out);
         let known = Self::new(
             self.name,
             sample_rate_hz,
@@ -198,7 +203,12 @@ impl Dataset {
             self.records,
             self.samples,
         )?;
-        Ok(Self { origin, ..known })
+        Ok(Self {
+            origin,
+            patch_assumed,
+            left_out,
+            ..known
+        })
     }
 
     /// Arranges the taxels in `rows` by `cols`, row by row.
@@ -219,7 +229,39 @@ impl Dataset {
             ..self.shape
         };
         let name = self.name.clone();
-        self.rebuilt(name, shape, |this| (this.records, this.samples))
+        let named = self.rebuilt(name, shape, |this| (this.records, this.samples))?;
+        Ok(Self {
+            patch_assumed: false,
+            ..named
+        })
+    }
+
+    /// Says that the file does not tell how the taxels are arranged, and that they stand in one row for that reason alone.
+    pub(crate) fn with_assumed_patch(self) -> Self {
+        Self {
+            patch_assumed: true,
+            ..self
+        }
+    }
+
+    /// Returns true if nobody said how the taxels are arranged: a table has a column for each, and no rows and columns of a skin.
+    pub fn is_patch_assumed(&self) -> bool {
+        self.patch_assumed
+    }
+
+    /// Says what else the file holds that is not read.
+    ///
+    /// - `sentences`: one for each thing
+    pub(crate) fn leaving_out(self, sentences: Vec<String>) -> Self {
+        Self {
+            left_out: sentences,
+            ..self
+        }
+    }
+
+    /// Returns what the file holds that is not read, a sentence for each.
+    pub fn left_out(&self) -> &[String] {
+        &self.left_out
     }
 
     /// Returns true if nobody said at what rate the sweeps were recorded, and [`ASSUMED_RATE_HZ`] stands in for it.
@@ -323,6 +365,7 @@ impl Dataset {
         Ok(Self {
             origin: self.origin,
             rate_assumed: self.rate_assumed,
+            patch_assumed: self.patch_assumed,
             ..part
         })
     }
@@ -334,12 +377,15 @@ impl Dataset {
         parts: impl FnOnce(Self) -> (Vec<SweepRecord>, Samples),
     ) -> Result<Self, DataError> {
         let (rate, labels, origin) = (self.sample_rate_hz, self.labels.clone(), self.origin);
-        let rate_assumed = self.rate_assumed;
+        let (rate_assumed, patch_assumed) = (self.rate_assumed, self.patch_assumed);
+        let left_out = self.left_out.clone();
         let (records, samples) = parts(self);
         let rebuilt = Self::new(name, rate, shape, labels, records, samples)?;
         Ok(Self {
             origin,
             rate_assumed,
+            patch_assumed,
+            left_out,
             ..rebuilt
         })
     }

@@ -54,6 +54,10 @@ pub enum FindingKind {
     SingleMaterial,
     /// Materials whose names differ in nothing but case or blanks.
     AlikeNames,
+    /// Taxels in one row, since the file does not say how they are arranged.
+    AssumedPatch,
+    /// Something in the file that is not read.
+    NotRead,
 }
 
 /// Where a finding is, as far as it has a place.
@@ -110,6 +114,8 @@ impl fmt::Display for FindingKind {
             Self::ClockTaxel => "a clock among the taxels",
             Self::SingleMaterial => "a single material",
             Self::AlikeNames => "names that are alike",
+            Self::AssumedPatch => "assumed arrangement of the taxels",
+            Self::NotRead => "not read",
         })
     }
 }

@@ -34,8 +34,10 @@ pub struct Info {
     pub sweep_seconds: f64,
     /// The materials in label order.
     pub materials: Vec<MaterialInfo>,
-    /// Number of recording blocks, where they are known.
+    /// Number of recording blocks, those of each material counted by themselves, where they are known.
     pub blocks: Option<usize>,
+    /// Number of different block numbers, where they are known.
+    pub block_numbers: Option<usize>,
     /// Sweeps in the author's test split, where it is known.
     pub test_sweeps: Option<usize>,
     /// Smallest finite value, in digits.
@@ -91,6 +93,8 @@ pub fn info(dataset: &Dataset) -> Info {
         .iter()
         .filter_map(|r| Some((r.label, r.block?)))
         .collect();
+    let block_numbers: BTreeSet<_> = blocks.iter().map(|(_, block)| block).collect();
+    let block_numbers = dataset.has_blocks().then_some(block_numbers.len());
     let Moments {
         count,
         zeros,
@@ -113,6 +117,7 @@ pub fn info(dataset: &Dataset) -> Info {
         sweep_seconds: shape.steps as f64 / dataset.sample_rate_hz(),
         materials: materials.collect(),
         blocks: dataset.has_blocks().then_some(blocks.len()),
+        block_numbers,
         test_sweeps: tests_of(None),
         min,
         max,
@@ -246,7 +251,17 @@ impl fmt::Display for Info {
                 ""
             }
         )?;
-        writeln!(f, "  values       {}, {mebibytes:.1} MiB", self.element)?;
+        // What the file stores may be wider: values are held in the smallest type that holds all of them.
+        let holds = match self.element {
+            "u8" => " (whole numbers from 0 to 255)",
+            "u16" => " (whole numbers from 0 to 65535)",
+            _ => "",
+        };
+        let element = self.element;
+        writeln!(
+            f,
+            "  values       held as {element}{holds}, {mebibytes:.1} MiB"
+        )?;
         write!(f, "  range        {:.4} to {:.4}, ", self.min, self.max)?;
         writeln!(
             f,
@@ -261,9 +276,13 @@ impl fmt::Display for Info {
         if self.not_finite > 0 {
             writeln!(f, "  not finite   {}", self.not_finite)?;
         }
-        match self.blocks {
-            Some(blocks) => writeln!(f, "  blocks       {blocks}")?,
-            None => writeln!(f, "  blocks       not in the file")?,
+        match (self.block_numbers, self.blocks) {
+            (Some(numbers), Some(blocks)) if numbers != blocks => writeln!(
+                f,
+                "  blocks       {numbers} ({blocks} of one material each)"
+            )?,
+            (_, Some(blocks)) => writeln!(f, "  blocks       {blocks}")?,
+            (_, None) => writeln!(f, "  blocks       not in the file")?,
         }
         match self.test_sweeps {
             Some(test) => writeln!(f, "  test split   {test} sweeps, marked in the file")?,
@@ -332,6 +351,16 @@ mod tests {
         assert_eq!(bytes.zeros, 4.0 / 4000.0);
         assert_eq!(bytes.sweep_seconds, 20.0);
         assert_eq!((bytes.blocks, bytes.test_sweeps), (Some(4), Some(1)));
+        assert_eq!(bytes.block_numbers, Some(2));
+        let said = bytes.to_string();
+        assert!(
+            said.contains("blocks       2 (4 of one material each)"),
+            "{said}"
+        );
+        assert!(
+            said.contains("held as u16 (whole numbers from 0 to 65535), "),
+            "{said}"
+        );
         assert_eq!(bytes.materials[1].test_sweeps, Some(1));
     }
 

@@ -63,9 +63,10 @@ impl fmt::Display for Status {
         let count = |state| self.tasks.iter().filter(|task| task.state == state).count();
         write!(
             f,
-            "{}: {} tasks, {} done, {} running, {} interrupted, {} open",
+            "{}: {} task{}, {} done, {} running, {} interrupted, {} open",
             self.name,
             self.tasks.len(),
+            if self.tasks.len() == 1 { "" } else { "s" },
             count(TaskState::Done),
             count(TaskState::Running),
             count(TaskState::Interrupted),

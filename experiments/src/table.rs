@@ -50,7 +50,7 @@ fn contenders(out: &mut String, summary: &Summary) -> fmt::Result {
                 setting = Some(own);
                 writeln!(
                     out,
-                    "\n{}, {}, levels {}, {} steps, chance {:.1} %\n{:<44} {:>5} {:>24} {:>16} {:>16} {:>6} {:>6} {:>9}{published_heading}",
+                    "\n{}, {}, levels {}, {} steps, chance {:.1} %\n{:<44} {:>5} {:>24} {:>16} {:>16} {:>6} {:>7} {:>9}{published_heading}",
                     row.data,
                     row.split,
                     row.levels.name(),
@@ -62,7 +62,7 @@ fn contenders(out: &mut String, summary: &Summary) -> fmt::Result {
                     "3 sweeps [%], sd",
                     "3, vote [%], sd",
                     "NLL",
-                    "ECE",
+                    "ECE [%]",
                     "train [s]"
                 )?;
             }
@@ -110,14 +110,14 @@ fn contender(row: &Scored<'_>, published: bool) -> String {
         String::new()
     };
     format!(
-        "{:<44} {:>5} {:>24} {:>16} {:>16} {:>6.3} {:>6.3} {:>9.1}{beside}",
+        "{:<44} {:>5} {:>24} {:>16} {:>16} {:>6.3} {:>7.1} {:>9.1}{beside}",
         row.name(),
         row.folds.len(),
         format!("{}{interval}", percent(row.one_sweep)),
         row.three_sweeps.map_or("-".into(), percent),
         row.three_votes.map_or("-".into(), percent),
         row.negative_log_likelihood.mean,
-        row.expected_calibration_error.mean,
+        100.0 * row.expected_calibration_error.mean,
         row.train_seconds.mean,
     )
 }

@@ -38,7 +38,32 @@ impl Compute {
     }
 }
 
+/// What answers for a device.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Adapter {
+    /// Its name, as its driver gives it.
+    pub name: String,
+    /// Whether the processor plays the GPU.
+    pub software: bool,
+}
+
 impl Compute {
+    /// Returns what answers when a Vulkan device is asked for, which is opened for that.
+    ///
+    /// # Errors
+    /// The binary was built without the cargo feature; no driver, or no GPU that it drives.
+    pub fn vulkan_adapter() -> Result<Adapter, ModelError> {
+        #[cfg(feature = "vulkan")]
+        {
+            vulkan::gpu().map(|gpu| Adapter {
+                name: gpu.name.clone(),
+                software: gpu.software,
+            })
+        }
+        #[cfg(not(feature = "vulkan"))]
+        Err(missing("vulkan"))
+    }
+
     /// Returns the devices of this machine with their names; of those that compute in software, the processor alone.
     pub fn present() -> Vec<(Self, String)> {
         #[allow(unused_mut)]

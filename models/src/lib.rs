@@ -40,7 +40,7 @@ pub use belief::{
     mutual_information,
 };
 pub use block::{BatchStatistics, BlockConfig, ConvBlock, NORM_EPSILON};
-pub use compute::Compute;
+pub use compute::{Adapter, Compute};
 pub use conv::{is_cpu, is_fused};
 pub use dense::NormalizedDense;
 pub use dropout::dropout_masks;

@@ -113,7 +113,10 @@ impl ServedModel {
         if !run.has_final_weights() {
             return Err(ServeError::Unfit {
                 path: path.into(),
-                reason: "its training has not ended".into(),
+                reason: format!(
+                    "its training has not ended; continue it with `{}`",
+                    run.resume_command()
+                ),
             });
         }
         if let Some(reason) = unfit(config.shape.taxels(), config.labels.len()) {

@@ -11,11 +11,12 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::{Args, Subcommand};
-use tactnet_channel::{Hub, Table};
+use tactnet_channel::Hub;
 use tactnet_models::left_out;
 
 use crate::output;
 use crate::stop::Stop;
+use crate::table;
 
 #[derive(Subcommand)]
 #[command(after_help = "Examples:\n  \
@@ -74,7 +75,7 @@ pub fn run(command: ChannelCommand) -> anyhow::Result<ExitCode> {
 
 fn hub(arguments: &HubArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen_saying("stopping")?;
-    let table = Table::load(&arguments.table.table)?;
+    let table = table::load(&arguments.table.table)?;
     let distributed = table.channels.values().any(|channel| channel.distributed);
     let endpoints = table.network.listen.len() + table.network.connect.len();
     if distributed && endpoints > 0 && !cfg!(feature = "zenoh") {

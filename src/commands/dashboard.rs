@@ -5,13 +5,14 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
-use tactnet_channel::{Bus, Domain, Table};
+use tactnet_channel::{Bus, Domain};
 use tactnet_serving::web::{self, Dashboard};
 use tactnet_skin::ServeConfig;
 
 use super::choices::listen;
 use crate::output;
 use crate::stop::Stop;
+use crate::table;
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
@@ -31,7 +32,7 @@ pub struct DashboardArgs {
 pub fn run(arguments: &DashboardArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen_saying("stopping")?;
     let listener = web::listen(arguments.listen)?;
-    let table = Table::load(&arguments.table)?;
+    let table = table::load(&arguments.table)?;
     let config = ServeConfig::of(&table)?;
     let bus = Bus::open(Domain::Host, &table)?;
     let mut dashboard = Dashboard::open(&bus, &config, listener)?;

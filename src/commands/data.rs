@@ -24,7 +24,7 @@ pub enum DataCommand {
     Info(FileArgs),
     /// Show sweeps in the Rerun viewer
     View(view::SweepsArgs),
-    /// Look for what would spoil training; exit code 1 if there are errors
+    /// Look for what would spoil training; exit code 1 if there are errors, 2 if the data cannot be read
     #[command(
         after_help = "Examples:\n  tactnet data check sweeps.h5\n  tactnet data check sweeps.npz --json"
     )]
@@ -60,7 +60,7 @@ pub enum DataCommand {
 
 #[derive(Args)]
 pub struct FileArgs {
-    /// A data set (.h5, .npz, .csv, a folder of .csv), or `twin`
+    /// A data set (.h5, .npz, .csv, .parquet, a folder of .csv), or `twin`
     #[arg(value_name = "FILE|twin")]
     data: String,
     /// Frames per second, for data that does not say
@@ -82,7 +82,7 @@ pub struct CheckArgs {
 
 #[derive(Args)]
 pub struct ConvertArgs {
-    /// What to read: .h5, .npz, .csv, a folder of .csv, or `twin`
+    /// What to read: .h5, .npz, .csv, .parquet, a folder of .csv, or `twin`
     #[arg(value_name = "FILE|twin")]
     data: String,
     /// What to write; the extension decides the format

@@ -89,6 +89,9 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
         "a simulated fingertip feels one object after the other, three sweeps each where there are as many; open {} in a browser; Ctrl-C ends",
         demo.link()
     );
+    if let Some(cycle) = demo.cycle() {
+        say!("{cycle}");
+    }
     say!(
         "its channels: `tactnet channel echo tactile/belief --table {}`",
         demo.table().display()

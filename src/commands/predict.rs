@@ -26,7 +26,8 @@ use crate::{output, source};
 pub struct PredictArgs {
     #[command(flatten)]
     run: RunChoice,
-    /// Sweeps: .npz or .npy, .csv, .parquet, a folder of .csv, or any data set; materials need not be named
+    /// Sweeps: .npz or .npy, .csv, .parquet, a folder of .csv, or any data set; materials need not be named. Taxels of a file without rows and
+    /// columns (tables, `X` [n][steps][taxels]) are arranged as the run's
     #[arg(long, value_name = "FILE")]
     data: String,
     /// Frames per second, for data that does not say [default: what the run was trained on]
@@ -44,7 +45,8 @@ pub struct PredictArgs {
     /// Where to compute
     #[arg(long, value_enum, default_value_t)]
     device: DeviceChoice,
-    /// Write the probability of every material: a table (.csv) or what --json prints (.json)
+    /// Write the probability of every material: a table (.csv) or what --json prints (.json). In the table, `unknown` and `prediction_set` are
+    /// filled for networks of `train --calibrate` alone, `named` where the file names materials
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Overwrite that file
@@ -89,6 +91,13 @@ pub fn run(arguments: &PredictArgs) -> anyhow::Result<ExitCode> {
     }
     let known = &config.classifier;
     let sweeps = spec.read_to_classify(&arguments.data, known.shape, known.sample_rate_hz)?;
+    if sweeps.arranged {
+        say!(
+            "note: the taxels are read row by row as the run's {}x{}, since the data does not say how they are arranged",
+            known.shape.rows,
+            known.shape.cols
+        );
+    }
     if sweeps.labelled && sweeps.dataset.sha256() == config.data_sha256 {
         let learnt = run.split()?.fold(&sweeps.dataset)?.train.len();
         say!(
@@ -120,6 +129,9 @@ pub fn run(arguments: &PredictArgs) -> anyhow::Result<ExitCode> {
         },
         other => other,
     })?;
+    if let Some(hint) = found.hint() {
+        say!("hint: {hint}");
+    }
     if let Some((out, format)) = out {
         let text = match format {
             OutputFormat::Table => found.to_csv(),

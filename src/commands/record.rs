@@ -7,10 +7,11 @@ use std::time::{Duration, Instant};
 use anyhow::bail;
 use clap::Args;
 use serde::Serialize;
-use tactnet_channel::{Bus, Domain, Table};
+use tactnet_channel::{Bus, Domain};
 use tactnet_recording::{About, Recorder, files_of_run};
 
 use crate::stop::Stop;
+use crate::table;
 use crate::{GIT, output};
 
 /// How often it says how far it is.
@@ -63,6 +64,12 @@ pub fn run(arguments: &RecordArgs) -> anyhow::Result<ExitCode> {
         Some(seconds) if seconds > 0.0 => seconds,
         Some(seconds) => bail!("--seconds: expected more than 0, found {seconds}"),
     };
+    if arguments.out.exists() {
+        bail!(
+            "{}: exists already; name another file with `--out`",
+            arguments.out.display()
+        );
+    }
     let about = About {
         material: arguments.material.clone(),
         git: GIT.into(),
@@ -71,7 +78,7 @@ pub fn run(arguments: &RecordArgs) -> anyhow::Result<ExitCode> {
             Some(run) => files_of_run(run)?,
         },
     };
-    let table = Table::load(&arguments.table)?;
+    let table = table::load(&arguments.table)?;
     let bus = Bus::open(Domain::Host, &table)?;
     let mut recorder = Recorder::start(&bus, &table, &arguments.out, &about)?;
     say!("recording to {}; Ctrl-C ends", arguments.out.display());

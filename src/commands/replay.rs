@@ -5,13 +5,14 @@ use std::process::ExitCode;
 
 use anyhow::bail;
 use clap::Args;
-use tactnet_channel::{Bus, Domain, Table};
+use tactnet_channel::{Bus, Domain};
 use tactnet_pipeline::{RunDir, weights_sha256};
 use tactnet_recording::{FrameLosses, Recording, ReplayReport, play, unpack_run};
 use tactnet_rehearsal::replay_alone;
 
 use crate::output::counted;
 use crate::stop::Stop;
+use crate::table;
 use crate::{GIT, failure, output};
 
 #[derive(Args)]
@@ -62,7 +63,7 @@ pub fn run(arguments: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let mut another_asked = false;
     let (played, frames_lost) = match &arguments.table {
         Some(path) => {
-            let table = Table::load(path)?;
+            let table = table::load(path)?;
             let bus = Bus::open(Domain::Host, &table)?;
             let losses = FrameLosses::open(&bus, &table)?;
             let played = play(&recording, &bus, &table, speed, &stopped)?;

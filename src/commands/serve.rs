@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 use clap::Args;
-use tactnet_channel::{Bus, Domain, Table};
+use tactnet_channel::{Bus, Domain};
 use tactnet_serving::systemd::ServiceManager;
 use tactnet_serving::{
     ModelSource, Realtime, ServeReport, Service, accepted_values, allocations_of_this_thread, web,
@@ -15,6 +15,7 @@ use tactnet_serving::{
 use tactnet_skin::{ServeConfig, commented};
 
 use crate::stop::Stop;
+use crate::table;
 use crate::{GIT, output};
 
 #[derive(Args)]
@@ -47,7 +48,8 @@ pub struct ServeArgs {
     /// Keep all memory in RAM
     #[arg(long)]
     lock_memory: bool,
-    /// Print a table with every setting and end; with `--run`, the values of its training sweeps are in it
+    /// Print a table with every setting and end; with `--run`, `values` in it follows the run's training sweeps: 0 to 255 if all their values
+    /// lie within, else their range and as much again on either side
     #[arg(long)]
     print_table: bool,
     /// Print one JSON document with the counters at the end
@@ -78,7 +80,7 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
         );
     };
     let stop = Stop::listen_saying("stopping")?;
-    let table = Table::load(path)?;
+    let table = table::load(path)?;
     let config = ServeConfig::of(&table).with_context(|| path.display().to_string())?;
     let bus = Bus::open(Domain::Host, &table)?;
     let mut service = Service::start(&bus, config, source, GIT)?;

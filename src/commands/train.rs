@@ -8,6 +8,7 @@ use std::process::ExitCode;
 use anyhow::bail;
 use tactnet_data::Finding;
 use tactnet_experiments::{advice, next_steps, run_text};
+use tactnet_models::Compute;
 use tactnet_pipeline::{
     ModelRecipe, Provenance, RunDir, RunResult, Session, TrainJob, TrainOutcome,
 };
@@ -50,7 +51,17 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
             Session::begin(&job, arguments.out.as_deref(), program, review)?
         }
     };
-    let classifier = session.run().config()?.classifier;
+    let config = session.run().config()?;
+    if config.spec.device == Compute::Vulkan
+        && let Ok(adapter) = Compute::vulkan_adapter()
+        && adapter.software
+    {
+        say!(
+            "warning: {} is a software driver, slower than `--device cpu`",
+            adapter.name
+        );
+    }
+    let classifier = config.classifier;
     source::warn_of_assumed_rate(classifier.sample_rate_assumed, classifier.sample_rate_hz);
     let unfit = unfit(classifier.shape.taxels(), classifier.labels.len());
     if let Some(reason) = &unfit {
@@ -78,7 +89,6 @@ pub fn train(
     resumed: bool,
 ) -> anyhow::Result<(ExitCode, Option<Box<RunResult>>)> {
     let mut progress = Progress::new(resumed);
-    let path = session.run().path().display();
     match session.train(
         |event| progress.show(&event, session.run().path()),
         || stop.asked(),
@@ -91,7 +101,10 @@ pub fn train(
             Ok((ExitCode::SUCCESS, Some(result)))
         }
         TrainOutcome::Stopped => {
-            say!("stopped; continue with `tactnet train --resume {path}`");
+            say!(
+                "stopped; continue with `{}`",
+                session.run().resume_command()
+            );
             Ok((ExitCode::from(failure::INTERRUPTED), None))
         }
     }

@@ -65,7 +65,7 @@ fn few_training_steps_are_named_and_what_comes_next() {
         ..RecipeChange::default()
     });
     let said = stderr(&expect(0, lab.train(&more, "more")));
-    let why = "note: 10 epochs instead of 3, since these few sweeps make 4 training steps an epoch, and the recipe takes at least 40 steps";
+    let why = "note: 10 epochs instead of 3, since these few sweeps make 4 batches an epoch, and the recipe trains on at least 40 batches";
     assert!(said.contains(why), "{said}");
 
     let flat = lab.path("flat.npz").display().to_string();
@@ -76,6 +76,59 @@ fn few_training_steps_are_named_and_what_comes_next() {
         refused.contains("`tactnet data import FILE --out NEW --shape 4x4`"),
         "{refused}"
     );
+    // A shape that was declared is no more rearranged than the run's own.
+    let refused = with(&lab, &["predict"], "run", &["--data", &flat]);
+    let refused = stderr(&expect(2, refused));
+    assert!(
+        refused.contains("`tactnet data import FILE --out NEW --shape 4x4`"),
+        "{refused}"
+    );
+    let again = stderr(&expect(2, lab.train(&recipe, "run")));
+    let whole = format!("`tactnet train --resume {}`", lab.path("run").display());
+    assert!(again.contains(&whole), "{again}");
+}
+
+#[test]
+fn a_missing_table_and_a_recording_that_is_there_come_with_what_to_do() {
+    let lab = Lab::new();
+    let serve = ["--table", "robott.toml"];
+    let refused = stderr(&expect(2, with(&lab, &["serve", "--run"], "run", &serve)));
+    assert!(
+        refused.contains("`tactnet serve --print-table > robott.toml` writes one"),
+        "{refused}"
+    );
+    std::fs::write(lab.path("there.mcap"), "").unwrap();
+    let record = ["--table", "robott.toml"];
+    let refused = with(&lab, &["record", "--out"], "there.mcap", &record);
+    let refused = stderr(&expect(2, refused));
+    assert!(
+        refused.contains("exists already; name another file with `--out`"),
+        "{refused}"
+    );
+}
+
+#[test]
+fn materials_that_a_run_does_not_know_are_named_while_it_predicts() {
+    let lab = Lab::new();
+    own_sweeps(&lab, "own", ["cork", "felt"], 6, 4);
+    own_sweeps(&lab, "other", ["cork", "silk"], 6, 4);
+    let run = lab.path("run").display().to_string();
+    let means = ["--model", "means", "--out", &run];
+    let said = stderr(&expect(0, with(&lab, &["train", "--data"], "own", &means)));
+    assert!(said.contains("note: one row of 4 taxels"), "{said}");
+    let said = stderr(&expect(
+        0,
+        with(&lab, &["predict", &run, "--data"], "other", &[]),
+    ));
+    assert!(
+        said.contains("hint: the run does not know `silk`, and cannot say \"unknown\""),
+        "{said}"
+    );
+    let said = stderr(&expect(
+        0,
+        with(&lab, &["predict", &run, "--data"], "own", &[]),
+    ));
+    assert!(!said.contains("does not know"), "{said}");
 }
 
 #[test]
@@ -107,9 +160,12 @@ fn a_rate_that_nobody_named_is_said_and_can_be_named_everywhere() {
         (&assumed["errors"], &assumed["warnings"]),
         (&0.into(), &1.into())
     );
-    assert_eq!(kinds(&assumed), ["assumed_rate", "numbered_materials"]);
+    assert_eq!(
+        kinds(&assumed),
+        ["assumed_rate", "numbered_materials", "assumed_patch"]
+    );
     let named = json(&["--json", "--rate", "200"]);
-    assert_eq!(kinds(&named), ["numbered_materials"]);
+    assert_eq!(kinds(&named), ["numbered_materials", "assumed_patch"]);
 
     let own = lab.path("own.npz").display().to_string();
     let rate = ["--rate", "200", "--out", &own];

@@ -273,3 +273,38 @@ fn a_clock_among_the_taxels_and_padded_sweeps_are_found() {
         "{message}"
     );
 }
+
+#[test]
+fn a_row_that_nobody_arranged_may_be_a_grid() {
+    let hint = |taxels: usize| {
+        let shape = SweepShape {
+            steps: 100,
+            rows: 1,
+            cols: taxels,
+        };
+        let values = (0..6 * shape.values()).map(|at| (at * 7919 % 251) as f32);
+        let plain = dataset_of(values_of_zero(), &[0, 0, 1, 1, 2, 2]);
+        let (labels, records) = (plain.labels().clone(), plain.records().to_vec());
+        let samples = Samples::F32(values.collect());
+        let row = Dataset::new("t", 100.0, shape, labels, records, samples).unwrap();
+        assert!(assumed_patch(&row).is_none(), "declared");
+        let row = row.with_assumed_patch().first_steps(50).unwrap();
+        let hint = assumed_patch(&row).map(|found| found.message);
+        if hint.is_some() {
+            let named = row.with_patch(1, taxels).unwrap();
+            assert!(assumed_patch(&named).is_none(), "a row that was asked for");
+        }
+        hint
+    };
+    for (taxels, shape) in [(36, "6x6"), (12, "3x4"), (4, "2x2"), (60, "6x10")] {
+        let said = hint(taxels).unwrap();
+        assert!(said.contains(&format!("--shape {shape} ")), "{said}");
+    }
+    for taxels in [1, 2, 3, 13] {
+        assert_eq!(hint(taxels), None, "{taxels}");
+    }
+}
+
+fn values_of_zero() -> Vec<f32> {
+    vec![0.0; 6 * SHAPE.values()]
+}

@@ -2,7 +2,7 @@
 //!
 //! | layout | material of a sweep |
 //! |---|---|
-//! | `FOLDER/labels.csv` with columns `file`, `material` (optional `block`, `test`) | as the table says |
+//! | `FOLDER/labels.csv` with columns `file`, `material` or `label` (optional `block`, `test`) | as the table says |
 //! | `FOLDER/felt/*.csv`, `FOLDER/cork/*.csv` | the name of its folder |
 //! | `sweeps.csv` with columns `sweep`, `material` | see `frame_table.rs` |
 //!
@@ -14,9 +14,10 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::frame_table::{
-    Column, FrameTable, STEP, common_length, is_one_of, may_hold_words, rate_of, time_unit,
+    Column, FrameTable, MATERIAL, STEP, common_length, is_one_of, may_hold_words, rate_of,
+    time_unit,
 };
-use super::named_sweeps::{Labels, NamedSweeps};
+use super::named_sweeps::{Labels, NamedSweeps, some_names};
 use super::narrow::{TooWide, narrow};
 use crate::{DataError, SweepShape};
 
@@ -37,17 +38,21 @@ pub(super) fn read_with_gaps(
     labels: Labels,
 ) -> Result<NamedSweeps, DataError> {
     if path.is_dir() {
-        let entries = if path.join(LABELS).is_file() {
-            listed(&path.join(LABELS))?
-        } else {
-            files_by_folder(path)?
-        };
-        return read_files(path, entries, steps);
+        if path.join(LABELS).is_file() {
+            return read_files(path, listed(&path.join(LABELS))?, steps);
+        }
+        let (entries, empty) = files_by_folder(path)?;
+        let mut sweeps = read_files(path, entries, steps)?;
+        if !empty.is_empty() {
+            let names = some_names(empty.iter().map(String::as_str));
+            sweeps.left_out = vec![format!("folders without a .csv file: {names}")];
+        }
+        return Ok(sweeps);
     }
     if labels == Labels::Optional && !has_line_of_names(path)? {
         return read_files(path, vec![Entry::unlabelled(path.into())], steps);
     }
-    read_table(path)?.into_sweeps(steps, labels)
+    read_table(path, labels)?.into_sweeps(steps, labels)
 }
 
 /// Reads the `.csv` files that lie in a folder itself, each a sweep, in the order of their names; `None` where there is none.
@@ -73,7 +78,7 @@ fn has_line_of_names(path: &Path) -> Result<bool, DataError> {
 
 /// Returns true if a folder looks like one of sweeps: it has a table of labels or folders with `.csv` files.
 pub fn is_folder_of_sweeps(path: &Path) -> bool {
-    path.join(LABELS).is_file() || files_by_folder(path).is_ok_and(|files| !files.is_empty())
+    path.join(LABELS).is_file() || files_by_folder(path).is_ok_and(|(files, _)| !files.is_empty())
 }
 
 /// A sweep's file, and what is known of it.
@@ -165,6 +170,7 @@ fn read_files(
         sweeps: sweep_names(&entries),
         materials: entries.into_iter().map(|entry| entry.material).collect(),
         samples,
+        left_out: Vec::new(),
     })
 }
 
@@ -187,16 +193,16 @@ fn listed(table: &Path) -> Result<Vec<Entry>, DataError> {
     let folder = table.parent().unwrap_or(Path::new("."));
     let mut rows = Rows::open(table)?;
     let header = rows.next()?.unwrap_or_default();
-    let column = |name: &str| header.iter().position(|found| is_one_of(found, &[name]));
-    let (Some(file), Some(material)) = (column("file"), column("material")) else {
+    let column = |names: &[&str]| header.iter().position(|found| is_one_of(found, names));
+    let (Some(file), Some(material)) = (column(&["file"]), column(MATERIAL)) else {
         return Err(DataError::format(
             table,
             "first line",
             "the columns file, material",
-            header.join(","),
+            some_names(header.iter().map(String::as_str)),
         ));
     };
-    let (block, test) = (column("block"), column("test"));
+    let (block, test) = (column(&["block"]), column(&["test"]));
     let mut entries = Vec::new();
     while let Some(row) = rows.next()? {
         let number = |at: Option<usize>| match at.map(|at| (at, row[at].trim().parse::<u32>())) {
@@ -214,17 +220,22 @@ fn listed(table: &Path) -> Result<Vec<Entry>, DataError> {
     Ok(entries)
 }
 
-/// The `.csv` files of the folders in `path`, folder by folder in the order of their names.
-fn files_by_folder(path: &Path) -> Result<Vec<Entry>, DataError> {
-    let mut entries = Vec::new();
+/// The `.csv` files of the folders in `path`, folder by folder in the order of their names, and the names of folders without any.
+fn files_by_folder(path: &Path) -> Result<(Vec<Entry>, Vec<String>), DataError> {
+    let (mut entries, mut empty) = (Vec::new(), Vec::new());
     for folder in list(path)?.into_iter().filter(|path| path.is_dir()) {
         let material = folder.file_name().unwrap_or_default().to_string_lossy();
+        let before = entries.len();
         entries.extend(tables_in(&folder)?.map(|file| Entry {
             material: Some(material.to_string()),
             ..Entry::unlabelled(file)
         }));
+        // What begins with a dot is a program's own.
+        if entries.len() == before && !material.starts_with('.') {
+            empty.push(material.into_owned());
+        }
     }
-    Ok(entries)
+    Ok((entries, empty))
 }
 
 /// Returns true if there are single arrays of NumPy in a folder, or in the folders in it.
@@ -323,11 +334,11 @@ impl SweepFile {
     }
 }
 
-/// All frames of all sweeps in one file.
-fn read_table(path: &Path) -> Result<FrameTable<'_>, DataError> {
+/// All frames of all sweeps in one file; what its columns lack is said before what its lines hold.
+fn read_table(path: &Path, labels: Labels) -> Result<FrameTable<'_>, DataError> {
     let mut rows = Rows::open(path)?;
     let header = rows.next()?.unwrap_or_default();
-    let mut columns: Vec<(String, Column)> = header
+    let columns = header
         .into_iter()
         .map(|name| {
             let column = if may_hold_words(&name) {
@@ -338,8 +349,12 @@ fn read_table(path: &Path) -> Result<FrameTable<'_>, DataError> {
             (name, column)
         })
         .collect();
+    let mut table = FrameTable { path, columns };
+    if labels == Labels::Needed {
+        table.check_names()?;
+    }
     while let Some(row) = rows.next()? {
-        for (cell, (_, column)) in row.into_iter().zip(&mut columns) {
+        for (cell, (_, column)) in row.into_iter().zip(&mut table.columns) {
             match column {
                 Column::Words(words) => words.push(cell),
                 Column::Numbers(numbers) => {
@@ -349,7 +364,7 @@ fn read_table(path: &Path) -> Result<FrameTable<'_>, DataError> {
             }
         }
     }
-    Ok(FrameTable { path, columns })
+    Ok(table)
 }
 
 /// The rows of a file, all as long as the first.

@@ -11,7 +11,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::named_sweeps::{Labels, NamedSweeps};
+use super::named_sweeps::{Labels, NamedSweeps, some_of};
 use super::narrow::{TooWide, narrow};
 use crate::{DataError, SweepShape};
 
@@ -63,7 +63,27 @@ pub(super) fn time_unit(name: &str) -> Option<f64> {
 
 /// Names of the columns that are no taxels.
 const SWEEP: &[&str] = &["sweep", "sweep_id"];
-const MATERIAL: &[&str] = &["material", "y", "label", "class"];
+pub(super) const MATERIAL: &[&str] = &["material", "y", "label", "class"];
+/// What these two columns are called that were meant to be read.
+const MEANT_AS_SWEEP: &[&str] = &[
+    "episode",
+    "id",
+    "recording",
+    "run",
+    "sample",
+    "sweep_number",
+    "sweeps",
+    "trial",
+];
+const MEANT_AS_MATERIAL: &[&str] = &[
+    "classes",
+    "labels",
+    "materials",
+    "object",
+    "surface",
+    "target",
+    "texture",
+];
 const TIME: &[&str] = &["time", "t", "timestamp", "timestamps"];
 /// Units of time, and seconds in each.
 const UNITS: &[(&str, f64)] = &[
@@ -146,6 +166,7 @@ impl FrameTable<'_> {
             samples: narrow(&values).map_err(|TooWide(value)| {
                 self.error("taxels", "values that a 32-bit float holds", value)
             })?,
+            left_out: Vec::new(),
         })
     }
 
@@ -163,13 +184,43 @@ impl FrameTable<'_> {
         found.map(|(_, column)| column)
     }
 
+    /// Succeeds if there are the columns of sweeps with their materials.
+    ///
+    /// # Errors
+    /// One is missing.
+    pub(super) fn check_names(&self) -> Result<(), DataError> {
+        self.required(SWEEP)?;
+        self.required(MATERIAL)?;
+        Ok(())
+    }
+
     fn required(&self, names: &[&str]) -> Result<&Column, DataError> {
         self.find(names).ok_or_else(|| {
-            let there: Vec<&str> = self.columns.iter().map(|(name, _)| name.as_str()).collect();
+            let there = || self.columns.iter().map(|(name, _)| name.as_str());
+            // First what is no taxel, since of many columns not all are named.
+            let known = [SWEEP, MATERIAL, MEANT_AS_SWEEP, MEANT_AS_MATERIAL].concat();
+            let (mut shown, taxels): (Vec<&str>, Vec<&str>) =
+                there().partition(|name| is_one_of(name, &known));
+            shown.extend(taxels);
+            let quoted = |name: &str| match is_one_of(name, MATERIAL) && name != MATERIAL[0] {
+                true => format!("`{name}` (read as `{}`)", MATERIAL[0]),
+                false => format!("`{name}`"),
+            };
+            let mut found = some_of(shown.into_iter().map(quoted).collect());
+            let usual = match names {
+                SWEEP => MEANT_AS_SWEEP,
+                _ => MEANT_AS_MATERIAL,
+            };
+            if let Some(meant) = there().find(|name| is_one_of(name, usual)) {
+                let name = names[0];
+                found.push_str(&format!(
+                    "; rename `{meant}` to `{name}`, if that is what it holds"
+                ));
+            }
             self.error(
                 format!("column `{}`", names[0]),
                 "a table with columns `sweep`, `material` and one per taxel",
-                format!("only `{}`", there.join("`, `")),
+                format!("only {found}"),
             )
         })
     }

@@ -32,32 +32,62 @@ pub(super) struct NamedSweeps {
     pub(super) test: Option<Vec<bool>>,
     /// `[sweeps][steps][rows][cols]`
     pub(super) samples: Samples,
+    /// What is not read, a sentence for each thing.
+    pub(super) left_out: Vec<String>,
 }
 
 impl NamedSweeps {
-    /// Labels the materials in the order of their names, whole numbers by their value.
+    /// Labels the materials in the order of their names, whole numbers by their value. A table does not say how the taxels are arranged.
     ///
     /// # Errors
-    /// As [`Dataset::new`].
+    /// A sweep without a name of its material; as [`Dataset::new`].
     pub(super) fn into_dataset(self) -> Result<Dataset, DataError> {
         let materials = self
             .materials
             .unwrap_or_else(|| vec![UNLABELLED.into(); self.sweeps.len()]);
+        if let Some(nameless) = materials.iter().position(|name| name.trim().is_empty()) {
+            return Err(DataError::inconsistent(
+                format!("material of sweep `{}`", self.sweeps[nameless]),
+                "a name",
+                "none",
+            ));
+        }
         let names = sorted_names(&materials);
         let place = |name: &String| names.iter().position(|other| other == name);
         let of_sweep: Vec<usize> = materials.iter().filter_map(place).collect();
         let labels = LabelSet::new(names)?;
         let records = records(&of_sweep, labels.len(), self.blocks, self.test);
-        Dataset::at_rate(
+        let dataset = Dataset::at_rate(
             self.name,
             self.rate_hz,
             self.shape,
             labels,
             records,
             self.samples,
-        )
+        )?;
+        Ok(dataset.with_assumed_patch().leaving_out(self.left_out))
     }
 }
+
+/// Names in backquotes, of many the first.
+pub(super) fn some_names<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+    let quoted: Vec<String> = names.into_iter().map(|name| format!("`{name}`")).collect();
+    some_of(quoted)
+}
+
+/// Parts of a list, of many the first.
+pub(super) fn some_of(mut parts: Vec<String>) -> String {
+    let hidden = parts.len().saturating_sub(NAMED);
+    parts.truncate(NAMED);
+    let shown = parts.join(", ");
+    match hidden {
+        0 => shown,
+        hidden => format!("{shown} and {hidden} more"),
+    }
+}
+
+/// Names given of a list.
+pub(super) const NAMED: usize = 8;
 
 /// Returns every name once, in order; whole numbers by their value.
 pub(super) fn sorted_names(names: &[String]) -> Vec<String> {
@@ -96,6 +126,13 @@ pub(super) fn records(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn of_many_names_the_first_are_given() {
+        assert_eq!(some_names(["a", "b"]), "`a`, `b`");
+        let long = some_names(["x"; NAMED + 3]);
+        assert!(long.ends_with("`x` and 3 more"), "{long}");
+    }
 
     #[test]
     fn numbers_are_in_the_order_of_their_value_and_words_of_their_letters() {

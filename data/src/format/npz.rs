@@ -13,8 +13,8 @@
 //! loads with `numpy.load` without pickle.
 
 use super::DEFLATE_LIMIT;
-use super::named_sweeps::{Labels, UNLABELLED, records, sorted_names};
-use super::npy::{self, Array};
+use super::named_sweeps::{Labels, NAMED, UNLABELLED, records, some_names, some_of, sorted_names};
+use super::npy::{self, Array, Header};
 use super::tactmat::{RATE_ATTRIBUTE, SYNTHETIC_ATTRIBUTE};
 use crate::twin::TwinVersion;
 use crate::{DataError, Dataset, LabelSet, Samples, SweepShape, write_whole};
@@ -60,6 +60,17 @@ const MEANT_AS_SAMPLES: &[&str] = &[
 const MEANT_AS_LABELS: &[&str] = &[
     "arr_1", "class", "classes", "label", "material", "target", "targets", "y", "y_train",
 ];
+/// What block numbers are called that may have been meant to be read, in lower case.
+const MEANT_AS_BLOCKS: &[&str] = &[
+    "block",
+    "block_id",
+    "block_ids",
+    "blocks",
+    "session",
+    "session_id",
+    "session_ids",
+    "sessions",
+];
 /// What a rate is called that was meant to be read.
 const RATES: &[&str] = &[
     "fps",
@@ -102,6 +113,8 @@ pub(super) fn read_arrays(path: &Path, labels: Labels) -> Result<(Dataset, bool)
         // A single sweep.
         samples.shape.insert(0, 1);
     }
+    // Three dimensions do not say how the taxels are arranged.
+    let is_row = samples.shape.len() == 3;
     let (sweeps, shape) = match *samples.shape {
         [_, sweeps, steps, rows, cols] => (Some(sweeps), SweepShape { steps, rows, cols }),
         [_, steps, rows, cols] => (None, SweepShape { steps, rows, cols }),
@@ -178,18 +191,21 @@ pub(super) fn read_arrays(path: &Path, labels: Labels) -> Result<(Dataset, bool)
         Some(version) => dataset.into_twin(version),
         None => dataset,
     };
+    let mut dataset = dataset.leaving_out(arrays.left_out());
+    if is_row {
+        dataset = dataset.with_assumed_patch();
+    }
     Ok((dataset, labelled))
 }
-
-/// Members that are named where an array is missing.
-const NAMED: usize = 8;
 
 /// The arrays of one archive by name: those that are known, read whole.
 struct Arrays<'a> {
     path: &'a Path,
     by_name: BTreeMap<String, Result<Array, String>>,
-    /// The other members, in their order.
-    others: Vec<String>,
+    /// The other members, in their order, and the shapes of the first of them.
+    others: Vec<(String, Option<Vec<usize>>)>,
+    /// Name and shape of the sweeps once they are taken.
+    taken: Option<(String, Vec<usize>)>,
 }
 
 impl<'a> Arrays<'a> {
@@ -199,6 +215,7 @@ impl<'a> Arrays<'a> {
             path,
             by_name: BTreeMap::new(),
             others: Vec::new(),
+            taken: None,
         };
         if super::first_bytes(path)?.starts_with(NPY) {
             let io = |error| DataError::io(path, "read", error);
@@ -219,7 +236,13 @@ impl<'a> Arrays<'a> {
                 _ => format!("member {index}"),
             };
             if !KNOWN.contains(&name.as_str()) {
-                arrays.others.push(name);
+                let mut shape = None;
+                if arrays.others.len() < NAMED
+                    && let Ok(mut member) = archive.by_index(index)
+                {
+                    shape = Header::read(&mut member).ok().map(|header| header.shape);
+                }
+                arrays.others.push((name, shape));
                 continue;
             }
             if arrays.by_name.contains_key(&name) {
@@ -241,7 +264,10 @@ impl<'a> Arrays<'a> {
     fn take_samples(&mut self) -> Result<(&'static str, Array), DataError> {
         let (name, _) = self.required(SAMPLES)?;
         match self.by_name.remove(name) {
-            Some(Ok(array)) => Ok((name, array)),
+            Some(Ok(array)) => {
+                self.taken = Some((name.to_owned(), array.shape.clone()));
+                Ok((name, array))
+            }
             _ => panic!("`{name}` was found"),
         }
     }
@@ -273,21 +299,22 @@ impl<'a> Arrays<'a> {
             }
         }
         Err({
-            let known = self.by_name.iter().map(|(name, array)| match array {
-                Ok(array) if array.shape.is_empty() => format!("`{name}`"),
-                Ok(array) => format!("`{name}` {:?}", array.shape),
-                Err(_) => format!("`{name}`"),
-            });
-            let others = self.others.iter().map(|name| format!("`{name}`"));
-            let mut there: Vec<String> = known.chain(others).collect();
-            let hidden = there.len().saturating_sub(NAMED);
-            there.truncate(NAMED);
-            let mut found = there.join(", ");
-            match (there.is_empty(), hidden) {
-                (true, _) => found = "no array".into(),
-                (false, 0) => {}
-                (false, hidden) => found.push_str(&format!(" and {hidden} more")),
-            }
+            let shown = |name: &str, shape: Option<&Vec<usize>>| match shape {
+                Some(shape) if !shape.is_empty() => format!("`{name}` {shape:?}"),
+                _ => format!("`{name}`"),
+            };
+            let taken = self.taken.iter();
+            let taken = taken.map(|(name, shape)| shown(name, Some(shape)));
+            let known = self.by_name.iter();
+            let known = known
+                .map(|(name, array)| shown(name, array.as_ref().ok().map(|array| &array.shape)));
+            let others = self.others.iter();
+            let others = others.map(|(name, shape)| shown(name, shape.as_ref()));
+            let there: Vec<String> = taken.chain(known).chain(others).collect();
+            let found = match there.is_empty() {
+                true => "no array".into(),
+                false => some_of(there),
+            };
             let expected = match names {
                 SAMPLES => "to be in the archive: np.savez_compressed(\"sweeps.npz\", X=X, y=y) \
                     with X [n][steps][taxels] and y [n]"
@@ -297,9 +324,23 @@ impl<'a> Arrays<'a> {
             };
             // As the documents write it.
             let name = names.last().unwrap_or(&names[0]);
-            let meant = self.meant(names).map_or(String::new(), |meant| {
-                format!("; rename `{meant}` to `{name}`, if that is what it holds")
-            });
+            // Sweeps and labels under other names are said at once.
+            let has_labels = LABELS.iter().any(|name| self.by_name.contains_key(*name));
+            let labels = match names {
+                SAMPLES if !has_labels => self.meant(LABELS),
+                _ => None,
+            };
+            let meant = match (self.meant(names), labels) {
+                (Some(meant), Some(labels)) => {
+                    format!(
+                        "; rename `{meant}` to `{name}` and `{labels}` to `y`, if that is what they hold"
+                    )
+                }
+                (Some(meant), None) => {
+                    format!("; rename `{meant}` to `{name}`, if that is what it holds")
+                }
+                (None, _) => String::new(),
+            };
             self.error(name, expected, format!("only {found}{meant}"))
         })
     }
@@ -311,8 +352,29 @@ impl<'a> Arrays<'a> {
             LABELS => MEANT_AS_LABELS,
             _ => &[],
         };
-        let mut others = self.others.iter().map(String::as_str);
+        let mut others = self.others.iter().map(|(name, _)| name.as_str());
         others.find(|other| usual.contains(&other.to_lowercase().as_str()))
+    }
+
+    /// What is in the archive and not read, a sentence for each thing.
+    fn left_out(&self) -> Vec<String> {
+        let has_blocks = self.by_name.contains_key("blocks");
+        let is_block =
+            |name: &str| !has_blocks && MEANT_AS_BLOCKS.contains(&name.to_lowercase().as_str());
+        let names = self.others.iter().map(|(name, _)| name.as_str());
+        let (blocks, others): (Vec<&str>, Vec<&str>) = names.partition(|name| is_block(name));
+        let mut sentences = Vec::new();
+        if !blocks.is_empty() {
+            sentences.push(format!(
+                "arrays that are ignored: {}; block numbers are read from an array `blocks`",
+                some_names(blocks)
+            ));
+        }
+        if !others.is_empty() {
+            let names = some_names(others);
+            sentences.push(format!("arrays that are ignored: {names}"));
+        }
+        sentences
     }
 
     fn names(&self, name: &'static str) -> Result<Vec<String>, DataError> {
@@ -381,6 +443,13 @@ impl<'a> Arrays<'a> {
             .texts()
             .or_else(|| Some(numbers?.iter().map(i64::to_string).collect()))
             .ok_or_else(|| self.error(name, "names or whole numbers", labels.type_name()))?;
+        if let Some(nameless) = texts.iter().position(|text| text.trim().is_empty()) {
+            return Err(self.error(
+                name,
+                "a name for every sweep",
+                format!("an empty one, `{name}[{nameless}]`"),
+            ));
+        }
         let names = materials.unwrap_or_else(|| sorted_names(&texts));
         let of_sweep: Result<Vec<usize>, DataError> = texts
             .iter()
@@ -411,7 +480,7 @@ impl<'a> Arrays<'a> {
     fn rate(&self) -> Result<Option<f64>, DataError> {
         let Some(array) = self.optional(RATE_ATTRIBUTE)? else {
             let meant = |name: &&String| RATES.contains(&name.to_lowercase().as_str());
-            return match self.others.iter().find(meant) {
+            return match self.others.iter().map(|(name, _)| name).find(meant) {
                 None => Ok(None),
                 Some(name) => Err(self.error(
                     name,

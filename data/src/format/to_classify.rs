@@ -22,6 +22,8 @@ pub struct SweepsToClassify {
     pub names: Vec<String>,
     /// True if the file says of what material each is.
     pub labelled: bool,
+    /// True if the taxels of a file that does not say how they are arranged were put into the rows and columns of a classifier.
+    pub arranged: bool,
 }
 
 /// Reads sweeps whose materials nobody needs to know, and whose values are all finite.
@@ -37,6 +39,7 @@ pub fn read_to_classify(path: &Path, steps: Option<usize>) -> Result<SweepsToCla
             SweepsToClassify {
                 names: sweeps.sweeps.clone(),
                 labelled: sweeps.materials.is_some(),
+                arranged: false,
                 dataset: sweeps
                     .into_dataset()
                     .map_err(|error| in_file(path, error))?,
@@ -52,6 +55,7 @@ pub fn read_to_classify(path: &Path, steps: Option<usize>) -> Result<SweepsToCla
             SweepsToClassify {
                 names: (0..dataset.len()).map(|index| index.to_string()).collect(),
                 labelled,
+                arranged: false,
                 dataset,
             }
         }

@@ -249,7 +249,7 @@ fn every_bad_file_is_refused_with_file_data_set_expected_and_found() {
         ),
         (
             "read/bad_no_samples.npz",
-            "array `X`: expected to be in the archive: np.savez_compressed(\"sweeps.npz\", X=X, y=y) with X [n][steps][taxels] and y [n], found only `x`; rename `x` to `X`, if that is what it holds",
+            "array `X`: expected to be in the archive: np.savez_compressed(\"sweeps.npz\", X=X, y=y) with X [n][steps][taxels] and y [n], found only `x` [60, 4, 4]; rename `x` to `X`, if that is what it holds",
         ),
         (
             "read/bad_pickled.npz",

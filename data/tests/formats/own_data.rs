@@ -341,6 +341,114 @@ fn arrays_under_other_names_are_errors_that_say_how_to_rename_them() {
 }
 
 #[test]
+fn sweeps_and_labels_under_other_names_are_said_at_once_with_all_shapes() {
+    let dir = tempfile::tempdir().unwrap();
+    let (half, both) = (dir.path().join("half.npz"), dir.path().join("both.npz"));
+    renamed(&fixture("read/x_y_names.npz"), "X", "data", &half);
+    renamed(&half, "y", "target", &both);
+    let refused = refusal(&both);
+    assert!(
+        refused.contains("rename `data` to `X` and `target` to `y`, if that is what they hold"),
+        "{refused}"
+    );
+    assert!(
+        refused.contains("`data` [12, 60, 4, 4]") && refused.contains("`target` [12, 1]"),
+        "{refused}"
+    );
+}
+
+/// What a check says is not read.
+fn not_read(file: &Path) -> Vec<String> {
+    let findings = check(&format::read(file).unwrap()).into_iter();
+    let found = findings.filter(|finding| finding.kind == FindingKind::NotRead);
+    found.map(|finding| finding.message).collect()
+}
+
+#[test]
+fn arrays_that_are_ignored_are_named_and_those_that_sound_like_blocks_with_advice() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("own.npz");
+    let mut zip = ZipWriter::new(File::create(&path).unwrap());
+    let labels: Vec<u8> = (0..12).map(|sweep| sweep / 4).collect();
+    let arrays = [
+        ("X", numpy("(12, 60, 16)", &expected_samples())),
+        ("y", numpy("(12,)", &labels)),
+        ("session", numpy("(12,)", &labels)),
+        ("speed", numpy("(12,)", &labels)),
+    ];
+    for (name, array) in arrays {
+        zip.start_file(format!("{name}.npy"), SimpleFileOptions::default())
+            .unwrap();
+        std::io::Write::write_all(&mut zip, &array).unwrap();
+    }
+    zip.finish().unwrap();
+    assert_eq!(
+        not_read(&path),
+        [
+            "arrays that are ignored: `session`; block numbers are read from an array `blocks`",
+            "arrays that are ignored: `speed`"
+        ]
+    );
+    assert!(not_read(&fixture("read/x_y_names.npz")).is_empty());
+}
+
+#[test]
+fn a_sweep_without_a_name_is_said_in_the_words_of_the_array() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("own.npz");
+    let mut zip = ZipWriter::new(File::create(&path).unwrap());
+    // One letter a name, as `S1`; the third has none.
+    let mut y = numpy("(12,)", b"aa\0abbbbcccc");
+    let place = y.windows(3).position(|bytes| bytes == b"|u1").unwrap();
+    y[place..place + 3].copy_from_slice(b"|S1");
+    for (name, array) in [("X", numpy("(12, 60, 16)", &expected_samples())), ("y", y)] {
+        zip.start_file(format!("{name}.npy"), SimpleFileOptions::default())
+            .unwrap();
+        std::io::Write::write_all(&mut zip, &array).unwrap();
+    }
+    zip.finish().unwrap();
+    let refused = refusal(&path);
+    assert!(
+        refused.ends_with("array `y`: expected a name for every sweep, found an empty one, `y[2]`"),
+        "{refused}"
+    );
+}
+
+#[test]
+fn folders_without_sweeps_and_columns_that_are_missing_are_named() {
+    let dir = tempfile::tempdir().unwrap();
+    for (folder, file) in [("felt", "0.csv"), ("cork", "0.csv"), ("silk", "readme.txt")] {
+        std::fs::create_dir(dir.path().join(folder)).unwrap();
+        write(&dir.path().join(folder).join(file), "1,2\n3,4\n");
+    }
+    assert_eq!(
+        not_read(dir.path()),
+        ["folders without a .csv file: `silk`"]
+    );
+    assert!(format::read(dir.path()).unwrap().is_patch_assumed());
+
+    let path = dir.path().join("own.csv");
+    let taxels: String = (0..36).map(|taxel| format!(",t{taxel}")).collect();
+    write(&path, &format!("label{taxels}\n"));
+    let refused = refusal(&path);
+    assert!(
+        refused.contains("column `sweep`: expected")
+            && refused.contains("found only `label` (read as `material`), `t0`, ")
+            && refused.ends_with("`t6` and 29 more"),
+        "{refused}"
+    );
+    write(&path, "trial,texture,t0\n1,felt,2\n");
+    let refused = refusal(&path);
+    assert!(refused.contains("rename `trial` to `sweep`"), "{refused}");
+    write(&path, "sweep,material,t0\n7,felt,2\n8,,3\n");
+    let refused = refusal(&path);
+    assert!(
+        refused.ends_with("material of sweep `8`: expected a name, found none"),
+        "{refused}"
+    );
+}
+
+#[test]
 fn a_folder_of_single_arrays_says_how_to_make_one_file_of_them() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::create_dir(dir.path().join("felt")).unwrap();

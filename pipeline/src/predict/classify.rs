@@ -1,6 +1,6 @@
 //! What sweeps are made of, where nobody needs to know: the classifier's answer for each, without any figure of merit.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::{self, Write as _};
 
 use serde::Serialize;
@@ -131,6 +131,34 @@ impl ClassifiedSweeps {
         })
     }
 
+    /// Returns what to know about sweeps of materials that the classifier was not taught, in one line; `None` where the file names none.
+    pub fn hint(&self) -> Option<String> {
+        let known: BTreeSet<&str> = self.materials.names().collect();
+        let named = self
+            .sweeps
+            .iter()
+            .filter_map(|sweep| sweep.named.as_deref());
+        let unknown: BTreeSet<&str> = named.filter(|name| !known.contains(name)).collect();
+        if unknown.is_empty() {
+            return None;
+        }
+        let mut shown: Vec<String> = unknown.iter().map(|name| format!("`{name}`")).collect();
+        let hidden = shown.len().saturating_sub(NAMED);
+        shown.truncate(NAMED);
+        if hidden > 0 {
+            shown.push(format!("and {hidden} more"));
+        }
+        // Only a calibrated network has an opinion.
+        let why = match self.sweeps.iter().any(|sweep| sweep.unknown.is_some()) {
+            true => "",
+            false => ", and cannot say \"unknown\" without `train --calibrate`",
+        };
+        let names = shown.join(", ");
+        Some(format!(
+            "the run does not know {names}{why}; `tactnet enroll` adds a material"
+        ))
+    }
+
     /// Returns a table: a line for each sweep, with the probability of every material.
     pub fn to_csv(&self) -> String {
         let quoted = |text: &str| match text.contains(['"', ',', '\n', '\r']) {
@@ -170,6 +198,8 @@ impl ClassifiedSweeps {
     }
 }
 
+/// Unknown materials that are named.
+const NAMED: usize = 5;
 /// Sweeps that are listed to people.
 const LISTED: usize = 40;
 

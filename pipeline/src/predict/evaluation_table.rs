@@ -5,8 +5,8 @@ use std::fmt;
 
 use crate::{Estimate, Evaluation, FusedAccuracy, PredictionMethod};
 
-/// Shows one row per way of predicting: accuracies in percent with their 95 % intervals, NLL in nats, ECE, Brier score; then a line that
-/// says what brackets, `3x` and the ways of predicting mean.
+/// Shows one row per way of predicting: accuracies in percent with their 95 % intervals, NLL in nats, ECE in percent, Brier score; then a line
+/// that says what brackets, `3x` and the ways of predicting mean, and one about the last three columns.
 #[derive(Debug, Clone, Copy)]
 pub struct EvaluationTable<'a>(pub &'a BTreeMap<PredictionMethod, Evaluation>);
 
@@ -14,13 +14,13 @@ impl fmt::Display for EvaluationTable<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{:<15} {:>22} {:>22} {:>22} {:>7} {:>7} {:>7}",
+            "{:<15} {:>22} {:>22} {:>22} {:>7} {:>8} {:>7}",
             "prediction",
             "1 sweep [%]",
             "fused, Bayes [%]",
             "fused, vote [%]",
             "NLL",
-            "ECE",
+            "ECE [%]",
             "Brier"
         )?;
         for (method, evaluation) in self.0 {
@@ -37,12 +37,12 @@ impl fmt::Display for EvaluationTable<'_> {
             };
             write!(
                 f,
-                "\n{name:<15} {:>22} {:>22} {:>22} {:>7.3} {:>7.3} {:>7.3}",
+                "\n{name:<15} {:>22} {:>22} {:>22} {:>7.3} {:>8.1} {:>7.3}",
                 percent(evaluation.one_sweep),
                 fused(|f| f.bayes),
                 fused(|f| f.majority),
                 evaluation.negative_log_likelihood,
-                evaluation.expected_calibration_error,
+                100.0 * evaluation.expected_calibration_error,
                 evaluation.brier,
             )?;
         }
@@ -60,7 +60,12 @@ impl fmt::Display for EvaluationTable<'_> {
         let passes = passes.map_or(String::new(), |passes| {
             format!("; MC dropout: mean over {passes} passes with dropout left on")
         });
-        write!(f, "\nin brackets: 95 % interval{fused}{passes}")
+        write!(
+            f,
+            "\nin brackets: 95 % interval{fused}{passes}\n\
+             smaller is better: NLL, how improbable the true material was held (nats); ECE, gap between confidence and accuracy; Brier, squared error \
+             of the probabilities (0 to 2)"
+        )
     }
 }
 

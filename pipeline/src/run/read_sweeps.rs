@@ -33,8 +33,9 @@ impl TrainSpec {
         }
     }
 
-    /// Reads sweeps of whatever material for a classifier of this, arranged and timed as it was taught: taxels in a row are put into its
-    /// rows and columns, and the rate of a file that does not say is its own, unless this names another.
+    /// Reads sweeps of whatever material for a classifier of this, arranged and timed as it was taught: the taxels of a file that does not
+    /// say how they are arranged (tables, arrays without rows and columns) are put into its rows and columns, and the rate of a file that
+    /// does not say is its own, unless this names another. A file that says either keeps it, and may not fit.
     ///
     /// - `data`: `twin`, or a file
     /// - `shape`, `sample_rate_hz`: of the training sweeps
@@ -59,12 +60,14 @@ impl TrainSpec {
                     dataset,
                     names,
                     labelled: true,
+                    arranged: false,
                 }
             }
         };
         let own = sweeps.dataset.shape();
-        if own.rows == 1 && own.cols == shape.taxels() {
+        if sweeps.dataset.is_patch_assumed() && own.taxels() == shape.taxels() {
             sweeps.dataset = sweeps.dataset.with_patch(shape.rows, shape.cols)?;
+            sweeps.arranged = shape.rows != own.rows;
         }
         let is_named = self.rate_hz.is_some() || !sweeps.dataset.is_rate_assumed();
         let rate_hz = if is_named {

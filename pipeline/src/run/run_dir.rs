@@ -32,7 +32,7 @@ use crate::network::checkpoint::{decode_checkpoint, encode_checkpoint};
 use crate::{
     Calibration, Classifier, Embedding, EnrolledMaterial, EpochMetrics, PipelineError,
     PredictionMethod, Predictions, Provenance, RunConfig, RunResult, Thresholds, TrainEmbeddings,
-    TrainingState, write_whole,
+    TrainingState, quoted, write_whole,
 };
 
 const SPLIT: &str = "split.json";
@@ -73,9 +73,10 @@ impl RunDir {
         }
         .locked()?;
         if run.file("config.json").exists() {
-            return Err(run.refused(
-                "holds a run already; continue it with `--resume`, or name another folder with `--out`",
-            ));
+            return Err(run.refused(&format!(
+                "holds a run already; continue it with `{}`, or name another folder with `--out`",
+                run.resume_command()
+            )));
         }
         for entry in fs::read_dir(path).map_err(failed)? {
             let name = entry.map_err(failed)?.file_name();
@@ -323,7 +324,16 @@ impl RunDir {
         if self.has_final_weights() {
             return self.weights();
         }
-        Err(self.refused("the run has not ended; continue it with `tactnet train --resume`"))
+        Err(self.refused(&format!(
+            "the run has not ended; continue it with `{}`",
+            self.resume_command()
+        )))
+    }
+
+    /// Returns the command that continues its training, as a shell reads it.
+    pub fn resume_command(&self) -> String {
+        let folder = quoted(&self.path.display().to_string());
+        format!("tactnet train --resume {folder}")
     }
 
     /// The last checkpoint with the training seconds spent until then, or `None` before the first.

@@ -48,10 +48,10 @@ impl TrainingSteps {
         let (epochs, batches) = (self.epochs, self.batches);
         (epochs > recipe.epochs).then(|| {
             format!(
-                "{epochs} epochs instead of {}, since these few sweeps make {batches} training step{} an epoch, and the recipe takes at least {least} \
-                 steps; `--epochs N` sets another number",
+                "{epochs} epochs instead of {}, since these few sweeps make {batches} batch{} an epoch, and the recipe trains on at least {least} \
+                 batches; `--epochs N` sets another number",
                 recipe.epochs,
-                if batches == 1 { "" } else { "s" },
+                if batches == 1 { "" } else { "es" },
             )
         })
     }
@@ -92,7 +92,7 @@ mod tests {
         };
         assert_eq!(
             why(&fast, 90).unwrap(),
-            "100 epochs instead of 12, since these few sweeps make 3 training steps an epoch, and the recipe takes at least 300 steps; \
+            "100 epochs instead of 12, since these few sweeps make 3 batches an epoch, and the recipe trains on at least 300 batches; \
              `--epochs N` sets another number"
         );
         assert_eq!(why(&fast, 2800), None);

@@ -8,7 +8,7 @@ use tactnet_serving::web::Dashboard;
 use tactnet_skin::ServeConfig;
 
 use crate::write_table::write_table;
-use crate::{ChildProcess, RehearsalError, own_bus_name};
+use crate::{ChildProcess, PlayCycle, RehearsalError, own_bus_name};
 
 /// The processes of a demonstration, on a bus of their own, and the page; they are killed if this is dropped before [`Demo::end`].
 pub struct Demo {
@@ -17,6 +17,7 @@ pub struct Demo {
     processes: Vec<ChildProcess>,
     table: Table,
     path: PathBuf,
+    cycle: Option<PlayCycle>,
 }
 
 impl Demo {
@@ -51,11 +52,14 @@ impl Demo {
             processes: Vec::new(),
             table,
             path,
+            cycle: None,
         };
         let hub = ["channel", "hub", "--table"];
         let classifier = ["serve", "--metrics", "off", "--run", &run, "--table"];
+        let cycle = folder.join("cycle.json");
+        let cycle_name = cycle.display().to_string();
         let skin = ["simulate", "skin", "--data", &sweeps, "--unseen-by", &run];
-        let skin = [&skin[..], &["--table"]].concat();
+        let skin = [&skin[..], &["--cycle-out", &cycle_name, "--table"]].concat();
         let mut start = |name: &'static str, arguments: &[&str]| {
             let process = ChildProcess::start(program, name, arguments, &demo.path)?;
             demo.processes.push(process);
@@ -66,7 +70,18 @@ impl Demo {
         let bus = Bus::open(Domain::Host, &demo.table)?;
         demo.page = Some(Dashboard::open(&bus, &config, listener)?);
         start("skin", &skin)?;
+        // Written before it was ready.
+        let text = std::fs::read_to_string(cycle).ok();
+        demo.cycle = text.and_then(|text| serde_json::from_str(&text).ok());
+        if let (Some(page), Some(cycle)) = (&mut demo.page, demo.cycle) {
+            page.set_note(cycle.to_string());
+        }
         Ok(demo)
+    }
+
+    /// Returns how many sweeps are played before they come again, where the skin says so.
+    pub fn cycle(&self) -> Option<PlayCycle> {
+        self.cycle
     }
 
     /// Waits for the next frame, brings the page up to date, and looks after all processes. Returns a line for every object that was judged

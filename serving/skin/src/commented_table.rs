@@ -201,7 +201,7 @@ const SETTINGS: [Setting; 41] = [
         SEGMENTER,
         "values",
         "[0.0, 255.0]",
-        "least and greatest value of a taxel, others reject the sweep; left out: by the network's training sweeps",
+        "least and greatest value of a taxel, others reject the sweep; left out: 0 to 255 if the network's training sweeps lie within, else their range and as much again on either side",
     ),
     setting(
         SEGMENTER,

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use tactnet_models::{Adapter, Compute};
+
 use super::{Check, Status};
 
 /// Where ONNX Runtime is looked for.
@@ -91,34 +93,55 @@ fn gpu(features: &[&str]) -> Check {
             "only for `train --device vulkan` or `cuda`: build with `--features vulkan` or `cuda`",
         );
     }
-    // A driver says in such a file that it is there; NVIDIA's driver has a device besides.
-    let drivers: Vec<String> = ["/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d"]
-        .iter()
-        .filter_map(|folder| std::fs::read_dir(folder).ok())
-        .flatten()
-        .flatten()
-        .map(|entry| entry.file_name().to_string_lossy().into_owned())
-        .filter(|name| name.ends_with(".json"))
-        .collect();
-    let nvidia = Path::new("/dev/nvidia0").exists();
-    if drivers.is_empty() && !nvidia {
-        return Check::not_ok(
+    if features.contains(&"vulkan") {
+        return vulkan(Compute::vulkan_adapter().map_err(|error| error.to_string()));
+    }
+    if Path::new("/dev/nvidia0").exists() {
+        let found = "NVIDIA: a card and its driver; whether CUDA computes on it is not tried";
+        return Check::ok(name, found);
+    }
+    Check::not_ok(
+        Status::Note,
+        name,
+        "no NVIDIA card with a driver",
+        "only for `train --device cuda`: NVIDIA's driver",
+    )
+}
+
+/// - `answered`: what answers when a Vulkan device is asked for, or why nothing does
+fn vulkan(answered: Result<Adapter, String>) -> Check {
+    let name = "GPU";
+    match answered {
+        Ok(card) if !card.software => Check::ok(name, format!("{} (Vulkan)", card.name)),
+        Ok(driver) => Check::not_ok(
             Status::Note,
             name,
-            format!("no driver for {}", built.join(" and ")),
-            "Debian: `apt install mesa-vulkan-drivers`, or NVIDIA's own",
-        );
-    }
-    Check::ok(
-        name,
-        format!(
-            "Vulkan drivers: {}; NVIDIA: {}",
-            if drivers.is_empty() {
-                "none".into()
-            } else {
-                drivers.join(", ")
-            },
-            if nvidia { "yes" } else { "no" }
+            format!("none: a software driver alone answers ({})", driver.name),
+            "`train --device vulkan` would compute on the processor, slower than `--device cpu`",
         ),
-    )
+        Err(reason) => Check::not_ok(
+            Status::Note,
+            name,
+            format!("none answers: {reason}"),
+            "only for `train --device vulkan`: a card and its driver (Debian: `apt install mesa-vulkan-drivers`, or NVIDIA's own)",
+        ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_card_that_answers_is_a_gpu() {
+        let adapter = |software| Adapter {
+            name: "llvmpipe".into(),
+            software,
+        };
+        assert_eq!(vulkan(Ok(adapter(false))).status, Status::Ok);
+        let software = vulkan(Ok(adapter(true)));
+        assert_eq!(software.status, Status::Note);
+        assert!(software.found.contains("software driver"), "{software:?}");
+        assert_eq!(vulkan(Err("no GPU".into())).status, Status::Note);
+    }
 }

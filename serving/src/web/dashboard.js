@@ -68,6 +68,7 @@ function showScore() {
   el("score-card").hidden = !truth; document.body.classList.toggle("unscored", !truth);
   set("score", right + " of " + all);
   set("score-note", all ? "right (" + Math.round(100 * right / all) + " %)" : "right; the first object is being felt");
+  el("score-cycle").hidden = !view.note; set("score-cycle", view.note || "");
   set("score-taught", (right - new_right) + " of " + (all - new_all) + " right");
   el("score-new-name").hidden = el("score-new").hidden = new_all === 0;
   set("score-new", new_right + " of " + new_all + " called unknown");

@@ -42,6 +42,8 @@ pub struct Dashboard {
     frames: u64,
     /// When the last status came.
     heard: Instant,
+    /// What to know about the score.
+    note: String,
 }
 
 impl Dashboard {
@@ -82,7 +84,13 @@ impl Dashboard {
             begun: now,
             frames: 0,
             heard: now,
+            note: String::new(),
         })
+    }
+
+    /// Shows a line beside the score.
+    pub fn set_note(&mut self, note: String) {
+        self.note = note;
     }
 
     /// Returns the address that it listens at.
@@ -167,6 +175,7 @@ impl Dashboard {
             belief: seen.belief.as_ref(),
             object: &seen.objects.object,
             score: &seen.objects.score,
+            note: &self.note,
             model_version: seen.model_version,
             counters: &seen.counters,
             events: &seen.events,

@@ -38,6 +38,8 @@ pub(super) struct View<'a> {
     pub(super) belief: Option<&'a Shown>,
     pub(super) object: &'a Object,
     pub(super) score: &'a Score,
+    /// What to know about the score; empty if nothing.
+    pub(super) note: &'a str,
     pub(super) model_version: u64,
     pub(super) counters: &'a [(&'static str, f64)],
     pub(super) events: &'a VecDeque<Line>,

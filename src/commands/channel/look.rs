@@ -8,7 +8,7 @@ use anyhow::Context;
 use clap::Args;
 use serde::Serialize;
 use tactnet_channel::{
-    Bus, ChannelId, Domain, ListedChannel, ReceivedSummary, Start, Table, Wait, list_channels,
+    Bus, ChannelId, Domain, ListedChannel, ReceivedSummary, Start, Wait, list_channels,
     measure_rate,
 };
 use tactnet_skin::{Readable, ServeConfig};
@@ -16,6 +16,7 @@ use tactnet_skin::{Readable, ServeConfig};
 use super::TableArgs;
 use crate::output;
 use crate::stop::Stop;
+use crate::table;
 
 const LOOK: Wait = Wait::Block {
     timeout: Duration::from_millis(100),
@@ -31,7 +32,7 @@ pub struct ListArgs {
 }
 
 pub fn list(arguments: &ListArgs) -> anyhow::Result<ExitCode> {
-    let table = Table::load(&arguments.table.table)?;
+    let table = table::load(&arguments.table.table)?;
     let bus = Bus::open(Domain::Host, &table)?;
     let listed = list_channels(&bus, &table)?;
     if arguments.json {
@@ -85,7 +86,7 @@ impl fmt::Display for Echoed {
 
 pub fn echo(arguments: &EchoArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen_saying("stopping")?;
-    let table = Table::load(&arguments.table.table)?;
+    let table = table::load(&arguments.table.table)?;
     let bus = Bus::open(Domain::Host, &table)?;
     let port = bus.raw_get_port(ChannelId::new(&arguments.channel)?)?;
     let config = table.channel(&arguments.channel)?;
@@ -136,7 +137,7 @@ pub struct HzArgs {
 
 pub fn hz(arguments: &HzArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen_saying("stopping")?;
-    let table = Table::load(&arguments.table.table)?;
+    let table = table::load(&arguments.table.table)?;
     let bus = Bus::open(Domain::Host, &table)?;
     let port = bus.raw_get_port(ChannelId::new(&arguments.channel)?)?;
     let time = Duration::try_from_secs_f64(arguments.seconds)

@@ -3,12 +3,13 @@
 use std::process::ExitCode;
 
 use clap::{Args, ValueEnum};
-use tactnet_channel::{Bus, ChannelId, Domain, Priority, Table};
+use tactnet_channel::{Bus, ChannelId, Domain, Priority};
 use tactnet_rehearsal::put_numbered;
 
 use super::TableArgs;
 use crate::output;
 use crate::stop::Stop;
+use crate::table;
 
 #[derive(Clone, Copy, Default, ValueEnum)]
 pub enum PriorityChoice {
@@ -54,7 +55,7 @@ pub struct PutArgs {
 
 pub fn put(arguments: &PutArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen_saying("stopping")?;
-    let table = Table::load(&arguments.table.table)?;
+    let table = table::load(&arguments.table.table)?;
     let bus = Bus::open(Domain::Host, &table)?;
     let id = ChannelId::new(&arguments.channel)?;
     let port = bus.raw_put_port(id, arguments.priority.priority())?;

@@ -65,6 +65,12 @@ fn import_data_set(arguments: &ImportArgs, format: Format) -> anyhow::Result<Exi
         dataset = dataset.with_patch(rows, cols)?;
     }
     source::warn_of_assumed_rate(dataset.is_rate_assumed(), dataset.sample_rate_hz());
+    if dataset.is_patch_assumed() && dataset.shape().taxels() > 1 {
+        say!(
+            "note: the data does not say how its {} taxels are arranged; they stand in one row, `--shape RxC` names another",
+            dataset.shape().taxels()
+        );
+    }
     format.write(out, &dataset)?;
     say!(
         "{}: {} sweeps of {} materials ({})",

@@ -9,6 +9,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use tactnet_experiments::{Event, TimeLeft};
 
 use crate::commands::progress_line::{COLUMNS, about, end_of};
+use crate::output;
 
 /// A bar over tasks on a terminal, a line per task elsewhere.
 pub struct Progress {
@@ -56,7 +57,7 @@ impl Progress {
                     task_bar(*done, *all, self.left.clone(), ProgressDrawTarget::stderr())
                 });
                 if self.bar.is_none() {
-                    say!("{all} tasks, {done} done");
+                    say!("{}, {done} done", output::counted(*all, "task"));
                 }
             }
             Event::Started { task } => {

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use tactnet_channel::{Bus, Domain, Table, now_ns};
+use tactnet_channel::{Bus, Domain, now_ns};
 use tactnet_rehearsal::{
     CatchingRole, CatchingStack, LoopTimes, Scheduling, catching_table, run_role,
 };
@@ -14,6 +14,7 @@ use tactnet_skin::ServeConfig;
 
 use crate::output;
 use crate::stop::Stop;
+use crate::table;
 
 #[derive(Args)]
 pub struct CatchingArgs {
@@ -45,7 +46,7 @@ pub fn run(arguments: &CatchingArgs) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     };
     let stop = Stop::listen_saying("stopping")?;
-    let bus = Bus::open(Domain::Host, &Table::load(path)?)?;
+    let bus = Bus::open(Domain::Host, &table::load(path)?)?;
     if let Some(role) = arguments.role {
         let realtime = Realtime {
             priority: arguments.priority,

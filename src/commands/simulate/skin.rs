@@ -4,14 +4,15 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
-use tactnet_channel::{Bus, Domain, Table};
+use tactnet_channel::{Bus, Domain};
 use tactnet_data::Seed;
-use tactnet_pipeline::{LabelOrder, RunDir};
-use tactnet_rehearsal::{SkinDriver, SkinSimulator, play_order, rest_frames};
+use tactnet_pipeline::{LabelOrder, RunDir, write_whole};
+use tactnet_rehearsal::{PlayCycle, SkinDriver, SkinSimulator, play_order, rest_frames};
 use tactnet_skin::ServeConfig;
 
 use super::{check_fit, unseen_by};
 use crate::stop::Stop;
+use crate::table;
 use crate::{output, source};
 
 #[derive(Args)]
@@ -41,6 +42,9 @@ pub struct SkinArgs {
     /// How much faster than a skin is; too fast for the classifier, frames are lost
     #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = speed)]
     speed: f64,
+    /// Write how many sweeps come before they come again, before it is ready: for `tactnet demo`
+    #[arg(long, value_name = "FILE", hide = true)]
+    cycle_out: Option<PathBuf>,
     /// Decides the order of the sweeps
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -68,7 +72,7 @@ fn speed(text: &str) -> Result<f64, String> {
 /// Runs the command.
 pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen_saying("stopping")?;
-    let table = Table::load(&arguments.table)?;
+    let table = table::load(&arguments.table)?;
     let config = ServeConfig::of(&table)?;
     // Before sweeps are read or generated: without a hub that would be in vain.
     let bus = Bus::open(Domain::Host, &table)?;
@@ -104,6 +108,10 @@ pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
             }
         }
     };
+    if let Some(path) = &arguments.cycle_out {
+        let cycle = PlayCycle::of(order.len(), object_sweeps as usize);
+        write_whole(path, serde_json::to_string(&cycle)?.as_bytes())?;
+    }
     let driver = SkinDriver::open(&bus, &config)?.at_speed(arguments.speed);
     let rest = rest_frames(dataset.sample_rate_hz());
     let mut skin = SkinSimulator::new(&dataset, order, config.segmenter.skip, rest);

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use anyhow::bail;
-use tactnet_channel::{Bus, Domain, Table};
+use tactnet_channel::{Bus, Domain};
 use tactnet_recording::Recording;
 use tactnet_recording::view::{Target, Viewed, show_channels, show_recording};
 
@@ -13,6 +13,7 @@ use super::ViewArgs;
 use super::arguments::TargetArgs;
 use crate::output;
 use crate::stop::Stop;
+use crate::table;
 
 impl TargetArgs {
     /// Returns where the pictures go.
@@ -69,7 +70,7 @@ fn view_recording(file: &Path, target: &Target) -> anyhow::Result<Viewed> {
 
 fn view_channels(path: &Path, target: &Target, seconds: f64) -> anyhow::Result<Viewed> {
     let stop = Stop::listen_saying("ending")?;
-    let table = Table::load(path)?;
+    let table = table::load(path)?;
     let bus = Bus::open(Domain::Host, &table)?;
     let on_ready = || {
         say!("looking on; Ctrl-C ends");
