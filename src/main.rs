@@ -16,7 +16,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use commands::{
     bench, catch, channel, completions, dashboard, data, demo, doctor, enroll, eval, experiment,
-    export, man, predict, record, replay, serve, simulate, task, train, version, view,
+    export, man, predict, record, replay, same, serve, simulate, task, train, version, view,
 };
 
 #[global_allocator]
@@ -37,6 +37,7 @@ const GIT: &str = env!("TACTNET_GIT");
         tactnet train --data sweeps.h5               train on recorded sweeps\n  \
         tactnet eval runs/twin-fast-fold0-1          judge a trained classifier again\n  \
         tactnet predict runs/twin-fast-fold0-1 --data new.npz   of what material are these?\n  \
+        tactnet same runs/twin-fast-fold0-1 cup.npz plate.npz   of one material?\n  \
         tactnet enroll runs/twin-fast-fold0-1 --data new.h5 --material felt --out runs/with-felt\n  \
         tactnet experiment run crossval_baselines    compare models over folds\n  \
         tactnet data info sweeps.h5                  look at a data set\n\n\
@@ -55,6 +56,8 @@ enum Command {
     Eval(eval::EvalArgs),
     /// Say of what material sweeps are
     Predict(predict::PredictArgs),
+    /// Say whether two objects are of one material
+    Same(same::SameArgs),
     /// Add a material to a trained classifier from a few sweeps
     Enroll(enroll::EnrollArgs),
     /// Write a trained network for other programs: ONNX, safetensors
@@ -137,6 +140,7 @@ fn main() -> ExitCode {
         Command::Train(arguments) => train::run(&arguments),
         Command::Eval(arguments) => eval::run(&arguments),
         Command::Predict(arguments) => predict::run(&arguments),
+        Command::Same(arguments) => same::run(&arguments),
         Command::Enroll(arguments) => enroll::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Experiment(command) => experiment::run(command),

@@ -19,6 +19,8 @@ pub mod progress_line;
 pub mod record;
 pub mod replay;
 pub mod run_choice;
+pub mod run_classifier;
+pub mod same;
 pub mod serve;
 pub mod simulate;
 pub mod task;

@@ -5,16 +5,13 @@ use std::process::ExitCode;
 
 use anyhow::bail;
 use clap::Args;
-use tactnet_models::Compute;
-use tactnet_pipeline::{
-    ClassifiedSweeps, Classifier, ModelRecipe, PipelineError, PredictionMethod, RunDir, quoted,
-    write_whole,
-};
+use tactnet_pipeline::write_whole;
 
 use super::choices::{DeviceChoice, rate};
 use super::run_choice::RunChoice;
+use super::run_classifier::RunClassifier;
+use crate::output;
 use crate::output::OutputFormat;
-use crate::{output, source};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
@@ -22,7 +19,7 @@ use crate::{output, source};
     tactnet predict runs/a --data sweep.csv                one sweep: a row per frame, a column per taxel\n  \
     tactnet predict runs/a --data new/ --one-object        a folder of .csv, all over the same object\n  \
     tactnet predict runs/a --data new.npz --out found.csv  every probability, for a spreadsheet; found.json: as --json prints it\n\n\
-    `tactnet eval` says how often it is right on sweeps whose materials are named; `tactnet serve` classifies sweeps as they happen.")]
+    `tactnet same` says whether two objects are of one material; `tactnet eval` how often the run is right on sweeps whose materials are named; `tactnet serve` classifies sweeps as they happen.")]
 pub struct PredictArgs {
     #[command(flatten)]
     run: RunChoice,
@@ -66,69 +63,13 @@ pub fn run(arguments: &PredictArgs) -> anyhow::Result<ExitCode> {
     if let Some((out, _)) = out {
         output::refuse_to_overwrite(out, arguments.force)?;
     }
-    let run = RunDir::open(arguments.run.dir())?;
-    let config = run.config()?;
-    if let (Some(1..), ModelRecipe::Baseline(baseline)) = (arguments.mc, &config.recipe) {
-        bail!(
-            "--mc: `{}` is a baseline without dropout, and predicts one way only; leave out --mc",
-            baseline.name
-        );
-    }
-    let method = match arguments.mc {
-        None => config.recipe.method(),
-        Some(0) => PredictionMethod::Plain,
-        Some(mc) => PredictionMethod::McDropout {
-            mc_samples: mc as usize,
-        },
-    };
-    let device = Compute::from(arguments.device).open()?;
-    let classifier = Classifier::new(config.classifier.clone(), &run.final_weights()?, &device)?;
-    source::announce(&arguments.data);
-    let mut spec = config.spec.clone();
-    spec.rate_hz = arguments.rate;
-    if let Some(steps) = arguments.steps {
-        spec.steps = Some(steps as usize);
-    }
-    let known = &config.classifier;
-    let sweeps = spec.read_to_classify(&arguments.data, known.shape, known.sample_rate_hz)?;
-    if sweeps.arranged {
-        say!(
-            "note: the taxels are read row by row as the run's {}x{}, since the data does not say how they are arranged",
-            known.shape.rows,
-            known.shape.cols
-        );
-    }
-    if sweeps.labelled && sweeps.dataset.sha256() == config.data_sha256 {
-        let learnt = run.split()?.fold(&sweeps.dataset)?.train.len();
-        say!(
-            "note: the run was trained on {learnt} of these {} sweeps; `tactnet eval {}` judges it by the others",
-            sweeps.dataset.len(),
-            quoted(&arguments.run.dir().display().to_string())
-        );
-    }
-    let calibration = match run.calibration()? {
-        None => None,
-        Some(calibration) => Some((calibration, run.train_embeddings()?)),
-    };
-    let found = ClassifiedSweeps::of(
-        &sweeps,
-        &classifier,
-        calibration.as_ref().map(|(bounds, known)| (bounds, known)),
-        method,
+    let classifier = RunClassifier::open(arguments.run.dir(), arguments.mc, arguments.device)?;
+    let found = classifier.classify(
+        &arguments.data,
+        arguments.rate,
+        arguments.steps,
         arguments.one_object,
-    )
-    .map_err(|error| match error {
-        PipelineError::Incompatible {
-            item,
-            expected,
-            found,
-        } if item == "sweeps" => PipelineError::Incompatible {
-            item: arguments.data.clone(),
-            expected,
-            found,
-        },
-        other => other,
-    })?;
+    )?;
     if let Some(hint) = found.hint() {
         say!("hint: {hint}");
     }

@@ -493,3 +493,39 @@ fn a_material_spelt_otherwise_is_answered_with_the_one_that_is_known() {
         "{refused}"
     );
 }
+
+/// Two files of one object each, and the object beside itself.
+#[test]
+fn two_objects_are_of_one_material_or_of_two() {
+    let lab = Lab::new();
+    own_sweeps(&lab, "own", ["glass", "felt"], 12, 4);
+    let recipe = lab.recipe(RecipeChange::default());
+    let data = lab.path("own").display().to_string();
+    let train = ["train", "--data", &data, "--rate", "750", "--epochs", "60"];
+    let mut training = tactnet(train);
+    training
+        .arg("--recipe")
+        .arg(&recipe)
+        .arg("--out")
+        .arg(lab.path("run"));
+    expect(0, training);
+    own_sweeps(&lab, "cup", ["glass", "other"], 2, 4);
+    own_sweeps(&lab, "cloth", ["other", "felt"], 2, 4);
+    let [cup, cloth] = [("cup", "glass"), ("cloth", "felt")]
+        .map(|(a, b)| lab.path(a).join(b).display().to_string());
+    let same = |first: &str, second: &str| -> f64 {
+        let call = with(&lab, &["same"], "run", &[first, second, "--json"]);
+        let found: serde_json::Value = serde_json::from_str(&stdout(&expect(0, call))).unwrap();
+        assert_eq!(found["objects"][0]["sweeps"], 2);
+        found["same"].as_f64().unwrap()
+    };
+    let (alone, apart) = (same(&cup, &cup), same(&cup, &cloth));
+    assert!(alone > apart, "{alone} {apart}");
+    assert!(
+        (same(&cloth, &cup) - apart).abs() < 1e-12,
+        "either way round"
+    );
+    let said = stdout(&expect(0, with(&lab, &["same"], "run", &[&cup, &cloth])));
+    assert!(said.contains("of one material with "), "{said}");
+    expect(2, with(&lab, &["same"], "run", &[&cup, "nowhere.npz"]));
+}

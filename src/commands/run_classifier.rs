@@ -1,0 +1,119 @@
+//! The classifier of a run, and what it says of the sweeps of a file.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::bail;
+use tactnet_models::Compute;
+use tactnet_pipeline::{
+    Calibration, ClassifiedSweeps, Classifier, ModelRecipe, PipelineError, PredictionMethod,
+    RunConfig, RunDir, TrainEmbeddings, quoted,
+};
+
+use super::choices::DeviceChoice;
+use crate::source;
+
+/// A classifier with the run that it comes from.
+pub struct RunClassifier {
+    dir: PathBuf,
+    run: RunDir,
+    config: RunConfig,
+    classifier: Classifier,
+    calibration: Option<(Calibration, TrainEmbeddings)>,
+    method: PredictionMethod,
+}
+
+impl RunClassifier {
+    /// Opens the classifier of the run in `dir`.
+    ///
+    /// - `mc`: runs of Monte Carlo dropout; 0 for none, `None` for the recipe's
+    pub fn open(dir: &Path, mc: Option<u32>, device: DeviceChoice) -> anyhow::Result<Self> {
+        let run = RunDir::open(dir)?;
+        let config = run.config()?;
+        if let (Some(1..), ModelRecipe::Baseline(baseline)) = (mc, &config.recipe) {
+            bail!(
+                "--mc: `{}` is a baseline without dropout, and predicts one way only; leave out --mc",
+                baseline.name
+            );
+        }
+        let method = match mc {
+            None => config.recipe.method(),
+            Some(0) => PredictionMethod::Plain,
+            Some(mc) => PredictionMethod::McDropout {
+                mc_samples: mc as usize,
+            },
+        };
+        let device = Compute::from(device).open()?;
+        let classifier =
+            Classifier::new(config.classifier.clone(), &run.final_weights()?, &device)?;
+        let calibration = match run.calibration()? {
+            None => None,
+            Some(calibration) => Some((calibration, run.train_embeddings()?)),
+        };
+        Ok(Self {
+            dir: dir.into(),
+            run,
+            config,
+            classifier,
+            calibration,
+            method,
+        })
+    }
+
+    /// Reads the sweeps of `data` and classifies them; says what is to be known of the file.
+    ///
+    /// - `rate`: frames per second, for data that does not say
+    /// - `steps`: only so many time steps of every sweep
+    /// - `one_object`: all sweeps are over the same object
+    pub fn classify(
+        &self,
+        data: &str,
+        rate: Option<f64>,
+        steps: Option<u32>,
+        one_object: bool,
+    ) -> anyhow::Result<ClassifiedSweeps> {
+        source::announce(data);
+        let mut spec = self.config.spec.clone();
+        spec.rate_hz = rate;
+        if let Some(steps) = steps {
+            spec.steps = Some(steps as usize);
+        }
+        let known = &self.config.classifier;
+        let sweeps = spec.read_to_classify(data, known.shape, known.sample_rate_hz)?;
+        if sweeps.arranged {
+            say!(
+                "note: the taxels are read row by row as the run's {}x{}, since the data does not say how they are arranged",
+                known.shape.rows,
+                known.shape.cols
+            );
+        }
+        if sweeps.labelled && sweeps.dataset.sha256() == self.config.data_sha256 {
+            let learnt = self.run.split()?.fold(&sweeps.dataset)?.train.len();
+            say!(
+                "note: the run was trained on {learnt} of these {} sweeps; `tactnet eval {}` judges it by the others",
+                sweeps.dataset.len(),
+                quoted(&self.dir.display().to_string())
+            );
+        }
+        let found = ClassifiedSweeps::of(
+            &sweeps,
+            &self.classifier,
+            self.calibration
+                .as_ref()
+                .map(|(bounds, known)| (bounds, known)),
+            self.method,
+            one_object,
+        );
+        Ok(found.map_err(|error| match error {
+            PipelineError::Incompatible {
+                item,
+                expected,
+                found,
+            } if item == "sweeps" => PipelineError::Incompatible {
+                item: data.into(),
+                expected,
+                found,
+            },
+            other => other,
+        })?)
+    }
+}
