@@ -5,6 +5,8 @@ use std::process::ExitCode;
 
 use clap::CommandFactory;
 use clap::error::{ContextKind, ErrorKind};
+use tactnet_catching_roles::RoleError;
+use tactnet_catching_stage::StageError;
 use tactnet_channel::ChannelError;
 use tactnet_data::{DataError, FetchError};
 use tactnet_experiments::ExperimentError;
@@ -179,6 +181,8 @@ fn is_usage(cause: &(dyn Error + 'static)) -> Option<bool> {
         .or_else(|| cause.downcast_ref().map(RecordingError::is_usage))
         .or_else(|| cause.downcast_ref().map(ServeError::is_usage))
         .or_else(|| cause.downcast_ref().map(RehearsalError::is_usage))
+        .or_else(|| cause.downcast_ref().map(RoleError::is_usage))
+        .or_else(|| cause.downcast_ref().map(StageError::is_usage))
 }
 
 /// Returns true for a disk that is full or cannot be written; other errors of the system, such as a file that is not there, may well be

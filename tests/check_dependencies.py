@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Counts the crates of others, and checks where they are from and under which licences.
+"""Counts the crates of others, checks where they are from and under which licences, and which of our own know each other.
 
     python3 tests/check_dependencies.py          prints the counts beside their budgets
     python3 tests/check_dependencies.py --json
@@ -19,6 +19,12 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 # Crates of others in a build, and versions of crates beside a first one.
 BUDGETS = {"crates": 380, "crates with all of CI's features": 820, "second versions": 70}
+# Crates that must know nothing of others: what judges knows nothing of what is judged, and what acts cannot see the truth.
+STRANGERS = {
+    "tactnet-catching-world": ["tactnet-catching", "tactnet-catching-roles"],
+    "tactnet-catching": ["tactnet-catching-world", "tactnet-catching-trials", "tactnet-catching-stage"],
+    "tactnet-catching-roles": ["tactnet-catching-world", "tactnet-catching-trials", "tactnet-catching-stage"],
+}
 REGISTRY = "registry+https://github.com/rust-lang/crates.io-index"
 
 
@@ -72,6 +78,9 @@ def main():
     counts = {"crates": len(crates()), "crates with all of CI's features": len(full), "second versions": len(names) - len(set(names))}
     wrong = [f"{counted}: {count}, at most {BUDGETS[counted]} are allowed" for counted, count in counts.items() if count > BUDGETS[counted]]
     packages = json.loads(cargo("metadata", "--locked", "--format-version", "1", *features))["packages"]
+    for crate, strangers in STRANGERS.items():
+        known = {line.split()[0] for line in cargo("tree", "--locked", "--edges", "normal", "--prefix", "none", "--package", crate).splitlines() if line}
+        wrong += [f"{crate}: depends on {stranger}" for stranger in strangers if stranger in known]
     banned = {crate["name"]: crate["reason"] for crate in deny["bans"]["deny"]}
     for package in packages:
         name, version = package["name"], f"v{package['version']}"

@@ -23,6 +23,11 @@ impl ChildProcess {
         command.spawn().map(Self)
     }
 
+    /// Returns its number.
+    pub fn id(&self) -> u32 {
+        self.0.id()
+    }
+
     /// Returns its status if it has ended.
     ///
     /// # Errors

@@ -102,6 +102,16 @@ impl ReadyProcess {
         Ok(None)
     }
 
+    /// Returns its number.
+    pub fn id(&self) -> u32 {
+        self.process.id()
+    }
+
+    /// Returns what one that has ended by itself said last on its standard error; no text the second time.
+    pub fn last_words(&mut self) -> String {
+        self.last_lines()
+    }
+
     /// Returns its status if it has ended by itself.
     ///
     /// # Errors

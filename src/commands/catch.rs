@@ -2,6 +2,8 @@
 
 mod detect_bench;
 mod plan_bench;
+mod role;
+mod run;
 mod safety_bench;
 mod throw_series;
 mod track_bench;
@@ -20,12 +22,15 @@ use tactnet_catching_world::WorldConfig;
 
 #[derive(Subcommand)]
 #[command(after_help = "Examples:\n  \
+    tactnet catch run --throws 10                                  live, every part a process\n  \
     tactnet catch throw-series --throws 100 --page throws.html     how many balls are caught, and one throw drawn\n  \
     tactnet catch plan-bench --problems 1000                       how long plans take, how many are missed\n  \
     tactnet catch track-bench --throws 1000                        how exactly balls are predicted, how long that takes\n  \
     tactnet catch detect-bench --throws 50                         how well balls are found in pictures, how long that takes\n  \
     tactnet catch safety-bench --motions 10000                     whether braking keeps the robot from touching itself")]
 pub enum CatchCommand {
+    /// Run the whole stack live, a process for each part, before the simulated world
+    Run(run::RunArgs),
     /// Throw balls at the simulated robot, in stepped time, and count what it catches
     ThrowSeries(throw_series::ThrowSeriesArgs),
     /// Measure the planner on random catches, against a dense grid
@@ -36,6 +41,8 @@ pub enum CatchCommand {
     SafetyBench(safety_bench::SafetyBenchArgs),
     /// Measure the detector on pictures of throws, drawn with room, people, blur and noise
     DetectBench(detect_bench::DetectBenchArgs),
+    /// Run one process of the stack, or the world, on the channels of a table
+    Role(role::RoleArgs),
 }
 
 /// What a plan seeks.
@@ -67,6 +74,8 @@ pub fn run(command: CatchCommand) -> anyhow::Result<ExitCode> {
         CatchCommand::TrackBench(arguments) => track_bench::run(&arguments),
         CatchCommand::SafetyBench(arguments) => safety_bench::run(&arguments),
         CatchCommand::DetectBench(arguments) => detect_bench::run(&arguments),
+        CatchCommand::Run(arguments) => run::run(&arguments),
+        CatchCommand::Role(arguments) => role::run(&arguments),
     }
 }
 

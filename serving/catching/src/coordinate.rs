@@ -11,7 +11,9 @@
 mod assign;
 mod body;
 mod coordinator;
+mod neck;
 
 pub use assign::{Assignment, assign};
 pub use body::BodyMotion;
 pub use coordinator::{CatchState, Coordinator, CoordinatorConfig, PlanRequest, Planned};
+pub use neck::{Looked, Neck};

@@ -10,6 +10,7 @@
 #![allow(clippy::needless_range_loop)]
 
 pub mod circles;
+pub mod control;
 pub mod coordinate;
 pub mod flight;
 pub mod plan;

@@ -21,3 +21,4 @@ pub(crate) mod shaking;
 
 pub use config::{PoseConfig, PoseError};
 pub use estimator::PoseEstimator;
+pub use ring::PoseRing;

@@ -119,6 +119,18 @@ impl Ramp {
         }
     }
 
+    /// Returns what travelled.
+    pub fn of(packet: &RampPacket) -> Self {
+        Self {
+            q0: packet.q0,
+            w0: packet.w0,
+            a: packet.a,
+            t1: packet.t1,
+            t2: packet.t2,
+            end: packet.end,
+        }
+    }
+
     /// Returns it as it travels.
     pub fn packet(&self) -> RampPacket {
         RampPacket {
@@ -128,19 +140,6 @@ impl Ramp {
             t1: self.t1,
             t2: self.t2,
             end: self.end,
-        }
-    }
-}
-
-impl From<&RampPacket> for Ramp {
-    fn from(packet: &RampPacket) -> Self {
-        Self {
-            q0: packet.q0,
-            w0: packet.w0,
-            a: packet.a,
-            t1: packet.t1,
-            t2: packet.t2,
-            end: packet.end,
         }
     }
 }

@@ -47,6 +47,15 @@ impl Robot {
         &self.arms[arm]
     }
 
+    /// Returns the joints in which the robot waits: platform, torso and neck at zero, arms as [`Robot::ready`] says.
+    pub fn waiting(&self) -> [f64; JOINTS] {
+        let mut q = [0.0; JOINTS];
+        for arm in 0..ARMS {
+            q[joint::ARM[arm].clone()].copy_from_slice(&self.ready(arm));
+        }
+        q
+    }
+
     /// Returns joint angles in which an arm waits: hand half a metre ahead of its shoulder and a little below, open towards the thrower,
     /// as far as can be from all ends of ranges.
     pub fn ready(&self, arm: usize) -> [f64; ARM_JOINTS] {

@@ -26,7 +26,7 @@ mod triangular;
 mod ukf;
 
 pub use camera::{Camera, View};
-pub use config::{ThrowPrior, TrackConfig, TrackError};
+pub use config::{CLUTTER_OF_PICTURES, ThrowPrior, TrackConfig, TrackError};
 pub use head::Head;
 pub use tracker::BallTracker;
 pub use ukf::{BallState, STATES, Sight};

@@ -32,6 +32,7 @@ mod received_summary;
 mod shared;
 mod sync_group;
 mod table;
+mod ticker;
 mod transport;
 mod wake_event;
 
@@ -53,3 +54,4 @@ pub use rate_limit::RateLimit;
 pub use received_summary::ReceivedSummary;
 pub use sync_group::SyncGroup;
 pub use table::{ChannelConfig, Congestion, Network, Table};
+pub use ticker::Ticker;

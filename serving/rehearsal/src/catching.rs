@@ -13,9 +13,9 @@ use std::time::Duration;
 
 use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
-use tactnet_channel::{Bus, ChannelConfig, Packet, Priority, Start, Table, Wait, now_ns};
+use tactnet_channel::{Bus, ChannelConfig, Packet, Priority, Start, Table, Ticker, Wait, now_ns};
 
-use crate::{RehearsalError, Ticker};
+use crate::RehearsalError;
 
 /// Pixels of a camera.
 const PIXELS: usize = 1600 * 1250;

@@ -18,7 +18,6 @@ mod small_network;
 mod soak;
 mod stack;
 pub mod stress;
-mod ticker;
 mod write_table;
 
 pub use catching::{CatchingReport, CatchingRole, catching_table, run_role};
@@ -35,4 +34,3 @@ pub use skin_driver::SkinDriver;
 pub use small_network::{SMALL_MATERIALS, SMALL_SWEEPS, make_twin, train_small_network};
 pub use soak::{Played, Soak, SoakReport};
 pub use stack::{CatchingStack, LoopTimes, Scheduling};
-pub use ticker::Ticker;

@@ -1,10 +1,10 @@
 //! A simulated skin on its channels, in real time.
 
-use tactnet_channel::{Bus, Priority, PutPort};
+use tactnet_channel::{Bus, Priority, PutPort, Ticker};
 use tactnet_skin::ServeConfig;
 use tactnet_skin::packets::{Command, SkinFrame, SweepCommand};
 
-use crate::{RehearsalError, SkinSimulator, Ticker};
+use crate::{RehearsalError, SkinSimulator};
 
 /// The channels of the first finger and of commands.
 pub struct SkinDriver {

@@ -7,6 +7,7 @@ use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, joint};
 
 use super::assign::assign;
 use super::body::BodyMotion;
+use super::neck::{Looked, Neck};
 use crate::flight::{Flight, FlightPath};
 use crate::plan::{CatchPlan, CatchRequest, NoPlan, Objective};
 use crate::ramp::Ramp;
@@ -112,9 +113,7 @@ pub struct Coordinator {
     arms: [ArmMotion; ARMS],
     reaching: [Option<Reaching>; ARMS],
     hands: [Option<HandCommand>; ARMS],
-    gaze: [Option<(u64, Flight)>; MAX_BALLS],
-    neck: [(f64, f64); 2],
-    neck_ns: u64,
+    neck: Neck,
     state: CatchState,
     pending: bool,
     no_plans: u64,
@@ -132,12 +131,7 @@ impl Coordinator {
             arms: [standing(0), standing(1)],
             reaching: [None; ARMS],
             hands: [None; ARMS],
-            gaze: [None; MAX_BALLS],
-            neck: [
-                (ready[joint::NECK.start], 0.0),
-                (ready[joint::NECK.start + 1], 0.0),
-            ],
-            neck_ns: 0,
+            neck: Neck::standing(&ready),
             state: CatchState::Armed,
             pending: false,
             no_plans: 0,
@@ -167,6 +161,35 @@ impl Coordinator {
         self.reaching[arm].map(|reaching| (reaching.ball, reaching.catch_ns))
     }
 
+    /// Returns the motion of platform and torso.
+    pub fn body(&self) -> &BodyMotion {
+        &self.body
+    }
+
+    /// Returns what the head looks at.
+    pub fn looked_at(&self) -> &Looked {
+        self.neck.looked_at()
+    }
+
+    /// Returns what an arm is to carry out: when it begins, and its joints.
+    pub fn arm(&self, arm: usize) -> (u64, &[Ramp; ARM_JOINTS]) {
+        (self.arms[arm].start_ns, &self.arms[arm].ramps)
+    }
+
+    /// Takes what a controller carries out with an arm: where that is not what was planned, the plan was refused, and the arm is not on its way to
+    /// anything.
+    pub fn carried_out(&mut self, arm: usize, start_ns: u64, ramps: [Ramp; ARM_JOINTS]) {
+        if self.arms[arm].start_ns == start_ns && self.arms[arm].ramps == ramps {
+            return;
+        }
+        self.arms[arm] = ArmMotion { start_ns, ramps };
+        self.reaching[arm] = None;
+        self.hands[arm] = None;
+        if self.state == CatchState::Reaching && self.reaching.iter().all(Option::is_none) {
+            self.state = CatchState::Tracking;
+        }
+    }
+
     /// Takes a prediction and returns what the planner is to answer, at the end of [`CoordinatorConfig::plan_delay`]
     /// ([`Coordinator::planned`]). `chest` is where the chest is measured to be, in the inertial frame; what it differs by from where its
     /// joints put it now, it will differ by at the catch.
@@ -187,13 +210,11 @@ impl Coordinator {
             return requests;
         };
         let start_ns = now_ns + (self.config.plan_delay * 1e9) as u64;
-        if self.gaze == [None; MAX_BALLS] {
-            self.neck_ns = now_ns;
-        }
-        self.gaze = [None; MAX_BALLS];
-        for (place, ball) in self.gaze.iter_mut().zip(predictions.valid()) {
+        let mut looked = [None; MAX_BALLS];
+        for (place, ball) in looked.iter_mut().zip(predictions.valid()) {
             *place = Some((ball.t_ns, flight(ball)));
         }
+        self.neck.look_at(now_ns, looked);
         if self.state == CatchState::Armed {
             self.state = CatchState::Tracking;
             // With two balls only the arms move.
@@ -308,16 +329,15 @@ impl Coordinator {
     /// Returns where all joints are to be at a time, and how fast.
     pub fn command(&self, now_ns: u64) -> ([f64; JOINTS], [f64; JOINTS]) {
         let (mut q, mut dq) = self.joints_of_body(now_ns);
-        for (i, index) in joint::NECK.enumerate() {
-            (q[index], dq[index]) = self.neck[i];
-        }
+        self.neck.write(&mut q, &mut dq);
         (q, dq)
     }
 
     /// Turns the head towards the middle of the balls that were predicted last, as fast as the neck may, and returns [`Coordinator::command`]. To be called at
     /// every tick of the controller.
     pub fn tick(&mut self, now_ns: u64) -> ([f64; JOINTS], [f64; JOINTS]) {
-        self.turn_head(now_ns);
+        let (q, _) = self.joints_of_body(now_ns);
+        self.neck.turn(now_ns, &self.robot, &q);
         let last = self.hands.iter().flatten().map(|hand| hand.catch_ns).max();
         if self.state == CatchState::Reaching
             && last.is_some_and(|last| now_ns + LAST_CLOSING_NS >= last)
@@ -378,51 +398,6 @@ impl Coordinator {
                 let shifted = hand.catch_ns as f64 + shift * 1e9;
                 hand.catch_ns = shifted.max((now_ns + LAST_CLOSING_NS) as f64) as u64;
             }
-        }
-    }
-
-    fn turn_head(&mut self, now_ns: u64) {
-        if self.gaze == [None; MAX_BALLS] {
-            return;
-        }
-        let dt = (now_ns.saturating_sub(self.neck_ns)) as f64 * 1e-9;
-        self.neck_ns = now_ns;
-        if dt <= 0.0 || dt > 0.1 {
-            return;
-        }
-        let (q, _) = self.joints_of_body(now_ns);
-        let to_chest = self.robot.chest(&q).inverse();
-        // Between the balls, so that none leaves the pictures.
-        let (mut sum, mut count) = ([0.0; 2], 0.0);
-        for (t_ns, flight) in self.gaze.iter().flatten() {
-            let ball = flight.after((now_ns as f64 - *t_ns as f64) * 1e-9);
-            let seen = to_chest * Point3::from(ball.p);
-            // Beside or behind the head there is nothing to look at any more.
-            if seen.x > 0.3 {
-                let angles = self.robot.look_at(&seen.coords);
-                sum = [sum[0] + angles[0], sum[1] + angles[1]];
-                count += 1.0;
-            }
-        }
-        let wanted = if count > 0.0 {
-            sum.map(|angle| angle / count)
-        } else {
-            self.neck.map(|(q, _)| q)
-        };
-        for (i, (angle, rate)) in self.neck.iter_mut().enumerate() {
-            let limits = &self.robot.joints()[joint::NECK.start + i];
-            let wanted = wanted[i].clamp(limits.range[0], limits.range[1]);
-            // As fast as can still be braked.
-            let away = wanted - *angle;
-            let most = (2.0 * 0.5 * limits.acceleration * away.abs())
-                .sqrt()
-                .min(0.9 * limits.speed)
-                .min(away.abs() / (3.0 * dt));
-            let target = most.copysign(away);
-            let change = (0.8 * limits.acceleration * dt).max(0.0);
-            let next = *rate + (target - *rate).clamp(-change, change);
-            *angle = (*angle + next * dt).clamp(limits.range[0], limits.range[1]);
-            *rate = next;
         }
     }
 }

@@ -5,7 +5,7 @@ use tactnet_catching_packets::RobotDescription;
 use tactnet_catching_packets::packets::{HeadPose, ImuSample};
 
 use super::error_state::{Block, Covariance, ErrorState};
-use super::ring::Ring;
+use super::ring::PoseRing;
 use super::{PoseConfig, PoseError};
 
 /// What no such accelerometer measures, m/s^2.
@@ -27,7 +27,7 @@ pub struct PoseEstimator {
     state: ErrorState,
     /// The last sample, while the pose is known.
     last: Option<ImuSample>,
-    ring: Ring,
+    ring: PoseRing,
 }
 
 impl PoseEstimator {
@@ -43,7 +43,7 @@ impl PoseEstimator {
             rate: robot.imu.rate,
             state: ErrorState::new(&config),
             last: None,
-            ring: Ring::new((config.ring * robot.imu.rate).ceil() as usize + 1),
+            ring: PoseRing::new((config.ring * robot.imu.rate).ceil() as usize + 1),
         })
     }
 

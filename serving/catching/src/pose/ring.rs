@@ -7,13 +7,14 @@ use super::PoseError;
 
 /// Poses by time; the oldest is overwritten.
 #[derive(Debug, Clone)]
-pub(super) struct Ring {
+pub struct PoseRing {
     poses: Vec<HeadPose>,
     /// Where the oldest stands, once all places are taken.
     oldest: usize,
 }
 
-impl Ring {
+impl PoseRing {
+    /// Keeps so many poses.
     pub fn new(places: usize) -> Self {
         Self {
             poses: Vec::with_capacity(places.max(2)),
@@ -21,11 +22,13 @@ impl Ring {
         }
     }
 
+    /// Forgets all.
     pub fn clear(&mut self) {
         self.poses.clear();
         self.oldest = 0;
     }
 
+    /// Keeps a pose; its time is to be later than those before.
     pub fn put(&mut self, pose: HeadPose) {
         if self.poses.len() < self.poses.capacity() {
             self.poses.push(pose);
@@ -40,6 +43,9 @@ impl Ring {
     }
 
     /// Returns the pose at a time between the oldest and the latest.
+    ///
+    /// # Errors
+    /// Where no pose of that time is kept.
     pub fn at(&self, t_ns: u64) -> Result<HeadPose, PoseError> {
         let count = self.poses.len();
         if count == 0 {

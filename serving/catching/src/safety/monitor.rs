@@ -7,6 +7,9 @@ use super::bodies::{Bodies, PAIRS};
 use super::gjk::distance;
 use super::sweep::{Interval, braking, braking_between, braking_time};
 
+/// Moments of a braking motion that are looked at.
+const SAMPLES: usize = 48;
+
 /// How the monitor works.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MonitorConfig {
@@ -131,6 +134,34 @@ impl Monitor {
             bound: bounds[pair],
             pair,
         }
+    }
+
+    /// Returns the least distance of bodies from a command until the robot has braked, looked at 49 times, m: what a ruling bounds from
+    /// below, by another way. Takes milliseconds.
+    pub fn least_while_braking(&self, command: &JointCommand) -> f64 {
+        let longest = self.longest(command);
+        let mut least = f64::INFINITY;
+        for sample in 0..=SAMPLES {
+            let t = longest * sample as f64 / SAMPLES as f64;
+            let q = self.braked(command, t);
+            for pair in 0..PAIRS {
+                let [a, b] = self.bodies.placed(pair, &q);
+                least = least.min(distance(&a, &b));
+            }
+        }
+        least
+    }
+
+    /// Where joints are, so long after a command from which they brake.
+    fn braked(&self, command: &JointCommand, t: f64) -> [f64; JOINTS] {
+        let reaction = self.config.reaction;
+        std::array::from_fn(|i| {
+            let (q, dq) = (command.q[i], command.dq[i]);
+            let acceleration = self.joints[i].acceleration;
+            let slowing = (t - reaction).clamp(0.0, dq.abs() / acceleration);
+            q + dq * (t.min(reaction) + slowing)
+                - 0.5 * dq.signum() * acceleration * slowing * slowing
+        })
     }
 
     /// How long the robot takes from a command until it stands still, s.

@@ -6,6 +6,9 @@ use serde::{Deserialize, Serialize};
 use super::mht::{MAX_HYPOTHESES, MAX_SCANS};
 use crate::flight::DRAG;
 
+/// Circles of a picture that are no balls, where pictures show a room with people and round things (`tactnet catch detect-bench`).
+pub const CLUTTER_OF_PICTURES: f64 = 24.0;
+
 /// Settings of a [`BallTracker`](super::BallTracker).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]

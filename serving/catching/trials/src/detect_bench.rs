@@ -14,7 +14,7 @@ use tactnet_catching_world::{Pictures, Truth, World, WorldConfig};
 use crate::error::TrialError;
 use crate::perception::{isometry, known_pose};
 use crate::quantiles::Quantiles;
-use crate::throw::{nanoseconds, ready, ticks, world_seed};
+use crate::throw::{nanoseconds, ticks, world_seed};
 
 /// Seconds before a ball is thrown.
 const WAIT: f64 = 0.3;
@@ -182,7 +182,7 @@ impl DetectBench {
 
     /// What is when pictures are taken, from shortly before a throw until the ball has passed. The head looks about.
     fn exposures(&self, robot: &Robot, seed: u64) -> Result<Vec<Truth>, TrialError> {
-        let ready = ready(robot);
+        let ready = robot.waiting();
         let mut world = World::new(robot.description(), &self.world, seed, &ready)?;
         let mut exposures = Vec::new();
         let end = nanoseconds(WAIT + LONGEST);

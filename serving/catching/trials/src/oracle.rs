@@ -10,6 +10,9 @@ use tactnet_catching::coordinate::BodyMotion;
 use tactnet_catching::flight::{Flight, FlightPath, STEP};
 use tactnet_catching::plan::{CatchRequest, Grid, Objective, PlanConfig, Planner};
 use tactnet_catching_packets::{ARMS, JOINTS, joint};
+use tactnet_catching_world::FlightSample;
+
+use crate::look_ahead::as_flight;
 
 /// The grid.
 const GRID: Grid = Grid {
@@ -34,6 +37,23 @@ impl Oracle {
             robot: robot.clone(),
             lower_body,
         }
+    }
+
+    /// Returns which arms can catch a ball that is thrown at `ready`, if the first path can begin `reaction` s after its release. `flight` is the
+    /// true one, a sample every millisecond.
+    pub fn arms_of(
+        &self,
+        flight: &[FlightSample],
+        reaction: f64,
+        ready: &[f64; JOINTS],
+    ) -> [bool; ARMS] {
+        let knots: Vec<Flight> = flight
+            .iter()
+            .skip((reaction * 1e3) as usize)
+            .step_by(10)
+            .map(as_flight)
+            .collect();
+        self.arms(&knots, ready)
     }
 
     /// Returns which arms can catch a ball. `flight` is the true flight in the inertial frame, one entry every 10 ms from the moment at which
@@ -95,14 +115,6 @@ mod tests {
 
     use super::*;
 
-    fn ready(robot: &Robot) -> [f64; JOINTS] {
-        let mut q = [0.0; JOINTS];
-        for arm in 0..ARMS {
-            q[joint::ARM[arm].clone()].copy_from_slice(&robot.ready(arm));
-        }
-        q
-    }
-
     /// A ball that passes `aim` after `time`, s.
     fn thrown_to(aim: Vector3<f64>, time: f64) -> Vec<Flight> {
         let ball = Flight {
@@ -120,7 +132,7 @@ mod tests {
     fn balls_before_a_shoulder_can_be_caught_and_balls_far_aside_cannot() {
         let robot = Robot::new(RobotDescription::nominal());
         let oracle = Oracle::new(&robot, false);
-        let ready = ready(&robot);
+        let ready = robot.waiting();
         let before = |y: f64| oracle.arms(&thrown_to(Vector3::new(0.6, y, 1.3), 0.6), &ready);
         assert!(before(0.5)[0]);
         assert!(before(-0.5)[1]);
@@ -131,7 +143,7 @@ mod tests {
     #[test]
     fn platform_and_torso_widen_the_catch_space() {
         let robot = Robot::new(RobotDescription::nominal());
-        let ready = ready(&robot);
+        let ready = robot.waiting();
         let farthest = |oracle: &Oracle| {
             let aside = |i: u32| 0.9 + 0.02 * f64::from(i);
             let caught = |i: &u32| {

@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Quaternion, Rotation3, Translation3, UnitQuaternion};
 use tactnet_catching::Robot;
 use tactnet_catching::flight::DRAG;
 use tactnet_catching::pose::{PoseConfig, PoseError, PoseEstimator};
-use tactnet_catching::track::{BallTracker, TrackConfig};
+use tactnet_catching::track::{BallTracker, CLUTTER_OF_PICTURES, TrackConfig};
 use tactnet_catching_packets::packets::{
     BallPrediction, BallPredictions, Circles, HeadPose, JointState, MAX_BALLS,
 };
@@ -21,9 +21,6 @@ use crate::timing::Ablation;
 
 /// Without the inertial unit, the head is where kinematics put it, to a tenth of a millimetre, as a tracker is told that knows no better.
 const KINEMATIC_VARIANCE: f64 = 1e-8;
-
-/// Circles of a picture that are no balls, with the world's surroundings (`tactnet catch detect-bench`).
-const CLUTTER_OF_PICTURES: f64 = 24.0;
 
 /// Sensors, pose estimator and tracker with their delays.
 pub(crate) struct Perception {

@@ -15,8 +15,6 @@ use tactnet_catching_packets::{JOINTS, Joint};
 
 use crate::quantiles::Quantiles;
 
-/// Moments of a braking motion that are looked at.
-const SAMPLES: usize = 48;
 /// Random motions that are judged alone on a core, to be timed.
 const TIMED: usize = 5000;
 /// Ticks of a motion that is watched, to time the monitor as it works: joints swing.
@@ -169,7 +167,7 @@ impl SafetyBench {
         }
         let mut monitor = Monitor::new(bodies.clone(), *robot.joints(), self.config, &command.q);
         let ruling = monitor.judge(&command);
-        let least = least_while_braking(&monitor, robot.joints(), &command);
+        let least = monitor.least_while_braking(&command);
         Judged {
             begun: true,
             go: ruling.go,
@@ -262,40 +260,4 @@ impl SafetyBench {
             swept_us: swept / timed.max(1) as f64,
         }
     }
-}
-
-/// Returns the least distance of bodies from a command until the robot has braked, looked at often, m.
-pub(crate) fn least_while_braking(
-    monitor: &Monitor,
-    joints: &[Joint; JOINTS],
-    command: &JointCommand,
-) -> f64 {
-    let mut least = f64::INFINITY;
-    for sample in 0..=SAMPLES {
-        let q = braked(joints, command, monitor.config().reaction, sample);
-        for pair in 0..PAIRS {
-            let [a, b] = monitor.bodies().placed(pair, &q);
-            least = least.min(distance(&a, &b));
-        }
-    }
-    least
-}
-
-/// Where joints are at a moment of a braking motion, the last of which is at rest.
-fn braked(
-    joints: &[Joint; JOINTS],
-    command: &JointCommand,
-    reaction: f64,
-    sample: usize,
-) -> [f64; JOINTS] {
-    let longest = (0..JOINTS)
-        .map(|i| reaction + command.dq[i].abs() / joints[i].acceleration)
-        .fold(0.0, f64::max);
-    let t = longest * sample as f64 / SAMPLES as f64;
-    std::array::from_fn(|i| {
-        let (q, dq) = (command.q[i], command.dq[i]);
-        let slowing = (t - reaction).clamp(0.0, dq.abs() / joints[i].acceleration);
-        q + dq * (t.min(reaction) + slowing)
-            - 0.5 * dq.signum() * joints[i].acceleration * slowing * slowing
-    })
 }

@@ -16,7 +16,7 @@ use crate::error::TrialError;
 use crate::look_ahead::{LookAhead, SAME_BALL, Said, true_at};
 use crate::perception::{isometry, known_pose};
 use crate::series::AHEAD;
-use crate::throw::{nanoseconds, ready, ticks, world_seed};
+use crate::throw::{nanoseconds, ticks, world_seed};
 
 /// Pictures are taken this long before the throw, s: clutter comes first.
 const WAIT: f64 = 0.2;
@@ -101,7 +101,7 @@ impl StillThrow {
             ..WorldConfig::default()
         };
         let seed = world_seed(seed, number);
-        let ready = ready(robot);
+        let ready = robot.waiting();
         let mut world = World::new(robot.description(), &config, seed, &ready)?;
         let mut pairs = Vec::new();
         for _ in 0..ticks(WAIT) {

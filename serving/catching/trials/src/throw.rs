@@ -7,11 +7,10 @@ use tactnet_catching::Robot;
 use tactnet_catching::coordinate::{
     CatchState, Coordinator, CoordinatorConfig, PlanRequest, Planned,
 };
-use tactnet_catching::flight::Flight;
 use tactnet_catching::plan::{PlanConfig, Planner};
 use tactnet_catching::safety::{Bodies, Monitor, MonitorConfig};
 use tactnet_catching_packets::packets::JointCommand;
-use tactnet_catching_packets::{ARMS, JOINTS, joint};
+use tactnet_catching_packets::{ARMS, JOINTS};
 use tactnet_catching_world::{FlightSample, TICK_NS, Verdict, World, WorldConfig};
 
 use crate::bound::{Bound, bounds};
@@ -19,7 +18,6 @@ use crate::error::TrialError;
 use crate::look_ahead::{LookAhead, SAME_BALL, Said, as_flight, true_at};
 use crate::oracle::Oracle;
 use crate::perception::Perception;
-use crate::safety_bench::least_while_braking;
 use crate::series::AHEAD;
 use crate::timing::{Ablation, Timing};
 use crate::trace::{Trace, TracePlan};
@@ -28,8 +26,6 @@ use crate::trace::{Trace, TracePlan};
 const REST: f64 = 1.0;
 /// A throw is over this long after it, at the latest, s.
 const LONGEST: f64 = 2.5;
-/// Pictures that the oracle waits for.
-const FIRST_PICTURES: f64 = 3.0;
 
 /// What is the same for all throws of a series.
 #[derive(Debug, Clone)]
@@ -130,7 +126,7 @@ impl ThrowConfig {
 
     /// Returns the joints in which the robot waits.
     pub fn ready(&self) -> [f64; JOINTS] {
-        ready(&self.robot)
+        self.robot.waiting()
     }
 
     /// Runs throw `number` of a series.
@@ -224,7 +220,7 @@ impl ThrowConfig {
             if let Some(monitor) = &mut monitor {
                 let ruling = monitor.judge(&command);
                 if !ruling.go && braked.is_none() {
-                    let least = least_while_braking(monitor, self.robot.joints(), &command);
+                    let least = monitor.least_while_braking(&command);
                     braked = Some(Braked {
                         since,
                         bodies: monitor.bodies().names(ruling.pair),
@@ -316,16 +312,7 @@ impl ThrowConfig {
             said,
         } = run;
         let flight = world.true_flight(ball).unwrap_or_default();
-        let reaction = FIRST_PICTURES / self.robot.description().cameras.rate
-            + self.timing.to_prediction()
-            + self.timing.to_path();
-        // From the reaction on, every 10 ms of the samples of 1 ms.
-        let knots: Vec<Flight> = flight
-            .iter()
-            .skip((reaction * 1e3) as usize)
-            .step_by(10)
-            .map(as_flight)
-            .collect();
+        let reaction = self.timing.reaction(self.robot.description().cameras.rate);
         let verdict = world
             .verdicts()
             .iter()
@@ -354,7 +341,7 @@ impl ThrowConfig {
             .zip(catch)
             .and_then(|(ahead, (at_ns, _))| self.bound(&ahead, flight.first()?, at_ns, ready));
         BallOutcome {
-            arms: oracle.arms(&knots, ready),
+            arms: oracle.arms_of(&flight, reaction, ready),
             tracked: !own.is_empty(),
             planned: own
                 .iter()
@@ -421,15 +408,6 @@ fn answer(planners: &[Planner; ARMS], request: &PlanRequest, near: bool) -> Plan
                 }
             }),
     }
-}
-
-/// Returns the joints in which a robot waits.
-pub(crate) fn ready(robot: &Robot) -> [f64; JOINTS] {
-    let mut q = [0.0; JOINTS];
-    for arm in 0..ARMS {
-        q[joint::ARM[arm].clone()].copy_from_slice(&robot.ready(arm));
-    }
-    q
 }
 
 /// Returns the seed of the world in which throw `number` of a series is thrown.

@@ -2,6 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+/// Pictures of a ball before there is a path.
+const FIRST_PICTURES: f64 = 3.0;
+
 /// Times of the way from a picture to a path, s.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -44,6 +47,13 @@ impl Timing {
     /// Returns the time from exposure to prediction, s.
     pub fn to_prediction(&self) -> f64 {
         self.camera + self.tracking
+    }
+
+    /// Returns the time from a ball's release to the begin of the first path, s: three pictures, then from exposure to path.
+    ///
+    /// - `rate`: pictures a second
+    pub fn reaction(&self, rate: f64) -> f64 {
+        FIRST_PICTURES / rate + self.to_prediction() + self.to_path()
     }
 
     /// Returns the time from a prediction to the path that follows from it, s.

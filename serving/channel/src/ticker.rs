@@ -1,6 +1,6 @@
 //! A steady beat.
 
-use tactnet_channel::now_ns;
+use crate::now_ns;
 
 /// Sleeps from beat to beat of the host's monotonic clock, without drifting.
 #[derive(Debug)]
@@ -20,10 +20,26 @@ impl Ticker {
         }
     }
 
+    /// Beats at whole multiples of the period of the host's monotonic clock, and `after_ns` later: processes of a host beat together.
+    pub fn aligned(rate_hz: f64, after_ns: u64) -> Self {
+        let period_ns = 1e9 / rate_hz;
+        let whole = (now_ns() as f64 / period_ns).ceil();
+        Self {
+            period_ns,
+            begun_ns: (whole * period_ns) as u64 + after_ns,
+            beats: 0,
+        }
+    }
+
+    /// Returns when the next beat is due, nanoseconds of the host's monotonic clock.
+    pub fn next_ns(&self) -> u64 {
+        self.begun_ns + ((self.beats + 1) as f64 * self.period_ns) as u64
+    }
+
     /// Waits for the next beat; returns how late it is noticed, nanoseconds.
     pub fn wait(&mut self) -> u64 {
+        let due = self.next_ns();
         self.beats += 1;
-        let due = self.begun_ns + (self.beats as f64 * self.period_ns) as u64;
         let time = libc::timespec {
             tv_sec: (due / 1_000_000_000) as libc::time_t,
             tv_nsec: (due % 1_000_000_000) as libc::c_long,
@@ -48,6 +64,17 @@ impl Ticker {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn aligned_beats_are_those_of_every_process() {
+        for after in [0, 500_000] {
+            let mut ticker = Ticker::aligned(1000.0, after);
+            for _ in 0..3 {
+                assert_eq!(ticker.next_ns() % 1_000_000, after);
+                ticker.wait();
+            }
+        }
+    }
 
     #[test]
     fn beats_do_not_drift() {

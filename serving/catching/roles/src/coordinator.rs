@@ -1,0 +1,431 @@
+//! Predictions in, questions to the planners, paths and closing times out.
+
+use std::time::Duration;
+
+use bytemuck::Zeroable;
+use tactnet_catching::Robot;
+use tactnet_catching::coordinate::{CatchState, Coordinator, Planned};
+use tactnet_catching::ramp::Ramp;
+use tactnet_catching_packets::packets::{
+    ArmPath, BallPredictions, BodyPath, CatchPhase, CatchStatus, ControllerCommand, ControllerMode,
+    ControllerState, Gaze, HandCommand, HeadPose, JointState, PlanRequest, PlanResult, reason,
+    reason_text,
+};
+use tactnet_catching_packets::{ARMS, JOINTS};
+use tactnet_channel::{Bus, Priority, PutPort, Start, Wait, now_ns};
+
+use crate::channels::{
+    ARM_PATH, BODY_PATH, CATCH_STATE, CONTROLLER_COMMAND, CONTROLLER_STATE, HAND_COMMAND,
+    HEAD_GAZE, HEAD_POSE, JOINT_STATE, PLAN_REQUEST, PLAN_RESULT, PREDICTION,
+};
+use crate::newest::Newest;
+use crate::times::Times;
+use crate::translate::{Origin, body_packet, flight_packet, isometry, planned, request_packet};
+use crate::{RoleError, RoleReport, RoleSettings};
+
+/// Longest sleep: closing times and phases are looked at so often.
+const BEAT: Wait = Wait::Block {
+    timeout: Duration::from_millis(2),
+};
+/// A path is sent so long before it begins, or not at all, ns.
+const ON_THE_WAY_NS: u64 = 1_000_000;
+/// What the controller says of its paths counts so long after one was sent, ns.
+const TAKEN_NS: u64 = 5_000_000;
+/// A controller or an estimator that is silent for so long is not there, ns.
+const SILENT_NS: u64 = 200_000_000;
+/// A ball that is not seen for so long is gone, ns.
+const GONE_NS: u64 = 500_000_000;
+/// The controller is told again to go back so often, ns.
+const AGAIN_NS: u64 = 100_000_000;
+/// The phase is told so often, where it does not change, ns.
+const TELL_NS: u64 = 100_000_000;
+
+pub(crate) fn run(
+    bus: &Bus,
+    settings: &RoleSettings,
+    ready: &dyn Fn(),
+    stopped: &dyn Fn() -> bool,
+) -> Result<RoleReport, RoleError> {
+    let robot = settings.robot()?;
+    let predictions = bus.get_port::<BallPredictions>(PREDICTION, Start::Now)?;
+    let results = bus.get_port::<PlanResult>(PLAN_RESULT, Start::Now)?;
+    let states = bus.get_port::<ControllerState>(CONTROLLER_STATE, Start::Now)?;
+    let mut joints = Newest::<JointState>::open(bus, JOINT_STATE)?;
+    let mut pose = Newest::<HeadPose>::open(bus, HEAD_POSE)?;
+    let mut group = bus.sync_group(&[&predictions, &results, &states])?;
+    let mut times = Times::at(25);
+    let mut live = Live::open(bus, settings, robot)?;
+    ready();
+    while !stopped() {
+        group.wait(BEAT)?;
+        joints.look()?;
+        pose.look()?;
+        while let Some(packet) = states.try_get()? {
+            packet
+                .iter()
+                .for_each(|state| live.controller = Some(*state));
+        }
+        live.follow_controller(now_ns())?;
+        while let Some(packet) = predictions.try_get()? {
+            let (Some(seen), Some(joints), Some(pose)) = (packet.first(), joints.get(), pose.get())
+            else {
+                continue;
+            };
+            let begun = now_ns();
+            live.predictions(begun, seen, joints, pose)?;
+            times.push(now_ns() - begun);
+        }
+        while let Some(packet) = results.try_get()? {
+            packet.iter().for_each(|result| live.take(result));
+        }
+        live.answer(now_ns())?;
+        live.tick(now_ns())?;
+    }
+    Ok(RoleReport {
+        lost: predictions.lost() + results.lost() + states.lost(),
+        ..times.report()
+    })
+}
+
+struct Puts {
+    requests: PutPort<PlanRequest>,
+    arms: PutPort<ArmPath>,
+    body: PutPort<BodyPath>,
+    gaze: PutPort<Gaze>,
+    hands: PutPort<HandCommand>,
+    orders: PutPort<ControllerCommand>,
+    status: PutPort<CatchStatus>,
+}
+
+/// Questions that are being answered.
+struct Asked {
+    origin: Origin,
+    start_ns: u64,
+    count: usize,
+    answers: Vec<Planned>,
+}
+
+struct Live {
+    puts: Puts,
+    robot: Robot,
+    settings: RoleSettings,
+    ready: [f64; JOINTS],
+    /// While the robot may catch.
+    coordinator: Option<Coordinator>,
+    controller: Option<ControllerState>,
+    asked: Option<Asked>,
+    calls: u64,
+    sent: [u64; ARMS],
+    sent_ns: u64,
+    body_ns: u64,
+    hands: [Option<HandCommand>; ARMS],
+    seen_ns: u64,
+    status: CatchStatus,
+    told_ns: u64,
+    ordered_ns: u64,
+    no_plans: u64,
+}
+
+impl Live {
+    fn open(bus: &Bus, settings: &RoleSettings, robot: Robot) -> Result<Self, RoleError> {
+        let puts = Puts {
+            requests: bus.put_port(PLAN_REQUEST, Priority::High)?,
+            arms: bus.put_port(ARM_PATH, Priority::High)?,
+            body: bus.put_port(BODY_PATH, Priority::High)?,
+            gaze: bus.put_port(HEAD_GAZE, Priority::High)?,
+            hands: bus.put_port(HAND_COMMAND, Priority::High)?,
+            orders: bus.put_port(CONTROLLER_COMMAND, Priority::High)?,
+            status: bus.put_port(CATCH_STATE, Priority::Normal)?,
+        };
+        Ok(Self {
+            ready: robot.waiting(),
+            puts,
+            robot,
+            settings: settings.clone(),
+            coordinator: None,
+            controller: None,
+            asked: None,
+            calls: now_ns(),
+            sent: [0; ARMS],
+            sent_ns: 0,
+            body_ns: 0,
+            hands: [None; ARMS],
+            seen_ns: 0,
+            status: CatchStatus {
+                phase: CatchPhase::Starting as u64,
+                since_ns: now_ns(),
+                reason: reason("has just begun"),
+                ..CatchStatus::zeroed()
+            },
+            told_ns: 0,
+            ordered_ns: 0,
+            no_plans: 0,
+        })
+    }
+
+    fn phase(&self) -> CatchPhase {
+        CatchPhase::of(self.status.phase).unwrap_or(CatchPhase::Starting)
+    }
+
+    fn enter(&mut self, now_ns: u64, phase: CatchPhase, why: &str) -> Result<(), RoleError> {
+        if self.phase() == phase {
+            return Ok(());
+        }
+        self.status.phase = phase as u64;
+        self.status.since_ns = now_ns;
+        self.status.reason = reason(why);
+        self.tell(now_ns)
+    }
+
+    fn tell(&mut self, now_ns: u64) -> Result<(), RoleError> {
+        self.told_ns = now_ns;
+        let current = self.coordinator.as_ref().map_or(0, Coordinator::no_plans);
+        self.puts.status.put_copy(&[CatchStatus {
+            t_ns: now_ns,
+            no_plans: self.no_plans + current,
+            ..self.status
+        }])?;
+        Ok(())
+    }
+
+    /// Ends what may be going on.
+    fn disarm(&mut self) {
+        if let Some(coordinator) = self.coordinator.take() {
+            self.no_plans += coordinator.no_plans();
+        }
+        self.asked = None;
+        self.hands = [None; ARMS];
+    }
+
+    fn order_back(&mut self, now_ns: u64, why: &str) -> Result<(), RoleError> {
+        self.disarm();
+        self.enter(now_ns, CatchPhase::GoingBack, why)?;
+        if now_ns.saturating_sub(self.ordered_ns) < AGAIN_NS {
+            return Ok(());
+        }
+        self.ordered_ns = now_ns;
+        self.puts.orders.put_copy(&[ControllerCommand {
+            command_ns: now_ns,
+            command: 2,
+            reason: reason(why),
+        }])?;
+        Ok(())
+    }
+
+    /// Draws conclusions from what the controller does.
+    fn follow_controller(&mut self, now_ns: u64) -> Result<(), RoleError> {
+        let Some(state) = self
+            .controller
+            .filter(|state| now_ns.saturating_sub(state.t_ns) < SILENT_NS)
+        else {
+            self.disarm();
+            return self.enter(now_ns, CatchPhase::Starting, "the controller is silent");
+        };
+        match ControllerMode::of(state.mode) {
+            Some(ControllerMode::Ready) if self.coordinator.is_none() => {
+                // What it said before it was told to go back is over.
+                if state.t_ns > self.ordered_ns + TAKEN_NS {
+                    self.coordinator = Some(Coordinator::new(
+                        self.robot.clone(),
+                        self.settings.coordinator,
+                        self.ready,
+                    ));
+                    (self.sent, self.body_ns, self.seen_ns) = ([0; ARMS], 0, now_ns);
+                    self.enter(now_ns, CatchPhase::Armed, "stands where it waits")?;
+                }
+            }
+            Some(ControllerMode::Following) if self.coordinator.is_none() => {
+                self.order_back(now_ns, "has begun while the robot moved")?;
+            }
+            Some(ControllerMode::Ready | ControllerMode::Following) => {
+                let counts = state.t_ns > self.sent_ns + TAKEN_NS;
+                if let Some(coordinator) = self.coordinator.as_mut().filter(|_| counts) {
+                    for (arm, path) in state.paths.iter().enumerate() {
+                        let ramps = path.ramps.each_ref().map(Ramp::of);
+                        coordinator.carried_out(arm, path.start_ns, ramps);
+                    }
+                }
+            }
+            Some(ControllerMode::Braking) => {
+                self.disarm();
+                self.enter(now_ns, CatchPhase::Braking, reason_text(&state.reason))?;
+            }
+            Some(ControllerMode::Standing) => {
+                self.order_back(now_ns, reason_text(&state.reason))?
+            }
+            Some(ControllerMode::GoingBack) => {
+                self.disarm();
+                self.enter(now_ns, CatchPhase::GoingBack, reason_text(&state.reason))?;
+            }
+            Some(ControllerMode::Stuck) | None => {
+                self.disarm();
+                self.enter(now_ns, CatchPhase::Stuck, reason_text(&state.reason))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn predictions(
+        &mut self,
+        now_ns: u64,
+        seen: &BallPredictions,
+        joints: &JointState,
+        pose: &HeadPose,
+    ) -> Result<(), RoleError> {
+        let known = now_ns.saturating_sub(pose.t_ns) < SILENT_NS
+            && now_ns.saturating_sub(joints.sensor_ns) < SILENT_NS;
+        let Some(coordinator) = self.coordinator.as_mut().filter(|_| known) else {
+            return Ok(());
+        };
+        let chest = isometry(pose) * self.robot.head(&joints.q).inverse();
+        let before = coordinator.state();
+        let requests = coordinator.predictions(now_ns, seen, &chest);
+        if coordinator.state() == CatchState::Armed {
+            return Ok(());
+        }
+        let valid = seen
+            .valid()
+            .iter()
+            .any(|ball| ball.existence >= self.settings.coordinator.existence);
+        if valid {
+            self.seen_ns = now_ns;
+        }
+        let body = coordinator.body();
+        if body.start_ns != self.body_ns && before == CatchState::Armed {
+            self.body_ns = body.start_ns;
+            self.puts.body.put_copy(&[body_packet(body)])?;
+        }
+        let mut gaze = Gaze::zeroed();
+        for (t_ns, flight) in coordinator.looked_at().iter().flatten() {
+            gaze.flights[gaze.count as usize] = flight_packet(*t_ns, flight);
+            gaze.count += 1;
+        }
+        self.puts.gaze.put_copy(&[gaze])?;
+        let count = requests.iter().flatten().count();
+        if count > 0 {
+            self.calls += 1;
+            let origin = Origin {
+                call: self.calls,
+                exposure_ns: seen.exposure_ns,
+                head_ns: pose.t_ns,
+            };
+            let mut start_ns = 0;
+            for request in requests.iter().flatten() {
+                start_ns = request.start_ns;
+                self.puts
+                    .requests
+                    .put_copy(&[request_packet(request, origin)])?;
+            }
+            self.asked = Some(Asked {
+                origin,
+                start_ns,
+                count,
+                answers: Vec::with_capacity(count),
+            });
+        }
+        self.tell_hands()
+    }
+
+    fn take(&mut self, result: &PlanResult) {
+        let Some(asked) = self
+            .asked
+            .as_mut()
+            .filter(|asked| asked.origin.call == result.request.call)
+        else {
+            return;
+        };
+        asked.answers.extend(planned(result));
+    }
+
+    /// Decides once all answers are there, or time is up.
+    fn answer(&mut self, now_ns: u64) -> Result<(), RoleError> {
+        let latest = |asked: &Asked| asked.start_ns.saturating_sub(ON_THE_WAY_NS);
+        let Some(asked) = self
+            .asked
+            .take_if(|asked| asked.answers.len() >= asked.count || now_ns >= latest(asked))
+        else {
+            return Ok(());
+        };
+        let Some(coordinator) = &mut self.coordinator else {
+            return Ok(());
+        };
+        // A path that would be late is none.
+        let answers = if now_ns <= latest(&asked) + ON_THE_WAY_NS / 2 {
+            &asked.answers[..]
+        } else {
+            &[]
+        };
+        coordinator.planned(answers);
+        for arm in 0..ARMS {
+            let (start_ns, ramps) = coordinator.arm(arm);
+            let target = coordinator.target(arm);
+            let Some((ball, _)) = target.filter(|_| start_ns != self.sent[arm]) else {
+                continue;
+            };
+            self.sent[arm] = start_ns;
+            self.sent_ns = now_ns;
+            self.puts.arms.put_copy(&[ArmPath {
+                arm: arm as u64,
+                ball,
+                exposure_ns: asked.origin.exposure_ns,
+                head_ns: asked.origin.head_ns,
+                start_ns,
+                ramps: ramps.each_ref().map(Ramp::packet),
+            }])?;
+        }
+        self.tell_hands()
+    }
+
+    fn tell_hands(&mut self) -> Result<(), RoleError> {
+        let Some(coordinator) = &self.coordinator else {
+            return Ok(());
+        };
+        let wanted = *coordinator.hands();
+        for (told, hand) in self.hands.iter_mut().zip(wanted) {
+            if let Some(command) = hand.filter(|_| *told != hand) {
+                self.puts.hands.put_copy(&[command])?;
+            }
+            *told = hand;
+        }
+        Ok(())
+    }
+
+    fn tick(&mut self, now_ns: u64) -> Result<(), RoleError> {
+        if let Some(coordinator) = &mut self.coordinator {
+            coordinator.tick(now_ns);
+            let state = coordinator.state();
+            let phase = match state {
+                CatchState::Armed => CatchPhase::Armed,
+                CatchState::Tracking => CatchPhase::Tracking,
+                CatchState::Reaching => CatchPhase::Reaching,
+                CatchState::Closed => CatchPhase::Closed,
+            };
+            let why = match state {
+                CatchState::Armed => "stands where it waits",
+                CatchState::Tracking => "a ball is valid",
+                CatchState::Reaching => "a plan is carried out",
+                CatchState::Closed => "the hands have been told",
+            };
+            let catch_ns = (0..ARMS)
+                .filter_map(|arm| coordinator.target(arm))
+                .map(|(_, at)| at)
+                .max();
+            let after_ns = (self.settings.after_catch * 1e9) as u64;
+            let over = catch_ns.is_some_and(|at| now_ns > at + after_ns);
+            let gone = catch_ns.is_none() && now_ns > self.seen_ns + GONE_NS;
+            self.enter(now_ns, phase, why)?;
+            if state != CatchState::Armed && (over || gone) {
+                let why = if over {
+                    "the catch is over"
+                } else {
+                    "the ball is gone"
+                };
+                self.order_back(now_ns, why)?;
+            }
+        }
+        if now_ns.saturating_sub(self.told_ns) > TELL_NS {
+            self.tell(now_ns)?;
+        }
+        Ok(())
+    }
+}

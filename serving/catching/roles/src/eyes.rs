@@ -1,0 +1,106 @@
+//! Pictures in, circles out: a thread for each camera.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use bytemuck::Zeroable;
+use tactnet_catching::Robot;
+use tactnet_catching::circles::{CircleConfig, CircleDetector, Gate, gates};
+use tactnet_catching_packets::packets::{BallPredictions, Circles, MAX_BALLS};
+use tactnet_channel::{Bus, Priority, Start, now_ns};
+
+use crate::channels::{CAMERA_LEFT, CAMERA_RIGHT, CIRCLES, PREDICTION};
+use crate::newest::{Newest, PATIENCE};
+use crate::times::Times;
+use crate::tracker::Poses;
+use crate::{PictureHead, RoleError, RoleReport, RoleSettings};
+
+pub(crate) fn run(
+    bus: &Bus,
+    settings: &RoleSettings,
+    ready: &dyn Fn(),
+    stopped: &(dyn Fn() -> bool + Sync),
+) -> Result<RoleReport, RoleError> {
+    let robot = settings.robot()?;
+    let failed = AtomicBool::new(false);
+    let ends = || stopped() || failed.load(Ordering::Relaxed);
+    std::thread::scope(|scope| {
+        let sides = [CAMERA_LEFT, CAMERA_RIGHT].map(|id| {
+            let (robot, ends, failed) = (&robot, &ends, &failed);
+            scope.spawn(move || {
+                let seen = look(bus, id, robot, ends);
+                failed.fetch_or(seen.is_err(), Ordering::Relaxed);
+                seen
+            })
+        });
+        ready();
+        let mut whole = RoleReport::default();
+        for side in sides {
+            let seen = side
+                .join()
+                .unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
+            // Both cameras work alike: the slower one counts.
+            whole = RoleReport {
+                count: whole.count + seen.count,
+                lost: whole.lost + seen.lost,
+                ..if seen.p99_us > whole.p99_us {
+                    seen
+                } else {
+                    whole
+                }
+            };
+        }
+        Ok(whole)
+    })
+}
+
+fn look(
+    bus: &Bus,
+    id: &str,
+    robot: &Robot,
+    stopped: &dyn Fn() -> bool,
+) -> Result<RoleReport, RoleError> {
+    let cameras = &robot.description().cameras;
+    let pictures = bus.get_port::<u8>(id, Start::Now)?;
+    let mut expected = Newest::<BallPredictions>::open(bus, PREDICTION)?;
+    let mut poses = Poses::open(bus)?;
+    let found = bus.put_port::<Circles>(CIRCLES, Priority::High)?;
+    let mut detector = CircleDetector::new(cameras, CircleConfig::default());
+    let mut times = Times::at(25);
+    let mut expectations = Vec::with_capacity(MAX_BALLS);
+    while !stopped() {
+        let got = pictures.get(PATIENCE)?;
+        expected.look()?;
+        poses.look()?;
+        let Some(packet) = got else {
+            continue;
+        };
+        let Some((head, pixels)) = PictureHead::split(&packet) else {
+            continue;
+        };
+        if (head.width, head.height) != (cameras.width, cameras.height) {
+            continue;
+        }
+        let begun = now_ns();
+        expectations.clear();
+        let pose = poses.at(head.exposure_ns).or(poses.last().copied());
+        if let (Some(balls), Some(pose)) = (expected.get(), pose) {
+            let near = balls.exposure_ns.abs_diff(head.exposure_ns) < 500_000_000;
+            let gates = gates(cameras, head.camera as usize, balls, &pose);
+            let all: Vec<Gate> = gates.take(MAX_BALLS).collect();
+            expectations.extend(all.into_iter().filter(|_| near));
+        }
+        let mut circles = Circles {
+            frame: head.frame,
+            exposure_ns: head.exposure_ns,
+            camera: head.camera,
+            ..Circles::zeroed()
+        };
+        detector.find(pixels, &expectations, &mut circles);
+        found.put_copy(&[circles])?;
+        times.push(now_ns() - begun);
+    }
+    Ok(RoleReport {
+        lost: pictures.lost(),
+        ..times.report()
+    })
+}

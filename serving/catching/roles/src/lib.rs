@@ -1,0 +1,37 @@
+//! The catching stack on a robot's channels (thesis, figure 3.2): every part is a process, which may end and begin again at any moment.
+//!
+//! ```text
+//! camera/left, camera/right ─> eyes ─ ball/circles ─> tracker ─ ball/prediction ─> coordinator ─ plan/request ─> planner (left, right)
+//! imu, joint/state ─> pose ─ head/pose ──────────────────┘            │    └─<─ plan/result ─┘
+//!                                                                     ├─ arm/path, body/path, head/gaze ─> controller ─ joint/command ─> drives
+//!                                                                     │                                       ^            │
+//!                                                                     │                        safety/state ──┴── safety <─┘
+//!                                                                     └─ hand/command ─> hand ─ hand/target ─> hands
+//! ```
+//!
+//! The parts that think are in `tactnet-catching`, which knows neither clocks nor channels; here they get both. Nothing here depends on the
+//! simulated world: what sends `joint/state`, `imu` and circles or pictures may be a robot.
+
+mod channels;
+mod controller;
+mod coordinator;
+mod error;
+mod eyes;
+mod hand;
+mod newest;
+mod picture;
+mod planner;
+mod pose;
+mod role;
+mod safety;
+mod settings;
+mod times;
+mod tracker;
+mod translate;
+
+pub use channels::{PICTURE_HEAD, catching_channels};
+pub use error::RoleError;
+pub use picture::PictureHead;
+pub use role::Role;
+pub use settings::RoleSettings;
+pub use times::RoleReport;

@@ -1,0 +1,54 @@
+//! Plans of one arm.
+
+use tactnet_catching::plan::Planner;
+use tactnet_catching_packets::packets::{PlanRequest, PlanResult};
+use tactnet_channel::{Bus, Priority, Start, now_ns};
+
+use crate::channels::{PLAN_REQUEST, PLAN_RESULT};
+use crate::newest::PATIENCE;
+use crate::times::Times;
+use crate::translate::{request, result_packet};
+use crate::{RoleError, RoleReport, RoleSettings};
+
+/// An answer is to be there so long before its motion begins, ns.
+const ON_THE_WAY_NS: u64 = 2_000_000;
+
+pub(crate) fn run(
+    bus: &Bus,
+    settings: &RoleSettings,
+    arm: usize,
+    ready: &dyn Fn(),
+    stopped: &dyn Fn() -> bool,
+) -> Result<RoleReport, RoleError> {
+    let robot = settings.robot()?;
+    let requests = bus.get_port::<PlanRequest>(PLAN_REQUEST, Start::Now)?;
+    let results = bus.put_port::<PlanResult>(PLAN_RESULT, Priority::High)?;
+    let mut times = Times::at(100);
+    let planner = Planner::new(&robot, arm, settings.planner);
+    ready();
+    while !stopped() {
+        let Some(packet) = requests.get(PATIENCE)? else {
+            continue;
+        };
+        let Some(question) = packet.first().filter(|question| question.arm == arm as u64) else {
+            continue;
+        };
+        let begun = now_ns();
+        let deadline = question.start_ns.saturating_sub(ON_THE_WAY_NS);
+        let out_of_time = || now_ns() >= deadline;
+        let Some(asked) = request(question) else {
+            continue;
+        };
+        let last = asked.last.as_ref().map(|(q, t)| (q, *t));
+        let plan = planner
+            .plan(&asked.catch, last, out_of_time)
+            .or_else(|_| planner.nearest_miss(&asked.catch, last, out_of_time));
+        let computing_ns = now_ns() - begun;
+        results.put_copy(&[result_packet(question, &plan, computing_ns)])?;
+        times.push(computing_ns);
+    }
+    Ok(RoleReport {
+        lost: requests.lost(),
+        ..times.report()
+    })
+}

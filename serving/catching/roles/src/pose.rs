@@ -1,0 +1,68 @@
+//! Where the head is, from the inertial unit, and from kinematics while the robot waits.
+
+use tactnet_catching::pose::{PoseConfig, PoseEstimator};
+use tactnet_catching_packets::JOINTS;
+use tactnet_catching_packets::packets::{CatchPhase, CatchStatus, HeadPose, ImuSample, JointState};
+use tactnet_channel::{Bus, Priority, Start, now_ns};
+
+use crate::channels::{CATCH_STATE, HEAD_POSE, IMU, JOINT_STATE};
+use crate::newest::{Newest, PATIENCE};
+use crate::times::Times;
+use crate::{RoleError, RoleReport, RoleSettings};
+
+/// A robot that waits for so long no longer swings, ns.
+const STILL_NS: u64 = 300_000_000;
+/// Joints slower than this stand, rad/s and m/s.
+const STILL_RATE: f64 = 0.02;
+
+pub(crate) fn run(
+    bus: &Bus,
+    settings: &RoleSettings,
+    ready: &dyn Fn(),
+    stopped: &dyn Fn() -> bool,
+) -> Result<RoleReport, RoleError> {
+    let robot = settings.robot()?;
+    let samples = bus.get_port::<ImuSample>(IMU, Start::Now)?;
+    let mut joints = Newest::<JointState>::open(bus, JOINT_STATE)?;
+    let mut status = Newest::<CatchStatus>::open(bus, CATCH_STATE)?;
+    let poses = bus.put_port::<HeadPose>(HEAD_POSE, Priority::High)?;
+    let mut estimator = PoseEstimator::new(robot.description(), PoseConfig::default())?;
+    let mut times = Times::at(512);
+    let mut stands_since: Option<u64> = None;
+    ready();
+    while !stopped() {
+        let Some(packet) = samples.get(PATIENCE)? else {
+            continue;
+        };
+        joints.look()?;
+        status.look()?;
+        let Some(sample) = packet.first() else {
+            continue;
+        };
+        let now = now_ns();
+        let stands = joints.get().is_some_and(|joints| is_still(&joints.dq));
+        stands_since = stands_since.filter(|_| stands).or(stands.then_some(now));
+        let waits = status.get().is_none_or(|status| {
+            let phase = CatchPhase::of(status.phase);
+            matches!(phase, Some(CatchPhase::Armed | CatchPhase::Starting))
+        });
+        let still = waits && stands_since.is_some_and(|since| now - since > STILL_NS);
+        let kinematic = joints
+            .get()
+            .filter(|_| still)
+            .map(|joints| robot.chest(&joints.q) * robot.head(&joints.q));
+        // A sample that is not to be used leaves the pose as it is; without any pose there is nothing to say.
+        if let Ok(pose) = estimator.push(sample, kinematic) {
+            poses.put_copy(&[pose])?;
+        }
+        times.push(now_ns() - now);
+    }
+    Ok(RoleReport {
+        lost: samples.lost(),
+        ..times.report()
+    })
+}
+
+fn is_still(rates: &[f64; JOINTS]) -> bool {
+    rates.iter().all(|rate| rate.abs() < STILL_RATE)
+}

@@ -1,0 +1,119 @@
+//! Settings of the stack, `[components.catching]` of a robot's table.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+use tactnet_catching::Robot;
+use tactnet_catching::coordinate::CoordinatorConfig;
+use tactnet_catching::plan::PlanConfig;
+use tactnet_catching_packets::RobotDescription;
+use tactnet_channel::Table;
+
+use crate::RoleError;
+
+/// Name of the section.
+const SECTION: &str = "catching";
+
+/// Settings that the stack's processes share; what is not given is as in `Default`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RoleSettings {
+    /// File with the robot's description; left out: the nominal one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub robot: Option<PathBuf>,
+    /// Who catches what, and when plans are to begin.
+    pub coordinator: CoordinatorConfig,
+    /// The planners.
+    pub planner: PlanConfig,
+    /// From the controller's beat to the moment that its command is for, s: what the drives take.
+    pub drives: f64,
+    /// The controller brakes if it has not heard the monitor of self-collisions for so long, s.
+    pub safety_patience: f64,
+    /// The controller brakes where the monitor says so; otherwise it is only reported.
+    pub brakes: bool,
+    /// Circles of a picture that are no balls, as the tracker expects them.
+    pub clutter: f64,
+    /// A robot that has closed its hands, or whose ball is gone, goes back after so long, s.
+    pub after_catch: f64,
+}
+
+impl Default for RoleSettings {
+    fn default() -> Self {
+        Self {
+            robot: None,
+            coordinator: CoordinatorConfig::default(),
+            planner: PlanConfig::default(),
+            drives: 0.0025,
+            safety_patience: 0.05,
+            brakes: true,
+            clutter: 1.0,
+            after_catch: 0.4,
+        }
+    }
+}
+
+impl RoleSettings {
+    /// Reads the section of a table; defaults where it has none.
+    ///
+    /// # Errors
+    /// An unknown setting, or a value of another type.
+    pub fn of(table: &Table) -> Result<Self, RoleError> {
+        match table.components.get(SECTION) {
+            Some(section) => Ok(section.clone().try_into()?),
+            None => Ok(Self::default()),
+        }
+    }
+
+    /// Puts the section into a table.
+    #[must_use]
+    pub fn into_table(&self, mut table: Table) -> Table {
+        if let Ok(section) = toml::Value::try_from(self) {
+            table.components.insert(SECTION.into(), section);
+        }
+        table
+    }
+
+    /// Returns the robot.
+    ///
+    /// # Errors
+    /// A description that cannot be read.
+    pub fn robot(&self) -> Result<Robot, RoleError> {
+        let Some(path) = &self.robot else {
+            return Ok(Robot::new(RobotDescription::nominal()));
+        };
+        let failed = |reason: String| RoleError::Robot {
+            path: path.clone(),
+            reason,
+        };
+        let text = std::fs::read_to_string(path).map_err(|error| failed(error.to_string()))?;
+        let description =
+            RobotDescription::parse(&text).map_err(|error| failed(error.to_string()))?;
+        Ok(Robot::new(description))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_go_through_a_table_and_unknown_ones_are_refused() {
+        let settings = RoleSettings {
+            clutter: 24.0,
+            brakes: false,
+            ..RoleSettings::default()
+        };
+        let table = settings.into_table(Table::new("t"));
+        assert_eq!(RoleSettings::of(&table).unwrap(), settings);
+        assert_eq!(
+            RoleSettings::of(&Table::new("t")).unwrap(),
+            RoleSettings::default()
+        );
+        let text = "bus = \"t\"\n[channels]\n[components.catching]\nclutte = 3.0\n";
+        let error = RoleSettings::of(&toml::from_str(text).unwrap()).unwrap_err();
+        assert!(
+            error.is_usage() && error.to_string().contains("clutte"),
+            "{error}"
+        );
+    }
+}

@@ -1,0 +1,83 @@
+//! How long the work of a process takes.
+
+use serde::{Deserialize, Serialize};
+use tactnet_channel::percentile;
+
+/// Times that are kept; more are counted and no longer looked at: an hour at 1 kHz.
+const MOST: usize = 3_600_000;
+
+/// Times of one process's work.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Times {
+    ns: Vec<u32>,
+    count: u64,
+}
+
+impl Times {
+    /// Room for an hour at that rate.
+    pub fn at(rate_hz: usize) -> Self {
+        Self {
+            ns: Vec::with_capacity((rate_hz * 3600).min(MOST)),
+            count: 0,
+        }
+    }
+
+    pub fn push(&mut self, ns: u64) {
+        self.count += 1;
+        if self.ns.len() < self.ns.capacity() {
+            self.ns.push(ns.min(u64::from(u32::MAX)) as u32);
+        }
+    }
+
+    pub fn report(mut self) -> RoleReport {
+        self.ns.sort_unstable();
+        let at = |share| percentile(&self.ns, share).map_or(0.0, |ns| f64::from(ns) / 1e3);
+        RoleReport {
+            count: self.count,
+            p50_us: at(0.5),
+            p99_us: at(0.99),
+            p999_us: at(0.999),
+            max_us: at(1.0),
+            ..RoleReport::default()
+        }
+    }
+}
+
+/// What a process has done.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RoleReport {
+    /// Pieces of work: beats of the controller, judgements, plans, pairs of pictures.
+    pub count: u64,
+    /// Median time of one, microseconds; of the controller from its beat to its command.
+    pub p50_us: f64,
+    /// 99th percentile, microseconds.
+    pub p99_us: f64,
+    /// 99.9th percentile, microseconds.
+    pub p999_us: f64,
+    /// The longest, microseconds.
+    pub max_us: f64,
+    /// Packets that were put and it never got.
+    pub lost: u64,
+    /// Commands at which the monitor began to say no, while the robot moved.
+    pub brakes: u64,
+    /// Of those, how often bodies would have stayed apart.
+    pub brakes_in_vain: u64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percentiles_are_of_what_was_pushed() {
+        let mut times = Times::at(1);
+        (1..=1000).for_each(|ns| times.push(ns * 1000));
+        let report = times.report();
+        assert_eq!(
+            (report.count, report.p50_us, report.max_us),
+            (1000, 500.0, 1000.0)
+        );
+        assert_eq!(Times::at(1).report(), RoleReport::default());
+    }
+}

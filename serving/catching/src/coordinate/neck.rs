@@ -1,0 +1,97 @@
+//! The head turns towards the middle of the balls that were predicted last, as fast as the neck may.
+
+use nalgebra::Point3;
+use tactnet_catching_packets::packets::MAX_BALLS;
+use tactnet_catching_packets::{JOINTS, joint};
+
+use crate::flight::Flight;
+use crate::robot::Robot;
+
+/// Balls to look at, each with the moment at which its flight is known; inertial frame.
+pub type Looked = [Option<(u64, Flight)>; MAX_BALLS];
+
+/// Pan and tilt.
+#[derive(Debug, Clone)]
+pub struct Neck {
+    looked: Looked,
+    joints: [(f64, f64); 2],
+    turned_ns: u64,
+}
+
+impl Neck {
+    /// Stands as in `q`, and looks at nothing.
+    pub fn standing(q: &[f64; JOINTS]) -> Self {
+        Self {
+            looked: [None; MAX_BALLS],
+            joints: [(q[joint::NECK.start], 0.0), (q[joint::NECK.start + 1], 0.0)],
+            turned_ns: 0,
+        }
+    }
+
+    /// Returns what it looks at.
+    pub fn looked_at(&self) -> &Looked {
+        &self.looked
+    }
+
+    /// Looks at other flights from now on.
+    pub fn look_at(&mut self, now_ns: u64, balls: Looked) {
+        if self.looked == [None; MAX_BALLS] {
+            self.turned_ns = now_ns;
+        }
+        self.looked = balls;
+    }
+
+    /// Puts angles and rates into those of all joints.
+    pub fn write(&self, q: &mut [f64; JOINTS], dq: &mut [f64; JOINTS]) {
+        for (i, index) in joint::NECK.enumerate() {
+            (q[index], dq[index]) = self.joints[i];
+        }
+    }
+
+    /// Turns on to a moment. To be called at every tick of the controller.
+    ///
+    /// - `q`: where platform and torso are then
+    pub fn turn(&mut self, now_ns: u64, robot: &Robot, q: &[f64; JOINTS]) {
+        if self.looked == [None; MAX_BALLS] {
+            return;
+        }
+        let dt = (now_ns.saturating_sub(self.turned_ns)) as f64 * 1e-9;
+        self.turned_ns = now_ns;
+        if dt <= 0.0 || dt > 0.1 {
+            return;
+        }
+        let to_chest = robot.chest(q).inverse();
+        // Between the balls, so that none leaves the pictures.
+        let (mut sum, mut count) = ([0.0; 2], 0.0);
+        for (t_ns, flight) in self.looked.iter().flatten() {
+            let ball = flight.after((now_ns as f64 - *t_ns as f64) * 1e-9);
+            let seen = to_chest * Point3::from(ball.p);
+            // Beside or behind the head there is nothing to look at any more.
+            if seen.x > 0.3 {
+                let angles = robot.look_at(&seen.coords);
+                sum = [sum[0] + angles[0], sum[1] + angles[1]];
+                count += 1.0;
+            }
+        }
+        let wanted = if count > 0.0 {
+            sum.map(|angle| angle / count)
+        } else {
+            self.joints.map(|(q, _)| q)
+        };
+        for (i, (angle, rate)) in self.joints.iter_mut().enumerate() {
+            let limits = &robot.joints()[joint::NECK.start + i];
+            let wanted = wanted[i].clamp(limits.range[0], limits.range[1]);
+            // As fast as can still be braked.
+            let away = wanted - *angle;
+            let most = (2.0 * 0.5 * limits.acceleration * away.abs())
+                .sqrt()
+                .min(0.9 * limits.speed)
+                .min(away.abs() / (3.0 * dt));
+            let target = most.copysign(away);
+            let change = (0.8 * limits.acceleration * dt).max(0.0);
+            let next = *rate + (target - *rate).clamp(-change, change);
+            *angle = (*angle + next * dt).clamp(limits.range[0], limits.range[1]);
+            *rate = next;
+        }
+    }
+}

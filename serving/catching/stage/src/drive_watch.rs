@@ -1,0 +1,98 @@
+//! Drives that hear no more commands brake by themselves.
+
+use tactnet_catching_packets::packets::JointCommand;
+use tactnet_catching_packets::{JOINTS, Joint};
+
+/// Ticks without a command after which they do.
+const PATIENCE: u64 = 20;
+/// Seconds of a tick.
+const TICK: f64 = 1e-3;
+
+/// The last command, as long as it counts.
+pub(crate) struct DriveWatch {
+    joints: [Joint; JOINTS],
+    command: JointCommand,
+    age: u64,
+    /// Times that they braked while something moved.
+    pub braked: u64,
+}
+
+impl DriveWatch {
+    /// Stands at `q` until there is a command.
+    pub fn new(joints: [Joint; JOINTS], q: &[f64; JOINTS]) -> Self {
+        Self {
+            joints,
+            command: JointCommand {
+                number: 0,
+                command_ns: 0,
+                q: *q,
+                dq: [0.0; JOINTS],
+            },
+            age: 0,
+            braked: 0,
+        }
+    }
+
+    /// Returns what the drives do in a tick.
+    ///
+    /// - `newest`: the newest command since the last tick
+    pub fn tick(&mut self, newest: Option<&JointCommand>) -> &JointCommand {
+        match newest {
+            Some(command) => {
+                self.command = *command;
+                self.age = 0;
+                return &self.command;
+            }
+            None => self.age += 1,
+        }
+        if self.age == PATIENCE && self.command.dq.iter().any(|dq| dq.abs() > 1e-3) {
+            self.braked += 1;
+        }
+        for (i, joint) in self.joints.iter().enumerate() {
+            let (q, dq) = (&mut self.command.q[i], &mut self.command.dq[i]);
+            let before = *dq;
+            if self.age >= PATIENCE {
+                // What is not a number stands.
+                *dq = if dq.is_finite() {
+                    dq.signum() * (dq.abs() - joint.acceleration * TICK).max(0.0)
+                } else {
+                    0.0
+                };
+            }
+            *q = (*q + 0.5 * (before + *dq) * TICK).clamp(joint.range[0], joint.range[1]);
+        }
+        &self.command
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tactnet_catching::Robot;
+    use tactnet_catching_packets::RobotDescription;
+
+    use super::*;
+
+    #[test]
+    fn drives_go_on_for_a_moment_and_then_stand() {
+        let robot = Robot::new(RobotDescription::nominal());
+        let joints = *robot.joints();
+        let mut watch = DriveWatch::new(joints, &[0.0; JOINTS]);
+        let mut command = *watch.tick(None);
+        command.q = joints.map(|joint| 0.5 * (joint.range[0] + joint.range[1]));
+        command.dq = joints.map(|joint| 0.5 * joint.speed);
+        let mut last = *watch.tick(Some(&command));
+        for tick in 1..400 {
+            let next = *watch.tick(None);
+            for (i, joint) in joints.iter().enumerate() {
+                assert!((next.dq[i] - last.dq[i]).abs() <= joint.acceleration * 1.001e-3);
+                assert!((next.q[i] - last.q[i]).abs() <= joint.speed * 1e-3);
+                if tick < 19 {
+                    assert_eq!(next.dq[i], command.dq[i]);
+                }
+            }
+            last = next;
+        }
+        assert_eq!(last.dq, [0.0; JOINTS]);
+        assert_eq!(watch.braked, 1);
+    }
+}

@@ -1,0 +1,24 @@
+//! The stage on which the catching stack acts: the simulated world in real time, and runs of all processes before it.
+//!
+//! ```text
+//!            joint/command, hand/target
+//! stack ───────────────────────────────> world ─ truth (inside the process) ─> painter ─ camera/left, camera/right ─> eyes
+//!   ^                                      │  └─ flights, verdicts (inside the process) ─> judge ─ catch/outcome
+//!   └── joint/state, imu, ball/circles ────┘
+//! ```
+//!
+//! What is true never leaves the world's process: it is on no channel and in no shared memory, so that no process of the stack can get at it.
+//! The judge's word leaves it when a throw is over.
+
+mod drive_watch;
+mod error;
+mod judge;
+mod painter;
+mod run;
+mod run_report;
+mod world_role;
+
+pub use error::StageError;
+pub use run::{CatchRun, RunEvent};
+pub use run_report::{Milliseconds, RunReport, cause};
+pub use world_role::{WorldReport, WorldRole, WorldSettings};

@@ -1,0 +1,67 @@
+//! Draws what the cameras see, and puts it when a camera would have delivered it.
+
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::Duration;
+
+use bytemuck::Zeroable;
+use tactnet_catching_packets::RobotDescription;
+use tactnet_catching_roles::{PICTURE_HEAD, PictureHead};
+use tactnet_catching_world::{Pictures, Truth, WorldConfig};
+use tactnet_channel::{Bus, Priority, now_ns};
+
+use crate::StageError;
+
+/// A moment to draw.
+pub(crate) struct Exposure {
+    pub truth: Truth,
+    pub frame: u64,
+    /// Of the host's clock.
+    pub exposure_ns: u64,
+    pub due_ns: u64,
+}
+
+/// Draws until the other end is dropped. Returns how many pictures were late.
+pub(crate) fn paint(
+    bus: &Bus,
+    robot: &RobotDescription,
+    config: &WorldConfig,
+    seed: u64,
+    exposures: &Receiver<Exposure>,
+) -> Result<u64, StageError> {
+    let ports = [
+        bus.put_port::<u8>("camera/left", Priority::Bulk)?,
+        bus.put_port::<u8>("camera/right", Priority::Bulk)?,
+    ];
+    let mut pictures = Pictures::new(robot, config, seed)?;
+    let [width, height] = pictures.size();
+    let mut late = 0;
+    loop {
+        let exposure = match exposures.recv_timeout(Duration::from_millis(100)) {
+            Ok(exposure) => exposure,
+            Err(RecvTimeoutError::Timeout) => continue,
+            Err(RecvTimeoutError::Disconnected) => return Ok(late),
+        };
+        let mut loans = Vec::with_capacity(ports.len());
+        for (camera, port) in ports.iter().enumerate() {
+            let mut loan = port.loan(PICTURE_HEAD + width * height)?;
+            let head = PictureHead {
+                frame: exposure.frame,
+                exposure_ns: exposure.exposure_ns,
+                camera: camera as u32,
+                width: width as u32,
+                height: height as u32,
+                ..PictureHead::zeroed()
+            };
+            let (before, pixels) = loan.split_at_mut(PICTURE_HEAD);
+            before.copy_from_slice(bytemuck::bytes_of(&head));
+            pictures.draw(&exposure.truth, exposure.frame, camera, pixels);
+            loans.push(loan);
+        }
+        let left = exposure.due_ns.saturating_sub(now_ns());
+        late += u64::from(left == 0);
+        std::thread::sleep(Duration::from_nanos(left));
+        for (port, loan) in ports.iter().zip(loans) {
+            port.put(loan)?;
+        }
+    }
+}

@@ -1,0 +1,385 @@
+//! A run of everything: hub, world and every process of the stack, watched until it is over.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use tactnet_catching_packets::packets::{
+    ArmPath, CatchOutcome, CatchPhase, CatchStatus, ControllerCommand, ControllerMode,
+    ControllerState, reason, reason_text,
+};
+use tactnet_catching_roles::{Role, RoleReport, RoleSettings, catching_channels};
+use tactnet_channel::{
+    Bus, Domain, GetPort, Hub, Priority, PutPort, Start, Table, now_ns, remove_abandoned_buses,
+    remove_bus,
+};
+use tactnet_process::ReadyProcess;
+
+use crate::run_report::Heard;
+use crate::world_role::WorldReport;
+use crate::{RunReport, StageError, WorldSettings};
+
+/// How often processes are looked at.
+const LOOK: Duration = Duration::from_millis(10);
+/// A robot that is not thrown at for so long does not get ready any more, s.
+const NO_THROW: u64 = 30;
+/// A process that ends so often, each time soon after its start, is given up.
+const TRIES: usize = 5;
+/// Soon.
+const SOON: Duration = Duration::from_secs(5);
+/// Name of the world's process.
+const WORLD: &str = "world";
+
+/// A run of the whole stack before the simulated world, in real time.
+#[derive(Debug, Clone)]
+pub struct CatchRun<'a> {
+    /// The `tactnet` command.
+    pub program: &'a Path,
+    /// Where the table of channels is written.
+    pub folder: &'a Path,
+    /// Settings of the stack.
+    pub stack: RoleSettings,
+    /// Settings of the world.
+    pub world: WorldSettings,
+    /// Ends after so many throws.
+    pub throws: Option<u64>,
+    /// Ends after so long.
+    pub seconds: Option<f64>,
+    /// SCHED_FIFO for the loops of 1 kHz and the world, 1 to 99.
+    pub priority: Option<u8>,
+}
+
+/// What happens in a run.
+#[derive(Debug, Clone, PartialEq)]
+pub enum RunEvent {
+    /// All processes are ready; with the number of each.
+    Started(Vec<(&'static str, u32)>),
+    /// A throw is over.
+    Thrown {
+        /// Throws so far.
+        throws: u64,
+        /// Caught so far.
+        caught: u64,
+        /// This one.
+        outcome: CatchOutcome,
+    },
+    /// A process has ended by itself; the robot brakes, and the process begins again.
+    Ended {
+        /// Its name.
+        name: &'static str,
+        /// What it said last.
+        said: String,
+    },
+    /// It has begun again.
+    Restarted {
+        /// Its name.
+        name: &'static str,
+        /// Its process.
+        process: u32,
+    },
+    /// The robot brakes.
+    Braked(String),
+}
+
+struct Child {
+    name: &'static str,
+    role: Option<Role>,
+    process: ReadyProcess,
+    begun: Instant,
+    /// Times in a row that it ended soon after its start.
+    soon: usize,
+}
+
+impl CatchRun<'_> {
+    /// Returns the table of a bus of its own.
+    fn table(&self) -> Result<Table, StageError> {
+        // Nothing depends on it.
+        let _ = remove_abandoned_buses("catch");
+        let cameras = self.stack.robot()?.description().cameras;
+        let pixels = cameras.width as usize * cameras.height as usize;
+        let table = Table::new(&format!("catch{}", std::process::id()));
+        let table = catching_channels(table, self.world.pixels.then_some(pixels));
+        Ok(self.stack.into_table(table))
+    }
+
+    /// Starts everything, and ends it when throws or time are up, or `stopped` returns true.
+    ///
+    /// # Errors
+    /// Channels, a process or a file that cannot be had; a process that ends again and again; a robot that does not get ready.
+    pub fn run(
+        &self,
+        on_event: &mut dyn FnMut(RunEvent),
+        stopped: &dyn Fn() -> bool,
+    ) -> Result<RunReport, StageError> {
+        let table = self.table()?;
+        let path = self.folder.join("robot.toml");
+        std::fs::write(&path, toml::to_string(&table)?).map_err(|source| StageError::Io {
+            path: path.clone(),
+            source,
+        })?;
+        let _own = OwnBus(&table);
+        let hub = Hub::spawn(&table)?;
+        let ran = self.watch(&table, &path, on_event, stopped);
+        drop(hub);
+        ran
+    }
+
+    fn watch(
+        &self,
+        table: &Table,
+        path: &Path,
+        on_event: &mut dyn FnMut(RunEvent),
+        stopped: &dyn Fn() -> bool,
+    ) -> Result<RunReport, StageError> {
+        let bus = Bus::open(Domain::Host, table)?;
+        let mut watched = Watched::open(&bus)?;
+        let mut children = Vec::new();
+        children.push(self.start(WORLD, None, path)?);
+        for role in Role::ALL {
+            if role != Role::Eyes || self.world.pixels {
+                children.push(self.start(role.name(), Some(role), path)?);
+            }
+        }
+        on_event(RunEvent::Started(
+            children
+                .iter()
+                .map(|child| (child.name, child.process.id()))
+                .collect(),
+        ));
+        let begun = Instant::now();
+        let mut last_throw = Instant::now();
+        let mut restarts = 0;
+        while !stopped()
+            && self
+                .seconds
+                .is_none_or(|s| begun.elapsed().as_secs_f64() < s)
+        {
+            std::thread::sleep(LOOK);
+            for child in &mut children {
+                restarts += self.look_after(child, path, &watched.orders, on_event)?;
+            }
+            let before = watched.heard.outcomes.len();
+            watched.look(on_event)?;
+            if watched.heard.outcomes.len() > before {
+                last_throw = Instant::now();
+            }
+            let balls = self.world.balls as u64;
+            if self
+                .throws
+                .is_some_and(|throws| watched.heard.outcomes.len() as u64 >= throws * balls)
+            {
+                break;
+            }
+            if last_throw.elapsed().as_secs() >= NO_THROW {
+                return Err(watched.no_throw());
+            }
+        }
+        let seconds = begun.elapsed().as_secs_f64();
+        // The controller last: whoever is told nothing any more stands already.
+        let mut parts = Vec::new();
+        let mut world = WorldReport::default();
+        for child in children.into_iter().rev() {
+            let name = child.name;
+            let said = child
+                .process
+                .end()
+                .map_err(|source| StageError::Process { name, source })?;
+            if child.role.is_none() {
+                world = report_of(&said).unwrap_or_default();
+            } else if let Some(report) = report_of::<RoleReport>(&said) {
+                parts.push((name, report));
+            }
+        }
+        parts.reverse();
+        Ok(RunReport::of(
+            &watched.heard,
+            parts,
+            world,
+            restarts,
+            seconds,
+        ))
+    }
+
+    fn start(
+        &self,
+        name: &'static str,
+        role: Option<Role>,
+        table: &Path,
+    ) -> Result<Child, StageError> {
+        let mut command = Command::new(self.program);
+        command.args(["catch", "role", name]);
+        if let Some(priority) = self.priority
+            && role.is_none_or(Role::is_fast)
+        {
+            command.args(["--priority", &priority.to_string()]);
+        }
+        command.arg("--table").arg(table);
+        let started = match role {
+            Some(_) => ReadyProcess::start(&mut command),
+            // Nobody else is told how the world is.
+            None => {
+                let settings = settings_line(&self.world)?;
+                ReadyProcess::start_with_input(&mut command, &settings)
+            }
+        };
+        let process = started.and_then(|mut process| {
+            process.wait_until_ready()?;
+            Ok(process)
+        });
+        Ok(Child {
+            name,
+            role,
+            process: process.map_err(|source| StageError::Process { name, source })?,
+            begun: Instant::now(),
+            soon: 0,
+        })
+    }
+
+    /// Brakes the robot and starts a process again that has ended; returns 1 if it has.
+    fn look_after(
+        &self,
+        child: &mut Child,
+        table: &Path,
+        orders: &PutPort<ControllerCommand>,
+        on_event: &mut dyn FnMut(RunEvent),
+    ) -> Result<u64, StageError> {
+        let name = child.name;
+        let failed = |source| StageError::Process { name, source };
+        if child.process.ended().map_err(failed)?.is_none() {
+            return Ok(0);
+        }
+        orders.put_copy(&[ControllerCommand {
+            command_ns: now_ns(),
+            command: 1,
+            reason: reason(&format!("the {name} has ended")),
+        }])?;
+        let said = child.process.last_words();
+        let soon = if child.begun.elapsed() < SOON {
+            child.soon + 1
+        } else {
+            1
+        };
+        on_event(RunEvent::Ended {
+            name,
+            said: said.clone(),
+        });
+        if soon >= TRIES {
+            return Err(StageError::KeepsEnding {
+                name,
+                times: soon,
+                said,
+            });
+        }
+        *child = self.start(name, child.role, table)?;
+        child.soon = soon;
+        on_event(RunEvent::Restarted {
+            name,
+            process: child.process.id(),
+        });
+        Ok(1)
+    }
+}
+
+struct Watched {
+    outcomes: GetPort<CatchOutcome>,
+    paths: GetPort<ArmPath>,
+    states: GetPort<ControllerState>,
+    status: GetPort<CatchStatus>,
+    orders: PutPort<ControllerCommand>,
+    heard: Heard,
+    mode: Option<ControllerMode>,
+    phase: CatchStatus,
+}
+
+impl Watched {
+    fn open(bus: &Bus) -> Result<Self, StageError> {
+        Ok(Self {
+            outcomes: bus.get_port("catch/outcome", Start::Now)?,
+            paths: bus.get_port("arm/path", Start::Now)?,
+            states: bus.get_port("controller/state", Start::Now)?,
+            status: bus.get_port("catch/state", Start::Now)?,
+            orders: bus.put_port("controller/command", Priority::High)?,
+            heard: Heard::default(),
+            mode: None,
+            phase: bytemuck::Zeroable::zeroed(),
+        })
+    }
+
+    fn look(&mut self, on_event: &mut dyn FnMut(RunEvent)) -> Result<(), StageError> {
+        while let Some(packet) = self.paths.try_get()? {
+            let put_ns = packet.header().put_ns;
+            packet.iter().for_each(|path| self.heard.path(put_ns, path));
+        }
+        while let Some(packet) = self.states.try_get()? {
+            for state in packet.iter() {
+                let mode = ControllerMode::of(state.mode);
+                if mode == Some(ControllerMode::Braking) && self.mode != mode {
+                    let why = reason_text(&state.reason).to_string();
+                    self.heard.braked(&why);
+                    on_event(RunEvent::Braked(why));
+                }
+                self.heard.refused(state.refused);
+                self.mode = mode;
+            }
+        }
+        while let Some(packet) = self.status.try_get()? {
+            if let Some(status) = packet.first() {
+                self.phase = *status;
+                self.heard.no_plans = self.heard.no_plans.max(status.no_plans);
+            }
+        }
+        while let Some(packet) = self.outcomes.try_get()? {
+            for outcome in packet.iter() {
+                self.heard.outcome(outcome);
+                let caught = self.heard.outcomes.iter().filter(|o| o.caught == 1).count();
+                on_event(RunEvent::Thrown {
+                    throws: self.heard.outcomes.len() as u64,
+                    caught: caught as u64,
+                    outcome: *outcome,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn no_throw(&self) -> StageError {
+        let phase = match CatchPhase::of(self.phase.phase) {
+            None | Some(CatchPhase::Starting) => "is starting",
+            Some(CatchPhase::Armed) => "waits",
+            Some(CatchPhase::Tracking) => "sees a ball",
+            Some(CatchPhase::Reaching) => "reaches",
+            Some(CatchPhase::Closed) => "has closed its hands",
+            Some(CatchPhase::GoingBack) => "goes back",
+            Some(CatchPhase::Braking) => "brakes",
+            Some(CatchPhase::Stuck) => "is stuck",
+        };
+        StageError::NoThrow {
+            seconds: NO_THROW,
+            phase,
+            reason: reason_text(&self.phase.reason).into(),
+        }
+    }
+}
+
+/// A bus whose shared memory is removed when this is dropped.
+struct OwnBus<'a>(&'a Table);
+
+impl Drop for OwnBus<'_> {
+    fn drop(&mut self) {
+        // Nothing depends on it.
+        let _ = remove_bus(self.0);
+    }
+}
+
+/// Settings of the world in a line, as its process reads them.
+fn settings_line(settings: &WorldSettings) -> Result<String, StageError> {
+    serde_json::to_string(settings).map_err(|error| StageError::Io {
+        path: PathBuf::from("the world's settings"),
+        source: error.into(),
+    })
+}
+
+/// Reads a report; `None` for one of a process that was killed.
+fn report_of<T: serde::de::DeserializeOwned>(text: &str) -> Option<T> {
+    serde_json::from_str(text.trim()).ok()
+}

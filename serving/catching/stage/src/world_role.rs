@@ -1,0 +1,342 @@
+//! The world in real time: joint commands and hands' targets in, what the robot senses out.
+
+use std::collections::VecDeque;
+use std::sync::mpsc::{Sender, SyncSender, TrySendError, channel, sync_channel};
+
+use serde::{Deserialize, Serialize};
+use tactnet_catching_packets::ARMS;
+use tactnet_catching_packets::packets::{
+    CatchPhase, CatchStatus, Circles, HandCommand, ImuSample, JointCommand, JointState,
+};
+use tactnet_catching_roles::RoleSettings;
+use tactnet_catching_world::{FlightSample, TICK_NS, World, WorldConfig};
+use tactnet_channel::{Bus, GetPort, Priority, PutPort, Start, Ticker};
+
+use crate::StageError;
+use crate::drive_watch::DriveWatch;
+use crate::judge::{Over, judge};
+use crate::painter::{Exposure, paint};
+
+/// The drives take commands half a millisecond after the controllers' beats.
+const AFTER_BEAT_NS: u64 = 500_000;
+/// A throw's ball is on its way for at most so long; the next throw waits for it, ns.
+const LONGEST_NS: u64 = 3_200_000_000;
+
+/// How the world behaves.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct WorldSettings {
+    /// The world.
+    pub world: WorldConfig,
+    /// Decides everything that is drawn.
+    pub seed: u64,
+    /// Balls of a throw, 1 or 2.
+    pub balls: usize,
+    /// The robot waits this long before a throw, s.
+    pub rest: f64,
+    /// From the middle of an exposure to the memory of the computer that sees, s.
+    pub camera: f64,
+    /// What a detector takes: circles that come straight from the truth are that much later than pictures, s.
+    pub detection: f64,
+    /// Pictures are drawn; otherwise circles come straight from the truth, with noise, misses and clutter.
+    pub pixels: bool,
+}
+
+impl Default for WorldSettings {
+    fn default() -> Self {
+        Self {
+            world: WorldConfig::default(),
+            seed: 1,
+            balls: 1,
+            rest: 1.0,
+            camera: 0.04,
+            detection: 0.0145,
+            pixels: false,
+        }
+    }
+}
+
+/// The process of the world.
+#[derive(Debug, Clone)]
+pub struct WorldRole {
+    /// How it behaves.
+    pub settings: WorldSettings,
+}
+
+/// What it did, for its report.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WorldReport {
+    /// Throws.
+    pub throws: u64,
+    /// Ticks.
+    pub ticks: u64,
+    /// Ticks that came more than a millisecond late.
+    pub late_ticks: u64,
+    /// Times that the drives braked, because they heard nothing while joints moved.
+    pub drives_braked: u64,
+    /// Moments that were not drawn, since the painter was busy.
+    pub undrawn: u64,
+    /// Pictures that were drawn too late.
+    pub late_pictures: u64,
+}
+
+struct Ports {
+    commands: GetPort<JointCommand>,
+    targets: GetPort<HandCommand>,
+    status: GetPort<CatchStatus>,
+    joints: PutPort<JointState>,
+    imu: PutPort<ImuSample>,
+    /// Where there are no pictures.
+    circles: Option<PutPort<Circles>>,
+}
+
+impl WorldRole {
+    /// Opens its ports, calls `ready`, and runs until `stopped` returns true.
+    ///
+    /// # Errors
+    /// Channels that are missing or break down; settings that make no sense.
+    pub fn run(
+        &self,
+        bus: &Bus,
+        ready: &dyn Fn(),
+        stopped: &dyn Fn() -> bool,
+    ) -> Result<WorldReport, StageError> {
+        let stack = RoleSettings::of(bus.table())?;
+        let robot = stack.robot()?;
+        let start = robot.waiting();
+        let settings = &self.settings;
+        let world = World::new(robot.description(), &settings.world, settings.seed, &start)?;
+        let ports = Ports {
+            commands: bus.get_port("joint/command", Start::Now)?,
+            targets: bus.get_port("hand/target", Start::Now)?,
+            status: bus.get_port("catch/state", Start::Now)?,
+            joints: bus.put_port("joint/state", Priority::RealTime)?,
+            imu: bus.put_port("imu", Priority::High)?,
+            circles: match settings.pixels {
+                true => None,
+                false => Some(bus.put_port("ball/circles", Priority::High)?),
+            },
+        };
+        std::thread::scope(|scope| {
+            let (over, throws) = channel::<Over>();
+            let judged = scope.spawn(|| {
+                let throws = throws;
+                judge(bus, &robot, &start, stack.coordinator.lower_body, &throws)
+            });
+            let (exposures, painted) = match settings.pixels {
+                false => (None, None),
+                true => {
+                    let (exposures, moments) = sync_channel::<Exposure>(2);
+                    let robot = &robot;
+                    let painter = scope.spawn(move || {
+                        paint(
+                            bus,
+                            robot.description(),
+                            &settings.world,
+                            settings.seed,
+                            &moments,
+                        )
+                    });
+                    (Some(exposures), Some(painter))
+                }
+            };
+            ready();
+            let mut live = LiveWorld {
+                drives: DriveWatch::new(*robot.joints(), &start),
+                world,
+                settings,
+                ports,
+                over,
+                exposures,
+                report: WorldReport::default(),
+                epoch_ns: 0,
+                circles: VecDeque::new(),
+                phase: (CatchPhase::Starting, 0),
+                thrown_ns: None,
+                judged: 0,
+                flights: Vec::new(),
+                balls: 0,
+                frames: 0,
+            };
+            let ran = live.run(stopped);
+            let mut report = live.report;
+            report.drives_braked = live.drives.braked;
+            // Judge and painter end with what they were sent.
+            drop(live);
+            if let Some(painter) = painted {
+                report.late_pictures = joined(painter)?;
+            }
+            joined(judged)?;
+            ran.map(|()| report)
+        })
+    }
+}
+
+fn joined<T>(
+    thread: std::thread::ScopedJoinHandle<'_, Result<T, StageError>>,
+) -> Result<T, StageError> {
+    thread
+        .join()
+        .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+}
+
+struct LiveWorld<'a> {
+    world: World,
+    drives: DriveWatch,
+    settings: &'a WorldSettings,
+    ports: Ports,
+    over: Sender<Over>,
+    exposures: Option<SyncSender<Exposure>>,
+    report: WorldReport,
+    /// Adds to the world's time to make it the host's.
+    epoch_ns: u64,
+    /// Circles that are on their way, with the time at which they arrive.
+    circles: VecDeque<(u64, [Circles; 2])>,
+    /// What the robot says that it is about, and since when.
+    phase: (CatchPhase, u64),
+    thrown_ns: Option<u64>,
+    judged: usize,
+    /// Of the balls of the last throw, by number.
+    flights: Vec<(u64, Vec<FlightSample>)>,
+    balls: u64,
+    frames: u64,
+}
+
+impl LiveWorld<'_> {
+    fn run(&mut self, stopped: &dyn Fn() -> bool) -> Result<(), StageError> {
+        let mut ticker = Ticker::aligned(1000.0, AFTER_BEAT_NS);
+        self.epoch_ns = ticker.next_ns() - TICK_NS;
+        while !stopped() {
+            let late = ticker.wait();
+            self.report.ticks += 1;
+            self.report.late_ticks += u64::from(late > TICK_NS);
+            self.tick()?;
+        }
+        Ok(())
+    }
+
+    fn now_ns(&self) -> u64 {
+        self.world.time_ns() + self.epoch_ns
+    }
+
+    fn tick(&mut self) -> Result<(), StageError> {
+        let mut newest = None;
+        while let Some(packet) = self.ports.commands.try_get()? {
+            newest = packet.first().copied().or(newest);
+        }
+        let mut hands = [None; ARMS];
+        while let Some(packet) = self.ports.targets.try_get()? {
+            for target in packet.iter().filter(|target| target.arm < ARMS as u64) {
+                hands[target.arm as usize] = Some(HandCommand {
+                    arm: target.arm,
+                    catch_ns: target.catch_ns.saturating_sub(self.epoch_ns),
+                });
+            }
+        }
+        while let Some(packet) = self.ports.status.try_get()? {
+            if let Some(status) = packet.first() {
+                let phase = CatchPhase::of(status.phase).unwrap_or(CatchPhase::Starting);
+                self.phase = (phase, status.since_ns);
+            }
+        }
+        self.throw();
+        let command = *self.drives.tick(newest.as_ref());
+        let sensed = *self.world.step(&command, &hands);
+        let epoch_ns = self.epoch_ns;
+        self.ports.joints.put_copy(&[JointState {
+            sensor_ns: sensed.joints.sensor_ns + epoch_ns,
+            ..sensed.joints
+        }])?;
+        if let Some(sample) = sensed.imu {
+            self.ports.imu.put_copy(&[ImuSample {
+                sensor_ns: sample.sensor_ns + epoch_ns,
+                ..sample
+            }])?;
+        }
+        if let Some(circles) = sensed.circles {
+            self.see(circles);
+        }
+        self.deliver()?;
+        self.judge();
+        Ok(())
+    }
+
+    /// Whoever throws waits until the robot stands, and the last ball is gone.
+    fn throw(&mut self) {
+        let now = self.now_ns();
+        let (phase, since) = self.phase;
+        let rested = phase == CatchPhase::Armed
+            && now.saturating_sub(since) > (self.settings.rest * 1e9) as u64;
+        let free = self
+            .thrown_ns
+            .is_none_or(|thrown| now > thrown + LONGEST_NS);
+        if rested && free {
+            self.world.throw(self.settings.balls);
+            self.thrown_ns = Some(now);
+            self.report.throws += 1;
+            // Now, while the robot stands: it takes some milliseconds.
+            let numbers = self.balls..self.balls + self.settings.balls as u64;
+            self.balls = numbers.end;
+            self.flights = numbers
+                .filter_map(|ball| Some((ball, self.world.true_flight(ball)?)))
+                .collect();
+        }
+    }
+
+    fn see(&mut self, mut circles: [Circles; 2]) {
+        let exposure_ns = circles[0].exposure_ns + self.epoch_ns;
+        for side in &mut circles {
+            side.exposure_ns = exposure_ns;
+        }
+        let camera_ns = (self.settings.camera * 1e9) as u64;
+        let Some(exposures) = &self.exposures else {
+            let due_ns = exposure_ns + camera_ns + (self.settings.detection * 1e9) as u64;
+            self.circles.push_back((due_ns, circles));
+            return;
+        };
+        let frame = self.frames;
+        self.frames += 1;
+        let exposure = Exposure {
+            truth: self.world.truth(),
+            frame,
+            exposure_ns,
+            due_ns: exposure_ns + camera_ns,
+        };
+        if let Err(TrySendError::Full(_)) = exposures.try_send(exposure) {
+            self.report.undrawn += 1;
+        }
+    }
+
+    fn deliver(&mut self) -> Result<(), StageError> {
+        let now = self.now_ns();
+        let Some(port) = &self.ports.circles else {
+            return Ok(());
+        };
+        while let Some((_, circles)) = self.circles.pop_front_if(|(due, _)| *due <= now) {
+            for side in circles {
+                port.put_copy(&[side])?;
+            }
+        }
+        Ok(())
+    }
+
+    fn judge(&mut self) {
+        while let Some(verdict) = self.world.verdicts().get(self.judged).copied() {
+            self.judged += 1;
+            let known = self
+                .flights
+                .iter()
+                .position(|(ball, _)| *ball == verdict.ball);
+            let flight = known.map_or_else(Vec::new, |place| self.flights.swap_remove(place).1);
+            let over = Over {
+                throw: self.report.throws,
+                verdict,
+                flight,
+                epoch_ns: self.epoch_ns,
+            };
+            // The judge ends only with the world.
+            let _ = self.over.send(over);
+        }
+    }
+}

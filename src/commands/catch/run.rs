@@ -1,0 +1,192 @@
+//! `tactnet catch run`: the whole stack on channels, live before the simulated world.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Args;
+use tactnet_catching::track::CLUTTER_OF_PICTURES;
+use tactnet_catching_roles::RoleSettings;
+use tactnet_catching_stage::{CatchRun, Milliseconds, RunEvent, RunReport, WorldSettings};
+
+use crate::output;
+use crate::stop::Stop;
+
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    tactnet catch run --throws 10             ten throws, a line for each\n  \
+    tactnet catch run --seconds 60 --json     a minute, with times of every process\n  \
+    tactnet catch run --pixels                from pictures: wants more than two cores\n\n\
+    Every part is a process: world, pose, tracker, coordinator, two planners, controller, safety, hand (and eyes, with --pixels). One that \
+    ends by itself brakes the robot, is named and begins again. Ctrl-C ends all of them.")]
+pub struct RunArgs {
+    /// End after so many throws [default: go on]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    throws: Option<u64>,
+    /// End after so many seconds [default: go on]
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    seconds: Option<f64>,
+    /// Decides throws, noise and everything else that the world draws
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Balls of a throw
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
+    balls: u8,
+    /// The world draws pictures, and eyes search them for circles; otherwise circles come from the world, with noise, misses and clutter
+    #[arg(long)]
+    pixels: bool,
+    /// The monitor of self-collisions only reports, and does not brake
+    #[arg(long)]
+    watch: bool,
+    /// SCHED_FIFO with this priority for the world and the loops of 1 kHz
+    #[arg(long, value_name = "P", value_parser = clap::value_parser!(u8).range(1..=99))]
+    priority: Option<u8>,
+    /// The robot [default: the one that simulations use]
+    #[arg(long, value_name = "FILE")]
+    robot: Option<PathBuf>,
+    /// The world, as JSON [default: the one that simulations use]
+    #[arg(long, value_name = "FILE")]
+    world: Option<PathBuf>,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "expected seconds".to_string())?;
+    if seconds > 0.0 && seconds <= 1e6 {
+        Ok(seconds)
+    } else {
+        Err("expected seconds greater than 0, at most 1000000".into())
+    }
+}
+
+/// Runs the command.
+pub fn run(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
+    let mut stack = RoleSettings {
+        robot: arguments
+            .robot
+            .as_ref()
+            .map(std::path::absolute)
+            .transpose()?,
+        brakes: !arguments.watch,
+        ..RoleSettings::default()
+    };
+    if arguments.pixels {
+        stack.clutter = CLUTTER_OF_PICTURES;
+    }
+    // With two balls only the arms move, as in the thesis.
+    stack.coordinator.lower_body = arguments.balls == 1;
+    // A mistake in a file is named before anything starts.
+    super::robot(arguments.robot.as_ref())?;
+    let world = WorldSettings {
+        world: super::world(arguments.world.as_deref())?,
+        seed: arguments.seed,
+        balls: usize::from(arguments.balls),
+        pixels: arguments.pixels,
+        ..WorldSettings::default()
+    };
+    let stop = Stop::listen_saying("stopping")?;
+    let folder = tempfile::tempdir()?;
+    let program = std::env::current_exe()?;
+    let run = CatchRun {
+        program: &program,
+        folder: folder.path(),
+        stack,
+        world,
+        throws: arguments.throws,
+        seconds: arguments.seconds,
+        priority: arguments.priority,
+    };
+    let report = run.run(&mut show, &|| stop.asked())?;
+    if arguments.json {
+        output::print_json(&report)?;
+    } else {
+        print(&report)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn show(event: RunEvent) {
+    match event {
+        RunEvent::Started(processes) => {
+            let names: Vec<String> = processes
+                .iter()
+                .map(|(name, process)| format!("{name} {process}"))
+                .collect();
+            say!("started: {}", names.join(", "));
+        }
+        RunEvent::Thrown {
+            throws,
+            caught,
+            outcome,
+        } => {
+            let became = if outcome.caught == 1 {
+                let side = if outcome.arm == 0 { "left" } else { "right" };
+                let (across, along) = (1e3 * outcome.across, 1e3 * outcome.along);
+                format!(
+                    "caught, {side} hand, {across:.1} mm beside its middle, closed {along:+.1} ms"
+                )
+            } else {
+                format!("missed: {}", tactnet_catching_stage::cause(outcome.cause))
+            };
+            let note = if outcome.arms == 0 {
+                " (out of the catch space)"
+            } else {
+                ""
+            };
+            say!("throw {throws}: {became}{note}; {caught} of {throws} caught");
+        }
+        RunEvent::Ended { name, said } => {
+            let why = if said.is_empty() {
+                String::new()
+            } else {
+                format!(": {said}")
+            };
+            say!("the {name} has ended{why}; the robot brakes");
+        }
+        RunEvent::Restarted { name, process } => say!("the {name} begins again, process {process}"),
+        RunEvent::Braked(why) => say!("brakes: {why}"),
+    }
+}
+
+fn print(report: &RunReport) -> anyhow::Result<()> {
+    let rate = report.rate.map_or_else(
+        || "no ball could have been caught".to_string(),
+        |rate| {
+            format!(
+                "{} of {} balls that could be caught, {:.1} [{:.1}, {:.1}] %",
+                report.caught,
+                report.catchable,
+                100.0 * rate,
+                100.0 * report.ci95_low,
+                100.0 * report.ci95_high
+            )
+        },
+    );
+    output::print(format_args!(
+        "{rate}; {} of all {} thrown",
+        report.caught_of_all, report.balls
+    ))?;
+    let times = |name: &str, times: Option<Milliseconds>| {
+        times.map_or(format!("{name}: none"), |t| {
+            format!(
+                "{name}: {:.1} ms, 99 % below {:.1}, longest {:.1}",
+                t.p50, t.p99, t.max
+            )
+        })
+    };
+    output::print(times("exposure to path", report.exposure_to_path_ms))?;
+    output::print(times(
+        "age of the last picture at a catch",
+        report.last_picture_age_ms,
+    ))?;
+    output::print(times(
+        "age of the last pose of the head at a catch",
+        report.last_measurement_age_ms,
+    ))?;
+    output::print(format_args!(
+        "1 kHz loop: 99.9 % of commands within {:.0} us of their beat; brakes by the monitor: {}, {} of them in vain",
+        report.loop_p999_us, report.monitor_brakes, report.false_brakes
+    ))?;
+    Ok(())
+}

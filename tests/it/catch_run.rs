@@ -1,0 +1,187 @@
+//! The whole stack as processes before the simulated world.
+
+use std::collections::BTreeMap;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use crate::command::tactnet;
+
+/// A run beside this test, and what it says.
+struct Run {
+    child: Child,
+    said: std::sync::mpsc::Receiver<String>,
+    heard: Vec<String>,
+}
+
+impl Run {
+    fn start(arguments: &[&str]) -> Self {
+        let mut command = tactnet(["catch", "run", "--json"]);
+        command.args(arguments);
+        let mut child = command
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let errors = BufReader::new(child.stderr.take().unwrap());
+        let (line, said) = std::sync::mpsc::channel();
+        std::thread::spawn(move || {
+            for text in errors.lines().map_while(Result::ok) {
+                if line.send(text).is_err() {
+                    break;
+                }
+            }
+        });
+        Self {
+            child,
+            said,
+            heard: Vec::new(),
+        }
+    }
+
+    /// Waits for a line that begins so; all lines so far are kept.
+    fn wait_for(&mut self, beginning: &str) -> String {
+        let begun = Instant::now();
+        loop {
+            match self.said.recv_timeout(Duration::from_millis(200)) {
+                Ok(line) => {
+                    self.heard.push(line.clone());
+                    if line.starts_with(beginning) {
+                        return line;
+                    }
+                }
+                Err(_) => assert!(
+                    begun.elapsed() < Duration::from_secs(60),
+                    "no `{beginning}`: {:?}",
+                    self.heard
+                ),
+            }
+        }
+    }
+
+    /// Names and numbers of its processes.
+    fn processes(&mut self) -> BTreeMap<String, u32> {
+        let line = self.wait_for("started: ");
+        line["started: ".len()..]
+            .split(", ")
+            .map(|part| {
+                let (name, number) = part.split_once(' ').unwrap();
+                (name.to_string(), number.parse().unwrap())
+            })
+            .collect()
+    }
+
+    /// Asks it to end, and returns its report.
+    fn end(mut self) -> serde_json::Value {
+        signal("TERM", self.child.id());
+        let output = self.child.wait_with_output().unwrap();
+        assert!(output.status.success(), "{:?}", self.heard);
+        self.heard.clear();
+        serde_json::from_slice(&output.stdout).unwrap()
+    }
+}
+
+fn signal(name: &str, process: u32) {
+    let sent = Command::new("kill")
+        .args([&format!("-{name}"), &process.to_string()])
+        .status();
+    assert!(sent.unwrap().success());
+}
+
+fn is_there(process: u32) -> bool {
+    Path::new(&format!("/proc/{process}/exe")).exists()
+}
+
+#[test]
+fn a_live_run_catches_and_ends_all_its_processes() {
+    let mut run = Run::start(&["--seed", "3"]);
+    let processes = run.processes();
+    let names: Vec<&str> = processes.keys().map(String::as_str).collect();
+    assert_eq!(
+        names,
+        [
+            "controller",
+            "coordinator",
+            "hand",
+            "planner-left",
+            "planner-right",
+            "pose",
+            "safety",
+            "tracker",
+            "world"
+        ]
+    );
+    // What is true stays in the world's process: the stack has the robot's bus open, and all of its files can be named.
+    for (name, process) in &processes {
+        let maps = std::fs::read_to_string(format!("/proc/{process}/maps")).unwrap();
+        assert!(
+            maps.contains("/dev/shm") || maps.contains("tactnet"),
+            "{name}: a bus"
+        );
+        assert!(!maps.contains("truth"), "{name}: {maps}");
+    }
+    run.wait_for("throw 2:");
+    let report = run.end();
+    for process in processes.values() {
+        assert!(!is_there(*process), "left behind");
+    }
+    assert!(report["balls"].as_u64().unwrap() >= 2);
+    assert!(report["processes"]["controller"]["count"].as_u64().unwrap() > 3000);
+    assert!(
+        report["exposure_to_path_ms"]["p50"].as_f64().unwrap() > 40.0,
+        "{report}"
+    );
+    assert_eq!(report["restarts"], 0);
+}
+
+#[test]
+fn every_process_may_be_killed_at_any_moment() {
+    let mut run = Run::start(&["--seed", "5"]);
+    let mut processes = run.processes();
+    run.wait_for("throw 1:");
+    // In an order of its own; the last ones while the robot still recovers from those before.
+    for name in [
+        "tracker",
+        "controller",
+        "safety",
+        "coordinator",
+        "pose",
+        "planner-left",
+        "hand",
+        "planner-right",
+        "world",
+    ] {
+        signal("KILL", processes[name]);
+        run.wait_for(&format!("the {name} has ended"));
+        let line = run.wait_for(&format!("the {name} begins again"));
+        let number = line.rsplit(' ').next().unwrap().parse().unwrap();
+        processes.insert(name.into(), number);
+    }
+    // It finds back, and goes on.
+    run.wait_for("throw ");
+    run.wait_for("throw ");
+    let report = run.end();
+    assert_eq!(report["restarts"], 9);
+    assert!(processes.values().all(|process| !is_there(*process)));
+}
+
+#[test]
+fn a_stack_without_a_hub_and_a_role_that_there_is_not_are_named() {
+    let place = tempfile::tempdir().unwrap();
+    let path = place.path().join("robot.toml");
+    let table = tactnet(["catch", "role", "--print-table"])
+        .output()
+        .unwrap();
+    std::fs::write(&path, &table.stdout).unwrap();
+    for (role, expected) in [("tracker", "no hub"), ("cook", "no role `cook`")] {
+        let mut command = tactnet(["catch", "role", role, "--table"]);
+        let output = command.arg(&path).output().unwrap();
+        assert_eq!(output.status.code(), Some(2));
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(
+            said.contains(expected) && said.lines().count() == 1,
+            "{said}"
+        );
+    }
+}
