@@ -52,7 +52,7 @@ impl Run {
                     }
                 }
                 Err(_) => assert!(
-                    begun.elapsed() < Duration::from_secs(60),
+                    begun.elapsed() < Duration::from_secs(90),
                     "no `{beginning}`: {:?}",
                     self.heard
                 ),

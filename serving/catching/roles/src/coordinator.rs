@@ -27,8 +27,10 @@ use crate::{RoleError, RoleReport, RoleSettings};
 const BEAT: Wait = Wait::Block {
     timeout: Duration::from_millis(2),
 };
-/// A path is sent so long before it begins, or not at all, ns.
-const ON_THE_WAY_NS: u64 = 1_000_000;
+/// A path is sent so long before it begins, or not at all: the controller is ahead by what drives take, ns.
+const ON_THE_WAY_NS: u64 = 4_500_000;
+/// So much later than that it may be, ns.
+const LATE_NS: u64 = 500_000;
 /// What the controller says of its paths counts so long after one was sent, ns.
 const TAKEN_NS: u64 = 5_000_000;
 /// A controller or an estimator that is silent for so long is not there, ns.
@@ -350,7 +352,7 @@ impl Live {
             return Ok(());
         };
         // A path that would be late is none.
-        let answers = if now_ns <= latest(&asked) + ON_THE_WAY_NS / 2 {
+        let answers = if now_ns <= latest(&asked) + LATE_NS {
             &asked.answers[..]
         } else {
             &[]

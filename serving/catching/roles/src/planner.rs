@@ -11,7 +11,7 @@ use crate::translate::{request, result_packet};
 use crate::{RoleError, RoleReport, RoleSettings};
 
 /// An answer is to be there so long before its motion begins, ns.
-const ON_THE_WAY_NS: u64 = 2_000_000;
+const ON_THE_WAY_NS: u64 = 5_500_000;
 
 pub(crate) fn run(
     bus: &Bus,

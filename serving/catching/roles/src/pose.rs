@@ -10,8 +10,8 @@ use crate::newest::{Newest, PATIENCE};
 use crate::times::Times;
 use crate::{RoleError, RoleReport, RoleSettings};
 
-/// A robot that waits for so long no longer swings, ns.
-const STILL_NS: u64 = 300_000_000;
+/// A robot that waits for so long hardly swings on its springs any more, ns.
+const STILL_NS: u64 = 1_500_000_000;
 /// Joints slower than this stand, rad/s and m/s.
 const STILL_RATE: f64 = 0.02;
 
@@ -29,6 +29,7 @@ pub(crate) fn run(
     let mut estimator = PoseEstimator::new(robot.description(), PoseConfig::default())?;
     let mut times = Times::at(512);
     let mut stands_since: Option<u64> = None;
+    let mut was_still = false;
     ready();
     while !stopped() {
         let Some(packet) = samples.get(PATIENCE)? else {
@@ -47,6 +48,11 @@ pub(crate) fn run(
             matches!(phase, Some(CatchPhase::Armed | CatchPhase::Starting))
         });
         let still = waits && stands_since.is_some_and(|since| now - since > STILL_NS);
+        if still && !was_still {
+            // What was integrated while it moved is worth less than where it stands.
+            estimator = PoseEstimator::new(robot.description(), PoseConfig::default())?;
+        }
+        was_still = still;
         let kinematic = joints
             .get()
             .filter(|_| still)

@@ -22,7 +22,7 @@ use crate::{RunReport, StageError, WorldSettings};
 /// How often processes are looked at.
 const LOOK: Duration = Duration::from_millis(10);
 /// A robot that is not thrown at for so long does not get ready any more, s.
-const NO_THROW: u64 = 30;
+const NO_THROW: u64 = 60;
 /// A process that ends so often, each time soon after its start, is given up.
 const TRIES: usize = 5;
 /// Soon.

@@ -48,7 +48,7 @@ impl Default for WorldSettings {
             world: WorldConfig::default(),
             seed: 1,
             balls: 1,
-            rest: 1.0,
+            rest: 3.0,
             camera: 0.04,
             detection: 0.0145,
             pixels: false,
