@@ -22,6 +22,8 @@ mod npy;
 pub mod npz;
 #[cfg(feature = "parquet")]
 pub mod parquet;
+#[cfg(feature = "parquet")]
+mod parquet_footer;
 pub mod tactmat;
 mod tactmat_write;
 mod tile;

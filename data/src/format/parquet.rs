@@ -11,6 +11,7 @@ use parquet::schema::types::ColumnDescriptor;
 
 use super::frame_table::{Column, FrameTable, may_hold_words};
 use super::named_sweeps::{Labels, NamedSweeps};
+use super::parquet_footer;
 use crate::DataError;
 
 /// Reads a file that may hold NaN or infinities.
@@ -50,6 +51,10 @@ fn table(path: &Path) -> Result<FrameTable<'_>, DataError> {
     let refused =
         |error: ParquetError| DataError::format(path, "file", "a Parquet table", error.to_string());
     let file = crate::open_file(path).map_err(|error| DataError::io(path, "open", error))?;
+    if !parquet_footer::is_sound(&file).map_err(|error| DataError::io(path, "read", error))? {
+        let found = "metadata that is damaged";
+        return Err(DataError::format(path, "file", "a Parquet table", found));
+    }
     let reader = SerializedFileReader::new(file).map_err(refused)?;
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
     let mut columns = Vec::new();
