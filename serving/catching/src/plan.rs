@@ -8,6 +8,7 @@
 //! 2. the minimum near the best of them by sequential quadratic programming ([`qp`] inside).
 
 mod bodies;
+mod clearance;
 mod nearest;
 mod objective;
 mod planner;

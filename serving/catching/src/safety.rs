@@ -13,10 +13,12 @@ mod bodies;
 mod gjk;
 mod hull;
 mod monitor;
+mod parts;
 mod sweep;
 
 pub use bodies::{BODIES, Bodies, PAIRS};
 pub use gjk::distance;
+pub(crate) use gjk::{Nearest, nearest};
 pub use hull::{Hull, MAX_POINTS};
 pub use monitor::{Monitor, MonitorConfig, Ruling};
 pub use sweep::{Interval, braking};
@@ -67,28 +69,42 @@ mod tests {
         }
     }
 
+    proptest! {
+        /// Whenever drives begin to brake within the reaction, all joints are together in the intervals of a part of the motion, and no nearer
+        /// to each other than the bound that comes of parts.
+        #[test]
+        fn parts_of_braking_hold_the_motion(
+            (places, _, speeds) in motion(), begun in 0.0..1.0f64, braked in 0.0..1.0f64, pair in 0..PAIRS, looks in 0..60_usize,
+        ) {
+            let description = RobotDescription::nominal();
+            let (bodies, joints) = (Bodies::new(&description), description.joints());
+            let command = JointCommand {
+                number: 0,
+                command_ns: 0,
+                q: std::array::from_fn(|i| joints[i].range[0] + places[i] * (joints[i].range[1] - joints[i].range[0])),
+                dq: std::array::from_fn(|i| 0.5 * speeds[i] * joints[i].speed),
+            };
+            let braking_of = sweep::Braking::new(&command, &joints, 0.005);
+            let (begun, braked) = (begun * 0.005, braked * braking_of.longest());
+            let q = braking_of.at(begun, braked);
+            let near = |x: f64, by: f64| [x - by * x, x + by];
+            for (i, interval) in braking_of.between(near(begun, 0.001), near(braked, 0.01)).iter().enumerate() {
+                prop_assert!((interval.low - 1e-12..=interval.high + 1e-12).contains(&q[i]));
+                let whole = braking(command.q[i], command.dq[i], &joints[i], 0.005);
+                prop_assert!((whole.low - 1e-12..=whole.high + 1e-12).contains(&q[i]));
+            }
+            let [a, b] = bodies.placed(pair, &q);
+            let mut left = looks;
+            let bound = parts::least_in_parts(&bodies, pair, &braking_of, 0.01, &mut left);
+            prop_assert!(bound <= distance(&a, &b) + 1e-9, "{bound} {:?}", bodies.names(pair));
+            prop_assert!(left <= looks);
+        }
+    }
+
     /// Where a joint is `time` after a command, if its drive begins to brake `begun` after it.
     fn at(q: f64, dq: f64, deceleration: f64, begun: f64, time: f64) -> f64 {
         let slowing = (time - begun).clamp(0.0, dq.abs() / deceleration);
         q + dq * (time.min(begun) + slowing) - 0.5 * dq.signum() * deceleration * slowing * slowing
-    }
-
-    proptest! {
-        /// Whenever drives begin to brake within the reaction, joints are in the intervals of the part of the time.
-        #[test]
-        fn parts_of_braking_hold_the_motion(
-            q in -2.0..2.0f64, dq in -7.0..7.0f64, begun in 0.0..0.01f64, part in 0..8_usize, within in 0.0..1.0f64,
-        ) {
-            let joint = RobotDescription::nominal().joints()[7];
-            let longest = 0.01 + dq.abs() / joint.acceleration;
-            let time = [part, part + 1].map(|number| longest * number as f64 / 8.0);
-            let interval = sweep::braking_between(q, dq, &joint, 0.01, time);
-            let whole = braking(q, dq, &joint, 0.01);
-            let moment = time[0] + within * (time[1] - time[0]);
-            let place = at(q, dq, joint.acceleration, begun, moment);
-            prop_assert!((interval.low - 1e-12..=interval.high + 1e-12).contains(&place));
-            prop_assert!(whole.low <= interval.low + 1e-12 && interval.high <= whole.high + 1e-12);
-        }
     }
 
     /// The least distance of all pairs while joints brake, looked at often, if drives begin to brake at once or at the end of the reaction.
@@ -158,5 +174,66 @@ mod tests {
             }
         }
         assert!(stopped, "an arm that goes on turning comes to the body");
+    }
+
+    /// A robot whose brakes were late stands within the margin. It may leave, slowly, and may not come nearer.
+    #[test]
+    fn what_stands_too_near_may_leave() {
+        let description = RobotDescription::nominal();
+        let robot = crate::Robot::new(description.clone());
+        let q = robot.waiting();
+        let bodies = Bodies::new(&description);
+        let config = MonitorConfig::default();
+        let mut monitor = Monitor::new(bodies, description.joints(), config, &q);
+        let command = |q: [f64; JOINTS], speed: f64| {
+            let mut dq = [0.0; JOINTS];
+            (dq[6], dq[7]) = (speed, speed);
+            JointCommand {
+                number: 0,
+                command_ns: 0,
+                q,
+                dq,
+            }
+        };
+        let least =
+            |monitor: &Monitor, q: [f64; JOINTS]| monitor.least_while_braking(&command(q, 0.0));
+        let mut at = q;
+        let mut step = |by: f64| {
+            at[6] += by;
+            at[7] += by;
+            at
+        };
+        // As far as it may, then on, without a look at the monitor, until it is a quarter of the margin too near.
+        let mut now = q;
+        while monitor.judge(&command(now, 1.0)).go {
+            now = step(1e-3);
+        }
+        while least(&monitor, now) > 0.75 * config.margin {
+            now = step(1e-4);
+        }
+        assert!(!monitor.judge(&command(now, 0.5)).go, "fast");
+        assert!(monitor.judge(&command(now, 0.0)).go, "it stands");
+        // On again: it is stopped before it touches.
+        let place = now;
+        while monitor.judge(&command(now, 0.05)).go {
+            now = step(5e-5);
+            assert!(least(&monitor, now) >= config.leaving);
+        }
+        // Back, from where it was: it may all the way, and the margin holds again after it.
+        monitor.judge(&command(place, 0.0));
+        let mut now = step(place[6] - now[6]);
+        while least(&monitor, now) < 2.0 * config.margin {
+            assert!(monitor.judge(&command(now, -0.05)).go);
+            now = step(-5e-5);
+        }
+        let mut nearest = f64::INFINITY;
+        while monitor.judge(&command(now, 0.05)).go {
+            now = step(5e-5);
+            nearest = nearest.min(least(&monitor, now));
+        }
+        assert!(
+            (config.margin..1.2 * config.margin).contains(&nearest),
+            "{nearest}"
+        );
     }
 }

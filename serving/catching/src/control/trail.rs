@@ -14,6 +14,8 @@ const BACK: f64 = 0.5;
 const CHANGE: f64 = BACK / 200.0;
 /// The same while it brakes on the way: in a sixteenth of a second it stands.
 const STOP: f64 = BACK / 62.0;
+/// What was halved when it had to brake grows by so much in a tick: doubled after a second.
+const REGAINED: f64 = 1.000_693_4;
 /// Bodies keep this distance on a straight way, m.
 const MARGIN: f64 = 0.02;
 /// Joint angles of a straight way are looked at so densely, rad and m.
@@ -26,7 +28,7 @@ pub(super) struct Trail {
     /// Where on it the robot is while it goes back, ticks from its begin.
     place: f64,
     rate: f64,
-    /// Share of [`BACK`]: less after every time that it had to brake on the way.
+    /// Share of [`BACK`]: half after every time that it had to brake on the way, and growing again.
     share: f64,
 }
 
@@ -69,6 +71,7 @@ impl Trail {
 
     /// Goes back by a tick; returns positions and velocities, and true once it is there.
     pub fn back(&mut self) -> ([f64; JOINTS], [f64; JOINTS], bool) {
+        self.share = (self.share * REGAINED).min(1.0);
         let (fastest, change) = (BACK * self.share, CHANGE * self.share);
         // So that it stands at the begin.
         let left = (2.0 * change * self.place).sqrt();

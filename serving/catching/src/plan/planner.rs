@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::ARM_JOINTS;
 
 use super::bodies::{BODIES, Body};
+use super::clearance::Clearance;
 use super::nearest::approach;
 use super::problem::{CatchRequest, Point, Problem, Violation};
 use super::seeds::{Grid, Seeds};
@@ -26,6 +27,8 @@ pub struct PlanConfig {
     pub starts_again: usize,
     /// Quadratic programmes of a descent, at most.
     pub iterations: usize,
+    /// At a catch the whole arm is at least so far from trunk and torso, m; 0: only the hand is kept away.
+    pub clearance: f64,
 }
 
 impl Default for PlanConfig {
@@ -36,6 +39,7 @@ impl Default for PlanConfig {
             starts: 16,
             starts_again: 3,
             iterations: 40,
+            clearance: 0.025,
         }
     }
 }
@@ -142,6 +146,7 @@ pub enum RequestError {
 pub struct Planner {
     arm: ArmKinematics,
     bodies: [Body; BODIES],
+    clearance: Clearance,
     config: PlanConfig,
 }
 
@@ -151,6 +156,7 @@ impl Planner {
         Self {
             arm: robot.arm(arm).clone(),
             bodies: Body::around_chest(arm),
+            clearance: Clearance::new(robot, arm),
             config,
         }
     }
@@ -168,7 +174,7 @@ impl Planner {
     ) -> Result<CatchPlan, NoPlan> {
         self.check(request)?;
         let request = &self.within_limits(request);
-        let problem = Problem::new(request, &self.arm, &self.bodies);
+        let problem = self.problem(request);
         if problem.times[0] > problem.times[1] {
             return Err(NoPlan::NoCatch);
         }
@@ -246,7 +252,7 @@ impl Planner {
     ) -> Result<CatchPlan, NoPlan> {
         self.check(request)?;
         let request = &self.within_limits(request);
-        let problem = Problem::new(request, &self.arm, &self.bodies);
+        let problem = self.problem(request);
         if problem.times[0] > problem.times[1] {
             return Err(NoPlan::NoCatch);
         }
@@ -279,7 +285,7 @@ impl Planner {
     pub fn best_on_grid(&self, request: &CatchRequest, grid: Grid) -> Result<CatchPlan, NoPlan> {
         self.check(request)?;
         let request = &self.within_limits(request);
-        self.search_grid(&Problem::new(request, &self.arm, &self.bodies), grid)
+        self.search_grid(&self.problem(request), grid)
     }
 
     /// The same for a ball that flies along a given path, whatever model that follows.
@@ -296,9 +302,14 @@ impl Planner {
         let request = &self.within_limits(request);
         let problem = Problem {
             path: path.clone(),
-            ..Problem::new(request, &self.arm, &self.bodies)
+            ..self.problem(request)
         };
         self.search_grid(&problem, grid)
+    }
+
+    fn problem<'a>(&'a self, request: &'a CatchRequest) -> Problem<'a> {
+        let apart = self.config.clearance;
+        Problem::new(request, &self.arm, &self.bodies, &self.clearance, apart)
     }
 
     fn search_grid(&self, problem: &Problem, grid: Grid) -> Result<CatchPlan, NoPlan> {
@@ -334,7 +345,7 @@ impl Planner {
     ) -> Result<Vec<([f64; ARM_JOINTS], f64)>, RequestError> {
         self.check(request)?;
         let request = &self.within_limits(request);
-        let problem = Problem::new(request, &self.arm, &self.bodies);
+        let problem = self.problem(request);
         let seeds = Seeds::search(&problem, self.config.first, || false);
         let starts = seeds.best().iter().take(self.config.starts);
         Ok(starts

@@ -4,12 +4,14 @@
 //! an infinite slope where a joint only brakes; the same set is an interval of positions that grows smoothly with `t`
 //! ([`Reach`]). The two angles that turn the ball's velocity into the hand's axis are `u_x = u_y = 0` of `u = -R'v/|v|`, with `u_z > 0`.
 //!
-//! One thing is added: a joint that turns round on its way stays in its range where it turns.
+//! Two things are added: a joint that turns round on its way stays in its range where it turns, and at the catch the whole arm, not only the
+//! hand, is away from trunk and torso ([`Clearance`]).
 
 use nalgebra::Vector3;
 use tactnet_catching_packets::{ARM_JOINTS, Joint};
 
 use super::bodies::{BODIES, Body};
+use super::clearance::Clearance;
 use super::objective::Objective;
 use super::qp::Row;
 use crate::flight::{Flight, FlightPath};
@@ -22,8 +24,10 @@ pub const UNKNOWNS: usize = ARM_JOINTS + 1;
 pub const EQUALITIES: usize = 5;
 /// Ranges (14), time (2), least times (7), bodies (8).
 pub const INEQUALITIES: usize = 2 * ARM_JOINTS + 2 + ARM_JOINTS + BODIES;
-/// Rows of the linear form at most: a least time is two of them, a joint that turns round one more.
-pub(crate) const ROWS: usize = EQUALITIES + INEQUALITIES + 2 * ARM_JOINTS + 2 * UNKNOWNS;
+/// Rows of the linear form at most: a least time is two of them, a joint that turns round one more, the whole arm one.
+pub(crate) const ROWS: usize = EQUALITIES + INEQUALITIES + 2 * ARM_JOINTS + 1 + 2 * UNKNOWNS;
+/// An arm that is so much farther from trunk and torso than it has to be has no row for that, m: no step goes so far.
+const FAR: f64 = 0.3;
 
 /// `q` and `t`.
 pub(crate) type Point = [f64; UNKNOWNS];
@@ -69,6 +73,9 @@ pub(crate) struct Problem<'a> {
     pub arm: &'a ArmKinematics,
     pub joints: &'a [Joint; ARM_JOINTS],
     pub bodies: &'a [Body; BODIES],
+    pub clearance: &'a Clearance,
+    /// Least distance of the arm from trunk and torso at the catch, m; 0: none is asked for.
+    pub apart: f64,
     pub path: FlightPath,
     /// Least and greatest time.
     pub times: [f64; 2],
@@ -88,6 +95,8 @@ impl<'a> Problem<'a> {
         request: &'a CatchRequest,
         arm: &'a ArmKinematics,
         bodies: &'a [Body; BODIES],
+        clearance: &'a Clearance,
+        apart: f64,
     ) -> Self {
         let joints = arm.joints();
         // A joint cannot stand before it has braked.
@@ -98,6 +107,8 @@ impl<'a> Problem<'a> {
             arm,
             joints,
             bodies,
+            clearance,
+            apart,
             path: FlightPath::new(request.ball),
             times: [least, request.latest],
         }
@@ -153,10 +164,23 @@ impl<'a> Problem<'a> {
         for body in self.bodies {
             limits = limits.max(-body.distance(&pose.position).0);
         }
+        // The most work, and worth it only where nothing else lacks.
+        if limits <= 0.0 {
+            limits = self.too_near(&q);
+        }
         Violation {
             position: (pose.position - ball.p).norm(),
             angle: u.x.hypot(u.y).atan2(u.z),
             limits: limits.max(0.0),
+        }
+    }
+
+    /// Returns by how much the arm is nearer to trunk and torso than it may be, m, or 0.
+    pub fn too_near(&self, q: &[f64; ARM_JOINTS]) -> f64 {
+        if self.apart > 0.0 {
+            (self.apart - self.clearance.at(q)).max(0.0)
+        } else {
+            0.0
         }
     }
 
@@ -225,6 +249,12 @@ impl<'a> Problem<'a> {
                 |i| (0..3).map(|k| gradient[k] * jacobian[(k, i)]).sum(),
                 0.0,
             );
+        }
+        if self.apart > 0.0 {
+            let (distance, slope) = self.clearance.nearest(&q, &pose, &jacobian);
+            if distance < self.apart + FAR {
+                rows.inequality(distance - self.apart, |i| slope[i], 0.0);
+            }
         }
         let mut linearised = rows.finish();
         for i in 0..UNKNOWNS {
@@ -374,7 +404,8 @@ mod tests {
             let robot = Robot::new(RobotDescription::nominal());
             let bodies = Body::around_chest(arm);
             let request = CatchRequest { ball, q0: [0.1; 7], w0: w, earliest: 0.0, latest: 1.8, objective: Objective::Soft };
-            let problem = Problem::new(&request, robot.arm(arm), &bodies);
+            let clearance = Clearance::new(&robot, arm);
+            let problem = Problem::new(&request, robot.arm(arm), &bodies, &clearance, 0.02);
             let x: Point = std::array::from_fn(|i| if i < 7 { q[i] } else { t });
             let here = problem.linearise(&x, 0.1);
             let h = 1e-6;
@@ -394,7 +425,7 @@ mod tests {
                 let (_, gradient) = if objective == Objective::Soft { (cost, gradient) } else { objective.cost(&problem, &x) };
                 for i in 0..UNKNOWNS {
                     let moved = |h: f64| { let mut y = x; y[i] += h; objective.cost(&problem, &y).0 };
-                    let slope = (moved(h) - moved(-h)) / (2.0 * h);
+                    let slope = (8.0 * (moved(h) - moved(-h)) - (moved(2.0 * h) - moved(-2.0 * h))) / (12.0 * h);
                     prop_assert!((slope - gradient[i]).abs() < 1e-3 * (1.0 + slope.abs()), "{objective:?} {i}: {slope} {}", gradient[i]);
                 }
             }
@@ -405,13 +436,15 @@ mod tests {
             let robot = Robot::new(RobotDescription::nominal());
             let bodies = Body::around_chest(arm);
             let request = CatchRequest { ball, q0: robot.ready(arm), w0: [0.0; 7], earliest: 0.0, latest: 1.8, objective: Objective::Soft };
-            let problem = Problem::new(&request, robot.arm(arm), &bodies);
+            let clearance = Clearance::new(&robot, arm);
+            let problem = Problem::new(&request, robot.arm(arm), &bodies, &clearance, 0.02);
             let seeds = Seeds::search(&problem, Grid { times: 6, hands: 6, elbows: 6 }, || false);
             for seed in seeds.best() {
                 let violation = problem.violation(&seed.x);
                 prop_assert!(violation.position < 1e-9 && violation.angle < 1e-9, "{violation:?}");
                 // Near misses leave their intervals by what they lack, and by no more.
-                prop_assert!(violation.limits <= seed.lack + 1e-9, "{violation:?} {}", seed.lack);
+                let q = std::array::from_fn(|i| seed.x[i]);
+                prop_assert!(violation.limits <= seed.lack.max(problem.too_near(&q)) + 1e-9, "{violation:?} {}", seed.lack);
                 prop_assert!(seed.lack > 0.0 || violation.is_feasible(), "{violation:?}");
             }
         }

@@ -168,7 +168,16 @@ impl Seeds {
             if !seed.cost.is_finite() || turns_outside(problem, &x) {
                 return;
             }
-            self.feasible += 1;
+            // A metre too near as a radian outside.
+            seed.lack = problem.too_near(q);
+            if seed.lack > 0.0 {
+                seed.cost = f64::INFINITY;
+                if seed.lack >= self.worth() {
+                    return;
+                }
+            } else {
+                self.feasible += 1;
+            }
         }
         // In place of a worse one nearby, or else of the worst.
         let near = self.seeds[..self.count].iter().position(|other| {

@@ -169,6 +169,22 @@ impl Bodies {
         })
     }
 
+    /// Returns the trunk and the two bodies of the torso with joints at `q`, chest's frame.
+    pub fn torso(&self, q: &[f64; JOINTS]) -> [Hull; 3] {
+        [0, 2, 3].map(|body: usize| {
+            let body = &self.bodies[body];
+            placed(&body.hull, &body.chain, q)
+        })
+    }
+
+    /// Returns upper arm, forearm and hand of an arm (0 left, 1 right) with joints at `q`, chest's frame.
+    pub fn arm(&self, arm: usize, q: &[f64; JOINTS]) -> [Hull; OF_ARM] {
+        std::array::from_fn(|part| {
+            let body = &self.bodies[STILL + arm * OF_ARM + part];
+            placed(&body.hull, &body.chain, q)
+        })
+    }
+
     /// Returns hulls that hold a pair's bodies wherever joints are in their intervals.
     pub fn swept(&self, pair: usize, intervals: &[Interval; JOINTS]) -> [Hull; 2] {
         self.pairs[pair].map(|body| {

@@ -9,17 +9,69 @@ const MOST_STEPS: usize = 64;
 /// Relative gap between the distance found and its bound from below at which it is found.
 const GAP: f64 = 1e-13;
 
-/// Points of the difference of two hulls whose hull holds the point nearest to the origin.
+/// Points of the difference of two hulls whose hull holds the point nearest to the origin, and the first hull's points that they are of.
 #[derive(Debug, Clone, Copy)]
 struct Simplex {
     points: [Vector3<f64>; 4],
+    of_a: [Vector3<f64>; 4],
     count: usize,
+}
+
+/// Where two hulls are nearest.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Nearest {
+    /// As [`distance`], m.
+    pub distance: f64,
+    /// Of length 1, from the second hull to the first; zero where their points' hulls touch.
+    pub normal: Vector3<f64>,
+    /// The point of the first points' hull that is nearest to the second one.
+    pub point: Vector3<f64>,
 }
 
 /// Returns the distance of two hulls, m: a bound from below where it is not exact, to 1e-12 m for hulls of robots' size. Hulls whose points'
 /// hulls touch have the negative sum of their radii: how deep they reach into each other is not asked.
 pub fn distance(a: &Hull, b: &Hull) -> f64 {
     core_distance(a, b) - a.radius - b.radius
+}
+
+/// Returns the distance of two hulls, and where they are nearest.
+pub(crate) fn nearest(a: &Hull, b: &Hull) -> Nearest {
+    let ([below, above], simplex, v) = search(a, b);
+    let count = simplex.count;
+    let touch = Nearest {
+        distance: -a.radius - b.radius,
+        normal: Vector3::zeros(),
+        point: simplex.of_a[0],
+    };
+    if above == 0.0 {
+        return touch;
+    }
+    let shares = shares(&simplex.points[..count], &v);
+    Nearest {
+        distance: below - a.radius - b.radius,
+        normal: v / above,
+        point: (0..count).map(|i| simplex.of_a[i] * shares[i]).sum(),
+    }
+}
+
+/// The shares of corners in a point of their hull's inside.
+fn shares(corners: &[Vector3<f64>], v: &Vector3<f64>) -> [f64; 4] {
+    match *corners {
+        [a, b] => {
+            let edge = b - a;
+            let of_b = (v - a).dot(&edge) / edge.norm_squared();
+            [1.0 - of_b, of_b, 0.0, 0.0]
+        }
+        [a, b, c] => {
+            let (ab, ac, av) = (b - a, c - a, v - a);
+            let normal = ab.cross(&ac);
+            let squared = normal.norm_squared();
+            let of_b = av.cross(&ac).dot(&normal) / squared;
+            let of_c = ab.cross(&av).dot(&normal) / squared;
+            [1.0 - of_b - of_c, of_b, of_c, 0.0]
+        }
+        _ => [1.0, 0.0, 0.0, 0.0],
+    }
 }
 
 /// The distance without radii, from below; 0 where they touch.
@@ -29,35 +81,44 @@ pub(super) fn core_distance(a: &Hull, b: &Hull) -> f64 {
 
 /// Bounds of the distance without radii, from below and from above; 0 where they touch.
 pub(super) fn core_bounds(a: &Hull, b: &Hull) -> [f64; 2] {
+    search(a, b).0
+}
+
+/// Those bounds, the simplex whose inside holds the point of the difference nearest to the origin, and that point.
+fn search(a: &Hull, b: &Hull) -> ([f64; 2], Simplex, Vector3<f64>) {
     let mut v = a.points()[0] - b.points()[0];
     let mut simplex = Simplex {
         points: [v; 4],
+        of_a: [a.points()[0]; 4],
         count: 1,
     };
     let mut bound = 0.0_f64;
     for _ in 0..MOST_STEPS {
         let squared = v.norm_squared();
         if squared < 1e-24 {
-            return [0.0; 2];
+            return ([0.0; 2], simplex, v);
         }
-        let w = a.support(&-v) - b.support(&v);
+        let of_a = a.support(&-v);
+        let w = of_a - b.support(&v);
         // The plane through w across v holds the origin apart from the difference.
         bound = bound.max(v.dot(&w) / squared.sqrt());
         let is_known = simplex.points[..simplex.count].contains(&w);
         if is_known || squared - v.dot(&w) <= GAP * squared {
-            return [bound.max(0.0), squared.sqrt()];
+            return ([bound.max(0.0), squared.sqrt()], simplex, v);
         }
+        let before = simplex;
         simplex.points[simplex.count] = w;
+        simplex.of_a[simplex.count] = of_a;
         simplex.count += 1;
         match simplex.nearest() {
-            None => return [0.0; 2],
+            None => return ([0.0; 2], simplex, v),
             Some(nearest) if nearest.norm_squared() >= squared => {
-                return [bound.max(0.0), squared.sqrt()];
+                return ([bound.max(0.0), squared.sqrt()], before, v);
             }
             Some(nearest) => v = nearest,
         }
     }
-    [bound.max(0.0), v.norm()]
+    ([bound.max(0.0), v.norm()], simplex, v)
 }
 
 impl Simplex {
@@ -94,6 +155,7 @@ impl Simplex {
         for i in 0..self.count {
             if best.2 >> i & 1 == 1 {
                 self.points[kept] = self.points[i];
+                self.of_a[kept] = self.of_a[i];
                 kept += 1;
             }
         }

@@ -35,6 +35,17 @@ impl Hull {
         &self.points[..self.count]
     }
 
+    /// Returns centre and radius of a ball that holds it.
+    pub fn ball(&self) -> (Vector3<f64>, f64) {
+        let centre = self.points().iter().sum::<Vector3<f64>>() / self.count as f64;
+        let farthest = self
+            .points()
+            .iter()
+            .map(|point| (point - centre).norm_squared())
+            .fold(0.0, f64::max);
+        (centre, farthest.sqrt() + self.radius)
+    }
+
     /// Returns the point that is farthest along a direction.
     pub fn support(&self, direction: &Vector3<f64>) -> Vector3<f64> {
         let mut best = (f64::NEG_INFINITY, self.points[0]);

@@ -5,31 +5,38 @@ use tactnet_catching_packets::{JOINTS, Joint};
 
 use super::bodies::{Bodies, PAIRS};
 use super::gjk::distance;
-use super::sweep::{Interval, braking, braking_between, braking_time};
+use super::parts::least_in_parts;
+use super::sweep::{Braking, Interval, braking};
 
 /// Moments of a braking motion that are looked at.
 const SAMPLES: usize = 48;
+/// Joints that are slower stand, rad/s and m/s.
+const STANDS: f64 = 1e-3;
 
 /// How the monitor works.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MonitorConfig {
     /// Least distance that is allowed, m.
     pub margin: f64,
+    /// Least distance that is allowed to a robot that was braked and stands, m, until it is out of the margin again: what stands nearer than
+    /// the margin, because its brakes were late, must be able to leave.
+    pub leaving: f64,
     /// From a command to the moment at which drives brake, s.
     pub reaction: f64,
     /// Pairs that a tick computes anew, those with the least bounds.
     pub updates: usize,
-    /// Times that a part of the braking time is halved, in which a pair comes too near, before it ends a motion.
-    pub halvings: usize,
+    /// Parts of braking motions that a tick looks at, where pairs come too near in the hull of the whole motion.
+    pub parts: usize,
 }
 
 impl Default for MonitorConfig {
     fn default() -> Self {
         Self {
             margin: 0.01,
+            leaving: 0.005,
             reaction: 0.005,
             updates: 4,
-            halvings: 5,
+            parts: 96,
         }
     }
 }
@@ -52,6 +59,9 @@ pub struct Monitor {
     bodies: Bodies,
     joints: [Joint; JOINTS],
     known: [Known; PAIRS],
+    /// Was the last command refused, and does the robot leave the margin?
+    refused: bool,
+    leaves: bool,
 }
 
 /// What a pair's distance was when it was computed, and for which motion.
@@ -83,6 +93,8 @@ impl Monitor {
             bodies,
             joints,
             known,
+            refused: false,
+            leaves: false,
         }
     }
 
@@ -106,7 +118,17 @@ impl Monitor {
 
     /// Judges a command: could the robot brake from it without touching itself?
     pub fn judge(&mut self, command: &JointCommand) -> Ruling {
+        if self.refused && command.dq.iter().all(|dq| dq.abs() < STANDS) {
+            self.leaves = true;
+        }
+        let allowed = if self.leaves {
+            self.config.leaving
+        } else {
+            self.config.margin
+        };
         let intervals = self.intervals(command);
+        let braking = Braking::new(command, &self.joints, self.config.reaction);
+        let mut parts = self.config.parts;
         let mut bounds: [f64; PAIRS] = std::array::from_fn(|pair| self.bound(pair, &intervals));
         let mut fresh = [false; PAIRS];
         for _ in 0..self.config.updates {
@@ -121,83 +143,36 @@ impl Monitor {
             };
             // What was known may be the tighter one: swept hulls are larger than the motion.
             bounds[pair] = bounds[pair].max(exact);
-            if bounds[pair] < self.config.margin {
-                let whole = [0.0, self.longest(command)];
-                let parts = self.in_parts(pair, command, whole, self.config.halvings, bounds[pair]);
-                bounds[pair] = bounds[pair].max(parts);
+            if bounds[pair] < allowed {
+                let finer = least_in_parts(&self.bodies, pair, &braking, allowed, &mut parts);
+                bounds[pair] = bounds[pair].max(finer);
             }
             fresh[pair] = true;
         }
         let pair = least(&bounds, |_| true).unwrap_or(0);
+        let go = bounds[pair] >= allowed;
+        self.leaves &= bounds[pair] < self.config.margin;
+        self.refused = !go;
         Ruling {
-            go: bounds[pair] >= self.config.margin,
+            go,
             bound: bounds[pair],
             pair,
         }
     }
 
-    /// Returns the least distance of bodies from a command until the robot has braked, looked at 49 times, m: what a ruling bounds from
-    /// below, by another way. Takes milliseconds.
+    /// Returns the least distance of bodies from a command until the robot has braked, if its drives begin to brake at the end of the
+    /// reaction, looked at 49 times, m: what a ruling bounds from below, by another way. Takes milliseconds.
     pub fn least_while_braking(&self, command: &JointCommand) -> f64 {
-        let longest = self.longest(command);
+        let reaction = self.config.reaction;
+        let braking = Braking::new(command, &self.joints, reaction);
+        let longest = reaction + braking.longest();
         let mut least = f64::INFINITY;
         for sample in 0..=SAMPLES {
             let t = longest * sample as f64 / SAMPLES as f64;
-            let q = self.braked(command, t);
+            let q = braking.at(t.min(reaction), (t - reaction).max(0.0));
             for pair in 0..PAIRS {
                 let [a, b] = self.bodies.placed(pair, &q);
                 least = least.min(distance(&a, &b));
-            }
-        }
-        least
-    }
-
-    /// Where joints are, so long after a command from which they brake.
-    fn braked(&self, command: &JointCommand, t: f64) -> [f64; JOINTS] {
-        let reaction = self.config.reaction;
-        std::array::from_fn(|i| {
-            let (q, dq) = (command.q[i], command.dq[i]);
-            let acceleration = self.joints[i].acceleration;
-            let slowing = (t - reaction).clamp(0.0, dq.abs() / acceleration);
-            q + dq * (t.min(reaction) + slowing)
-                - 0.5 * dq.signum() * acceleration * slowing * slowing
-        })
-    }
-
-    /// How long the robot takes from a command until it stands still, s.
-    fn longest(&self, command: &JointCommand) -> f64 {
-        let reaction = self.config.reaction;
-        (0..JOINTS)
-            .map(|i| braking_time(command.dq[i], &self.joints[i], reaction))
-            .fold(0.0, f64::max)
-    }
-
-    /// A bound from below of a pair's distance over a part of the braking time, in seconds after the command. At any moment joints are in the
-    /// intervals of one part together, which are far smaller than those of the whole motion: a part whose bound is below the margin is
-    /// halved, up to `depth` times. No better than `enough` is looked for.
-    fn in_parts(
-        &self,
-        pair: usize,
-        command: &JointCommand,
-        [from, to]: [f64; 2],
-        depth: usize,
-        enough: f64,
-    ) -> f64 {
-        let middle = 0.5 * (from + to);
-        let mut least = f64::INFINITY;
-        for part in [[from, middle], [middle, to]] {
-            let intervals = std::array::from_fn(|i| {
-                let (q, dq) = (command.q[i], command.dq[i]);
-                braking_between(q, dq, &self.joints[i], self.config.reaction, part)
-            });
-            let [a, b] = self.bodies.swept(pair, &intervals);
-            let mut bound = distance(&a, &b);
-            if bound < self.config.margin && depth > 1 {
-                bound = bound.max(self.in_parts(pair, command, part, depth - 1, enough));
-            }
-            least = least.min(bound);
-            if least <= enough {
-                break;
             }
         }
         least

@@ -1,7 +1,8 @@
 //! Where bodies may be while joints go through intervals.
 
-use nalgebra::{Isometry3, Point3, Rotation3, Unit, Vector3};
-use tactnet_catching_packets::Joint;
+use nalgebra::{Isometry3, Point3, Rotation3, Unit, UnitQuaternion, Vector3};
+use tactnet_catching_packets::packets::JointCommand;
+use tactnet_catching_packets::{JOINTS, Joint};
 
 use super::gjk::core_bounds;
 use super::hull::{Hull, MAX_POINTS};
@@ -53,30 +54,62 @@ pub fn braking(q: f64, dq: f64, joint: &Joint, reaction: f64) -> Interval {
     }
 }
 
-/// Returns how long a joint takes from a command until it stands still, s.
-pub(super) fn braking_time(dq: f64, joint: &Joint, reaction: f64) -> f64 {
-    reaction + dq.abs() / joint.acceleration
+/// All joints from a command until they stand: for some part of the reaction they go on as they are, then their drives, which are told by one
+/// word, begin to brake at one moment. Two numbers say where all of them are: when drives began, and how long they have braked since.
+#[derive(Debug, Clone)]
+pub(super) struct Braking {
+    q: [f64; JOINTS],
+    dq: [f64; JOINTS],
+    deceleration: [f64; JOINTS],
+    reaction: f64,
 }
 
-/// Returns where a joint may be in a part of that time: drives begin to brake at some moment of the `reaction`.
-///
-/// - `from`, `to`: seconds after the command
-pub fn braking_between(
-    q: f64,
-    dq: f64,
-    joint: &Joint,
-    reaction: f64,
-    [from, to]: [f64; 2],
-) -> Interval {
-    let at = |time: f64, begun: f64| {
-        let slowing = (time - begun).clamp(0.0, dq.abs() / joint.acceleration);
-        q + dq * (time.min(begun) + slowing)
-            - 0.5 * dq.signum() * joint.acceleration * slowing * slowing
-    };
-    let (first, last) = (at(from, 0.0), at(to, reaction));
-    Interval {
-        low: first.min(last),
-        high: first.max(last),
+impl Braking {
+    pub fn new(command: &JointCommand, joints: &[Joint; JOINTS], reaction: f64) -> Self {
+        Self {
+            q: command.q,
+            dq: command.dq,
+            deceleration: std::array::from_fn(|i| joints[i].acceleration),
+            reaction,
+        }
+    }
+
+    /// Returns the most seconds until drives begin.
+    pub fn reaction(&self) -> f64 {
+        self.reaction
+    }
+
+    /// Returns how long the slowest joint brakes, s.
+    pub fn longest(&self) -> f64 {
+        (0..JOINTS)
+            .map(|i| self.dq[i].abs() / self.deceleration[i])
+            .fold(0.0, f64::max)
+    }
+
+    /// Returns where joints are.
+    ///
+    /// - `begun`: seconds from the command until drives began to brake, or until now
+    /// - `braked`: seconds that they have braked since
+    pub fn at(&self, begun: f64, braked: f64) -> [f64; JOINTS] {
+        std::array::from_fn(|i| self.joint(i, begun, braked))
+    }
+
+    /// Returns where joints may be in a part of the motion. Each of them goes one way only.
+    pub fn between(&self, begun: [f64; 2], braked: [f64; 2]) -> [Interval; JOINTS] {
+        std::array::from_fn(|i| {
+            let first = self.joint(i, begun[0], braked[0]);
+            let last = self.joint(i, begun[1], braked[1]);
+            Interval {
+                low: first.min(last),
+                high: first.max(last),
+            }
+        })
+    }
+
+    fn joint(&self, i: usize, begun: f64, braked: f64) -> f64 {
+        let (dq, deceleration) = (self.dq[i], self.deceleration[i]);
+        let slowing = braked.min(dq.abs() / deceleration);
+        self.q[i] + dq * (begun + slowing) - 0.5 * dq.signum() * deceleration * slowing * slowing
     }
 }
 
@@ -189,20 +222,16 @@ fn outside(hull: &Hull, point: &Vector3<f64>) -> f64 {
 
 /// Returns a body, in the first frame of a chain, with joints at `q`.
 pub(super) fn placed(body: &Hull, chain: &[Step], q: &[f64]) -> Hull {
-    let mut hull = *body;
-    for step in chain.iter().rev() {
+    let mut place = Isometry3::identity();
+    for step in chain {
         match step {
-            Step::Fixed(to) => hull = hull.moved(to),
+            Step::Fixed(to) => place *= to,
             Step::Turn { joint, axis, sign } => {
-                let turn = Rotation3::from_axis_angle(axis, sign * q[*joint]);
-                hull = hull.moved(&Isometry3::from_parts(
-                    nalgebra::Translation3::identity(),
-                    turn.into(),
-                ));
+                place *= UnitQuaternion::from_axis_angle(axis, sign * q[*joint]);
             }
         }
     }
-    hull
+    body.moved(&place)
 }
 
 /// Returns, for each joint of a chain, how far a body's points can be from its axis, m: what bounds its motion per radian.

@@ -55,8 +55,12 @@ pub fn peer_problems(
     seed: u64,
     count: usize,
 ) -> Vec<PeerProblem> {
-    let planners: [Planner; 2] =
-        std::array::from_fn(|arm| Planner::new(robot, arm, PlanConfig::default()));
+    // The programme of the thesis, which peers can be given in a few lines, knows the hand's distance from the chest only.
+    let config = PlanConfig {
+        clearance: 0.0,
+        ..PlanConfig::default()
+    };
+    let planners: [Planner; 2] = std::array::from_fn(|arm| Planner::new(robot, arm, config));
     (0..)
         .filter_map(|number| {
             let PlanProblem { arm, request } = plan_problem(robot, objective, seed, number);

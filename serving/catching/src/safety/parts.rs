@@ -1,0 +1,89 @@
+//! A tighter bound of a pair's distance while the robot brakes: the motion in parts.
+
+use super::bodies::Bodies;
+use super::gjk::distance;
+use super::sweep::Braking;
+
+/// Parts that are kept at most.
+const ROOM: usize = 128;
+
+/// A part of a braking motion: seconds until drives begin, seconds of braking since, and a bound of the pair's distance.
+#[derive(Debug, Clone, Copy)]
+struct Part {
+    begun: [f64; 2],
+    braked: [f64; 2],
+    bound: f64,
+}
+
+/// Returns a bound from below of a pair's distance while the robot brakes, m. Joints are at any moment in the intervals of one part together,
+/// which are far smaller than those of the whole motion. The part with the least bound is halved again and again (branch and bound) until all
+/// are `enough` apart, bodies are found that are not, or no more may be looked at.
+///
+/// - `looks`: parts that may be looked at; those that were are taken off
+pub(super) fn least_in_parts(
+    bodies: &Bodies,
+    pair: usize,
+    braking: &Braking,
+    enough: f64,
+    looks: &mut usize,
+) -> f64 {
+    let mut parts = [Part {
+        begun: [0.0, braking.reaction()],
+        braked: [0.0, braking.longest()],
+        bound: f64::NEG_INFINITY,
+    }; ROOM];
+    let mut count = 1;
+    loop {
+        let (place, part) = least(&parts[..count]);
+        if part.bound >= enough || *looks < 2 || count == ROOM {
+            return part.bound;
+        }
+        let middle = [part.begun, part.braked].map(|[from, to]| 0.5 * (from + to));
+        let [a, b] = bodies.placed(pair, &braking.at(middle[0], middle[1]));
+        if distance(&a, &b) < enough {
+            return part.bound;
+        }
+        // Along whichever moves bodies more.
+        let way = |begun: [f64; 2], braked: [f64; 2]| -> f64 {
+            braking
+                .between(begun, braked)
+                .iter()
+                .enumerate()
+                .map(|(joint, interval)| 2.0 * interval.half() * bodies.reach(pair, joint))
+                .sum()
+        };
+        let start = [part.begun[0]; 2];
+        let by_begin = way(part.begun, [part.braked[0]; 2]) > way(start, part.braked);
+        let halves = [0, 1].map(|half| {
+            let of = |[from, to]: [f64; 2]| {
+                let middle = 0.5 * (from + to);
+                [[from, middle], [middle, to]][half]
+            };
+            let (begun, braked) = if by_begin {
+                (of(part.begun), part.braked)
+            } else {
+                (part.begun, of(part.braked))
+            };
+            let [a, b] = bodies.swept(pair, &braking.between(begun, braked));
+            Part {
+                begun,
+                braked,
+                bound: distance(&a, &b).max(part.bound),
+            }
+        });
+        *looks -= 2;
+        parts[place] = halves[0];
+        parts[count] = halves[1];
+        count += 1;
+    }
+}
+
+fn least(parts: &[Part]) -> (usize, Part) {
+    let mut least = 0;
+    for (place, part) in parts.iter().enumerate() {
+        if part.bound < parts[least].bound {
+            least = place;
+        }
+    }
+    (least, parts[least])
+}
