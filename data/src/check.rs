@@ -15,8 +15,8 @@
 //! | [`NumberedMaterials`](FindingKind::NumberedMaterials) | note | every material's name is a bare number |
 //! | [`AxisOrder`](FindingKind::AxisOrder) | warning | more than 32 taxels side by side, and more than time steps |
 //! | [`ShortSweeps`](FindingKind::ShortSweeps) | warning | sweeps under 50 ms |
-//! | [`LongSweeps`](FindingKind::LongSweeps) | warning | sweeps over ten minutes |
-//! | [`ClockTaxel`](FindingKind::ClockTaxel) | warning | the same rising line in all sweeps |
+//! | [`LongSweeps`](FindingKind::LongSweeps) | warning | sweeps over ten minutes, or fewer than 5 frames a second |
+//! | [`ClockTaxel`](FindingKind::ClockTaxel) | warning | the same rising line in all sweeps, or numbers that count on |
 //! | [`SingleMaterial`](FindingKind::SingleMaterial) | warning | nothing to tell apart |
 //! | [`AlikeNames`](FindingKind::AlikeNames) | warning | names that differ in nothing but case or blanks |
 //! | [`AssumedPatch`](FindingKind::AssumedPatch) | note | taxels in one row that may be a grid, of a file that does not say |
@@ -45,6 +45,8 @@ const SIGNED_SHARE: f64 = 0.1;
 const SHORT_SECONDS: f64 = 0.05;
 /// Sweeps of more seconds are long: their rate is most likely their period.
 const LONG_SECONDS: f64 = 600.0;
+/// Frames a second, at least: no texture shows below.
+const SLOW_HZ: f64 = 5.0;
 /// A side of the patch with more taxels, and more than there are time steps, looks like time.
 const WIDE_PATCH: usize = 32;
 /// Folds of the published cross-validation.
@@ -454,17 +456,27 @@ fn clock_taxels(dataset: &Dataset, sweeps: &[SweepRange]) -> Vec<Finding> {
         return Vec::new();
     }
     let first = dataset.sweep(0);
+    let last = dataset.sweep(dataset.len() - 1);
+    let counts = |sweep: &[f32], taxel: usize| {
+        let values: Vec<f32> = sweep[taxel..]
+            .iter()
+            .step_by(shape.taxels())
+            .copied()
+            .collect();
+        values.array_windows().all(|&[a, b]| b == a + 1.0)
+    };
     let rises = |taxel: &usize| {
         let values = first[*taxel..].iter().step_by(shape.taxels());
         let same = |sweep: &SweepRange| sweep.taxels[*taxel] == sweeps[0].taxels[*taxel];
-        values.is_sorted_by(|a, b| a < b) && sweeps.iter().all(same)
+        let counts_on = || counts(&first, *taxel) && counts(&last, *taxel);
+        values.is_sorted_by(|a, b| a < b) && (sweeps.iter().all(same) || counts_on())
     };
     (0..shape.taxels())
         .filter(rises)
         .map(|taxel| {
             let name = taxel_name(shape, taxel);
             let message = format!(
-                "taxel {name} rises from {} to {} in every sweep: a clock? A column of times is recognised as `time` or `time_ms`, one of numbers as `frame`",
+                "taxel {name} rises from {} to {} in the first sweep, and so on in the others: a clock? A column of times is recognised as `time` or `time_ms`, one of numbers as `frame`",
                 sweeps[0].taxels[taxel].0, sweeps[0].taxels[taxel].1
             );
             let at = Place {
@@ -513,11 +525,11 @@ fn time_axis(dataset: &Dataset) -> Vec<Finding> {
             ),
         );
     }
-    if seconds > LONG_SECONDS {
+    if seconds > LONG_SECONDS || rate < SLOW_HZ {
         warn(
             FindingKind::LongSweeps,
             format!(
-                "a sweep of {} steps at {rate} Hz lasts {seconds:.0} s: is that the period instead of the rate?",
+                "a sweep of {} steps at {rate} Hz lasts {seconds:.0} s: is that the period instead of the rate, or is `time` in ms (`time_ms`)?",
                 shape.steps
             ),
         );

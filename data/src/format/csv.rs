@@ -6,7 +6,7 @@
 //! | `FOLDER/felt/*.csv`, `FOLDER/cork/*.csv` | the name of its folder |
 //! | `sweeps.csv` with columns `sweep`, `material` | see `frame_table.rs` |
 //!
-//! A sweep's file has a row per frame and a column per taxel, with or without a line of names; a column `time` (seconds, or `t_ms`, `time [ns]`) gives the
+//! A sweep's file has a row per frame and a column per taxel, with or without a line of names (or of the numbers from 0); a column `time` (seconds, or `t_ms`, `time [ns]`) gives the
 //! sample rate, a column `frame` or `index` is not read. Commas, semicolons and tabs separate.
 
 use std::path::{Path, PathBuf};
@@ -19,6 +19,7 @@ use super::frame_table::{
 };
 use super::named_sweeps::{Labels, NamedSweeps, some_names};
 use super::narrow::{TooWide, narrow};
+use super::taxel_names::{is_line_of_names, left_out, unlike_the_others};
 use crate::{DataError, SweepShape};
 
 /// The table of a folder's labels.
@@ -39,13 +40,19 @@ pub(super) fn read_with_gaps(
 ) -> Result<NamedSweeps, DataError> {
     if path.is_dir() {
         if path.join(LABELS).is_file() {
-            return read_files(path, listed(&path.join(LABELS))?, steps);
+            let entries = listed(&path.join(LABELS))?;
+            let unlisted = unlisted(path, &entries)?;
+            let mut sweeps = read_files(path, entries, steps)?;
+            sweeps.left_out.extend(unlisted);
+            return Ok(sweeps);
         }
         let (entries, empty) = files_by_folder(path)?;
         let mut sweeps = read_files(path, entries, steps)?;
         if !empty.is_empty() {
             let names = some_names(empty.iter().map(String::as_str));
-            sweeps.left_out = vec![format!("folders without a .csv file: {names}")];
+            sweeps
+                .left_out
+                .push(format!("folders without a .csv file: {names}"));
         }
         return Ok(sweeps);
     }
@@ -73,7 +80,7 @@ pub(super) fn read_flat_folder(
 /// Returns true if the first line of a table holds more than numbers.
 fn has_line_of_names(path: &Path) -> Result<bool, DataError> {
     let first = Rows::open(path)?.next()?.unwrap_or_default();
-    Ok(first.iter().any(|cell| cell.trim().parse::<f64>().is_err()))
+    Ok(is_line_of_names(&first))
 }
 
 /// Returns true if a folder looks like one of sweeps: it has a table of labels or folders with `.csv` files.
@@ -134,21 +141,23 @@ fn read_files(
     let lengths: Vec<usize> = sweeps.iter().map(SweepFile::frames).collect();
     let steps = common_length(path, &names, &lengths, steps)?;
     let mut values = Vec::with_capacity(sweeps.len() * steps * taxels);
-    let mut between = Vec::new();
     for sweep in &sweeps {
         values.extend_from_slice(&sweep.values[..steps * taxels]);
-        between.extend(
-            sweep
-                .time
-                .array_windows()
-                .map(|&[before, after]| after - before),
-        );
     }
-    let rate_hz = if between.is_empty() {
+    let timed = || {
+        names
+            .iter()
+            .zip(&sweeps)
+            .filter(|(_, sweep)| !sweep.time.is_empty())
+    };
+    let rate_hz = if timed().next().is_none() {
         None
     } else {
-        Some(rate_of(path, between)?)
+        let times = timed().map(|(name, sweep)| (*name, sweep.time.clone()));
+        Some(rate_of(path, times)?)
     };
+    // Files of one set have the same columns.
+    let left_out = sweeps[0].left_out.clone();
     let samples = narrow(&values).map_err(|TooWide(value)| {
         DataError::format(path, "taxels", "values that a 32-bit float holds", value)
     })?;
@@ -170,7 +179,7 @@ fn read_files(
         sweeps: sweep_names(&entries),
         materials: entries.into_iter().map(|entry| entry.material).collect(),
         samples,
-        left_out: Vec::new(),
+        left_out,
     })
 }
 
@@ -208,7 +217,7 @@ fn listed(table: &Path) -> Result<Vec<Entry>, DataError> {
         let number = |at: Option<usize>| match at.map(|at| (at, row[at].trim().parse::<u32>())) {
             None => Ok(None),
             Some((_, Ok(value))) => Ok(Some(value)),
-            Some((at, Err(_))) => Err(rows.error("a whole number from 0", &row[at])),
+            Some((at, Err(_))) => Err(rows.error("a whole number from 0", at, &row[at])),
         };
         entries.push(Entry {
             file: folder.join(row[file].trim()),
@@ -218,6 +227,19 @@ fn listed(table: &Path) -> Result<Vec<Entry>, DataError> {
         });
     }
     Ok(entries)
+}
+
+/// Says which `.csv` files of a folder a table of labels does not list.
+fn unlisted(folder: &Path, listed: &[Entry]) -> Result<Option<String>, DataError> {
+    let files: Vec<PathBuf> = tables_in(folder)?
+        .filter(|file| listed.iter().all(|entry| entry.file != *file))
+        .collect();
+    if files.is_empty() {
+        return Ok(None);
+    }
+    let names: Vec<String> = files.iter().map(|file| super::stem(file)).collect();
+    let names = some_names(names.iter().map(String::as_str));
+    Ok(Some(format!("files that {LABELS} does not list: {names}")))
 }
 
 /// The `.csv` files of the folders in `path`, folder by folder in the order of their names, and the names of folders without any.
@@ -274,6 +296,7 @@ struct SweepFile {
     values: Vec<f32>,
     /// `[frames]` seconds, empty without a column of them
     time: Vec<f64>,
+    left_out: Vec<String>,
 }
 
 impl SweepFile {
@@ -287,14 +310,15 @@ impl SweepFile {
             taxels: 0,
             values: Vec::new(),
             time: Vec::new(),
+            left_out: Vec::new(),
         };
         // Column and seconds of its unit.
         let mut time: Option<(usize, f64)> = None;
-        // Numbers of frames.
+        // Numbers of frames, and what is no taxel by its name.
         let mut skipped: Vec<bool> = Vec::new();
         let mut first = true;
         while let Some(row) = rows.next()? {
-            let named = first && row.iter().any(|cell| cell.trim().parse::<f64>().is_err());
+            let named = first && is_line_of_names(&row);
             if first {
                 if named {
                     time = row
@@ -302,6 +326,15 @@ impl SweepFile {
                         .enumerate()
                         .find_map(|(column, name)| Some((column, time_unit(name)?)));
                     skipped = row.iter().map(|name| is_one_of(name, STEP)).collect();
+                    let is_taxel =
+                        |at: &usize| !skipped[*at] && time.is_none_or(|(time, _)| time != *at);
+                    let taxels: Vec<usize> = (0..row.len()).filter(is_taxel).collect();
+                    let names: Vec<&str> = taxels.iter().map(|at| row[*at].as_str()).collect();
+                    let unlike = unlike_the_others(&names);
+                    sweep.left_out = left_out(&names, &unlike);
+                    unlike
+                        .iter()
+                        .for_each(|place| skipped[taxels[*place]] = true);
                 }
                 let numbers = skipped.iter().filter(|skipped| **skipped).count();
                 sweep.taxels = row.len() - numbers - usize::from(time.is_some());
@@ -314,7 +347,7 @@ impl SweepFile {
                 let value: f64 = cell
                     .trim()
                     .parse()
-                    .map_err(|_| rows.error("a number", cell))?;
+                    .map_err(|_| rows.error("a number", column, cell))?;
                 match time {
                     Some((at, unit)) if at == column => sweep.time.push(unit * value),
                     _ if skipped.get(column) == Some(&true) => {}
@@ -354,12 +387,12 @@ fn read_table(path: &Path, labels: Labels) -> Result<FrameTable<'_>, DataError> 
         table.check_names()?;
     }
     while let Some(row) = rows.next()? {
-        for (cell, (_, column)) in row.into_iter().zip(&mut table.columns) {
+        for (place, (cell, (_, column))) in row.into_iter().zip(&mut table.columns).enumerate() {
             match column {
                 Column::Words(words) => words.push(cell),
                 Column::Numbers(numbers) => {
                     let number = cell.trim().parse();
-                    numbers.push(number.map_err(|_| rows.error("a number", &cell))?);
+                    numbers.push(number.map_err(|_| rows.error("a number", place, &cell))?);
                 }
             }
         }
@@ -409,9 +442,17 @@ impl<'a> Rows<'a> {
         self.record.position().map_or(0, csv::Position::line)
     }
 
-    fn error(&self, expected: &str, found: &str) -> DataError {
-        let item = format!("line {}", self.line());
-        DataError::format(self.path, item, expected, format!("`{found}`"))
+    /// - `column`: counted from 0
+    fn error(&self, expected: &str, column: usize, found: &str) -> DataError {
+        let item = format!("line {}, column {}", self.line(), column + 1);
+        let has_comma =
+            found.contains(',') && found.trim().replace(',', ".").parse::<f64>().is_ok();
+        let hint = if has_comma {
+            "; decimals are written with a point"
+        } else {
+            ""
+        };
+        DataError::format(self.path, item, expected, format!("`{found}`{hint}"))
     }
 
     fn refused(&self, error: &csv::Error) -> DataError {

@@ -6,13 +6,14 @@
 //! | `material` (or `y`, `label`, `class`) | what was swept over, the same in every frame of a sweep |
 //! | `time` (or `t`, `timestamp`), optional | seconds, or the unit that its name ends with (`t_ms`, `time [ns]`); gives the sample rate |
 //! | `step` (or `frame`, `index`), `block`, `test`, optional | step is not read; block and test as in [`tactmat`](super::tactmat) |
-//! | every other | one taxel, in the order of the columns |
+//! | every other | one taxel, in the order of the columns; where most are numbered alike (`t0`, `t1`, ...), only those: see `taxel_names.rs` |
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::named_sweeps::{Labels, NamedSweeps, some_of};
 use super::narrow::{TooWide, narrow};
+use super::taxel_names::{left_out, unlike_the_others};
 use crate::{DataError, SweepShape};
 
 /// The columns of a table, by name; the values of a column are numbers or words.
@@ -113,7 +114,7 @@ impl FrameTable<'_> {
         steps: Option<usize>,
         labels: Labels,
     ) -> Result<NamedSweeps, DataError> {
-        let taxels = self.taxels()?;
+        let (taxels, unread) = self.taxels()?;
         let (sweep_of, material_of) = match labels {
             Labels::Needed => (
                 self.required(SWEEP)?.words(),
@@ -153,7 +154,7 @@ impl FrameTable<'_> {
         let firsts: Vec<usize> = order.iter().map(|sweep| frames[sweep][0]).collect();
         Ok(NamedSweeps {
             name: super::stem(self.path),
-            rate_hz: self.rate(&frames)?,
+            rate_hz: self.rate(&order, &frames)?,
             shape: SweepShape {
                 steps,
                 rows: 1,
@@ -166,7 +167,7 @@ impl FrameTable<'_> {
             samples: narrow(&values).map_err(|TooWide(value)| {
                 self.error("taxels", "values that a 32-bit float holds", value)
             })?,
-            left_out: Vec::new(),
+            left_out: unread,
         })
     }
 
@@ -225,15 +226,25 @@ impl FrameTable<'_> {
         })
     }
 
-    /// Returns the columns of the taxels, `[taxels][frames]`.
-    fn taxels(&self) -> Result<Vec<&[f64]>, DataError> {
+    /// Returns the columns of the taxels, `[taxels][frames]`, and what is left out.
+    fn taxels(&self) -> Result<(Vec<&[f64]>, Vec<String>), DataError> {
         let known = [SWEEP, MATERIAL, STEP, BLOCK, TEST].concat();
-        let mut taxels = Vec::new();
+        let mut columns = Vec::new();
         for (name, column) in &self.columns {
             if is_one_of(name, &known) || time_unit(name).is_some() {
                 continue;
             }
+            columns.push((name.as_str(), column));
+        }
+        if columns.is_empty() {
+            return Err(self.error("columns", "one per taxel", "none"));
+        }
+        let names: Vec<&str> = columns.iter().map(|(name, _)| *name).collect();
+        let unlike = unlike_the_others(&names);
+        let mut taxels = Vec::new();
+        for (place, (name, column)) in columns.iter().enumerate() {
             match column {
+                _ if unlike.contains(&place) => {}
                 Column::Numbers(numbers) => taxels.push(numbers.as_slice()),
                 Column::Words(_) => {
                     let item = format!("column `{name}`");
@@ -241,14 +252,15 @@ impl FrameTable<'_> {
                 }
             }
         }
-        if taxels.is_empty() {
-            return Err(self.error("columns", "one per taxel", "none"));
-        }
-        Ok(taxels)
+        Ok((taxels, left_out(&names, &unlike)))
     }
 
     /// One frame over the median time between two frames of a sweep.
-    fn rate(&self, frames: &BTreeMap<&str, Vec<usize>>) -> Result<Option<f64>, DataError> {
+    fn rate(
+        &self,
+        order: &[&str],
+        frames: &BTreeMap<&str, Vec<usize>>,
+    ) -> Result<Option<f64>, DataError> {
         let timed = self.columns.iter().find_map(|(name, column)| {
             let Column::Numbers(time) = column else {
                 return None;
@@ -258,11 +270,11 @@ impl FrameTable<'_> {
         let Some((time, unit)) = timed else {
             return Ok(None);
         };
-        let between = frames.values().flat_map(|rows| {
-            rows.array_windows()
-                .map(|&[before, after]| unit * (time[after] - time[before]))
+        let times = order.iter().map(|sweep| {
+            let rows = &frames[sweep];
+            (*sweep, rows.iter().map(|&row| unit * time[row]).collect())
         });
-        rate_of(self.path, between.collect()).map(Some)
+        rate_of(self.path, times).map(Some)
     }
 
     /// One value for each sweep: that of its first frame.
@@ -290,29 +302,73 @@ impl FrameTable<'_> {
     }
 }
 
-/// Returns frames per second from the times between frames, in seconds.
-pub(super) fn rate_of(path: &Path, mut between: Vec<f64>) -> Result<f64, DataError> {
-    between.sort_by(f64::total_cmp);
-    match between.get(between.len() / 2) {
-        // Times are rounded in files: a rate within a thousandth of a whole number is that number.
-        Some(&period) if period.is_finite() && period > 0.0 => {
-            let rate = 1.0 / period;
-            let whole = rate.round();
-            Ok(if (rate - whole).abs() < 1e-3 * rate {
-                whole
-            } else {
-                rate
-            })
+/// Sweeps whose times between frames differ by a larger share are of different rates.
+const OTHER_RATE: f64 = 0.1;
+
+/// Returns frames per second from the times of frames, in seconds.
+///
+/// - `sweeps`: name and times of each
+///
+/// # Errors
+/// Times that go back or stand still; sweeps of different rates.
+pub(super) fn rate_of<'a>(
+    path: &Path,
+    sweeps: impl Iterator<Item = (&'a str, Vec<f64>)>,
+) -> Result<f64, DataError> {
+    let grow = "seconds that grow from frame to frame";
+    let mut all = Vec::new();
+    // Name, mean and median of each.
+    let mut periods = Vec::new();
+    for (name, times) in sweeps {
+        let mut between: Vec<f64> = times.array_windows().map(|&[a, b]| b - a).collect();
+        if let Some(at) = between.iter().position(|&seconds| seconds < 0.0) {
+            let item = format!("column `time`, sweep `{name}`");
+            let found = format!(
+                "{} s after {} s (frame {})",
+                times[at + 1],
+                times[at],
+                at + 1
+            );
+            return Err(DataError::format(path, item, grow, found));
         }
-        other => Err(DataError::format(
-            path,
-            "column `time`",
-            "seconds that grow from frame to frame",
-            other.map_or("a single frame".into(), |period| {
-                format!("{period} s between frames")
-            }),
-        )),
+        all.extend_from_slice(&between);
+        between.sort_by(f64::total_cmp);
+        if let Some(&median) = between.get(between.len() / 2) {
+            let mean = between.iter().sum::<f64>() / between.len() as f64;
+            periods.push((name, [mean, median]));
+        }
     }
+    all.sort_by(f64::total_cmp);
+    let period = match all.get(all.len() / 2) {
+        Some(&period) if period.is_finite() && period > 0.0 => period,
+        other => {
+            let found = other.map_or("a single frame".into(), |period| {
+                format!("{period} s between frames")
+            });
+            return Err(DataError::format(path, "column `time`", grow, found));
+        }
+    };
+    // A pause changes a sweep's mean, and rounded times its median; another rate changes both.
+    let is_other = |value: &f64| (value / period - 1.0).abs() > OTHER_RATE;
+    if let Some((name, [_, median])) = periods.iter().find(|(_, both)| both.iter().all(is_other)) {
+        let hz = |period: f64| (100.0 / period).round() / 100.0;
+        let expected = format!("{} Hz, as of most frames", hz(period));
+        let found = format!("{} Hz", hz(*median));
+        return Err(DataError::format(
+            path,
+            format!("sweep `{name}`"),
+            expected,
+            found,
+        ));
+    }
+    // Times are rounded in files: a rate within a thousandth of a whole number is that number.
+    let rate = 1.0 / period;
+    let whole = rate.round();
+    Ok(if (rate - whole).abs() < 1e-3 * rate {
+        whole
+    } else {
+        rate
+    })
 }
 
 /// Returns the frames that every sweep has, of which `steps` are wanted.

@@ -26,6 +26,7 @@ pub mod parquet;
 mod parquet_footer;
 pub mod tactmat;
 mod tactmat_write;
+mod taxel_names;
 mod tile;
 mod to_classify;
 pub mod ts;

@@ -5,7 +5,10 @@ use std::fs::File;
 use std::path::Path;
 
 use tactnet_data::format::{self, Format};
-use tactnet_data::{ASSUMED_RATE_HZ, DataSource, Dataset, FindingKind, Samples, SweepShape, check};
+use tactnet_data::{
+    ASSUMED_RATE_HZ, DataSource, Dataset, FindingKind, LabelSet, Samples, SweepRecord, SweepShape,
+    check,
+};
 
 use zip::write::SimpleFileOptions;
 use zip::{ZipArchive, ZipWriter};
@@ -182,7 +185,14 @@ fn a_folder_of_tables_is_a_data_set() {
     assert_eq!((cut.len(), cut.shape().steps), (12, 50));
 
     let mistakes = [
-        ("1,2\n1,x\n", "line 2: expected a number, found `x`"),
+        (
+            "1,2\n1,x\n",
+            "line 2, column 2: expected a number, found `x`",
+        ),
+        (
+            "1;2\n1;0,5\n",
+            "found `0,5`; decimals are written with a point",
+        ),
         (
             "1,2\n1\n",
             "line 2: expected 2 values, as in the first line, found 1",
@@ -200,6 +210,133 @@ fn a_folder_of_tables_is_a_data_set() {
         empty.contains("expected labels.csv with columns file, material"),
         "{empty}"
     );
+}
+
+/// What pandas writes beside the taxels, or in place of their names.
+#[test]
+fn columns_that_are_no_taxels_are_none() {
+    let dir = tempfile::tempdir().unwrap();
+    let materials = expected_materials();
+    let folder = dir.path().join("folder");
+    let numbers: Vec<String> = (0..16).map(|taxel| taxel.to_string()).collect();
+    let fill = |header: &str, first: &dyn Fn(usize, usize) -> String| {
+        for (sweep, text) in frames(',', first).iter().enumerate() {
+            let file = folder.join(format!("{}/{sweep:02}.csv", materials[sweep / 4]));
+            write(&file, &format!("{header}\n{text}"));
+        }
+    };
+    // `to_csv(index=False)` of an array.
+    fill(&numbers.join(","), &|_, _| String::new());
+    assert_line(&format::read(&folder).unwrap());
+    // A force and a row number, which are said not to be read.
+    fill(&format!("row,force{}", columns(',')), &|sweep, step| {
+        format!("{},{sweep},", 60 * sweep + step)
+    });
+    let dataset = format::read(&folder).unwrap();
+    assert_line(&dataset);
+    let said = dataset.left_out().concat();
+    assert!(said.starts_with("`row`, `force`: no taxel"), "{said}");
+    // The same in one table.
+    let path = dir.path().join("frames.csv");
+    let rows = frames(',', |sweep, step| {
+        format!("{sweep},{},{step}.5,", materials[sweep / 4])
+    });
+    let table = format!("sweep,material,force{}\n{}", columns(','), rows.concat());
+    write(&path, &table);
+    let dataset = format::read(&path).unwrap();
+    assert_line(&dataset);
+    assert!(dataset.left_out()[0].starts_with("`force`: no taxel"));
+
+    // A file that nobody has listed.
+    let one = folder.join("labels.csv");
+    write(&folder.join("a.csv"), &frames(',', |_, _| String::new())[0]);
+    write(&folder.join("b.csv"), &frames(',', |_, _| String::new())[1]);
+    write(&one, "file,material\na.csv,felt\n");
+    let dataset = format::read(&folder).unwrap();
+    assert_eq!(dataset.len(), 1);
+    assert_eq!(
+        dataset.left_out(),
+        ["files that labels.csv does not list: `b`"]
+    );
+}
+
+#[test]
+fn numbers_that_count_on_are_no_taxel_and_slow_frames_no_texture() {
+    let kinds = |counter: &dyn Fn(usize, usize) -> f32, rate: f64| -> Vec<FindingKind> {
+        let values = (0..4)
+            .flat_map(|sweep| (0..20).map(move |step| (sweep, step)))
+            .flat_map(|(sweep, step)| [counter(sweep, step), ((sweep * 7 + step * 3) % 11) as f32])
+            .collect();
+        let shape = SweepShape {
+            steps: 20,
+            rows: 1,
+            cols: 2,
+        };
+        let labels = LabelSet::new(["a", "b"]).unwrap();
+        let records = (0..4)
+            .map(|sweep| SweepRecord {
+                label: sweep % 2,
+                sweep: sweep / 2,
+                block: None,
+                test: None,
+            })
+            .collect();
+        let samples = Samples::F32(values);
+        let dataset = Dataset::at_rate("own", Some(rate), shape, labels, records, samples);
+        check(&dataset.unwrap())
+            .iter()
+            .map(|finding| finding.kind)
+            .collect()
+    };
+    let on = |sweep: usize, step: usize| (100 + 20 * sweep + step) as f32;
+    assert!(kinds(&on, 100.0).contains(&FindingKind::ClockTaxel));
+    let noise = |sweep: usize, step: usize| ((sweep * 5 + step * 8) % 13) as f32;
+    assert!(!kinds(&noise, 100.0).contains(&FindingKind::ClockTaxel));
+    assert!(!kinds(&noise, 100.0).contains(&FindingKind::LongSweeps));
+    assert!(kinds(&noise, 0.5).contains(&FindingKind::LongSweeps));
+}
+
+/// Half of the sweeps at twice the rate, times that go back, and what is allowed: a pause, and times rounded to milliseconds.
+#[test]
+fn sweeps_of_one_set_have_one_rate() {
+    let dir = tempfile::tempdir().unwrap();
+    let materials = expected_materials();
+    let path = dir.path().join("frames.csv");
+    let read = |seconds: &dyn Fn(usize, usize) -> f64| {
+        let rows = frames(',', |sweep, step| {
+            format!(
+                "s{sweep},{},{},",
+                materials[sweep / 4],
+                seconds(sweep, step)
+            )
+        });
+        let table = format!("sweep,material,time{}\n{}", columns(','), rows.concat());
+        write(&path, &table);
+        format::read(&path).map(|dataset| dataset.sample_rate_hz())
+    };
+    let refused = read(&|sweep, step| step as f64 / [500.0, 250.0][usize::from(sweep > 7)]);
+    let refused = refused.unwrap_err().to_string();
+    assert!(
+        refused.contains("sweep `s8`: expected 500 Hz, as of most frames, found 250 Hz"),
+        "{refused}"
+    );
+    let back = read(&|sweep, step| {
+        if (sweep, step) == (3, 5) {
+            0.0
+        } else {
+            step as f64 / 100.0
+        }
+    });
+    let back = back.unwrap_err().to_string();
+    assert!(
+        back.contains("column `time`, sweep `s3`: expected seconds that grow from frame to frame, found 0 s after 0.04 s (frame 5)"),
+        "{back}"
+    );
+    let paused =
+        read(&|sweep, step| step as f64 / 100.0 + if sweep == 3 && step > 5 { 9.0 } else { 0.0 });
+    assert_eq!(paused.unwrap(), 100.0);
+    let rounded = read(&|_, step| (step as f64 / 0.4).round() / 1000.0);
+    assert!((300.0..=500.0).contains(&rounded.unwrap()));
 }
 
 #[test]

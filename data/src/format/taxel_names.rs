@@ -1,0 +1,91 @@
+//! Which columns of a table are taxels, by their names.
+
+use super::named_sweeps::some_names;
+
+/// Taxels that are numbered alike, at least, so that other columns are taken for something else.
+const NUMBERED: usize = 4;
+
+/// Returns the columns that are named unlike the others, where at least four, and two thirds of all, are named alike but for their numbers
+/// (`t0`, `t1` or `s_0_1`): a force, a row number or a position beside the taxels. None where there is no such pattern.
+pub(super) fn unlike_the_others(names: &[&str]) -> Vec<usize> {
+    // What stays without digits; nothing of a name that has none.
+    let pattern = |name: &str| -> Option<String> {
+        let name = name.trim();
+        name.contains(|c: char| c.is_ascii_digit()).then(|| {
+            let words = name.chars().filter(|c| !c.is_ascii_digit());
+            words.flat_map(char::to_lowercase).collect()
+        })
+    };
+    let patterns: Vec<Option<String>> = names.iter().map(|name| pattern(name)).collect();
+    let alike = |wanted: &Option<String>| patterns.iter().filter(|other| *other == wanted).count();
+    let Some(usual) = patterns
+        .iter()
+        .filter(|pattern| pattern.is_some())
+        .max_by_key(|pattern| alike(pattern))
+    else {
+        return Vec::new();
+    };
+    let count = alike(usual);
+    if count < NUMBERED || 3 * count < 2 * names.len() {
+        return Vec::new();
+    }
+    (0..names.len())
+        .filter(|place| patterns[*place] != *usual)
+        .collect()
+}
+
+/// Says which columns are not read as taxels.
+pub(super) fn left_out(names: &[&str], unlike: &[usize]) -> Vec<String> {
+    if unlike.is_empty() {
+        return Vec::new();
+    }
+    let named = some_names(unlike.iter().map(|place| names[*place]));
+    let example = (0..names.len()).find(|place| !unlike.contains(place));
+    let example = example.map_or("", |place| names[place]);
+    vec![format!(
+        "{named}: no taxel, by its name beside `{example}` and the like; rename it in that way if it is one"
+    )]
+}
+
+/// Returns true if the first line of a table holds names: words, or the numbers 0, 1, 2 and so on.
+pub(super) fn is_line_of_names(cells: &[String]) -> bool {
+    let counts = cells.len() > 2
+        && cells
+            .iter()
+            .enumerate()
+            .all(|(place, cell)| cell.trim().parse() == Ok(place));
+    counts || cells.iter().any(|cell| cell.trim().parse::<f64>().is_err())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_force_beside_numbered_taxels_is_none() {
+        let numbered = ["t0", "t1", "T2", "t3"];
+        assert!(unlike_the_others(&numbered).is_empty());
+        let with = |more: &[&'static str]| [&numbered[..], more].concat();
+        assert_eq!(unlike_the_others(&with(&["force"])), [4]);
+        assert_eq!(unlike_the_others(&with(&["row", "force"])), [4, 5]);
+        // Three of seven are too many to be something else.
+        assert!(unlike_the_others(&with(&["a", "b", "c"])).is_empty());
+        assert!(unlike_the_others(&["a", "b", "c", "d", "e"]).is_empty());
+        assert!(unlike_the_others(&["a0", "a1", "a2", "a3", "b0", "b1", "b2", "b3"]).is_empty());
+        assert_eq!(unlike_the_others(&["0", "1", "2", "3", "x"]), [4]);
+        assert_eq!(
+            unlike_the_others(&["s_0_0", "s_0_1", "s_1_0", "s_1_1", "x1"]),
+            [4]
+        );
+        assert!(left_out(&["t0", "force"], &[1])[0].starts_with("`force`: no taxel"));
+    }
+
+    #[test]
+    fn a_line_of_numbers_from_0_holds_names() {
+        let line = |cells: &[&str]| {
+            is_line_of_names(&cells.iter().map(|c| c.to_string()).collect::<Vec<_>>())
+        };
+        assert!(line(&["0", "1", "2"]) && line(&["a", "1"]) && line(&["0", " 1", "2", "3"]));
+        assert!(!line(&["0", "1"]) && !line(&["0", "1", "3"]) && !line(&["0.0", "1.0", "2.0"]));
+    }
+}
