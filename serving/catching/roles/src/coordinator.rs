@@ -39,6 +39,10 @@ const SILENT_NS: u64 = 200_000_000;
 const GONE_NS: u64 = 500_000_000;
 /// The controller is told again to go back so often, ns.
 const AGAIN_NS: u64 = 100_000_000;
+/// The last correction is asked for within so long of the last moment for it, ns: two beats.
+const LAST_CHANCE_NS: u64 = 4_000_000;
+/// What an answer takes at least, ns: a path that begins within this has begun when the next one is there.
+const ANSWER_NS: u64 = 1_000_000;
 /// The phase is told so often, where it does not change, ns.
 const TELL_NS: u64 = 100_000_000;
 
@@ -81,6 +85,9 @@ pub(crate) fn run(
             packet.iter().for_each(|result| live.take(result));
         }
         live.answer(now_ns())?;
+        if let (Some(joints), Some(pose)) = (joints.get(), pose.get()) {
+            live.correct_last(now_ns(), joints, pose)?;
+        }
         live.tick(now_ns())?;
     }
     Ok(RoleReport {
@@ -116,6 +123,9 @@ struct Live {
     coordinator: Option<Coordinator>,
     controller: Option<ControllerState>,
     asked: Option<Asked>,
+    asked_ns: u64,
+    /// The newest predictions of this throw.
+    seen: Option<BallPredictions>,
     calls: u64,
     sent: [u64; ARMS],
     sent_ns: u64,
@@ -147,6 +157,8 @@ impl Live {
             coordinator: None,
             controller: None,
             asked: None,
+            asked_ns: 0,
+            seen: None,
             calls: now_ns(),
             sent: [0; ARMS],
             sent_ns: 0,
@@ -196,6 +208,7 @@ impl Live {
             self.no_plans += coordinator.no_plans();
         }
         self.asked = None;
+        self.seen = None;
         self.hands = [None; ARMS];
     }
 
@@ -279,6 +292,7 @@ impl Live {
         let Some(coordinator) = self.coordinator.as_mut().filter(|_| known) else {
             return Ok(());
         };
+        self.seen = Some(*seen);
         let chest = isometry(pose) * self.robot.head(&joints.q).inverse();
         let before = coordinator.state();
         let requests = coordinator.predictions(now_ns, seen, &chest);
@@ -318,6 +332,7 @@ impl Live {
                     .requests
                     .put_copy(&[request_packet(request, origin)])?;
             }
+            self.asked_ns = now_ns;
             self.asked = Some(Asked {
                 origin,
                 start_ns,
@@ -326,6 +341,37 @@ impl Live {
             });
         }
         self.tell_hands()
+    }
+
+    /// Asks once more at the last moment at which a path can still be corrected, from the newest pose of the head: pictures come every 40 ms,
+    /// the inertial unit's poses much more often.
+    fn correct_last(
+        &mut self,
+        now_ns: u64,
+        joints: &JointState,
+        pose: &HeadPose,
+    ) -> Result<(), RoleError> {
+        let config = &self.settings.coordinator;
+        let nanoseconds = |seconds: f64| (seconds * 1e9) as u64;
+        let ahead = nanoseconds(config.plan_delay + config.last_correction);
+        let Some(seen) = self.seen.filter(|_| self.asked.is_none()) else {
+            return Ok(());
+        };
+        let is_due = |coordinator: &Coordinator| {
+            coordinator.state() == CatchState::Reaching
+                && (0..ARMS)
+                    .filter_map(|arm| coordinator.target(arm))
+                    .any(|(_, catch_ns)| {
+                        let last = catch_ns.saturating_sub(ahead);
+                        (last.saturating_sub(LAST_CHANCE_NS)..last).contains(&now_ns)
+                    })
+        };
+        // The path before has begun by the time that the new one is there.
+        let begun = self.asked_ns + nanoseconds(config.plan_delay) <= now_ns + ANSWER_NS;
+        if begun && self.coordinator.as_ref().is_some_and(is_due) {
+            self.predictions(now_ns, &seen, joints, pose)?;
+        }
+        Ok(())
     }
 
     fn take(&mut self, result: &PlanResult) {
