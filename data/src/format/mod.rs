@@ -98,7 +98,7 @@ const EXTENSIONS: &str = "the extension .h5, .hdf5, .npz or .ts";
 /// # Errors
 /// A file of another kind, or what its format refuses.
 pub fn read(path: &Path) -> Result<Dataset, DataError> {
-    refuse_non_finite(path, read_with_gaps(path)?)
+    refuse_non_finite(path, read_with_gaps(path)?, true)
 }
 
 /// Reads a file or folder of any format that may hold NaN or infinities, for a check that lists them all.
@@ -114,7 +114,7 @@ pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
 /// # Errors
 /// As [`read`]; sweeps that are shorter.
 pub fn read_beginning(path: &Path, steps: Option<usize>) -> Result<Dataset, DataError> {
-    refuse_non_finite(path, read_beginning_with_gaps(path, steps)?)
+    refuse_non_finite(path, read_beginning_with_gaps(path, steps)?, true)
 }
 
 fn read_beginning_with_gaps(path: &Path, steps: Option<usize>) -> Result<Dataset, DataError> {
@@ -215,7 +215,11 @@ fn first_bytes(path: &Path) -> Result<Vec<u8>, DataError> {
 pub const READING: &str = "reading a file";
 
 /// Passes `dataset` on unless it holds a NaN or an infinity.
-fn refuse_non_finite(path: &Path, dataset: Dataset) -> Result<Dataset, DataError> {
+fn refuse_non_finite(
+    path: &Path,
+    dataset: Dataset,
+    labelled: bool,
+) -> Result<Dataset, DataError> {
     let Samples::F32(values) = dataset.samples() else {
         return Ok(dataset);
     };
@@ -234,11 +238,17 @@ fn refuse_non_finite(path: &Path, dataset: Dataset) -> Result<Dataset, DataError
         "sweeps",
         "finite numbers",
         format!(
-            "{count} that are not, the first {} in {} at step {step}, taxel ({}, {}); `tactnet data check` lists all",
+            "{count} that are not, the first {} in {} at step {step}, taxel ({}, {}){}",
             values[first],
             dataset.describe(sweep),
             taxel / shape.cols,
-            taxel % shape.cols
+            taxel % shape.cols,
+            // It reads sweeps with materials only.
+            if labelled {
+                "; `tactnet data check` lists all"
+            } else {
+                ""
+            }
         ),
     ))
 }

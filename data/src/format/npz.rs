@@ -90,7 +90,7 @@ const RATES: &[&str] = &[
 /// A file that is no zip archive; an array that is missing, pickled or of the wrong shape or type; a NaN or an infinity,
 /// with its sweep.
 pub fn read(path: &Path) -> Result<Dataset, DataError> {
-    super::refuse_non_finite(path, read_with_gaps(path)?)
+    super::refuse_non_finite(path, read_with_gaps(path)?, true)
 }
 
 /// Reads a data set that may hold NaN or infinities, for a check that lists them all.

@@ -37,7 +37,7 @@ pub(super) const RATE_ATTRIBUTE: &str = "sample_rate_hz";
 /// A file that cannot be opened, is not HDF5 or is cut short; a data set that is missing or of the wrong shape or type;
 /// a filter that cannot be undone (LZF, Blosc, ...); a NaN or an infinity, with its sweep.
 pub fn read(path: &Path) -> Result<Dataset, DataError> {
-    super::refuse_non_finite(path, read_with_gaps(path)?)
+    super::refuse_non_finite(path, read_with_gaps(path)?, true)
 }
 
 /// Reads a data set that may hold NaN or infinities, for a check that lists them all.

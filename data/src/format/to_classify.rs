@@ -61,7 +61,7 @@ pub fn read_to_classify(path: &Path, steps: Option<usize>) -> Result<SweepsToCla
         }
     };
     Ok(SweepsToClassify {
-        dataset: refuse_non_finite(path, sweeps.dataset)?,
+        dataset: refuse_non_finite(path, sweeps.dataset, sweeps.labelled)?,
         ..sweeps
     })
 }
