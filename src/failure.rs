@@ -8,7 +8,7 @@ use clap::error::{ContextKind, ErrorKind};
 use tactnet_catching_roles::RoleError;
 use tactnet_catching_stage::StageError;
 use tactnet_channel::ChannelError;
-use tactnet_data::{DataError, FetchError};
+use tactnet_data::{DataError, FetchError, near_name};
 use tactnet_experiments::ExperimentError;
 use tactnet_pipeline::PipelineError;
 use tactnet_recording::RecordingError;
@@ -63,7 +63,7 @@ pub fn usage(error: &clap::Error) -> ExitCode {
         message.push_str(separator);
         message.push_str(part);
     }
-    if let Some(tip) = misplaced_path(error, &verb) {
+    if let Some(tip) = misplaced_path(error, &verb).or_else(|| mistyped_word(error)) {
         message.push_str(&format!("; did you mean `{tip}`?"));
     }
     say!("{}; see `{verb} --help`", harmless(&message));
@@ -92,6 +92,66 @@ fn misplaced_path(error: &clap::Error, verb: &str) -> Option<String> {
         .get_arguments()
         .any(|argument| argument.get_long() == Some(option));
     has.then(|| format!("--{option} {}", tactnet_pipeline::quoted(word)))
+}
+
+/// Returns the value or command that was meant, where clap proposes none.
+fn mistyped_word(error: &clap::Error) -> Option<String> {
+    use clap::error::ContextValue::{String as Word, Strings};
+    match error.kind() {
+        ErrorKind::InvalidValue if error.get(ContextKind::SuggestedValue).is_none() => {
+            let (Word(word), Strings(known)) = (
+                error.get(ContextKind::InvalidValue)?,
+                error.get(ContextKind::ValidValue)?,
+            ) else {
+                return None;
+            };
+            meant_by(word, known.iter().map(String::as_str))
+        }
+        ErrorKind::InvalidSubcommand if error.get(ContextKind::SuggestedSubcommand).is_none() => {
+            let Word(word) = error.get(ContextKind::InvalidSubcommand)? else {
+                return None;
+            };
+            let mut command = Cli::command();
+            // `help data chek` is about the commands of `data`.
+            let words = std::env::args().skip(1).filter(|word| word != "help");
+            for name in words.take_while(|name| name != word) {
+                command = command.find_subcommand(&name)?.clone();
+            }
+            let shown = command.get_subcommands().filter(|it| !it.is_hide_set());
+            let names: Vec<&str> = shown.map(clap::Command::get_name).collect();
+            meant_by(word, names.iter().copied())
+        }
+        _ => None,
+    }
+}
+
+/// Returns the nearest of the known names; letters in another order are near, too.
+fn meant_by<'a>(word: &str, known: impl Iterator<Item = &'a str> + Clone) -> Option<String> {
+    let letters = |name: &str| {
+        let mut letters: Vec<char> = name.to_lowercase().chars().collect();
+        letters.sort_unstable();
+        letters
+    };
+    let typed = letters(word);
+    let reordered = known.clone().find(|name| letters(name) == typed);
+    let meant = reordered.or_else(|| near_name(word, known));
+    meant.map(Into::into)
+}
+
+/// Returns `twin` where a data set that is not there was called something like it.
+fn mistyped_twin(cause: &(dyn Error + 'static)) -> Option<String> {
+    let wrapped = || match cause.downcast_ref::<PipelineError>()? {
+        PipelineError::Data(error) => Some(error),
+        _ => None,
+    };
+    let path = match cause.downcast_ref::<DataError>().or_else(wrapped)? {
+        DataError::Format { path, found, .. } if found == "no such file" => path,
+        DataError::Io { path, source, .. } if source.kind() == std::io::ErrorKind::NotFound => path,
+        _ => return None,
+    };
+    let is_word = |name: &&str| name.len() > 2 && !name.contains(['.', '/']);
+    let name = path.to_str().filter(is_word)?;
+    meant_by(name, ["twin"].into_iter())
 }
 
 /// `tactnet data check` of the words `data check --rate fast own.npz`, for errors that come without their usage.
@@ -132,6 +192,9 @@ pub fn report(error: &anyhow::Error) -> ExitCode {
             }
             message.push_str(&cause);
         }
+    }
+    if let Some(meant) = error.chain().find_map(mistyped_twin) {
+        message.push_str(&format!("; did you mean `{meant}`?"));
     }
     say!(
         "error: {}",
@@ -283,6 +346,21 @@ mod tests {
                 assert_eq!(broken(error), fails, "{kind:?}");
             }
         }
+    }
+
+    #[test]
+    fn a_mistyped_word_is_answered_with_the_one_that_was_meant() {
+        let models = ["knn-l", "lda", "svm-h"];
+        let meant = |word| meant_by(word, models.into_iter());
+        assert_eq!(meant("lad").as_deref(), Some("lda"));
+        assert_eq!(meant("svmh").as_deref(), Some("svm-h"));
+        assert_eq!(meant("xyz"), None);
+        let missing = |name: &str| {
+            let error = DataError::format(name.as_ref(), "file", "a data set", "no such file");
+            mistyped_twin(&error)
+        };
+        assert_eq!(missing("twim").as_deref(), Some("twin"));
+        assert_eq!(missing("sweeps.h5"), None);
     }
 
     #[test]

@@ -124,6 +124,16 @@ fn restore_on_the_processor() {
     }
 }
 
+/// Names a Wayland display that is nowhere, where there is no folder to look for one in: graphics drivers would complain of that on stderr
+/// whenever a GPU is looked for.
+fn without_wayland() {
+    let is_set = |name| std::env::var_os(name).is_some();
+    if !is_set("XDG_RUNTIME_DIR") && !is_set("WAYLAND_DISPLAY") {
+        // SAFETY: no other thread has been started.
+        unsafe { std::env::set_var("WAYLAND_DISPLAY", "/nonexistent/wayland") };
+    }
+}
+
 fn main() -> ExitCode {
     restore_on_the_processor();
     quiet_readers();
@@ -136,6 +146,13 @@ fn main() -> ExitCode {
         Ok(cli) => cli,
         Err(error) => return failure::usage(&error),
     };
+    // Only where no window is opened, by the Rerun viewer or a browser.
+    if matches!(
+        cli.command,
+        Command::Train(_) | Command::Task(_) | Command::Bench(_) | Command::Doctor(_)
+    ) {
+        without_wayland();
+    }
     let outcome = match cli.command {
         Command::Train(arguments) => train::run(&arguments),
         Command::Eval(arguments) => eval::run(&arguments),

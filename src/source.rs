@@ -1,7 +1,7 @@
 //! Reading data sets, with a word on the twin and on rates that nobody named.
 
 use tactnet_data::{DataError, DataSource, Dataset, Finding, FindingKind, Severity};
-use tactnet_pipeline::{LabelOrder, PipelineError, TrainSpec};
+use tactnet_pipeline::{LabelOrder, PipelineError, TrainSpec, quoted};
 
 /// Says so where the twin is about to be generated, which takes a moment and is no recording.
 pub fn announce(data: &str) {
@@ -51,6 +51,41 @@ pub fn review(
         }
     }
     Ok(())
+}
+
+/// Names the file whose sweeps do not fit a classifier or its run, and what can be done about another sample rate.
+///
+/// - `rate`: what `--rate` says
+pub fn in_file(data: &str, rate: Option<f64>, error: PipelineError) -> PipelineError {
+    match error {
+        PipelineError::Incompatible {
+            item,
+            expected,
+            mut found,
+        } if ["sweeps", "sample rate", "materials"].contains(&item.as_str()) => {
+            if item == "sample rate" && !found.contains("--rate") {
+                found.push_str(&match rate {
+                    Some(_) => String::from(", as `--rate` says"),
+                    None => format!(
+                        "; sweeps have to be recorded at the same rate (if the file is wrong about its own, `tactnet data import {} --out NEW \
+                         --rate HZ` mends it)",
+                        quoted(data)
+                    ),
+                });
+            }
+            PipelineError::Incompatible {
+                item: data.into(),
+                expected,
+                found,
+            }
+        }
+        PipelineError::Data(DataError::Inconsistent {
+            item,
+            expected,
+            found,
+        }) => DataError::inconsistent(format!("{data}: {item}"), expected, found).into(),
+        other => other,
+    }
 }
 
 /// Says so where the sample rate is assumed.

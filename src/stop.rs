@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::Context;
+use tactnet_experiments::STOPPING;
 
 /// Remembers that somebody asked to stop.
 #[derive(Clone)]
@@ -12,7 +13,7 @@ pub struct Stop(Arc<AtomicBool>);
 impl Stop {
     /// Starts to listen, for work that can be resumed.
     pub fn listen() -> anyhow::Result<Self> {
-        Self::listen_saying("stopping as soon as the run can be resumed; once more to stop at once")
+        Self::listen_saying(STOPPING)
     }
 
     /// Starts to listen; `text` is what people read when they ask.

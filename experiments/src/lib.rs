@@ -67,5 +67,5 @@ pub use status::{Status, TaskStatus};
 pub use summarise::summarise;
 pub use summary::{DataRecord, Row, Summary, TaskRecord};
 pub use table::to_table;
-pub use tasks::{ExperimentDir, Start, TaskState};
+pub use tasks::{ExperimentDir, STOPPING, Start, TaskState};
 pub use time_left::TimeLeft;

@@ -24,7 +24,7 @@ pub struct TaskStatus {
     pub id: String,
     /// Where it stands.
     pub state: TaskState,
-    /// The last line that it printed, while it runs or where it was interrupted.
+    /// The last progress that it printed, while it runs or where it was interrupted; empty where there was none.
     #[serde(skip)]
     pub last_words: String,
 }
@@ -36,13 +36,7 @@ impl Status {
             let state = dir.state(task);
             let last_words = match state {
                 TaskState::Done | TaskState::Open => String::new(),
-                TaskState::Running => dir.last_words(task),
-                // How to go on with a task alone is for those who run one alone.
-                TaskState::Interrupted => {
-                    let words = dir.last_words(task);
-                    let said = words.split("; continue with ").next();
-                    said.unwrap_or_default().into()
-                }
+                TaskState::Running | TaskState::Interrupted => dir.last_progress(task),
             };
             TaskStatus {
                 id: task.id.clone(),
@@ -78,7 +72,10 @@ impl fmt::Display for Status {
                 TaskState::Running => "running",
                 TaskState::Interrupted => "interrupted",
             };
-            write!(f, "\n  {}: {state}: {}", task.id, task.last_words)?;
+            write!(f, "\n  {}: {state}", task.id)?;
+            if !task.last_words.is_empty() {
+                write!(f, ": {}", task.last_words)?;
+            }
         }
         if count(TaskState::Running) == 0 && count(TaskState::Done) < self.tasks.len() {
             f.write_str("\n`tactnet experiment run` with this folder goes on with what is left")?;

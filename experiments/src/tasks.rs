@@ -23,6 +23,9 @@ const LOCK: &str = ".lock";
 /// Files that may lie in a folder whose plan has not been written yet.
 const OWN: [&str; 4] = [LOCK, "recipes", "tasks", "experiment.json"];
 
+/// What a process says once it was asked to stop, before it does.
+pub const STOPPING: &str = "stopping as soon as the run can be resumed; once more to stop at once";
+
 /// Where a task stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -272,6 +275,12 @@ impl ExperimentDir {
         without_prefix(line.unwrap_or("it said nothing")).into()
     }
 
+    /// The last line of a task's log but for those about stopping, which are for who runs a task alone; empty where there is none.
+    pub(crate) fn last_progress(&self, task: &Task) -> String {
+        let log = fs::read_to_string(self.log_file(task)).unwrap_or_default();
+        without_prefix(last_progress_in(&log)).into()
+    }
+
     /// Writes `value` into the folder as JSON, whole or not at all.
     ///
     /// # Errors
@@ -287,6 +296,15 @@ impl ExperimentDir {
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), ExperimentError> {
         tactnet_pipeline::write_whole(&self.path.join(name), bytes).map_err(ExperimentError::from)
     }
+}
+
+/// The last line of a log that is not about stopping.
+fn last_progress_in(log: &str) -> &str {
+    let is_about_stopping =
+        |line: &str| line.starts_with(STOPPING) || line.starts_with("stopped; ");
+    let mut lines = log.lines().rev().map(str::trim);
+    let line = lines.find(|line| !line.is_empty() && !is_about_stopping(line));
+    line.unwrap_or_default()
 }
 
 /// Refuses a folder that holds what no experiment put there; none at all is no obstacle.
@@ -321,6 +339,14 @@ fn write_json(path: &Path, value: &impl Serialize) -> Result<(), ExperimentError
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_said_about_stopping_is_no_progress() {
+        let epoch = "epoch 2/3: loss 0.5, training 90.0 %, 3 s to go";
+        let log = format!("{epoch}\n\n{STOPPING}\nstopped; continue with `tactnet train`\n");
+        assert_eq!(last_progress_in(&log), epoch);
+        assert_eq!(last_progress_in(&format!("\n{STOPPING}\n")), "");
+    }
 
     fn planned(name: &str, settings: &[&str]) -> (tempfile::TempDir, ExperimentDir) {
         let folder = tempfile::tempdir().unwrap();

@@ -10,7 +10,7 @@ use tactnet_pipeline::{LabelOrder, RunDir};
 use tactnet_rehearsal::{Demo, SMALL_MATERIALS, SMALL_SWEEPS, make_twin, train_small_network};
 use tactnet_serving::web;
 
-use super::choices::listen;
+use super::choices::{listen, rate};
 use super::simulate::check_fit;
 use crate::stop::Stop;
 use crate::{output, source};
@@ -33,6 +33,9 @@ pub struct DemoArgs {
     /// Whose sweeps the fingertip makes [default: those of the run's data that it was not trained on]
     #[arg(long, value_name = "FILE|twin", requires = "run")]
     data: Option<String>,
+    /// Frames per second, for data that does not say [default: what the run was given]
+    #[arg(long, value_name = "HZ", value_parser = rate, requires = "run")]
+    rate: Option<f64>,
     /// Where to answer browsers
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8750", value_parser = listen)]
     listen: SocketAddr,
@@ -67,7 +70,10 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
                 }
                 DataSource::File(path) => {
                     // The skin reads it again; what it would say does not reach the terminal.
-                    let read = source::load_as(&config.spec, data, LabelOrder::True)?;
+                    let mut spec = config.spec.clone();
+                    spec.rate_hz = arguments.rate.or(spec.rate_hz);
+                    let read = source::load_as(&spec, data, LabelOrder::True)
+                        .map_err(|error| source::in_file(data, arguments.rate, error.into()))?;
                     check_fit(&read, data, &config.classifier)?;
                     path
                 }
@@ -84,7 +90,14 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
     if stop.asked() {
         return Ok(ExitCode::SUCCESS);
     }
-    let mut demo = Demo::start(&program, folder.path(), &run, &sweeps, listener)?;
+    let mut demo = Demo::start(
+        &program,
+        folder.path(),
+        &run,
+        &sweeps,
+        arguments.rate,
+        listener,
+    )?;
     say!(
         "a simulated fingertip feels one object after the other, three sweeps each where there are as many; open {} in a browser; Ctrl-C ends",
         demo.link()

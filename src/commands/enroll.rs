@@ -14,7 +14,7 @@ use tactnet_pipeline::{
     RunDir, TestSweeps, enroll,
 };
 
-use super::choices::DeviceChoice;
+use super::choices::{DeviceChoice, rate};
 use super::run_choice::RunChoice;
 use crate::{GIT, output, source};
 
@@ -32,6 +32,12 @@ pub struct EnrollArgs {
     /// A data set that holds sweeps of the new material, or sweeps without materials, which then are all of it
     #[arg(long, value_name = "FILE|twin")]
     data: String,
+    /// Frames per second, for data that does not say [default: what the run was trained on]
+    #[arg(long, value_name = "HZ", value_parser = rate)]
+    rate: Option<f64>,
+    /// Only the first N time steps of every sweep [default: as the run was trained]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    steps: Option<u32>,
     /// The new material's name, in that data set where it names materials
     #[arg(long, value_name = "NAME")]
     material: String,
@@ -79,11 +85,19 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
     let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
     let known_sweeps = &config.classifier;
     source::announce(&arguments.data);
-    let read = config.spec.read_to_classify(
-        &arguments.data,
-        known_sweeps.shape,
-        known_sweeps.sample_rate_hz,
-    )?;
+    let mut spec = config.spec.clone();
+    spec.rate_hz = arguments.rate;
+    if let Some(steps) = arguments.steps {
+        spec.steps = Some(steps as usize);
+    }
+    let in_file = |error| source::in_file(&arguments.data, arguments.rate, error);
+    let read = spec
+        .read_to_classify(
+            &arguments.data,
+            known_sweeps.shape,
+            known_sweeps.sample_rate_hz,
+        )
+        .map_err(|error| in_file(error.into()))?;
     let dataset = read.dataset;
     if read.labelled {
         refuse_errors(&dataset, &arguments.data)?;
@@ -128,7 +142,8 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
         thresholds.as_ref(),
         &view,
         &arguments.material,
-    )?;
+    )
+    .map_err(in_file)?;
     let material = EnrolledMaterial::new(&arguments.material, &view, &weights, GIT)?;
     run.create_enrolled(&arguments.out, &enrolled, material.clone())
         .context("cannot write the new classifier")?;

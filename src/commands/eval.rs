@@ -27,11 +27,14 @@ pub struct EvalArgs {
     /// Frames per second, for data that does not say [default: what the run was given]
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
+    /// Only the first N time steps of every sweep [default: as the run was trained]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    steps: Option<u32>,
     /// Sweeps of one material that are fused into one decision
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
     sweeps: u32,
-    /// Runs of Monte Carlo dropout, of a network [default: the recipe's, or 100]
-    #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..))]
+    /// Runs of Monte Carlo dropout, of a network; 0 for none [default: the recipe's, or 100]
+    #[arg(long, value_name = "M")]
     mc: Option<u32>,
     /// What computes the scores; others than Burn are compared with it
     #[arg(long, value_enum)]
@@ -48,7 +51,7 @@ pub struct EvalArgs {
 pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
     let run = RunDir::open(arguments.run.dir())?;
     let config = run.config()?;
-    if let (Some(_), ModelRecipe::Baseline(baseline)) = (arguments.mc, &config.recipe) {
+    if let (Some(1..), ModelRecipe::Baseline(baseline)) = (arguments.mc, &config.recipe) {
         bail!(
             "--mc: `{}` is a baseline without dropout, and predicts one way only; leave out --mc",
             baseline.name
@@ -62,9 +65,15 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
     let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
     let mut spec = config.spec.clone();
     spec.rate_hz = arguments.rate.or(spec.rate_hz);
+    if let Some(steps) = arguments.steps {
+        spec.steps = Some(steps as usize);
+    }
     let data = arguments.data.as_deref().unwrap_or(&spec.data);
     source::announce(data);
-    let dataset = spec.read_sweeps_of_run(arguments.data.as_deref())?;
+    let in_file = |error| source::in_file(data, arguments.rate, error);
+    let dataset = spec
+        .read_sweeps_of_run(arguments.data.as_deref())
+        .map_err(in_file)?;
     let tested = TestSweeps::of_run(&run, &dataset)?;
     if !tested.training_sweeps_known {
         say!("{}: {}", dataset.name(), tested.description);
@@ -74,7 +83,9 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
         mc_samples: arguments.mc.map(|mc| mc as usize),
         runtime: arguments.runtime.map(RuntimeKind::from),
     };
-    let result = how.of(&run, &classifier, &dataset, tested, GIT)?;
+    let result = how
+        .of(&run, &classifier, &dataset, tested, GIT)
+        .map_err(in_file)?;
     if arguments.json {
         output::print_json(&result)?;
     } else {

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use tactnet_models::Compute;
 use tactnet_pipeline::{
-    Calibration, ClassifiedSweeps, Classifier, ModelRecipe, PipelineError, PredictionMethod,
-    RunConfig, RunDir, TrainEmbeddings, quoted,
+    Calibration, ClassifiedSweeps, Classifier, ModelRecipe, PredictionMethod, RunConfig, RunDir,
+    TrainEmbeddings, quoted,
 };
 
 use super::choices::DeviceChoice;
@@ -78,7 +78,9 @@ impl RunClassifier {
             spec.steps = Some(steps as usize);
         }
         let known = &self.config.classifier;
-        let sweeps = spec.read_to_classify(data, known.shape, known.sample_rate_hz)?;
+        let sweeps = spec
+            .read_to_classify(data, known.shape, known.sample_rate_hz)
+            .map_err(|error| source::in_file(data, rate, error.into()))?;
         if sweeps.arranged {
             say!(
                 "note: the taxels are read row by row as the run's {}x{}, since the data does not say how they are arranged",
@@ -103,17 +105,6 @@ impl RunClassifier {
             self.method,
             one_object,
         );
-        Ok(found.map_err(|error| match error {
-            PipelineError::Incompatible {
-                item,
-                expected,
-                found,
-            } if item == "sweeps" => PipelineError::Incompatible {
-                item: data.into(),
-                expected,
-                found,
-            },
-            other => other,
-        })?)
+        Ok(found.map_err(|error| source::in_file(data, rate, error))?)
     }
 }

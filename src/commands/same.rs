@@ -1,17 +1,20 @@
 //! `tactnet same`: are two objects of one material?
 
-use std::path::PathBuf;
+use std::collections::BTreeSet;
+use std::fs::canonicalize;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::Context as _;
 use clap::Args;
-use tactnet_pipeline::SameMaterial;
+use tactnet_pipeline::{ClassifiedSweeps, SameMaterial};
 
 use super::choices::{DeviceChoice, rate};
 use super::run_classifier::RunClassifier;
 use crate::output;
 
 #[derive(Args)]
+#[command(override_usage = "tactnet same [OPTIONS] <RUN> <FIRST> <SECOND>")]
 #[command(after_help = "Examples:\n  \
     tactnet same runs/a cup.npz plate.npz        each file has one or more sweeps of one object\n  \
     tactnet same runs/a cup.csv plates/ --json   a file of one sweep, a folder of them\n\n\
@@ -21,16 +24,26 @@ use crate::output;
 pub struct SameArgs {
     /// A run directory
     #[arg(value_name = "RUN")]
-    run: PathBuf,
+    run: String,
     /// Sweeps of one object: .npz or .npy, .csv, .parquet, a folder of .csv, or any data set
     #[arg(value_name = "FIRST")]
     first: String,
     /// Sweeps of the other
-    #[arg(value_name = "SECOND")]
-    second: String,
+    #[arg(value_name = "SECOND", required_unless_present = "named")]
+    second: Option<String>,
+    #[arg(
+        long = "run",
+        value_name = "DIR",
+        hide = true,
+        conflicts_with = "second"
+    )]
+    named: Option<PathBuf>,
     /// Frames per second, for data that does not say [default: what the run was trained on]
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
+    /// Only the first N time steps of every sweep [default: as the run was trained]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    steps: Option<u32>,
     /// Runs of Monte Carlo dropout, of a network; 0 for none [default: the recipe's]
     #[arg(long, value_name = "M")]
     mc: Option<u32>,
@@ -42,11 +55,48 @@ pub struct SameArgs {
     json: bool,
 }
 
+impl SameArgs {
+    /// The run directory and the files of both objects: with `--run`, the first two arguments are the files.
+    fn places(&self) -> (&Path, [&str; 2]) {
+        match (&self.named, &self.second) {
+            (Some(run), _) => (run.as_path(), [self.run.as_str(), self.first.as_str()]),
+            (None, Some(second)) => (Path::new(&self.run), [self.first.as_str(), second.as_str()]),
+            (None, None) => panic!("a call without `--run` names three places, or is refused"),
+        }
+    }
+}
+
+/// Warns of a file with sweeps of several materials.
+fn warn_of_several(data: &str, found: &ClassifiedSweeps) {
+    let named = found.sweeps.iter();
+    let materials: BTreeSet<&str> = named.filter_map(|sweep| sweep.named.as_deref()).collect();
+    if materials.len() > 1 {
+        say!(
+            "warning: `{data}` names {} materials: taken as one object",
+            materials.len()
+        );
+    }
+}
+
+/// Returns true if both names lead to one file.
+fn is_one_file(first: &str, second: &str) -> bool {
+    let real = |data: &str| canonicalize(data).ok();
+    first == second || real(first).is_some_and(|first| real(second) == Some(first))
+}
+
 /// Runs the command.
 pub fn run(arguments: &SameArgs) -> anyhow::Result<ExitCode> {
-    let classifier = RunClassifier::open(&arguments.run, arguments.mc, arguments.device)?;
-    let classify = |data: &str| classifier.classify(data, arguments.rate, None, true);
-    let both = [classify(&arguments.first)?, classify(&arguments.second)?];
+    let (run, [first, second]) = arguments.places();
+    let classifier = RunClassifier::open(run, arguments.mc, arguments.device)?;
+    let classify = |data: &str| {
+        let found = classifier.classify(data, arguments.rate, arguments.steps, true)?;
+        warn_of_several(data, &found);
+        anyhow::Ok(found)
+    };
+    let both = [classify(first)?, classify(second)?];
+    if is_one_file(first, second) {
+        say!("note: `{first}` and `{second}` are the same sweeps");
+    }
     let same = SameMaterial::of(both).context("both were classified as one object")?;
     if arguments.json {
         output::print_json(&same)?;

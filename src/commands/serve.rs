@@ -8,6 +8,8 @@ use std::time::Duration;
 use anyhow::Context;
 use clap::Args;
 use tactnet_channel::{Bus, Domain};
+use tactnet_data::ASSUMED_RATE_HZ;
+use tactnet_pipeline::RunDir;
 use tactnet_serving::systemd::ServiceManager;
 use tactnet_serving::{
     ModelSource, Realtime, ServeReport, Service, accepted_values, allocations_of_this_thread, web,
@@ -49,7 +51,7 @@ pub struct ServeArgs {
     #[arg(long)]
     lock_memory: bool,
     /// Print a table with every setting and end; with `--run`, `values` in it follows the run's training sweeps: 0 to 255 if all their values
-    /// lie within, else their range and as much again on either side
+    /// lie within, else their range and as much again on either side; deadlines follow its sample rate
     #[arg(long)]
     print_table: bool,
     /// Print one JSON document with the counters at the end
@@ -61,10 +63,12 @@ pub struct ServeArgs {
 pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
     if arguments.print_table {
         let mut config = ServeConfig::default();
+        let mut rate_hz = ASSUMED_RATE_HZ;
         if let Some(run) = &arguments.run {
             config.segmenter.values = accepted_values(run)?;
+            rate_hz = RunDir::open(run)?.config()?.classifier.sample_rate_hz;
         }
-        output::print(commented(&config.table("robot"))?)?;
+        output::print(commented(&config.table("robot"), rate_hz)?)?;
         return Ok(ExitCode::SUCCESS);
     }
     let source = match (&arguments.run, &arguments.models) {

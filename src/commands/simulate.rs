@@ -50,7 +50,11 @@ pub(super) fn check_fit(
                 "sweeps as the run's, {}",
                 describe(wanted, run.sample_rate_hz)
             ),
-            found: describe(own, dataset.sample_rate_hz()),
+            found: format!(
+                "{}{}",
+                describe(own, dataset.sample_rate_hz()),
+                remedy(dataset, run)
+            ),
         });
     }
     let known = |name: &str| run.labels.names().any(|known| known == name);
@@ -62,6 +66,27 @@ pub(super) fn check_fit(
         );
     }
     Ok(())
+}
+
+/// Returns what can be done about sweeps that do not fit, behind what they are; empty where nothing comes to mind.
+fn remedy(dataset: &Dataset, run: &ClassifierConfig) -> String {
+    let (own, wanted) = (dataset.shape(), run.shape);
+    if (own.rows, own.cols) != (wanted.rows, wanted.cols) {
+        return if (own.rows, own.cols) == (wanted.cols, wanted.rows) {
+            "; most likely rows and columns have been exchanged: swap these two axes where the file is written".into()
+        } else if own.taxels() == wanted.taxels() {
+            format!(
+                "; `tactnet data import FILE --out NEW --shape {}x{}` arranges the same taxels",
+                wanted.rows, wanted.cols
+            )
+        } else {
+            String::new()
+        };
+    }
+    if dataset.is_rate_assumed() && dataset.sample_rate_hz() != run.sample_rate_hz {
+        return ", which is assumed since the data does not say; `--rate HZ` names it".into();
+    }
+    String::new()
 }
 
 /// Returns the numbers of sweeps that a run has learnt nothing from.

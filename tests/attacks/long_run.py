@@ -2,6 +2,7 @@
 """Feeds one service many frames, and looks whether its memory and its descriptors grow.
 
     python3 tests/attacks/long_run.py --tactnet target/release/tactnet --frames 64800000 --speed 10     # a day of 750 Hz
+    python3 tests/attacks/long_run.py --tactnet target/release/tactnet --frames 64800000 --speed 40 --depth 10240     # as much time in the channel as at 1x
 
 Prints one JSON with a row like those of kills.py, and `frames`, `kib_per_million_frames` (slope of its own resident memory with its 95 %
 interval; the first fifth is left out, and the first 50 000 frames, in which the store of newest sweeps is touched for the first time) and `descriptors` (at that time and at the end). `lost` counts frames that were lost, and 1 more if
@@ -12,6 +13,7 @@ import argparse
 import json
 import math
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -56,6 +58,7 @@ def main():
     parser.add_argument("--tactnet", type=Path, required=True)
     parser.add_argument("--frames", type=int, default=200_000, help="at least 80 000")
     parser.add_argument("--speed", type=float, default=10, help="times 750 frames a second")
+    parser.add_argument("--depth", type=int, help="frames that a finger's channel holds [default: the table's own, a third of a second of 750 Hz]")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         attack = Attack("one service for long", arguments.tactnet.resolve(), Path(folder))
@@ -64,6 +67,11 @@ def main():
         models(attack)
         port = random.randrange(20_000, 30_000)
         robot = Robot(attack)
+        if arguments.depth:
+            table = attack.work / "robot.toml"
+            text, count = re.subn(r"(?m)^depth = 256\b", f"depth = {arguments.depth}", table.read_text())
+            assert count, "no channel of a finger in the table"
+            table.write_text(text)
         robot.SPECS = {
             **Robot.SPECS,
             "serve": ["serve", "--metrics", f"127.0.0.1:{port}", "--models", "models"],

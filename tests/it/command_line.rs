@@ -43,7 +43,14 @@ fn every_command_has_a_manual_page_and_help() {
         );
     }
     let unknown = stderr(&expect(2, tactnet(["help", "trian"])));
-    assert!(unknown.contains("trian"), "{unknown}");
+    assert!(unknown.contains("did you mean `train`?"), "{unknown}");
+    for (words, meant) in [
+        (["train", "--model", "lad"], "did you mean `lda`?"),
+        (["train", "--data", "twim"], "did you mean `twin`?"),
+    ] {
+        let refused = stderr(&expect(2, tactnet(words)));
+        assert!(refused.contains(meant), "{refused}");
+    }
 }
 
 #[test]

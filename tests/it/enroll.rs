@@ -384,7 +384,7 @@ fn what_cannot_be_enrolled_is_refused_in_one_line_and_leaves_nothing() {
             "longer.h5",
             fifth.as_str(),
             &[],
-            "sweeps: the classifier expects",
+            "longer.h5: the classifier expects",
         ),
         ("run", "nan.h5", "velvet", &[], "expected finite numbers"),
         (

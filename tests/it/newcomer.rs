@@ -441,7 +441,7 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
     // A file alone, and a data set with materials, which then stand beside.
     let one = stdout(&expect(0, predict("new/0.csv", &[])));
     assert!(
-        one.contains("or else") && one.contains("1 sweep, 0"),
+        one.contains("or else") && one.contains("1 sweep: "),
         "{one}"
     );
     let known = expect(0, predict("twin.h5", &["--json", "--mc", "0"]));
@@ -452,8 +452,20 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
     );
     let known: serde_json::Value = serde_json::from_str(&stdout(&known)).unwrap();
     assert_eq!(known["sweeps"][30]["named"], named[3]);
+    let shown = stdout(&expect(0, predict("twin.h5", &[])));
+    assert!(shown.lines().next().unwrap().contains("named"), "{shown}");
+    assert!(
+        shown.contains(" of 40 whose material the file names"),
+        "{shown}"
+    );
+    let plain = stdout(&expect(0, with(&lab, &["eval", "--mc", "0"], "run", &[])));
+    assert!(!plain.contains("MC dropout"), "{plain}");
     let refused = stderr(&expect(2, predict("new", &["--rate", "100"])));
-    assert!(refused.contains("expects 750 Hz"), "{refused}");
+    assert!(
+        refused.contains("new: the classifier expects 750 Hz")
+            && refused.contains("100 Hz, as `--rate` says"),
+        "{refused}"
+    );
     let refused = stderr(&expect(2, predict("nothing", &[])));
     assert!(refused.contains("nothing"), "{refused}");
     // What is longer is cut, and a material is learnt from sweeps that nobody labelled.
@@ -462,13 +474,44 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
     let refused = stderr(&expect(2, predict("long.csv", &[])));
     assert!(refused.contains("`--steps 120`"), "{refused}");
     expect(0, predict("long.csv", &["--steps", "120"]));
+    let same = |options: &[&str]| {
+        let both = ["long.csv", "long.csv"];
+        with(&lab, &["same"], "run", &[&both[..], options].concat())
+    };
+    expect(2, same(&[]));
+    expect(0, same(&["--steps", "120"]));
+    let slow = lab.path("slow.npz").display().to_string();
+    let slower = ["--rate", "100", "--out", &slow];
+    let said = expect(0, with(&lab, &["data", "import"], "twin.h5", &slower));
+    let said = stderr(&said);
+    assert!(
+        said.contains("twin.h5 says 750 Hz; `--rate 100` is taken instead"),
+        "{said}"
+    );
+    for command in [
+        predict("slow.npz", &[]),
+        with(&lab, &["eval"], "run", &["--data", "slow.npz"]),
+        with(
+            &lab,
+            &["demo", "--listen", "0", "--data", "slow.npz", "--run"],
+            "run",
+            &[],
+        ),
+    ] {
+        let refused = stderr(&expect(2, command));
+        assert!(
+            refused.contains("slow.npz: the classifier expects"),
+            "{refused}"
+        );
+        assert!(refused.contains("100 Hz"), "{refused}");
+    }
     let mut enroll = with(
         &lab,
         &["enroll"],
         "run",
         &["--data", "new", "--material", "felt"],
     );
-    enroll.args(["--out", "grown"]);
+    enroll.args(["--out", "grown", "--rate", "750", "--steps", "120"]);
     expect(0, enroll);
     let mut again = with(&lab, &["predict"], "grown", &["--data", "new", "--json"]);
     again.arg("--one-object");
@@ -528,4 +571,18 @@ fn two_objects_are_of_one_material_or_of_two() {
     let said = stdout(&expect(0, with(&lab, &["same"], "run", &[&cup, &cloth])));
     assert!(said.contains("of one material with "), "{said}");
     expect(2, with(&lab, &["same"], "run", &[&cup, "nowhere.npz"]));
+    // The run is named either way, and what is odd about the files is said.
+    let named = with(&lab, &["same", "--run"], "run", &[&cup, &cloth]);
+    assert_eq!(stdout(&expect(0, named)), said);
+    expect(
+        2,
+        with(&lab, &["same", "--run"], "run", &[&cup, &cloth, &cup]),
+    );
+    expect(2, with(&lab, &["same"], "run", &[&cup]));
+    let twice = stderr(&expect(0, with(&lab, &["same"], "run", &[&data, &data])));
+    assert!(
+        twice.contains("names 2 materials: taken as one object"),
+        "{twice}"
+    );
+    assert!(twice.contains("are the same sweeps"), "{twice}");
 }

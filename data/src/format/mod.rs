@@ -215,11 +215,7 @@ fn first_bytes(path: &Path) -> Result<Vec<u8>, DataError> {
 pub const READING: &str = "reading a file";
 
 /// Passes `dataset` on unless it holds a NaN or an infinity.
-fn refuse_non_finite(
-    path: &Path,
-    dataset: Dataset,
-    labelled: bool,
-) -> Result<Dataset, DataError> {
+fn refuse_non_finite(path: &Path, dataset: Dataset, labelled: bool) -> Result<Dataset, DataError> {
     let Samples::F32(values) = dataset.samples() else {
         return Ok(dataset);
     };

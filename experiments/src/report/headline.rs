@@ -118,7 +118,49 @@ fn contender(summary: &Summary, set: &DataSet, best: &Scored<'_>) -> Headline {
             best.materials.len(),
             set.name(best)
         ),
-        qualifier: format!("{}{}", qualifier(audit, best), network(set, best)),
+        qualifier: format!(
+            "{}{}{}",
+            qualifier(audit, best),
+            network(set, best),
+            others(summary, set, best)
+        ),
+    }
+}
+
+/// Error rate of the tests whether other models are distinguishable from the best one.
+const ERROR_RATE: f64 = 0.05;
+
+/// Returns which contenders cannot be told from the best one by the paired test, after Holm's correction; empty where none was compared.
+fn others(summary: &Summary, set: &DataSet, best: &Scored<'_>) -> String {
+    let contender_of = |key: &str| summary.row(key).map(|row| row.contender.as_str());
+    let p_beside = |other: &Scored<'_>| {
+        summary.comparisons.iter().find_map(|comparison| {
+            let pair = [&comparison.first, &comparison.second].map(|key| contender_of(key));
+            let both = [Some(best.key), Some(other.key)];
+            let is_theirs = pair == both || pair == [both[1], both[0]];
+            comparison.p_holm.filter(|_| is_theirs)
+        })
+    };
+    let compared: Vec<(&Scored<'_>, f64)> = set
+        .contenders()
+        .into_iter()
+        .filter(|row| row.key != best.key)
+        .filter_map(|row| Some((row, p_beside(row)?)))
+        .collect();
+    let alike: Vec<String> = compared
+        .iter()
+        .filter(|(_, p)| *p > ERROR_RATE)
+        .map(|(row, _)| set.name(row))
+        .collect();
+    let test = "the corrected paired t-test at 5\u{a0}% (Holm)";
+    match (alike.as_slice(), compared.len()) {
+        (_, 0) => String::new(),
+        ([], 1) => format!(" The other model is distinguishable from it by {test}."),
+        ([], _) => format!(" Every other model is distinguishable from it by {test}."),
+        (alike, all) if alike.len() == all => {
+            format!(" No other model is distinguishable from it by {test}.")
+        }
+        (alike, _) => format!(" Not distinguishable from it by {test}: {}.", listed(alike)),
     }
 }
 
@@ -187,8 +229,8 @@ mod tests {
     use super::*;
     use tactnet_pipeline::TrainingSteps;
 
-    use crate::Measure;
     use crate::questions::scored;
+    use crate::{Comparison, Measure};
 
     fn page(summary: &Summary) -> String {
         let rows = scored(summary);
@@ -245,6 +287,29 @@ mod tests {
             ),
             "{page}"
         );
+    }
+
+    #[test]
+    fn models_that_cannot_be_told_from_the_best_are_named() {
+        let mut summary = fake::tactmat();
+        assert!(!page(&summary).contains("distinguishable"));
+        let key = |contender: &str| {
+            let mut rows = summary.rows.iter();
+            let own = rows.find(|row| row.contender == contender && row.sweeps == Some(1));
+            own.unwrap().key.clone()
+        };
+        summary.comparisons = vec![Comparison {
+            first: key(&summary.contenders[1].key),
+            second: key(&summary.contenders[0].key),
+            difference: -0.2,
+            ci95: None,
+            p: Some(0.2),
+            p_holm: Some(0.2),
+            n: 2,
+        }];
+        assert!(page(&summary).contains("No other model is distinguishable from it"));
+        summary.comparisons[0].p_holm = Some(0.01);
+        assert!(page(&summary).contains("The other model is distinguishable from it"));
     }
 
     #[test]

@@ -336,12 +336,17 @@ impl Classifier {
                 some(self.config.labels.names().collect(), 4, "")
             ),
             found: format!(
-                "materials named {}, which it does not know (`tactnet enroll` adds one; a network of `train --calibrate` can say \"unknown\"){}",
+                "materials named {}, which it does not know ({}a network of `train --calibrate` can say \"unknown\"){}",
                 some(
                     met.iter().map(|&label| labels.name(label)).collect(),
                     3,
                     "`"
                 ),
+                // A baseline learns no new one.
+                match self.has_dropout() {
+                    true => "`tactnet enroll` adds one; ",
+                    false => "",
+                },
                 meant.unwrap_or_default()
             ),
         }
@@ -371,7 +376,7 @@ impl Classifier {
                 );
             } else if own.taxels() == shape.taxels() && own.steps > shape.steps {
                 found.push_str(&format!(
-                    "; `--steps {}`, of `predict` and `data import`, keeps the first of them",
+                    "; `--steps {}` keeps the first of them",
                     shape.steps
                 ));
             } else if (view.dataset().len(), own.steps, own.taxels())

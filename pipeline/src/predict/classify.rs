@@ -155,7 +155,7 @@ impl ClassifiedSweeps {
         };
         let names = shown.join(", ");
         Some(format!(
-            "the run does not know {names}{why}; `tactnet enroll` adds a material"
+            "the run does not know {names}{why}; `tactnet enroll` adds a material to a network"
         ))
     }
 
@@ -213,20 +213,21 @@ impl fmt::Display for ClassifiedSweeps {
         };
         let first = widest(&mut listed.iter().map(|sweep| sweep.sweep.as_str()), 5);
         let second = widest(&mut listed.iter().map(|sweep| sweep.material.as_str()), 8);
-        writeln!(
-            f,
-            "{:first$}  {:second$}  probability  or else",
-            "sweep", "material"
-        )?;
+        let named = listed.iter().filter_map(|sweep| sweep.named.as_deref());
+        let third = widest(&mut named.clone(), 5);
+        let is_labelled = named.clone().next().is_some();
+        write!(f, "{:first$}  {:second$}", "sweep", "material")?;
+        if is_labelled {
+            write!(f, "  {:third$}", "named")?;
+        }
+        writeln!(f, "  probability  or else")?;
         for sweep in listed {
             let (best, next) = two_largest(&sweep.probabilities);
-            write!(
-                f,
-                "{:first$}  {:second$}  {:>9.1} %",
-                sweep.sweep,
-                sweep.material,
-                100.0 * sweep.probabilities[best]
-            )?;
+            write!(f, "{:first$}  {:second$}", sweep.sweep, sweep.material)?;
+            if is_labelled {
+                write!(f, "  {:third$}", sweep.named.as_deref().unwrap_or_default())?;
+            }
+            write!(f, "  {:>9.1} %", 100.0 * sweep.probabilities[best])?;
             if let Some(next) = next {
                 let probability = 100.0 * sweep.probabilities[next];
                 write!(f, "  {} {probability:.1} %", self.materials.name(next))?;
@@ -239,26 +240,48 @@ impl fmt::Display for ClassifiedSweeps {
         if listed.len() < self.sweeps.len() {
             writeln!(f, "… and {} more", self.sweeps.len() - listed.len())?;
         }
-        if self.sweeps.len() > 1 {
-            let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
-            for sweep in &self.sweeps {
-                let is_known = sweep.unknown != Some(true);
-                let answer = if is_known {
-                    &sweep.material
-                } else {
-                    "none of them"
-                };
-                *counts.entry(answer).or_default() += 1;
+        let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+        for sweep in &self.sweeps {
+            let is_known = sweep.unknown != Some(true);
+            let answer = if is_known {
+                &sweep.material
+            } else {
+                "none of them"
+            };
+            *counts.entry(answer).or_default() += 1;
+        }
+        let mut counts: Vec<_> = counts.into_iter().collect();
+        counts.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+        let counts: Vec<String> = counts
+            .into_iter()
+            .map(|(answer, count)| format!("{answer} {count}"))
+            .collect();
+        let plural = if self.sweeps.len() == 1 { "" } else { "s" };
+        write!(
+            f,
+            "{} sweep{plural}: {}",
+            self.sweeps.len(),
+            counts.join(", ")
+        )?;
+        if is_labelled {
+            let is_right = |sweep: &&ClassifiedSweep| {
+                sweep.unknown != Some(true) && sweep.named.as_ref() == Some(&sweep.material)
+            };
+            let known: BTreeSet<&str> = self.materials.names().collect();
+            let is_known = |sweep: &&ClassifiedSweep| {
+                let named = sweep.named.as_deref();
+                named.is_some_and(|named| known.contains(named))
+            };
+            write!(
+                f,
+                "\nright: {} of {} whose material the file names",
+                self.sweeps.iter().filter(is_right).count(),
+                self.sweeps.iter().filter(is_known).count()
+            )?;
+            let unknown = self.sweeps.iter().filter(|it| !is_known(it)).count();
+            if unknown > 0 {
+                write!(f, ", and {unknown} of materials that the run does not know")?;
             }
-            let mut counts: Vec<_> = counts.into_iter().collect();
-            counts.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
-            let counts: Vec<String> = counts
-                .into_iter()
-                .map(|(answer, count)| format!("{answer} {count}"))
-                .collect();
-            write!(f, "{} sweeps: {}", self.sweeps.len(), counts.join(", "))?;
-        } else {
-            write!(f, "1 sweep, {}", self.data)?;
         }
         if let Some(object) = &self.object {
             let probability = 100.0 * object.probabilities[argmax(&object.probabilities)];

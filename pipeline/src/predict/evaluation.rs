@@ -5,8 +5,8 @@ use tactnet_data::{Seed, SweepView};
 
 use crate::{Classifier, Estimate, FusedAccuracy, PipelineError, PredictionMethod, Predictions};
 
-/// Predicts `view` plainly and, where the model has dropout, with `mc_samples` passes of MC dropout; returns predictions and what they are
-/// worth, both of which name their method.
+/// Predicts `view` plainly and, where the model has dropout, with `mc_samples` passes of MC dropout, unless that is 0; returns predictions
+/// and what they are worth, both of which name their method.
 ///
 /// # Errors
 /// Sweeps that do not fit the classifier.
@@ -18,7 +18,7 @@ pub fn evaluate_all_ways(
     seed: Seed,
 ) -> Result<Vec<(Predictions, Evaluation)>, PipelineError> {
     let mut methods = vec![PredictionMethod::Plain];
-    if classifier.has_dropout() {
+    if classifier.has_dropout() && mc_samples > 0 {
         methods.push(PredictionMethod::McDropout { mc_samples });
     }
     methods

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
+use super::metrics::DEALS;
 use crate::{Estimate, Evaluation, FusedAccuracy, PredictionMethod};
 
 /// Shows one row per way of predicting: accuracies in percent with their 95 % intervals, NLL in nats, ECE in percent, Brier score; then a line
@@ -49,8 +50,8 @@ impl fmt::Display for EvaluationTable<'_> {
         let fused = self.0.values().find_map(|of| of.fused.as_ref());
         let fused = fused.map_or(String::new(), |fused| {
             format!(
-                "; {0}x: {0} sweeps of a material fused into one decision",
-                fused.sweeps
+                "; {0}x: {0} sweeps of a material fused into one decision, mean over {1} random groupings",
+                fused.sweeps, DEALS
             )
         });
         let passes = self.0.keys().find_map(|method| match method {

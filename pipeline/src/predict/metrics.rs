@@ -57,7 +57,7 @@ pub struct FusedAccuracy {
 }
 
 /// Times that the test sweeps of a material are dealt anew into groups.
-const DEALS: usize = 20;
+pub(crate) const DEALS: usize = 20;
 
 impl Predictions {
     /// Accuracy of single sweeps.

@@ -17,7 +17,7 @@ use crate::{
 pub struct Reevaluation {
     /// Sweeps of one material that are fused into one decision.
     pub fused: usize,
-    /// Samples of Monte Carlo dropout; `None` for the recipe's number, or 100.
+    /// Samples of Monte Carlo dropout; 0 for none, `None` for the recipe's number, or 100.
     pub mc_samples: Option<usize>,
     /// What computes the scores; `None` for Burn in whole batches.
     pub runtime: Option<RuntimeKind>,

@@ -32,6 +32,7 @@ impl Demo {
     /// - `folder`: where the table is written
     /// - `run`: run directory of the network that serves
     /// - `sweeps`: data set whose sweeps the skin plays, but for those that the network was trained on
+    /// - `rate_hz`: frames a second, for sweeps whose file does not say
     /// - `listener`: where browsers are answered
     ///
     /// # Errors
@@ -41,6 +42,7 @@ impl Demo {
         folder: &Path,
         run: &Path,
         sweeps: &Path,
+        rate_hz: Option<f64>,
         listener: TcpListener,
     ) -> Result<Self, RehearsalError> {
         let config = ServeConfig::default();
@@ -59,7 +61,10 @@ impl Demo {
         let cycle = folder.join("cycle.json");
         let cycle_name = cycle.display().to_string();
         let skin = ["simulate", "skin", "--data", &sweeps, "--unseen-by", &run];
-        let skin = [&skin[..], &["--cycle-out", &cycle_name, "--table"]].concat();
+        let rate = rate_hz.map(|rate| rate.to_string());
+        let rate = rate.as_deref().map(|rate| ["--rate", rate]);
+        let rate: &[&str] = rate.as_ref().map(|words| &words[..]).unwrap_or_default();
+        let skin = [&skin[..], rate, &["--cycle-out", &cycle_name, "--table"]].concat();
         let mut start = |name: &'static str, arguments: &[&str]| {
             let process = ChildProcess::start(program, name, arguments, &demo.path)?;
             demo.processes.push(process);

@@ -10,7 +10,29 @@ struct Setting {
     /// What it sets, with its unit.
     comment: &'static str,
     /// A value for a setting that is left out, since it follows the network.
-    example: Option<&'static str>,
+    example: Option<Example>,
+}
+
+/// A value that a setting may have.
+enum Example {
+    /// As it stands.
+    Text(&'static str),
+    /// The time of so many frames, milliseconds.
+    Frames(u32),
+}
+
+impl Example {
+    /// - `rate_hz`: frames a second
+    fn text(&self, rate_hz: f64) -> String {
+        match self {
+            Self::Text(text) => (*text).into(),
+            Self::Frames(frames) => {
+                let ms = 1e3 * f64::from(*frames) / rate_hz;
+                // As TOML has it, always with a decimal point.
+                format!("{:?}", (1e3 * ms).round() / 1e3)
+            }
+        }
+    }
 }
 
 const fn setting(section: &'static str, key: &'static str, comment: &'static str) -> Setting {
@@ -25,7 +47,7 @@ const fn setting(section: &'static str, key: &'static str, comment: &'static str
 const fn follows(
     section: &'static str,
     key: &'static str,
-    example: &'static str,
+    example: Example,
     comment: &'static str,
 ) -> Setting {
     Setting {
@@ -69,7 +91,7 @@ const SETTINGS: [Setting; 41] = [
     setting(
         "network",
         "private_key",
-        "PEM file of the certificate's key",
+        "PEM file of the key of this host's certificate",
     ),
     setting(
         "network",
@@ -77,7 +99,7 @@ const SETTINGS: [Setting; 41] = [
         "endpoints beyond this machine may be without TLS",
     ),
     setting("channels", "packet", "type of its packets"),
-    setting("channels", "version", "version of that type"),
+    setting("channels", "version", "version of the type of its packets"),
     setting("channels", "item_bytes", "size of an item, bytes"),
     setting("channels", "items", "most items of a packet"),
     setting(
@@ -157,13 +179,13 @@ const SETTINGS: [Setting; 41] = [
     follows(
         CLASSIFIER,
         "plain_deadline_ms",
-        "1.333",
+        Example::Frames(1),
         "a belief without masks is late after, milliseconds; left out: one frame",
     ),
     follows(
         CLASSIFIER,
         "dropout_deadline_ms",
-        "4.0",
+        Example::Frames(3),
         "a belief with masks is late after, milliseconds; left out: three frames",
     ),
     setting(
@@ -190,7 +212,7 @@ const SETTINGS: [Setting; 41] = [
     setting(
         SEGMENTER,
         "clock_drift",
-        "how far it may be off over a sweep, periods",
+        "how far the sensor's clock may be off over a whole sweep, periods",
     ),
     setting(
         SEGMENTER,
@@ -200,7 +222,7 @@ const SETTINGS: [Setting; 41] = [
     follows(
         SEGMENTER,
         "values",
-        "[0.0, 255.0]",
+        Example::Text("[0.0, 255.0]"),
         "least and greatest value of a taxel, others reject the sweep; left out: 0 to 255 if the network's training sweeps lie within, else their range and as much again on either side",
     ),
     setting(
@@ -212,9 +234,11 @@ const SETTINGS: [Setting; 41] = [
 
 /// Returns the table as TOML, every setting with its comment. Settings that are left out, since they follow the network, stand there as comments.
 ///
+/// - `rate_hz`: frames a second of the network that such settings follow
+///
 /// # Errors
 /// Settings of components that TOML cannot hold.
-pub fn commented(table: &Table) -> Result<String, toml::ser::Error> {
+pub fn commented(table: &Table, rate_hz: f64) -> Result<String, toml::ser::Error> {
     let mut out = Vec::new();
     let mut section = "";
     let text = toml::to_string(table)?;
@@ -244,7 +268,8 @@ pub fn commented(table: &Table) -> Result<String, toml::ser::Error> {
                 .iter()
                 .filter(|setting| setting.section == section && !given(setting.key))
                 .filter_map(|setting| {
-                    let assigned = format!("# {} = {}", setting.key, setting.example?);
+                    let example = setting.example.as_ref()?.text(rate_hz);
+                    let assigned = format!("# {} = {example}", setting.key);
                     Some(format!("{assigned:<32} # {}", setting.comment))
                 })
                 .collect();
@@ -271,13 +296,20 @@ mod tests {
         for values in [None, Some([-3.5, 9.0])] {
             config.segmenter.values = values;
             let table = config.table("robot");
-            let text = commented(&table).unwrap();
+            let text = commented(&table, 750.0).unwrap();
             assert_eq!(Table::parse(&text).unwrap(), table);
             for line in text.lines().filter(|line| line.contains(" = ")) {
                 assert!(line.contains(" # "), "{line}");
             }
             assert_eq!(text.contains("\n# values = [0.0, 255.0]"), values.is_none());
             assert!(text.contains("\n# plain_deadline_ms = 1.333"), "{text}");
+            assert!(text.contains("\n# dropout_deadline_ms = 4.0 "), "{text}");
+            let slower = commented(&table, 500.0).unwrap();
+            assert!(slower.contains("\n# plain_deadline_ms = 2.0 "), "{slower}");
+            assert!(
+                slower.contains("\n# dropout_deadline_ms = 6.0 "),
+                "{slower}"
+            );
             assert_eq!(text.matches("# least and greatest").count(), 1, "{text}");
         }
     }

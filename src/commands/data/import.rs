@@ -59,9 +59,21 @@ fn import_data_set(arguments: &ImportArgs, format: Format) -> anyhow::Result<Exi
         read_beginning(path, arguments.steps)?
     };
     if let Some(rate) = arguments.rate {
+        let own = dataset.sample_rate_hz();
+        if !dataset.is_rate_assumed() && own != rate {
+            say!("warning: {data} says {own} Hz; `--rate {rate}` is taken instead");
+        }
         dataset = dataset.with_sample_rate(rate)?;
     }
     if let Some((rows, cols)) = arguments.shape {
+        let own = dataset.shape();
+        if !dataset.is_patch_assumed() && (own.rows, own.cols) != (rows, cols) {
+            say!(
+                "warning: {data} says {}x{} taxels; `--shape {rows}x{cols}` is taken instead",
+                own.rows,
+                own.cols
+            );
+        }
         dataset = dataset.with_patch(rows, cols)?;
     }
     source::warn_of_assumed_rate(dataset.is_rate_assumed(), dataset.sample_rate_hz());

@@ -11,6 +11,7 @@ use tactnet_rehearsal::{PlayCycle, SkinDriver, SkinSimulator, play_order, rest_f
 use tactnet_skin::ServeConfig;
 
 use super::{check_fit, unseen_by};
+use crate::commands::choices::rate;
 use crate::stop::Stop;
 use crate::table;
 use crate::{output, source};
@@ -26,6 +27,9 @@ pub struct SkinArgs {
     /// Whose sweeps [default: twin; with --unseen-by, the run's data]
     #[arg(long, value_name = "FILE|twin")]
     data: Option<String>,
+    /// Frames per second, for data that does not say [default: with --unseen-by, what the run was given]
+    #[arg(long, value_name = "HZ", value_parser = rate)]
+    rate: Option<f64>,
     /// Only sweeps that this run was not trained on, at its sample rate and of its number of steps
     #[arg(long, value_name = "DIR")]
     unseen_by: Option<PathBuf>,
@@ -80,15 +84,17 @@ pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
         Some(run) => {
             // At the rate and with the steps of the run.
             let config = RunDir::open(run)?.config()?;
-            let spec = &config.spec;
+            let mut spec = config.spec.clone();
+            spec.rate_hz = arguments.rate.or(spec.rate_hz);
             let data = arguments.data.as_ref().unwrap_or(&spec.data);
-            let dataset = source::load_as(spec, data, LabelOrder::True)?;
+            let dataset = source::load_as(&spec, data, LabelOrder::True)?;
             check_fit(&dataset, data, &config.classifier)?;
             let unseen = unseen_by(&dataset, run)?;
             (dataset, unseen)
         }
         None => {
-            let dataset = source::load(arguments.data.as_deref().unwrap_or("twin"))?;
+            let dataset = source::load(arguments.data.as_deref().unwrap_or("twin"))?
+                .with_named_rate(arguments.rate)?;
             let all = (0..dataset.len()).collect();
             (dataset, all)
         }
@@ -109,7 +115,7 @@ pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
         }
     };
     if let Some(path) = &arguments.cycle_out {
-        let cycle = PlayCycle::of(order.len(), object_sweeps as usize);
+        let cycle = PlayCycle::of(order.len(), sweeps.len(), object_sweeps as usize);
         write_whole(path, serde_json::to_string(&cycle)?.as_bytes())?;
     }
     let driver = SkinDriver::open(&bus, &config)?.at_speed(arguments.speed);

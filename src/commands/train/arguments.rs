@@ -23,7 +23,7 @@ pub struct TrainArgs {
     #[arg(long, value_name = "FILE|twin")]
     pub data: Option<String>,
     /// What to train [default: tactnet2]
-    #[arg(long, value_enum)]
+    #[arg(long, value_enum, ignore_case = true)]
     pub model: Option<ModelChoice>,
     /// How to train it: a built-in recipe (fast, thesis) or a TOML file [default: fast, or the model's only one]
     #[arg(long, value_name = "NAME|FILE")]

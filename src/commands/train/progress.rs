@@ -125,7 +125,7 @@ fn batch_bar(batches: usize, target: ProgressDrawTarget) -> ProgressBar {
 /// In at most 46 columns, so that the time left beside it fits.
 fn epoch_text(batch: &BatchReport, epochs: usize) -> String {
     format!(
-        "epoch {}/{epochs}: loss {}, accuracy {:.1} %",
+        "epoch {}/{epochs}: loss {}, training {:.1} %",
         batch.epoch + 1,
         in_five_columns(batch.mean_loss),
         100.0 * batch.accuracy
