@@ -129,7 +129,7 @@ fn own_tables_are_checked_imported_and_trained_on() {
     words.arg(lab.path("z.npz")).arg(lab.path("words.csv"));
     let message = stderr(&expect(2, words));
     assert!(
-        message.contains("words.csv: line 3: expected a number, found `x`"),
+        message.contains("words.csv: line 3, column 3: expected a number, found `x`"),
         "{message}"
     );
     assert!(!message.contains("z.npz"), "{message}");

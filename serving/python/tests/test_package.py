@@ -299,3 +299,45 @@ def test_frames_go_in_and_beliefs_come_out(data, network, robot):
     pandas = pytest.importorskip("pandas")
     table = pandas.json_normalize(recording.beliefs())
     assert table["sweep_says.material"].iloc[-1] == belief["sweep_says"]["material"]
+
+
+def test_folds_are_as_many_as_asked_for(data):
+    own = data[0]
+    assert len(own.folds(folds=3)) == len(own.folds("k-fold", folds=3)) == 3
+    assert len(own.folds()) == 5
+    for wrong, complaint in [((3,), "folds=3"), (("leave-block-out", 3), "expected none")]:
+        with pytest.raises(tactnet.TactnetError, match=complaint):
+            own.folds(*wrong)
+
+
+def test_probabilities_are_not_taken_for_logarithms():
+    probabilities = np.array([[0.7, 0.2, 0.1], [0.6, 0.3, 0.1]])
+    with pytest.raises(tactnet.TactnetError, match="np.log"):
+        tactnet.fuse(probabilities)
+    expected = probabilities.prod(axis=0) / probabilities.prod(axis=0).sum()
+    assert np.allclose(tactnet.fuse(np.log(probabilities)), expected)
+
+
+def test_a_folder_is_opened_by_the_class_of_its_classifier(data, tmp_path):
+    own, _, train, test = data
+    for number, fitted in enumerate([tactnet.LdaClassifier(rate=750), tactnet.KnnClassifier(features="l", rate=750)]):
+        fitted.fit(own.X[train], own.y[train]).save(tmp_path / str(number))
+        loaded = type(fitted).load(tmp_path / str(number))
+        assert loaded.get_params() == fitted.get_params()
+        assert (loaded.predict(own.X[test]) == fitted.predict(own.X[test])).all()
+        with pytest.raises(tactnet.TactnetError, match=f"{type(fitted).__name__}.load opens it"):
+            tactnet.TactNetClassifier.load(tmp_path / str(number))
+
+
+def test_gaps_and_transposed_sweeps_are_told(data):
+    own, _, train, test = data
+    X = own.X[train].astype(np.float32)
+    fitted = tactnet.LdaClassifier(rate=750).fit(X, own.y[train])
+    X[3, 7] = np.nan
+    for use in [lambda: fitted.predict(X), lambda: fitted.fit(X, own.y[train])]:
+        with pytest.raises(tactnet.TactnetError) as refused:
+            use()
+        assert "1 of 48 sweeps, the first X[3]" in str(refused.value) and "\n" not in str(refused.value)
+    turned = own.X[train].reshape(len(train), 300, 16).transpose(0, 2, 1)
+    with pytest.warns(UserWarning, match="axes are in another order"):
+        tactnet.LdaClassifier(rate=750).fit(turned, own.y[train])

@@ -33,9 +33,12 @@ pub(crate) struct Heard {
 impl Heard {
     pub fn path(&mut self, put_ns: u64, path: &ArmPath) {
         if let Some(place) = self.paths.get_mut(path.arm as usize) {
+            // A last correction follows from a newer pose of the head, not from a picture.
+            if place.is_none_or(|before| before.exposure_ns != path.exposure_ns) {
+                self.to_path_ms
+                    .push(milliseconds(put_ns.saturating_sub(path.exposure_ns)));
+            }
             *place = Some(*path);
-            self.to_path_ms
-                .push(milliseconds(put_ns.saturating_sub(path.exposure_ns)));
         }
     }
 
@@ -122,7 +125,7 @@ pub struct RunReport {
     pub caught_of_all: usize,
     /// Why balls of the catch space were missed.
     pub misses: BTreeMap<&'static str, usize>,
-    /// From the middle of an exposure to the path that follows from it.
+    /// From the middle of an exposure to the first path that follows from it.
     pub exposure_to_path_ms: Option<Milliseconds>,
     /// How old the last picture was that a caught ball's path follows from, when it was caught.
     pub last_picture_age_ms: Option<Milliseconds>,
@@ -245,6 +248,12 @@ mod tests {
         };
         heard.path(1_055_000_000, &path(1, 1_060_000_000));
         heard.path(1_095_000_000, &path(1, 1_100_000_000));
+        // A correction from the same picture.
+        let corrected = ArmPath {
+            exposure_ns: 1_030_000_000,
+            ..path(1, 1_116_000_000)
+        };
+        heard.path(1_111_000_000, &corrected);
         heard.outcome(&outcome(1, 0, 2, 1_150_000_000));
         heard.outcome(&outcome(0, 3, 1, 9_150_000_000));
         heard.outcome(&outcome(0, 1, 0, 0));
@@ -271,7 +280,7 @@ mod tests {
             report.last_picture_age_ms.map(|ms| (ms.count, ms.max)),
             Some((1, 120.0))
         );
-        assert_eq!(report.last_measurement_age_ms.map(|ms| ms.p50), Some(66.0));
+        assert_eq!(report.last_measurement_age_ms.map(|ms| ms.p50), Some(50.0));
         assert_eq!(report.paths_refused, 4);
     }
 }

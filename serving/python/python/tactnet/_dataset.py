@@ -125,13 +125,20 @@ class Dataset:
         return [Finding(entry["severity"], entry["kind"], entry["message"]) for entry in found]
 
     def folds(
-        self, scheme: str = "default", folds: int = 5, seed: int = 1, repeat: int = 0
+        self, scheme: str = "default", folds: int | None = None, seed: int = 1, repeat: int = 0
     ) -> list[tuple[np.ndarray, np.ndarray]]:
         """Returns ``(train, test)`` indices of every fold: those of the command line for equal seeds. Serves as ``cv`` in scikit-learn.
 
         scheme: ``default`` (the file's own test sweeps, else stratified folds), ``k-fold`` or ``leave-block-out``.
+        folds: how many of ``k-fold``, which it stands for where no scheme is named; None: 5.
         """
-        return self._native.folds(scheme, folds, seed, repeat)
+        if not isinstance(scheme, str):
+            raise TactnetError(f"scheme: expected default, k-fold or leave-block-out, found {scheme!r}; a number of folds is named, folds={scheme!r}")
+        if folds is not None and scheme == "default":
+            scheme = "k-fold"
+        if folds is not None and scheme != "k-fold":
+            raise TactnetError(f"folds: expected none with {scheme}, which has as many as the data, found {folds}")
+        return self._native.folds(scheme, 5 if folds is None else folds, seed, repeat)
 
     @property
     def X(self) -> np.ndarray:

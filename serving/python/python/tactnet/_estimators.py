@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import io
+import json
 import tarfile
 import tempfile
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -22,15 +24,40 @@ except ImportError:
     from ._without_sklearn import BaseEstimator, ClassifierMixin, check_classification_targets, check_is_fitted, validate_data
 
 
+#: What a saved network is called.
+NETWORK = "a network"
+
+
 def fuse(log_proba: Any) -> np.ndarray:
     """Returns ``(materials,)``: the posterior of one object from several sweeps, by Bayes's rule from equal priors.
 
-    log_proba: ``(sweeps, materials)``, as ``predict_log_proba`` returns.
+    log_proba: ``(sweeps, materials)``, natural logarithms, as ``predict_log_proba`` returns; probabilities are refused.
     """
     log_proba = np.ascontiguousarray(log_proba, dtype=np.float64)
     if log_proba.ndim != 2 or log_proba.shape[1] == 0:
         raise TactnetError(f"log_proba: expected (sweeps, materials), found shape {log_proba.shape}")
+    # Logarithms of probabilities are at most 0, and only those of a single certain material are all 0 or more.
+    if log_proba.shape[1] > 1 and (log_proba >= 0).all() and np.allclose(log_proba.sum(axis=1), 1, atol=1e-3):
+        raise TactnetError("log_proba: expected logarithms, found probabilities; predict_log_proba returns them, or np.log")
     return _tactnet.fuse(log_proba)
+
+
+def refuse_gaps(X: Any) -> None:
+    """Raises TactnetError where sweeps have values that are not finite; what is no array of sweeps is left to others."""
+    values = np.asarray(X)
+    if values.ndim < 3 or values.dtype.kind != "f":
+        return
+    odd = ~np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+    if odd.any():
+        raise TactnetError(f"X: expected finite numbers, found NaN or infinity in {odd.sum()} of {len(values)} sweeps, the first X[{odd.argmax()}]")
+
+
+def suspicious_axes(data: Dataset) -> list[str]:
+    """Returns what is odd about the order of axes; the whole check is made only where a side of the patch is longer than the sweeps."""
+    steps, rows, cols = data._native.sweep_shape
+    if max(rows, cols) <= steps:
+        return []
+    return [finding.message for finding in data.check() if finding.kind == "axis_order"]
 
 
 class SweepClassifier(ClassifierMixin, BaseEstimator):
@@ -63,12 +90,15 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
 
         Raises TactnetError, a ValueError, for sweeps that cannot be learnt from. Ctrl-C stops a network's training at the next batch.
         """
+        refuse_gaps(X)
         X, y = validate_data(self, X, y, allow_nd=True, dtype=None)
         check_classification_targets(y)
         self.classes_ = np.unique(y)
         if len(self.classes_) < 2:
             raise ValueError(f"y: expected at least two materials, found one class, {self.classes_[0]!r}")
         data = Dataset.from_arrays(self._sweeps(X), y, self.rate)
+        for message in suspicious_axes(data):
+            warnings.warn(message, UserWarning, stacklevel=2)
         self.classifier_ = _tactnet.Classifier.fit(
             data._native, self._recipe(), seed=self.seed, progress=self._progress(), **self._settings()
         )
@@ -85,6 +115,8 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
         check_is_fitted(self, "classifier_")
         # Of more than two axes the error below says what was expected; scikit-learn would call steps features.
         many_axes = np.asarray(X).ndim > 2
+        if many_axes:
+            refuse_gaps(X)
         alike = type(self)(**self.get_params(deep=False)) if many_axes else self
         X = validate_data(alike, X, allow_nd=True, dtype=None, reset=many_axes)
         values = native_values(self._sweeps(X))
@@ -127,6 +159,30 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
         """Saves into a new folder, which the command line opens, too: ``tactnet eval``, ``predict``, ``serve``, ``export``."""
         check_is_fitted(self, "classifier_")
         self.classifier_.save(folder)
+
+    @classmethod
+    def _settings_of(cls, model: str) -> dict[str, Any] | None:
+        """Returns the settings that a saved model of this class had, None where it is of another class."""
+        raise NotImplementedError
+
+    @classmethod
+    def load(cls, folder: Any) -> SweepClassifier:
+        """Opens a folder of :meth:`save`, ``tactnet train`` or ``tactnet enroll``; ``classes_`` are then names.
+
+        Raises TactnetError where it holds a classifier of another class.
+        """
+        native = _tactnet.Classifier.load(folder)
+        described = json.loads((Path(folder) / "config.json").read_text())["classifier"]["model"]
+        model = described.get("baseline", {}).get("name", NETWORK)
+        settings = cls._settings_of(model)
+        if settings is None:
+            fitting = [other.__name__ for other in ALL if other._settings_of(model) is not None]
+            raise TactnetError(f"{folder}: expected a classifier of {cls.__name__}, found {model}; {' or '.join(fitting)}.load opens it")
+        loaded = cls(rate=native.rate_hz, **settings)
+        loaded.classifier_ = native
+        loaded.classes_ = np.asarray(native.materials)
+        loaded.n_features_in_ = native.sweep_shape[0]
+        return loaded
 
     def __getstate__(self) -> dict[str, Any]:
         state = dict(super().__getstate__())
@@ -194,7 +250,7 @@ class TactNetClassifier(SweepClassifier):
 
             def lines(epoch, batch, batches, loss, accuracy):
                 if batch + 1 == batches:
-                    print(f"epoch {epoch + 1}: loss {loss:.3f}, accuracy {accuracy:.3f}", flush=True)
+                    print(f"epoch {epoch + 1}: loss {loss:.3f}, training accuracy {accuracy:.3f}", flush=True)
 
             return lines
         bar = tqdm(unit="batch")
@@ -207,14 +263,8 @@ class TactNetClassifier(SweepClassifier):
         return show
 
     @classmethod
-    def load(cls, folder: Any) -> TactNetClassifier:
-        """Opens a folder of :meth:`save`, ``tactnet train`` or ``tactnet enroll``; ``classes_`` are then names."""
-        native = _tactnet.Classifier.load(folder)
-        loaded = cls(rate=native.rate_hz)
-        loaded.classifier_ = native
-        loaded.classes_ = np.asarray(native.materials)
-        loaded.n_features_in_ = native.sweep_shape[0]
-        return loaded
+    def _settings_of(cls, model: str) -> dict[str, Any] | None:
+        return {} if model == NETWORK else None
 
     def unknown_score(self, X: Any) -> np.ndarray:
         """Returns ``(sweeps,)``: larger for sweeps that are less like a known material.
@@ -299,6 +349,10 @@ class MiniRocketClassifier(SweepClassifier):
     def _recipe(self) -> str:
         return "minirocket"
 
+    @classmethod
+    def _settings_of(cls, model: str) -> dict[str, Any] | None:
+        return {} if model == "minirocket" else None
+
 
 class MultiRocketHydraClassifier(SweepClassifier):
     """MultiRocket and Hydra together, and a ridge classifier (Dempster et al., 2023)."""
@@ -306,12 +360,20 @@ class MultiRocketHydraClassifier(SweepClassifier):
     def _recipe(self) -> str:
         return "multirocket-hydra"
 
+    @classmethod
+    def _settings_of(cls, model: str) -> dict[str, Any] | None:
+        return {} if model == "multirocket-hydra" else None
+
 
 class LdaClassifier(SweepClassifier):
     """Linear discriminant on levels and logarithmic spectra of every taxel."""
 
     def _recipe(self) -> str:
         return "lda"
+
+    @classmethod
+    def _settings_of(cls, model: str) -> dict[str, Any] | None:
+        return {} if model == "lda" else None
 
 
 class _OnFeatures(SweepClassifier):
@@ -325,6 +387,10 @@ class _OnFeatures(SweepClassifier):
         if self.features not in self._KINDS:
             raise TactnetError(f"features: expected one of {', '.join(self._KINDS)}, found {self.features!r}")
         return self._KINDS[self.features]
+
+    @classmethod
+    def _settings_of(cls, model: str) -> dict[str, Any] | None:
+        return next(({"features": features} for features, kind in cls._KINDS.items() if kind == model), None)
 
 
 class SvmClassifier(_OnFeatures):
@@ -343,3 +409,7 @@ class KnnClassifier(_OnFeatures):
     """
 
     _KINDS = {"h": "knn-h", "l": "knn-l"}
+
+
+#: Classes that a folder may hold a classifier of.
+ALL = (TactNetClassifier, MiniRocketClassifier, MultiRocketHydraClassifier, LdaClassifier, SvmClassifier, KnnClassifier)
