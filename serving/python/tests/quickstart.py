@@ -28,6 +28,9 @@ class Flat(tactnet.SweepClassifier):
     def _sweeps(self, X):
         return np.repeat(np.asarray(X, dtype=float)[:, None, :], 16, axis=1)
 
+    def _check_sweeps(self, data):
+        """Equal frames are sweeps in which no taxel changes, and the tables have equal rows."""
+
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
         tags.input_tags.two_d_array = True

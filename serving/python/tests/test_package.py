@@ -10,6 +10,7 @@ import pickle
 import subprocess
 import sys
 import time
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -314,6 +315,7 @@ def test_probabilities_are_not_taken_for_logarithms():
     probabilities = np.array([[0.7, 0.2, 0.1], [0.6, 0.3, 0.1]])
     with pytest.raises(tactnet.TactnetError, match="np.log"):
         tactnet.fuse(probabilities)
+    assert np.allclose(tactnet.fuse(np.empty((0, 3))), 1 / 3)
     expected = probabilities.prod(axis=0) / probabilities.prod(axis=0).sum()
     assert np.allclose(tactnet.fuse(np.log(probabilities)), expected)
 
@@ -327,6 +329,72 @@ def test_a_folder_is_opened_by_the_class_of_its_classifier(data, tmp_path):
         assert (loaded.predict(own.X[test]) == fitted.predict(own.X[test])).all()
         with pytest.raises(tactnet.TactnetError, match=f"{type(fitted).__name__}.load opens it"):
             tactnet.TactNetClassifier.load(tmp_path / str(number))
+
+
+def test_a_folder_of_any_class_is_opened_by_the_base_class(data, tmp_path):
+    own, _, train, test = data
+    lda = tactnet.LdaClassifier(rate=750).fit(own.X[train], own.y[train])
+    lda.save(tmp_path / "lda")
+    loaded = tactnet.SweepClassifier.load(tmp_path / "lda")
+    assert type(loaded) is tactnet.LdaClassifier
+    assert (loaded.predict(own.X[test]) == lda.predict(own.X[test])).all()
+
+    class Means(tactnet.SweepClassifier):
+        def _recipe(self):
+            return "means"
+
+    means = Means(rate=750).fit(own.X[train], own.y[train])
+    means.save(tmp_path / "means")
+    loaded = tactnet.SweepClassifier.load(tmp_path / "means")
+    assert type(loaded) is tactnet.SweepClassifier
+    assert (loaded.predict(own.X[test]) == means.predict(own.X[test])).all()
+    with pytest.raises(tactnet.TactnetError, match="found means; SweepClassifier.load opens it"):
+        tactnet.LdaClassifier.load(tmp_path / "means")
+
+
+def test_errors_speak_of_python(data, tmp_path):
+    own, _, train, test = data
+    with pytest.raises(tactnet.TactnetError, match="^epochs: expected at least 1, found 0$"):
+        tactnet.TactNetClassifier(rate=750, epochs=0).fit(own.X[train], own.y[train])
+    fitted = tactnet.LdaClassifier(rate=750).fit(own.X[train], own.y[train])
+    (tmp_path / "empty").mkdir()
+    fitted.save(tmp_path / "empty")
+    with pytest.raises(tactnet.TactnetError, match="expected a new or an empty folder, found files") as refused:
+        fitted.save(str(tmp_path / "empty"))
+    assert "--" not in str(refused.value) and str(tmp_path / "empty") in str(refused.value)
+    for name in ("X", "samples"):
+        file = tmp_path / f"{name}.npz"
+        np.savez(file, **{name: own.X[test]})
+        with pytest.raises(tactnet.TactnetError, match="`predict` of a classifier takes arrays without materials") as refused:
+            tactnet.Dataset.read(file)
+        assert "tactnet predict" not in str(refused.value) and f"`{name}`" in str(refused.value)
+        assert (fitted.predict(np.load(file)[name]) == fitted.predict(own.X[test])).all()
+
+
+def test_training_sweeps_are_checked(data):
+    own, _, train, _ = data
+    X, y = own.X[train], own.y[train]
+    still = X.copy()
+    still[5] = still[5, 0]
+    with pytest.raises(tactnet.TactnetError, match=r"^X\[5\], .* no taxel ever changes$"):
+        tactnet.LdaClassifier(rate=750).fit(still, y)
+    # A bootstrap repeats sweeps.
+    again = np.r_[0 : len(X), 0, 1]
+    with pytest.warns(UserWarning, match="has the same values as") as told:
+        tactnet.LdaClassifier(rate=750).fit(X[again], y[again])
+    assert len(told) == 1 and told[0].filename == __file__
+    # Of two sweeps of a material, a fold leaves one to train with.
+    kept = np.delete(np.arange(len(X)), np.flatnonzero(y == y[0])[1:])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        tactnet.LdaClassifier(rate=750).fit(X[kept], y[kept])
+
+
+def test_no_sweeps_are_no_gaps(data):
+    own, _, train, _ = data
+    fitted = tactnet.LdaClassifier(rate=750).fit(own.X[train], own.y[train])
+    with pytest.raises(ValueError, match="0 sample"):
+        fitted.predict(own.X[:0].astype(float))
 
 
 def test_gaps_and_transposed_sweeps_are_told(data):

@@ -60,6 +60,11 @@ def native_values(X: Any) -> np.ndarray:
     return np.ascontiguousarray(X)
 
 
+#: What the command line says of a file without materials, and what there is in Python instead.
+UNLABELLED = "`tactnet predict` classifies sweeps without materials"
+UNLABELLED_HERE = "numpy.load opens it, and `predict` of a classifier takes arrays without materials"
+
+
 class Dataset:
     """Sweeps of a tactile skin, each with its material.
 
@@ -104,8 +109,13 @@ class Dataset:
         """Reads HDF5, npz, CSV, Parquet or a folder of CSV, as ``tactnet data import`` does.
 
         rate: frames a second, for files that do not say.
+
+        Sweeps without materials need no data set: ``predict`` of a classifier takes arrays, as ``numpy.load(path)["X"]``.
         """
-        return cls(_tactnet.Dataset.read(path, rate))
+        try:
+            return cls(_tactnet.Dataset.read(path, rate))
+        except TactnetError as error:
+            raise TactnetError(str(error).replace(UNLABELLED, UNLABELLED_HERE)) from None
 
     @classmethod
     def twin(cls, **settings: Any) -> Dataset:

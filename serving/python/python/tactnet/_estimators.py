@@ -37,7 +37,7 @@ def fuse(log_proba: Any) -> np.ndarray:
     if log_proba.ndim != 2 or log_proba.shape[1] == 0:
         raise TactnetError(f"log_proba: expected (sweeps, materials), found shape {log_proba.shape}")
     # Logarithms of probabilities are at most 0, and only those of a single certain material are all 0 or more.
-    if log_proba.shape[1] > 1 and (log_proba >= 0).all() and np.allclose(log_proba.sum(axis=1), 1, atol=1e-3):
+    if log_proba.size and log_proba.shape[1] > 1 and (log_proba >= 0).all() and np.allclose(log_proba.sum(axis=1), 1, atol=1e-3):
         raise TactnetError("log_proba: expected logarithms, found probabilities; predict_log_proba returns them, or np.log")
     return _tactnet.fuse(log_proba)
 
@@ -47,17 +47,20 @@ def refuse_gaps(X: Any) -> None:
     values = np.asarray(X)
     if values.ndim < 3 or values.dtype.kind != "f":
         return
-    odd = ~np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+    odd = ~np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
     if odd.any():
         raise TactnetError(f"X: expected finite numbers, found NaN or infinity in {odd.sum()} of {len(values)} sweeps, the first X[{odd.argmax()}]")
 
 
-def suspicious_axes(data: Dataset) -> list[str]:
-    """Returns what is odd about the order of axes; the whole check is made only where a side of the patch is longer than the sweeps."""
-    steps, rows, cols = data._native.sweep_shape
-    if max(rows, cols) <= steps:
-        return []
-    return [finding.message for finding in data.check() if finding.kind == "axis_order"]
+#: Errors of :meth:`Dataset.check` that the command line refuses and ``fit`` refuses, too.
+REFUSED = ("not_finite", "constant_sweep")
+
+#: Findings that ``fit`` warns of. Equal sweeps are an error of the check because of test sweeps, of which ``fit`` knows nothing: a bootstrap
+#: repeats sweeps. Too few sweeps of a material for folds are no matter of ``fit`` either.
+WARNED = {
+    "axis_order": "{message}",
+    "identical_sweeps": "{message}; if one of two equal sweeps is a test sweep, the accuracy means nothing",
+}
 
 
 class SweepClassifier(ClassifierMixin, BaseEstimator):
@@ -88,7 +91,8 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
     def fit(self, X: Any, y: Any) -> SweepClassifier:
         """Fits to all sweeps.
 
-        Raises TactnetError, a ValueError, for sweeps that cannot be learnt from. Ctrl-C stops a network's training at the next batch.
+        Raises TactnetError, a ValueError, for sweeps that cannot be learnt from: values that are not finite, sweeps in which no taxel
+        changes. Warns where the axes seem to be in another order, and of equal sweeps. Ctrl-C stops a network's training at the next batch.
         """
         refuse_gaps(X)
         X, y = validate_data(self, X, y, allow_nd=True, dtype=None)
@@ -97,8 +101,7 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
         if len(self.classes_) < 2:
             raise ValueError(f"y: expected at least two materials, found one class, {self.classes_[0]!r}")
         data = Dataset.from_arrays(self._sweeps(X), y, self.rate)
-        for message in suspicious_axes(data):
-            warnings.warn(message, UserWarning, stacklevel=2)
+        self._check_sweeps(data)
         self.classifier_ = _tactnet.Classifier.fit(
             data._native, self._recipe(), seed=self.seed, progress=self._progress(), **self._settings()
         )
@@ -106,6 +109,19 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
 
     def _progress(self):
         return None
+
+    def _check_sweeps(self, data: Dataset) -> None:
+        """Refuses training sweeps that cannot be learnt from, and warns of odd ones, once for each kind of finding."""
+        told = set()
+        for finding in json.loads(data._native.check_json())["findings"]:
+            kind, message, sweep = finding["kind"], finding["message"], finding["at"]["sweep"]
+            if sweep is not None:
+                message = f"X[{sweep}], {message}"
+            if kind in REFUSED:
+                raise TactnetError(message)
+            if kind in WARNED and kind not in told:
+                told.add(kind)
+                warnings.warn(WARNED[kind].format(message=message), UserWarning, stacklevel=3)
 
     def _sweeps(self, X: np.ndarray) -> np.ndarray:
         """Returns the sweeps that validated input stands for."""
@@ -156,28 +172,38 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
         return pandas.DataFrame(columns)
 
     def save(self, folder: Any) -> None:
-        """Saves into a new folder, which the command line opens, too: ``tactnet eval``, ``predict``, ``serve``, ``export``."""
+        """Saves into a new folder, which the command line opens, too: ``tactnet eval``, ``predict``, ``serve``, ``export``.
+
+        Raises TactnetError for a folder that holds anything already; nothing is replaced.
+        """
         check_is_fitted(self, "classifier_")
+        folder = Path(folder)
+        if folder.is_dir() and any(folder.iterdir()):
+            raise TactnetError(f"{folder}: expected a new or an empty folder, found files; name another, or remove it first")
         self.classifier_.save(folder)
 
     @classmethod
     def _settings_of(cls, model: str) -> dict[str, Any] | None:
         """Returns the settings that a saved model of this class had, None where it is of another class."""
-        raise NotImplementedError
+        return {}
 
     @classmethod
     def load(cls, folder: Any) -> SweepClassifier:
         """Opens a folder of :meth:`save`, ``tactnet train`` or ``tactnet enroll``; ``classes_`` are then names.
 
-        Raises TactnetError where it holds a classifier of another class.
+        ``SweepClassifier.load`` opens any and returns it with its own class; a baseline of a recipe that no class stands for, as
+        ``means``, is then a SweepClassifier, which predicts and cannot be fitted anew. Raises TactnetError where a folder holds a
+        classifier of another class than the one it is opened by.
         """
         native = _tactnet.Classifier.load(folder)
         described = json.loads((Path(folder) / "config.json").read_text())["classifier"]["model"]
         model = described.get("baseline", {}).get("name", NETWORK)
+        own = next((known for known in ALL if known._settings_of(model) is not None), SweepClassifier)
+        if cls is SweepClassifier:
+            cls = own
         settings = cls._settings_of(model)
         if settings is None:
-            fitting = [other.__name__ for other in ALL if other._settings_of(model) is not None]
-            raise TactnetError(f"{folder}: expected a classifier of {cls.__name__}, found {model}; {' or '.join(fitting)}.load opens it")
+            raise TactnetError(f"{folder}: expected a classifier of {cls.__name__}, found {model}; {own.__name__}.load opens it")
         loaded = cls(rate=native.rate_hz, **settings)
         loaded.classifier_ = native
         loaded.classes_ = np.asarray(native.materials)
@@ -239,6 +265,8 @@ class TactNetClassifier(SweepClassifier):
         return str(self.recipe)
 
     def _settings(self) -> dict[str, Any]:
+        if self.epochs is not None and self.epochs < 1:
+            raise TactnetError(f"epochs: expected at least 1, found {self.epochs}")
         return {"epochs": self.epochs, "levels": self.levels}
 
     def _progress(self):

@@ -34,7 +34,8 @@ class SkinPort:
     def put(self, digits: Any, sequence: int | None = None, sensor_time_ns: int | None = None) -> None:
         """Puts a frame.
 
-        digits: taxels row by row, 1024 at most.
+        digits: taxels row by row, 1024 at most. The port does not know how many the skin has: a frame of another number than the network's
+            makes the classifier reject the sweep, which ``tactile/status`` tells.
         sequence: number of the frame, where a gap is a lost frame; None: one more than the last.
         sensor_time_ns: by the sensor's clock; None: now.
         """
