@@ -4,6 +4,7 @@
 
 mod hostile;
 mod own_data;
+mod tables;
 
 use proptest::prelude::*;
 use serde_json::{Value, json};

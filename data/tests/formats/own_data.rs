@@ -1,6 +1,5 @@
 //! Files as people have them at hand: `X` and `y`, tables, folders.
 
-use std::fmt::Write;
 use std::fs::File;
 use std::path::Path;
 
@@ -13,10 +12,11 @@ use tactnet_data::{
 use zip::write::SimpleFileOptions;
 use zip::{ZipArchive, ZipWriter};
 
+use crate::tables::write;
 use crate::{expected_materials, expected_samples, fixture, is_same, names};
 
 /// The twelve sweeps of the fixtures, as a line of taxels.
-fn assert_line(dataset: &Dataset) {
+pub(crate) fn assert_line(dataset: &Dataset) {
     assert_eq!(dataset.samples(), &Samples::U8(expected_samples()));
     let shape = SweepShape {
         steps: 60,
@@ -94,172 +94,6 @@ fn an_assumed_rate_stays_assumed_until_somebody_names_it() {
     );
 }
 
-/// The frames of the fixtures' sweeps as lines of a table.
-fn frames(separator: char, first: impl Fn(usize, usize) -> String) -> Vec<String> {
-    let samples = expected_samples();
-    let sweeps = samples.chunks_exact(60 * 16).enumerate();
-    sweeps
-        .map(|(sweep, frames)| {
-            let mut text = String::new();
-            for (step, frame) in frames.chunks_exact(16).enumerate() {
-                let values: Vec<String> = frame.iter().map(u8::to_string).collect();
-                let values = values.join(&separator.to_string());
-                writeln!(text, "{}{values}", first(sweep, step)).unwrap();
-            }
-            text
-        })
-        .collect()
-}
-
-/// Names of sixteen taxels, each behind a separator.
-fn columns(separator: char) -> String {
-    (0..16)
-        .map(|taxel| format!("{separator}taxel{taxel}"))
-        .collect()
-}
-
-fn write(path: &Path, text: &str) {
-    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-    std::fs::write(path, text).unwrap();
-}
-
-#[test]
-fn a_folder_of_tables_is_a_data_set() {
-    let dir = tempfile::tempdir().unwrap();
-    let materials = expected_materials();
-
-    // Listed, with a name for every column and times, separated by semicolons.
-    let listed = dir.path().join("listed");
-    let header = columns(';');
-    let mut labels = String::from("file,material,block,test\n");
-    for (sweep, text) in frames(';', |_, step| format!("{};", step as f64 / 100.0))
-        .iter()
-        .enumerate()
-    {
-        write(
-            &listed.join(format!("sweeps/{sweep}.csv")),
-            &format!("time{header}\n{text}"),
-        );
-        let material = &materials[sweep / 4];
-        writeln!(
-            labels,
-            "sweeps/{sweep}.csv, {material},{},{}",
-            sweep % 2,
-            sweep % 4 / 3
-        )
-        .unwrap();
-    }
-    write(&listed.join("labels.csv"), &labels);
-    let dataset = format::read(&listed).unwrap();
-    assert_line(&dataset);
-    assert_eq!(names(&dataset), materials);
-    assert_eq!(
-        (dataset.sample_rate_hz(), dataset.is_rate_assumed()),
-        (100.0, false)
-    );
-    assert_eq!(dataset.records()[7].block, Some(1));
-    assert_eq!(dataset.records()[7].test, Some(true));
-
-    // A folder for every material, without names or times.
-    let folders = dir.path().join("folders");
-    for (sweep, text) in frames(',', |_, _| String::new()).iter().enumerate() {
-        write(
-            &folders.join(format!("{}/{sweep:02}.csv", materials[sweep / 4])),
-            text,
-        );
-    }
-    let dataset = format::read(&folders).unwrap();
-    assert_line(&dataset);
-    assert_eq!(names(&dataset), materials);
-    assert!(dataset.is_rate_assumed());
-
-    // One shorter than the others.
-    let short = folders.join(format!("{}/00.csv", materials[0]));
-    let whole = frames(',', |_, _| String::new()).remove(0);
-    let text: String = whole.split_inclusive('\n').take(50).collect();
-    write(&short, &text);
-    let refused = format::read(&folders).unwrap_err().to_string();
-    assert!(refused.contains("50 frames, as"), "{refused}");
-    assert!(refused.contains("--steps 50"), "{refused}");
-    let cut = format::read_beginning(&folders, Some(50)).unwrap();
-    assert_eq!((cut.len(), cut.shape().steps), (12, 50));
-
-    let mistakes = [
-        (
-            "1,2\n1,x\n",
-            "line 2, column 2: expected a number, found `x`",
-        ),
-        (
-            "1;2\n1;0,5\n",
-            "found `0,5`; decimals are written with a point",
-        ),
-        (
-            "1,2\n1\n",
-            "line 2: expected 2 values, as in the first line, found 1",
-        ),
-        ("1,2\n3,4\n", "columns: expected 2 taxels"),
-        ("a,b\n", "file: expected a row per frame, found no frame"),
-    ];
-    for (text, complaint) in mistakes {
-        write(&short, text);
-        let refused = format::read(&folders).unwrap_err().to_string();
-        assert!(refused.contains(complaint), "{text}: {refused}");
-    }
-    let empty = format::read(dir.path()).unwrap_err().to_string();
-    assert!(
-        empty.contains("expected labels.csv with columns file, material"),
-        "{empty}"
-    );
-}
-
-/// What pandas writes beside the taxels, or in place of their names.
-#[test]
-fn columns_that_are_no_taxels_are_none() {
-    let dir = tempfile::tempdir().unwrap();
-    let materials = expected_materials();
-    let folder = dir.path().join("folder");
-    let numbers: Vec<String> = (0..16).map(|taxel| taxel.to_string()).collect();
-    let fill = |header: &str, first: &dyn Fn(usize, usize) -> String| {
-        for (sweep, text) in frames(',', first).iter().enumerate() {
-            let file = folder.join(format!("{}/{sweep:02}.csv", materials[sweep / 4]));
-            write(&file, &format!("{header}\n{text}"));
-        }
-    };
-    // `to_csv(index=False)` of an array.
-    fill(&numbers.join(","), &|_, _| String::new());
-    assert_line(&format::read(&folder).unwrap());
-    // A force and a row number, which are said not to be read.
-    fill(&format!("row,force{}", columns(',')), &|sweep, step| {
-        format!("{},{sweep},", 60 * sweep + step)
-    });
-    let dataset = format::read(&folder).unwrap();
-    assert_line(&dataset);
-    let said = dataset.left_out().concat();
-    assert!(said.starts_with("`row`, `force`: no taxel"), "{said}");
-    // The same in one table.
-    let path = dir.path().join("frames.csv");
-    let rows = frames(',', |sweep, step| {
-        format!("{sweep},{},{step}.5,", materials[sweep / 4])
-    });
-    let table = format!("sweep,material,force{}\n{}", columns(','), rows.concat());
-    write(&path, &table);
-    let dataset = format::read(&path).unwrap();
-    assert_line(&dataset);
-    assert!(dataset.left_out()[0].starts_with("`force`: no taxel"));
-
-    // A file that nobody has listed.
-    let one = folder.join("labels.csv");
-    write(&folder.join("a.csv"), &frames(',', |_, _| String::new())[0]);
-    write(&folder.join("b.csv"), &frames(',', |_, _| String::new())[1]);
-    write(&one, "file,material\na.csv,felt\n");
-    let dataset = format::read(&folder).unwrap();
-    assert_eq!(dataset.len(), 1);
-    assert_eq!(
-        dataset.left_out(),
-        ["files that labels.csv does not list: `b`"]
-    );
-}
-
 #[test]
 fn numbers_that_count_on_are_no_taxel_and_slow_frames_no_texture() {
     let kinds = |counter: &dyn Fn(usize, usize) -> f32, rate: f64| -> Vec<FindingKind> {
@@ -294,97 +128,6 @@ fn numbers_that_count_on_are_no_taxel_and_slow_frames_no_texture() {
     assert!(!kinds(&noise, 100.0).contains(&FindingKind::ClockTaxel));
     assert!(!kinds(&noise, 100.0).contains(&FindingKind::LongSweeps));
     assert!(kinds(&noise, 0.5).contains(&FindingKind::LongSweeps));
-}
-
-/// Half of the sweeps at twice the rate, times that go back, and what is allowed: a pause, and times rounded to milliseconds.
-#[test]
-fn sweeps_of_one_set_have_one_rate() {
-    let dir = tempfile::tempdir().unwrap();
-    let materials = expected_materials();
-    let path = dir.path().join("frames.csv");
-    let read = |seconds: &dyn Fn(usize, usize) -> f64| {
-        let rows = frames(',', |sweep, step| {
-            format!(
-                "s{sweep},{},{},",
-                materials[sweep / 4],
-                seconds(sweep, step)
-            )
-        });
-        let table = format!("sweep,material,time{}\n{}", columns(','), rows.concat());
-        write(&path, &table);
-        format::read(&path).map(|dataset| dataset.sample_rate_hz())
-    };
-    let refused = read(&|sweep, step| step as f64 / [500.0, 250.0][usize::from(sweep > 7)]);
-    let refused = refused.unwrap_err().to_string();
-    assert!(
-        refused.contains("sweep `s8`: expected 500 Hz, as of most frames, found 250 Hz"),
-        "{refused}"
-    );
-    let back = read(&|sweep, step| {
-        if (sweep, step) == (3, 5) {
-            0.0
-        } else {
-            step as f64 / 100.0
-        }
-    });
-    let back = back.unwrap_err().to_string();
-    assert!(
-        back.contains("column `time`, sweep `s3`: expected seconds that grow from frame to frame, found 0 s after 0.04 s (frame 5)"),
-        "{back}"
-    );
-    let paused =
-        read(&|sweep, step| step as f64 / 100.0 + if sweep == 3 && step > 5 { 9.0 } else { 0.0 });
-    assert_eq!(paused.unwrap(), 100.0);
-    let rounded = read(&|_, step| (step as f64 / 0.4).round() / 1000.0);
-    assert!((300.0..=500.0).contains(&rounded.unwrap()));
-}
-
-#[test]
-fn a_table_with_a_row_per_frame_is_a_data_set() {
-    let dir = tempfile::tempdir().unwrap();
-    let materials = expected_materials();
-    let path = dir.path().join("frames.csv");
-    let header = columns(',');
-    let rows = frames(',', |sweep, step| {
-        format!("s{sweep},{},{},", materials[sweep / 4], step as f64 / 100.0)
-    });
-    write(
-        &path,
-        &format!("sweep,material,time{header}\n{}", rows.concat()),
-    );
-    let dataset = format::read(&path).unwrap();
-    assert_line(&dataset);
-    assert_eq!(names(&dataset), materials);
-    assert_eq!(dataset.sample_rate_hz(), 100.0);
-
-    write(&path, "sweep,taxel0\n1,2\n");
-    let refused = format::read(&path).unwrap_err().to_string();
-    assert!(
-        refused.contains("column `material`: expected a table with columns `sweep`, `material` and one per taxel, found only `sweep`, `taxel0`"),
-        "{refused}"
-    );
-    write(&path, "sweep,material,taxel0\n1,felt,2\n1,cork,2\n");
-    let refused = format::read(&path).unwrap_err().to_string();
-    assert!(
-        refused.contains("row 2: expected one material, found `felt` and `cork`"),
-        "{refused}"
-    );
-}
-
-#[cfg(feature = "parquet")]
-#[test]
-fn a_parquet_table_of_pandas_is_a_data_set() {
-    let dataset = format::read(&fixture("read/frames.parquet")).unwrap();
-    assert_line(&dataset);
-    assert_eq!(names(&dataset), expected_materials());
-    assert_eq!(
-        (dataset.sample_rate_hz(), dataset.is_rate_assumed()),
-        (100.0, false)
-    );
-    let refused = format::read(&fixture("read/bad_missing.parquet"))
-        .unwrap_err()
-        .to_string();
-    assert!(refused.contains("column `taxel3`: expected"), "{refused}");
 }
 
 #[test]
