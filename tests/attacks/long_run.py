@@ -2,7 +2,7 @@
 """Feeds one service many frames, and looks whether its memory and its descriptors grow.
 
     python3 tests/attacks/long_run.py --tactnet target/release/tactnet --frames 64800000 --speed 10     # a day of 750 Hz
-    python3 tests/attacks/long_run.py --tactnet target/release/tactnet --frames 64800000 --speed 40 --depth 10240     # as much time in the channel as at 1x
+    python3 tests/attacks/long_run.py --tactnet target/release/tactnet --frames 64800000 --speed 40 --depth 4096      # the same in 36 minutes
 
 Prints one JSON with a row like those of kills.py, and `frames`, `kib_per_million_frames` (slope of its own resident memory with its 95 %
 interval; the first fifth is left out, and the first 50 000 frames, in which the store of newest sweeps is touched for the first time) and `descriptors` (at that time and at the end). `lost` counts frames that were lost, and 1 more if
