@@ -365,7 +365,7 @@ mod tests {
             ("leave_block_out", 30),
             ("sequence_length", 60),
             ("adversarial", 21),
-            ("hyperparameters", 22),
+            ("hyperparameters", 23),
             ("nshot", 100),
             ("sample_efficiency", 100),
             ("differentiate", 10),
