@@ -24,6 +24,7 @@
 
 mod names;
 
+use crate::format::UNLABELLED;
 use crate::{DataError, Dataset, Finding, FindingKind, Place, Severity, SweepShape};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -73,6 +74,17 @@ pub fn check(dataset: &Dataset) -> Vec<Finding> {
     findings.extend(assumed_patch(dataset));
     findings.extend(not_read(dataset));
     findings.sort_by_key(|finding| (finding.severity, finding.kind, finding.at.sweep));
+    findings
+}
+
+/// As [`check`], of sweeps whose materials nobody named: what is about materials is left out.
+pub fn check_unlabelled(dataset: &Dataset) -> Vec<Finding> {
+    let mut findings = check(dataset);
+    findings.retain(|finding| !finding.kind.is_about_materials());
+    let named = format!("`{UNLABELLED}` sweep ");
+    for finding in &mut findings {
+        finding.message = finding.message.replace(&named, "sweep ");
+    }
     findings
 }
 

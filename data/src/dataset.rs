@@ -370,6 +370,34 @@ impl Dataset {
         })
     }
 
+    /// The same sweeps, all of one material: of a file that says of none.
+    ///
+    /// # Errors
+    /// A name that is none.
+    pub fn of_one_material(self, name: &str) -> Result<Self, DataError> {
+        let labels = LabelSet::new([name])?;
+        let records = self.records.iter().enumerate();
+        let records = records.map(|(sweep, record)| SweepRecord {
+            label: 0,
+            sweep,
+            ..record.clone()
+        });
+        let one = Self::new(
+            self.name,
+            self.sample_rate_hz,
+            self.shape,
+            labels,
+            records.collect(),
+            self.samples,
+        )?;
+        Ok(Self {
+            rate_assumed: self.rate_assumed,
+            patch_assumed: self.patch_assumed,
+            left_out: self.left_out,
+            ..one
+        })
+    }
+
     fn rebuilt(
         self,
         name: String,

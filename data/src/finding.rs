@@ -60,6 +60,20 @@ pub enum FindingKind {
     NotRead,
 }
 
+impl FindingKind {
+    /// True if it says something of the materials, and nothing of the values.
+    pub fn is_about_materials(self) -> bool {
+        matches!(
+            self,
+            Self::FewSweeps
+                | Self::UnbalancedMaterials
+                | Self::NumberedMaterials
+                | Self::SingleMaterial
+                | Self::AlikeNames
+        )
+    }
+}
+
 /// Where a finding is, as far as it has a place.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct Place {

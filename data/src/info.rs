@@ -32,7 +32,7 @@ pub struct Info {
     pub sample_rate_assumed: bool,
     /// Duration of a sweep, in seconds.
     pub sweep_seconds: f64,
-    /// The materials in label order.
+    /// The materials in label order; empty if the file names none.
     pub materials: Vec<MaterialInfo>,
     /// Number of recording blocks, those of each material counted by themselves, where they are known.
     pub blocks: Option<usize>,
@@ -66,6 +66,17 @@ pub struct MaterialInfo {
     pub sweeps: usize,
     /// Those in the author's test split, where it is known.
     pub test_sweeps: Option<usize>,
+}
+
+impl Info {
+    /// The same of a file that names no materials.
+    #[must_use]
+    pub fn unlabelled(self) -> Self {
+        Self {
+            materials: Vec::new(),
+            ..self
+        }
+    }
 }
 
 /// Measures `dataset`.
@@ -289,6 +300,12 @@ impl fmt::Display for Info {
             None => writeln!(f, "  test split   not in the file")?,
         }
         writeln!(f, "  sha256       {}", self.sha256)?;
+        if self.materials.is_empty() {
+            return write!(
+                f,
+                "  materials    none named: sweeps for `tactnet predict`, `same` or `enroll`"
+            );
+        }
         write!(f, "  materials    {}", self.materials.len())?;
         let width = self
             .materials

@@ -9,7 +9,9 @@ use std::process::ExitCode;
 
 use clap::{Args, Subcommand};
 use tactnet_data::format::{self, Format};
-use tactnet_data::{CheckReport, DataSource, Dataset, check, group_findings, info};
+use tactnet_data::{
+    CheckReport, DataSource, Dataset, check, check_unlabelled, group_findings, info,
+};
 use tactnet_skin::packets::unfit;
 
 use super::choices::rate;
@@ -40,7 +42,7 @@ pub enum DataCommand {
         after_help = "Examples:\n  tactnet data import sweeps.npz --out sweeps.h5 --rate 100 --shape 4x4\n  \
         tactnet data import folder/ --out sweeps.npz --rate 100             a .csv per sweep, see docs/data.md\n  \
         tactnet data import today.mcap --out today.h5                     sweeps labelled by their start commands\n  \
-        tactnet data import felt.mcap --out felt.h5 --material felt       all of one material\n\n\
+        tactnet data import felt.mcap --out felt.h5 --material felt       all of one material, also of .npz, .csv, .parquet\n\n\
         .h5 needs equally many sweeps of every material; .npz holds any number."
     )]
     Import(import::ImportArgs),
@@ -106,19 +108,22 @@ pub fn run(command: DataCommand) -> anyhow::Result<ExitCode> {
     }
 }
 
-/// Reads a data set even if some of its values are no numbers.
-fn load_with_gaps(arguments: &FileArgs) -> anyhow::Result<Dataset> {
+/// Reads a data set even if some of its values are no numbers. Also returns whether it names materials.
+fn load_with_gaps(arguments: &FileArgs) -> anyhow::Result<(Dataset, bool)> {
     let data = arguments.data.as_str();
-    let dataset = if DataSource::is_twin(data) || !Path::new(data).exists() {
-        source::load(data)?
+    let (dataset, labelled) = if DataSource::is_twin(data) || !Path::new(data).exists() {
+        (source::load(data)?, true)
     } else {
-        format::read_with_gaps(Path::new(data))?
+        let sweeps = format::read_to_classify_with_gaps(Path::new(data), None)?;
+        (sweeps.dataset, sweeps.labelled)
     };
-    Ok(dataset.with_named_rate(arguments.rate)?)
+    Ok((dataset.with_named_rate(arguments.rate)?, labelled))
 }
 
 fn show_info(arguments: &FileArgs) -> anyhow::Result<ExitCode> {
-    let info = info(&load_with_gaps(arguments)?);
+    let (dataset, labelled) = load_with_gaps(arguments)?;
+    let info = info(&dataset);
+    let info = if labelled { info } else { info.unlabelled() };
     if arguments.json {
         output::print_json(&info)?;
     } else {
@@ -128,11 +133,20 @@ fn show_info(arguments: &FileArgs) -> anyhow::Result<ExitCode> {
 }
 
 fn run_check(arguments: &CheckArgs) -> anyhow::Result<ExitCode> {
-    let dataset = load_with_gaps(&arguments.file)?;
+    let (dataset, labelled) = load_with_gaps(&arguments.file)?;
+    if !labelled {
+        say!(
+            "note: no materials are named: checked as for `tactnet predict`; `train` wants them (docs/data.md)"
+        );
+    }
     if let Some(reason) = unfit(dataset.shape().taxels(), dataset.labels().len()) {
         say!("note: such sweeps can be trained on and evaluated, not classified online: {reason}");
     }
-    let report = CheckReport::of(check(&dataset));
+    let report = CheckReport::of(if labelled {
+        check(&dataset)
+    } else {
+        check_unlabelled(&dataset)
+    });
     let CheckReport {
         findings, errors, ..
     } = &report;
@@ -145,7 +159,11 @@ fn run_check(arguments: &CheckArgs) -> anyhow::Result<ExitCode> {
             dataset.len(),
             dataset.shape(),
             dataset.sample_rate_hz(),
-            output::counted(dataset.labels().len(), "material")
+            if labelled {
+                output::counted(dataset.labels().len(), "material")
+            } else {
+                "materials not named".into()
+            }
         ))?;
         let shown = if arguments.all { findings.len() } else { 3 };
         for group in group_findings(findings) {

@@ -12,14 +12,30 @@ fn series(more: &[&str]) -> std::process::Command {
 fn a_series_is_the_same_for_any_number_of_cores_and_its_page_needs_no_network() {
     let lab = Lab::new();
     let page = lab.path("throws.html");
+    let picture = lab.path("throw.svg");
     let mut whole = series(&["--page"]);
-    whole.arg(&page);
+    whole.arg(&page).arg("--picture").arg(&picture);
     let whole = stdout(&expect(0, whole));
     let mut alone = series(&[]);
     alone.env("RAYON_NUM_THREADS", "1");
     assert_eq!(whole, stdout(&expect(0, alone)));
     let page = std::fs::read_to_string(page).unwrap();
     assert!(page.contains("<svg") && !page.contains("http"), "{page}");
+    let picture = std::fs::read_to_string(picture).unwrap();
+    assert!(picture.starts_with("<svg xmlns=") && picture.ends_with("</svg>\n"));
+    assert!(picture.matches("<circle").count() > 10, "{picture}");
+    assert!(
+        page.contains(
+            picture
+                .rsplit_once("</style>")
+                .unwrap()
+                .1
+                .split_once("/>")
+                .unwrap()
+                .1
+                .trim_end_matches("</svg>\n")
+        )
+    );
     let report: serde_json::Value = serde_json::from_str(&whole).unwrap();
     assert_eq!(report["throws"], 4);
     assert!(report["caught"].as_u64() <= report["in_catch_space"].as_u64());

@@ -244,3 +244,52 @@ fn a_twin_stays_a_twin_whatever_its_file_is_called() {
         assert_eq!(info["name"], "twin (tactmat)", "{file}");
     }
 }
+
+#[test]
+fn sweeps_without_materials_are_looked_at_checked_and_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path().join("new");
+    std::fs::create_dir(&folder).unwrap();
+    for sweep in 0..3 {
+        let rows: String = (0..40)
+            .map(|t| format!("{},{}\n", (7 * t * t + sweep) % 101, (13 * t + sweep) % 53))
+            .collect();
+        std::fs::write(folder.join(format!("{sweep}.csv")), rows).unwrap();
+    }
+    let data = |arguments: &[&str], rest: &[&str]| {
+        let mut command = tactnet(arguments);
+        command.arg(&folder).args(rest).current_dir(dir.path());
+        command
+    };
+    let text = stdout(&expect(0, data(&["data", "info"], &[])));
+    assert!(text.contains("materials    none named"), "{text}");
+    let found = expect(0, data(&["data", "info"], &["--json"]));
+    let found: serde_json::Value = serde_json::from_str(&stdout(&found)).unwrap();
+    assert_eq!(found["sweeps"], 3);
+    assert!(found["materials"].as_array().unwrap().is_empty());
+    let checked = expect(0, data(&["data", "check"], &["--rate", "100"]));
+    assert!(stderr(&checked).contains("no materials are named"));
+    let text = stdout(&checked);
+    assert!(text.contains("materials not named"), "{text}");
+    assert!(text.contains("0 errors, 0 warnings"), "{text}");
+    // What is wrong with the values is found as in any other.
+    std::fs::write(folder.join("3.csv"), "1,2\n".repeat(40)).unwrap();
+    let text = stdout(&expect(1, data(&["data", "check"], &[])));
+    assert!(
+        text.contains("\n  sweep 3: no taxel ever changes"),
+        "{text}"
+    );
+    std::fs::remove_file(folder.join("3.csv")).unwrap();
+
+    expect(2, data(&["data", "import"], &["--out", "felt.npz"]));
+    let named = ["--out", "felt.npz", "--rate", "100", "--material", "felt"];
+    let written = stderr(&expect(0, data(&["data", "import"], &named)));
+    assert!(written.contains("3 sweeps of 1 material ("), "{written}");
+    let felt = tactnet_data::format::read(&dir.path().join("felt.npz")).unwrap();
+    assert_eq!(felt.labels().names().collect::<Vec<_>>(), ["felt"]);
+    assert_eq!((felt.len(), felt.sample_rate_hz()), (3, 100.0));
+    let mut again = tactnet(["data", "import", "felt.npz", "--material", "cork"]);
+    again.args(["--out", "cork.npz"]).current_dir(dir.path());
+    let refused = stderr(&expect(2, again));
+    assert!(refused.contains("names its materials itself"), "{refused}");
+}

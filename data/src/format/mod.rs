@@ -32,6 +32,7 @@ mod to_classify;
 pub mod ts;
 
 use crate::{DataError, Dataset, Samples};
+pub(crate) use named_sweeps::UNLABELLED;
 use named_sweeps::{Labels, NamedSweeps};
 use std::io::Read;
 use std::path::Path;
@@ -89,7 +90,7 @@ impl Format {
     }
 }
 
-pub use to_classify::{SweepsToClassify, read_to_classify};
+pub use to_classify::{SweepsToClassify, read_to_classify, read_to_classify_with_gaps};
 
 const EXTENSIONS: &str = "the extension .h5, .hdf5, .npz or .ts";
 

@@ -14,7 +14,7 @@ pub(super) enum Labels {
 }
 
 /// Stands for the material of sweeps of which a file says none.
-pub(super) const UNLABELLED: &str = "unlabelled";
+pub(crate) const UNLABELLED: &str = "unlabelled";
 
 /// Sweeps of equal shape, each with its material.
 pub(super) struct NamedSweeps {

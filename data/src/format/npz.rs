@@ -401,7 +401,7 @@ impl<'a> Arrays<'a> {
             return Err(self.error(
                 "y",
                 format!("the material of each of the {count} sweeps of `{samples}`"),
-                "none; `tactnet predict` classifies sweeps without materials",
+                "none; `tactnet predict` classifies sweeps without materials, `tactnet data import --material NAME` names the material of all",
             ));
         }
         let (name, labels) = self.required(LABELS)?;

@@ -33,7 +33,22 @@ pub struct SweepsToClassify {
 /// # Errors
 /// As [`read`](super::read), except for materials that are not named.
 pub fn read_to_classify(path: &Path, steps: Option<usize>) -> Result<SweepsToClassify, DataError> {
-    let sweeps = match table_with_gaps(path, steps, Labels::Optional) {
+    let sweeps = read_to_classify_with_gaps(path, steps)?;
+    Ok(SweepsToClassify {
+        dataset: refuse_non_finite(path, sweeps.dataset, sweeps.labelled)?,
+        ..sweeps
+    })
+}
+
+/// As [`read_to_classify`], but values may be NaN or infinite, for a check that lists them all.
+///
+/// # Errors
+/// As [`read_to_classify`], except for values that are not finite.
+pub fn read_to_classify_with_gaps(
+    path: &Path,
+    steps: Option<usize>,
+) -> Result<SweepsToClassify, DataError> {
+    Ok(match table_with_gaps(path, steps, Labels::Optional) {
         Some(sweeps) => {
             let sweeps = sweeps?;
             SweepsToClassify {
@@ -59,9 +74,5 @@ pub fn read_to_classify(path: &Path, steps: Option<usize>) -> Result<SweepsToCla
                 dataset,
             }
         }
-    };
-    Ok(SweepsToClassify {
-        dataset: refuse_non_finite(path, sweeps.dataset, sweeps.labelled)?,
-        ..sweeps
     })
 }

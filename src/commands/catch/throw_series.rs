@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use anyhow::Context;
 use clap::{Args, ValueEnum};
-use tactnet_catching_trials::{Ablation, Series, ThrowConfig, Timing, series_page};
+use tactnet_catching_trials::{Ablation, Series, ThrowConfig, Timing, picture_file, series_page};
 
 use crate::commands::progress_line::about;
 use crate::output;
@@ -64,6 +64,9 @@ pub struct ThrowSeriesArgs {
     /// Write a page with rates, errors over time and one throw drawn
     #[arg(long, value_name = "FILE")]
     page: Option<PathBuf>,
+    /// Draw that throw alone: robot and balls from the side, .svg
+    #[arg(long, value_name = "FILE")]
+    picture: Option<PathBuf>,
     /// Show the throw that the page draws in the Rerun viewer, or write it for one, or show it in one that runs already
     #[arg(long, value_name = "FILE.rrd|URL", num_args = 0..=1)]
     view: Option<Option<String>>,
@@ -117,10 +120,12 @@ pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
     }
     let world = super::world(arguments.world.as_deref())?;
     // Before a series is run in vain.
-    if let Some(folder) = arguments.page.as_ref().and_then(|page| page.parent())
-        && !(folder.as_os_str().is_empty() || folder.is_dir())
-    {
-        anyhow::bail!("{}: no such folder", folder.display());
+    for file in arguments.page.iter().chain(&arguments.picture) {
+        if let Some(folder) = file.parent()
+            && !(folder.as_os_str().is_empty() || folder.is_dir())
+        {
+            anyhow::bail!("{}: no such folder", folder.display());
+        }
     }
     if let Some(Some(file)) = &arguments.view
         && Path::new(file).exists()
@@ -173,6 +178,12 @@ pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
     if let Some(path) = &arguments.page {
         std::fs::write(path, series_page(&series, &report)?)
             .with_context(|| path.display().to_string())?;
+    }
+    if let Some(path) = &arguments.picture
+        && let Some((_, trace)) = series.drawn(&report)?
+        && let Some(picture) = picture_file(&trace)
+    {
+        std::fs::write(path, picture).with_context(|| path.display().to_string())?;
     }
     #[cfg(feature = "rerun")]
     if let Some(view) = &arguments.view {

@@ -5,8 +5,8 @@ use std::process::ExitCode;
 
 use anyhow::bail;
 use clap::Args;
-use tactnet_data::DataSource;
-use tactnet_data::format::{Format, read_beginning};
+use tactnet_data::format::{Format, read_beginning, read_to_classify};
+use tactnet_data::{DataSource, Dataset};
 use tactnet_recording::{Recording, SweepSettings, sweeps};
 
 use super::ConvertArgs;
@@ -16,7 +16,7 @@ use crate::{output, source};
 pub struct ImportArgs {
     #[command(flatten)]
     convert: ConvertArgs,
-    /// Of a recording: what was swept over, where start commands do not name it
+    /// What was swept over, where the data does not say
     #[arg(long, value_name = "NAME")]
     material: Option<String>,
     /// Frames of a sweep that are kept [default: all; of a recording those of the recorded classifier, or 1000]
@@ -46,15 +46,35 @@ impl ImportArgs {
     }
 }
 
+/// Sweeps of a file that says of no material, all of which are of `material`.
+///
+/// # Errors
+/// What [`read_to_classify`] refuses; a file with materials of its own.
+fn of_material(path: &Path, steps: Option<usize>, material: &str) -> anyhow::Result<Dataset> {
+    let found = read_to_classify(path, steps)?;
+    if found.labelled {
+        bail!(
+            "--material {material}: {} names its materials itself",
+            path.display()
+        );
+    }
+    Ok(found.dataset.of_one_material(material)?)
+}
+
 /// Another program's data set, in any format that is read.
 fn import_data_set(arguments: &ImportArgs, format: Format) -> anyhow::Result<ExitCode> {
     let ConvertArgs { data, out, force } = &arguments.convert;
     output::refuse_to_overwrite(out, *force)?;
     let path = Path::new(data);
     let mut dataset = if DataSource::is_twin(data) || !path.exists() {
+        if arguments.material.is_some() {
+            bail!("--material: `{data}` names its materials itself");
+        }
         let twin = source::load(data)?;
         let steps = arguments.steps.unwrap_or(twin.shape().steps);
         twin.first_steps(steps)?
+    } else if let Some(material) = &arguments.material {
+        of_material(path, arguments.steps, material)?
     } else {
         read_beginning(path, arguments.steps)?
     };
@@ -85,10 +105,10 @@ fn import_data_set(arguments: &ImportArgs, format: Format) -> anyhow::Result<Exi
     }
     format.write(out, &dataset)?;
     say!(
-        "{}: {} sweeps of {} materials ({})",
+        "{}: {} sweeps of {} ({})",
         out.display(),
         dataset.len(),
-        dataset.labels().len(),
+        output::counted(dataset.labels().len(), "material"),
         dataset.shape()
     );
     Ok(ExitCode::SUCCESS)
@@ -103,9 +123,6 @@ pub fn run(arguments: &ImportArgs) -> anyhow::Result<ExitCode> {
     let (path, out) = (Path::new(&convert_arguments.data), &convert_arguments.out);
     let format = Format::from_extension(out)?;
     if !arguments.is_recording() {
-        if arguments.material.is_some() {
-            bail!("--material: only for recordings (.mcap)");
-        }
         return import_data_set(arguments, format);
     }
     output::refuse_to_overwrite(out, convert_arguments.force)?;
@@ -145,10 +162,10 @@ pub fn run(arguments: &ImportArgs) -> anyhow::Result<ExitCode> {
     }
     format.write(out, &found.dataset)?;
     say!(
-        "{}: {} sweeps of {} materials ({})",
+        "{}: {} sweeps of {} ({})",
         out.display(),
         found.dataset.len(),
-        found.dataset.labels().len(),
+        output::counted(found.dataset.labels().len(), "material"),
         found.dataset.shape()
     );
     Ok(ExitCode::SUCCESS)

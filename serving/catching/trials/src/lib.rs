@@ -15,6 +15,7 @@ mod page;
 mod peer_circles;
 mod peer_problems;
 mod perception;
+mod picture;
 mod plan_bench;
 mod problems;
 mod quantiles;
@@ -38,6 +39,7 @@ pub use peer_circles::{
     PeerTrack, peer_circles,
 };
 pub use peer_problems::{PeerAnswer, PeerProblem, peer_problems};
+pub use picture::picture_file;
 pub use plan_bench::{PlanBench, PlanReport};
 pub use problems::{PlanProblem, plan_problem};
 pub use quantiles::Quantiles;

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use nalgebra::Vector3;
 use tactnet_catching::Robot;
 use tactnet_catching::flight::{DRAG, Flight};
-use tactnet_catching_packets::{ARMS, joint};
+use tactnet_catching_packets::joint;
 use tactnet_plot::{
     Axes, Axis, STYLE as FIGURE_STYLE, Series as Curve, escape, figure, legend, theme,
 };
@@ -13,8 +13,9 @@ use tactnet_plot::{
 use crate::bound::{Bound, bounds};
 use crate::error::TrialError;
 use crate::look_ahead::LookAhead;
+use crate::picture::picture;
 use crate::series::{Series, SeriesReport};
-use crate::trace::Trace;
+use crate::trace::{Trace, TraceTick};
 
 const STYLE: &str = "
 html{color-scheme:light dark}
@@ -198,6 +199,35 @@ fn over_time(title: &str, label: &str, curves: &[Vec<(f64, f64)>]) -> Option<Str
     Some(figure(WIDTH, 300.0, title, &(axes.grid() + &lines)))
 }
 
+/// Balls and hands from above, a marker every 40 ms.
+fn from_above(trace: &Trace) -> String {
+    let axes = Axes {
+        left: LEFT,
+        top: 12.0,
+        width: WIDTH - LEFT - 16.0,
+        height: 200.0,
+        horizontal: Axis::linear("before the robot [m]", -0.5..=6.5, 1.0),
+        vertical: Axis::linear("to the left [m]", -1.5..=1.5, 0.5),
+    };
+    let way = |of: &dyn Fn(&TraceTick) -> Option<Vector3<f64>>| -> Vec<(f64, f64)> {
+        let places = trace.ticks.iter().filter_map(of);
+        places.step_by(10).map(|place| (place.x, place.y)).collect()
+    };
+    let lines = [
+        way(&|tick| tick.balls[0]),
+        way(&|tick| Some(tick.hands[0])),
+        way(&|tick| Some(tick.hands[1])),
+        way(&|tick| tick.balls[1]),
+    ];
+    let lines: String = lines
+        .iter()
+        .enumerate()
+        .filter(|(_, line)| !line.is_empty())
+        .map(|(i, line)| axes.line(Curve::nth(i), line, 4))
+        .collect();
+    figure(WIDTH, 260.0, "Ball and hands", &(axes.grid() + &lines))
+}
+
 fn throw(trace: &Trace, robot: &Robot) -> String {
     let Some(last) = trace.ticks.last() else {
         return String::new();
@@ -205,56 +235,12 @@ fn throw(trace: &Trace, robot: &Robot) -> String {
     let end = (last.t * 10.0).ceil() / 10.0;
     let arm = trace.plans.last().map_or(0, |plan| plan.arm);
     let mut html = String::new();
-    let side = |of: usize, label: &str, range: std::ops::RangeInclusive<f64>| {
-        let axes = Axes {
-            left: LEFT,
-            top: 12.0,
-            width: WIDTH - LEFT - 16.0,
-            height: 200.0,
-            horizontal: Axis::linear("before the robot [m]", -0.5..=6.5, 1.0),
-            vertical: Axis::linear(label, range, 0.5),
-        };
-        let every = |points: Vec<(f64, f64)>| -> Vec<(f64, f64)> {
-            points.into_iter().step_by(10).collect()
-        };
-        let ball = every(
-            trace
-                .ticks
-                .iter()
-                .filter_map(|tick| tick.balls[0].map(|p| (p.x, p[of])))
-                .collect(),
-        );
-        let other = every(
-            trace
-                .ticks
-                .iter()
-                .filter_map(|tick| tick.balls[1].map(|p| (p.x, p[of])))
-                .collect(),
-        );
-        let hands: [Vec<(f64, f64)>; ARMS] = std::array::from_fn(|arm| {
-            every(
-                trace
-                    .ticks
-                    .iter()
-                    .map(|tick| (tick.hands[arm].x, tick.hands[arm][of]))
-                    .collect(),
-            )
-        });
-        let lines = [ball, hands[0].clone(), hands[1].clone(), other];
-        let lines: String = lines
-            .iter()
-            .enumerate()
-            .filter(|(_, line)| !line.is_empty())
-            .map(|(i, line)| axes.line(Curve::nth(i), line, 4))
-            .collect();
-        figure(WIDTH, 260.0, "Ball and hands", &(axes.grid() + &lines))
-    };
     let _ = write!(
         html,
-        "<figure>{}<figcaption>Ball and hands from the side,</figcaption></figure><figure>{}<figcaption>and from above; a marker every 40 ms.\
-         </figcaption></figure>{}",
-        side(2, "height [m]", 0.0..=3.0),
-        side(1, "to the left [m]", -1.5..=1.5),
+        "<figure>{}<figcaption>Robot and balls from the side, faint when thrown and on the way, a ball every 40 ms,</figcaption></figure>\
+         <figure>{}<figcaption>and ball and hands from above.</figcaption></figure>{}",
+        picture(trace).unwrap_or_default(),
+        from_above(trace),
         legend(&["ball", "left hand", "right hand"])
     );
     let rates = Axes {
@@ -267,7 +253,7 @@ fn throw(trace: &Trace, robot: &Robot) -> String {
     };
     let mut lines = rates.grid();
     for (i, index) in joint::ARM[arm].clone().enumerate() {
-        let of = |rates: fn(&crate::trace::TraceTick) -> &[f64]| -> Vec<(f64, f64)> {
+        let of = |rates: fn(&TraceTick) -> &[f64]| -> Vec<(f64, f64)> {
             trace
                 .ticks
                 .iter()

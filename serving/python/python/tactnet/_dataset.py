@@ -61,7 +61,7 @@ def native_values(X: Any) -> np.ndarray:
 
 
 #: What the command line says of a file without materials, and what there is in Python instead.
-UNLABELLED = "`tactnet predict` classifies sweeps without materials"
+UNLABELLED = "`tactnet predict` classifies sweeps without materials, `tactnet data import --material NAME` names the material of all"
 UNLABELLED_HERE = "numpy.load opens it, and `predict` of a classifier takes arrays without materials"
 
 
