@@ -18,10 +18,13 @@ const ORIGIN: (f64, f64) = (96.0, 296.0);
 const BALL_EVERY: f64 = 0.04;
 /// Between two faint arms, s.
 const ARM_EVERY: f64 = 0.08;
+/// What stands still mostly is light, arms are dark.
+const BODY: &str = "#c3ccd4";
+const ARM: &str = "#43596f";
 const TITLE: &str = "Robot and balls from the side";
 
-/// Returns the throw from the side, for a page with the style of figures: the robot at the throw (faint) and at the end, its hands' way between,
-/// every ball all 40 ms.
+/// Returns the throw from the side, for a page with the style of figures: the robot at the throw (faint) and at the end, its arms in between,
+/// balls every 40 ms.
 pub fn picture(trace: &Trace) -> Option<String> {
     Some(figure(WIDTH, HEIGHT, TITLE, &content(trace)?))
 }
@@ -43,24 +46,23 @@ fn content(trace: &Trace) -> Option<String> {
     for (i, tick) in moments.iter().enumerate() {
         let opacity = 0.08 + 0.22 * (i + 1) as f64 / moments.len() as f64;
         for arm in tick.arms {
-            limb(&mut svg, &arm, 0.045, opacity);
+            limb(&mut svg, &arm, 0.045, ARM, opacity);
         }
     }
     body(&mut svg, last, 1.0);
     for arm in last.arms {
-        limb(&mut svg, &arm, 0.05, 1.0);
+        limb(&mut svg, &arm, 0.06, "#fcfcfa", 0.8);
+        limb(&mut svg, &arm, 0.045, ARM, 1.0);
     }
-    for tick in trace.ticks.iter().step_by(period(BALL_EVERY)) {
-        balls(&mut svg, tick, 0.45);
-    }
-    // Where the last ball was that still flew: a caught one is in a hand.
-    if let Some(tick) = trace
-        .ticks
-        .iter()
-        .rev()
-        .find(|tick| tick.balls.iter().any(Option::is_some))
-    {
-        balls(&mut svg, tick, 1.0);
+    for (ball, colour) in ["#c8551b", "#1b6fc8"].into_iter().enumerate() {
+        let way = trace.ticks.iter().step_by(period(BALL_EVERY));
+        for place in way.filter_map(|tick| tick.balls[ball]) {
+            circle(&mut svg, &place, colour, 0.45);
+        }
+        // Where it was caught, or lies.
+        if let Some(place) = trace.ticks.iter().rev().find_map(|tick| tick.balls[ball]) {
+            circle(&mut svg, &place, colour, 1.0);
+        }
     }
     Some(svg)
 }
@@ -85,7 +87,7 @@ fn ground() -> String {
 }
 
 /// A chain of links with round ends, so many metres thick.
-fn limb(svg: &mut String, points: &[Vector3<f64>], radius: f64, opacity: f64) {
+fn limb(svg: &mut String, points: &[Vector3<f64>], radius: f64, colour: &str, opacity: f64) {
     let mut path = String::new();
     for (i, point) in points.iter().enumerate() {
         let (x, y) = at(point);
@@ -93,7 +95,7 @@ fn limb(svg: &mut String, points: &[Vector3<f64>], radius: f64, opacity: f64) {
     }
     let _ = write!(
         svg,
-        "<path d=\"{path}\" fill=\"none\" stroke=\"#5b7083\" stroke-width=\"{:.1}\" stroke-linecap=\"round\" stroke-linejoin=\"round\" \
+        "<path d=\"{path}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"{:.1}\" stroke-linecap=\"round\" stroke-linejoin=\"round\" \
          opacity=\"{opacity:.2}\"/>",
         2.0 * radius * SCALE
     );
@@ -104,23 +106,19 @@ fn body(svg: &mut String, tick: &TraceTick, opacity: f64) {
     let [hip, knee, chest] = tick.torso;
     let foot = Vector3::new(hip.x, hip.y, 0.1);
     let _ = write!(svg, "<g opacity=\"{opacity:.2}\">");
-    limb(svg, &[foot, hip], 0.12, 1.0);
-    limb(svg, &[hip, knee, chest], 0.10, 1.0);
-    limb(svg, &[chest, tick.head], 0.05, 1.0);
+    limb(svg, &[foot, hip], 0.12, BODY, 1.0);
+    limb(svg, &[hip, knee, chest], 0.10, BODY, 1.0);
+    limb(svg, &[chest, tick.head], 0.05, BODY, 1.0);
     let top = tick.head + Vector3::new(0.0, 0.0, 0.06);
-    limb(svg, &[tick.head, top], 0.10, 1.0);
+    limb(svg, &[tick.head, top], 0.10, BODY, 1.0);
     svg.push_str("</g>");
 }
 
-fn balls(svg: &mut String, tick: &TraceTick, opacity: f64) {
-    for (ball, colour) in tick.balls.iter().zip(["#c8551b", "#1b6fc8"]) {
-        if let Some(place) = ball {
-            let (x, y) = at(place);
-            let _ = write!(
-                svg,
-                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{:.1}\" fill=\"{colour}\" opacity=\"{opacity:.2}\"/>",
-                BALL_RADIUS * SCALE
-            );
-        }
-    }
+fn circle(svg: &mut String, place: &Vector3<f64>, colour: &str, opacity: f64) {
+    let (x, y) = at(place);
+    let _ = write!(
+        svg,
+        "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{:.1}\" fill=\"{colour}\" opacity=\"{opacity:.2}\"/>",
+        BALL_RADIUS * SCALE
+    );
 }
