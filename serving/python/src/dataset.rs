@@ -116,6 +116,25 @@ impl Dataset {
             .map_err(raised)
     }
 
+    /// Reads sweeps whose materials nobody needs to name: also their names, those of files or of sweeps in a table.
+    #[staticmethod]
+    #[pyo3(signature = (path, rate_hz=None, steps=None))]
+    fn read_unlabelled(
+        py: Python<'_>,
+        path: PathBuf,
+        rate_hz: Option<f64>,
+        steps: Option<usize>,
+    ) -> PyResult<(Self, Vec<String>)> {
+        py.detach(|| -> Result<_, DataError> {
+            let sweeps = format::read_to_classify(&path, steps)?;
+            Ok((
+                Self::from(sweeps.dataset.with_named_rate(rate_hz)?),
+                sweeps.names,
+            ))
+        })
+        .map_err(raised)
+    }
+
     /// Generates the synthetic twin of TactMat.
     #[staticmethod]
     #[pyo3(signature = (materials=None, sweeps=None, steps=None, seed=None, version=2))]

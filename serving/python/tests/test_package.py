@@ -371,6 +371,26 @@ def test_errors_speak_of_python(data, tmp_path):
         assert (fitted.predict(np.load(file)[name]) == fitted.predict(own.X[test])).all()
 
 
+def test_sweeps_without_materials_come_from_any_file(data, tmp_path):
+    own, _, train, test = data
+    fitted = tactnet.LdaClassifier(rate=750).fit(own.X[train], own.y[train])
+    np.savez(tmp_path / "new.npz", X=own.X[test])
+    sweeps = tactnet.read_sweeps(tmp_path / "new.npz", rate=750)
+    assert (sweeps.X == own.X[test]).all() and sweeps.X.dtype == own.X.dtype
+    assert sweeps.rate == 750 and not sweeps.rate_is_assumed and sweeps.names[:2] == ["0", "1"]
+    assert (fitted.predict(sweeps.X) == fitted.predict(own.X[test])).all()
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    for name, index in (("b", 0), ("a", 1)):
+        np.savetxt(folder / f"{name}.csv", own.X[index].reshape(own.X.shape[1], -1), fmt="%d", delimiter=",")
+    sweeps = tactnet.read_sweeps(folder, steps=50)
+    assert sweeps.names == ["a", "b"] and sweeps.rate_is_assumed
+    assert (sweeps.X.reshape(2, 50, -1) == own.X[[1, 0], :50].reshape(2, 50, -1)).all()
+    # A data set with materials is read, too.
+    own.write(tmp_path / "own.h5")
+    assert (tactnet.read_sweeps(tmp_path / "own.h5").X == tactnet.Dataset.read(tmp_path / "own.h5").X).all()
+
+
 def test_training_sweeps_are_checked(data):
     own, _, train, _ = data
     X, y = own.X[train], own.y[train]

@@ -7,13 +7,14 @@ Sweeps are NumPy arrays ``X`` of shape ``(sweeps, steps, taxels)`` or ``(sweeps,
 >>> classifier.predict_proba(X_new)                                # doctest: +SKIP
 
 - :class:`Dataset`: sweeps with materials, rate and recording blocks; files of any format, checks, folds.
+- :func:`read_sweeps`: sweeps without materials, from files.
 - :class:`TactNetClassifier`, :class:`MiniRocketClassifier`, …: estimators of scikit-learn.
 - :mod:`tactnet.aeon`: the same for collections of aeon, ``(cases, channels, timepoints)``.
 - :mod:`tactnet.channel`: frames and beliefs on the robot's channels.
 - :class:`Recording`: MCAP files of ``tactnet record``.
 """
 
-from ._dataset import Dataset, Finding
+from ._dataset import Dataset, Finding, Sweeps, read_sweeps
 from ._estimators import (
     KnnClassifier,
     LdaClassifier,
@@ -38,8 +39,10 @@ __all__ = [
     "Recording",
     "SvmClassifier",
     "SweepClassifier",
+    "Sweeps",
     "TactNetClassifier",
     "TactnetError",
     "__version__",
     "fuse",
+    "read_sweeps",
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import Any, Sequence
+from typing import Any, NamedTuple, Sequence
 
 import numpy as np
 
@@ -62,7 +62,7 @@ def native_values(X: Any) -> np.ndarray:
 
 #: What the command line says of a file without materials, and what there is in Python instead.
 UNLABELLED = "`tactnet predict` classifies sweeps without materials, `tactnet data import --material NAME` names the material of all"
-UNLABELLED_HERE = "numpy.load opens it, and `predict` of a classifier takes arrays without materials"
+UNLABELLED_HERE = "tactnet.read_sweeps opens it, and `predict` of a classifier takes arrays without materials"
 
 
 class Dataset:
@@ -110,7 +110,7 @@ class Dataset:
 
         rate: frames a second, for files that do not say.
 
-        Sweeps without materials need no data set: ``predict`` of a classifier takes arrays, as ``numpy.load(path)["X"]``.
+        Sweeps without materials need no data set: :func:`read_sweeps` opens them, ``predict`` of a classifier takes arrays.
         """
         try:
             return cls(_tactnet.Dataset.read(path, rate))
@@ -190,3 +190,26 @@ class Dataset:
 
     def __repr__(self) -> str:
         return repr(self._native)
+
+
+class Sweeps(NamedTuple):
+    """Sweeps without materials, as ``predict`` takes them."""
+
+    X: np.ndarray
+    """``(sweeps, steps, rows, cols)``."""
+    names: list[str]
+    """``(sweeps,)``: names of files or of sweeps in a table; numbers from 0 where there are none."""
+    rate: float
+    """Frames a second."""
+    rate_is_assumed: bool
+    """True if nobody said the rate."""
+
+
+def read_sweeps(path: Any, rate: float | None = None, steps: int | None = None) -> Sweeps:
+    """Reads sweeps whose materials nobody needs to name: any file that :meth:`Dataset.read` takes, npz with ``X`` alone, CSV and Parquet without a column of materials.
+
+    rate: frames a second, for files that do not say.
+    steps: frames of every sweep that are kept, from its beginning; None: all.
+    """
+    native, names = _tactnet.Dataset.read_unlabelled(path, rate, steps)
+    return Sweeps(native.samples, names, native.rate_hz, native.rate_is_assumed)

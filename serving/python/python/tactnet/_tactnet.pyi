@@ -26,6 +26,10 @@ class Dataset:
     @staticmethod
     def read(path: str | PathLike[str], rate_hz: float | None = None) -> Dataset: ...
     @staticmethod
+    def read_unlabelled(
+        path: str | PathLike[str], rate_hz: float | None = None, steps: int | None = None
+    ) -> tuple[Dataset, list[str]]: ...
+    @staticmethod
     def twin(
         materials: int | None = None,
         sweeps: int | None = None,
