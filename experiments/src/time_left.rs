@@ -1,7 +1,10 @@
 //! How long the tasks that an experiment has left will take.
 
 use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+
+use tactnet_pipeline::{ModelRecipe, RunDir};
 
 use crate::tasks::{ExperimentDir, TaskState};
 use crate::{Job, Plan, Task};
@@ -10,6 +13,8 @@ use crate::{Job, Plan, Task};
 const NETWORK: f64 = 20.0;
 /// Seconds that a network takes at least where none has been measured: hundreds of training steps, however small the sweeps.
 const LEAST_NETWORK: f64 = 20.0;
+/// Between two looks at how far a network is.
+const LOOK_EVERY: Duration = Duration::from_secs(2);
 
 /// Estimates the time that is left from how long tasks of the same kind took.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,6 +25,8 @@ pub struct TimeLeft {
     open: BTreeMap<String, Open>,
     /// Seconds that tasks took.
     took: BTreeMap<Kind, Vec<f64>>,
+    /// When [`TimeLeft::look`] last did.
+    looked: Option<Instant>,
 }
 
 /// What decides how long a task takes.
@@ -36,6 +43,19 @@ struct Open {
     kind: Kind,
     /// `None` while it waits.
     started: Option<Instant>,
+    /// Its run directory.
+    run: PathBuf,
+    /// How far it was at the last look, of a training.
+    trained: Option<Trained>,
+}
+
+/// How far the training of a network is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Trained {
+    /// Of all epochs.
+    seconds: f64,
+    /// Of those to come.
+    left: f64,
 }
 
 impl TimeLeft {
@@ -47,11 +67,17 @@ impl TimeLeft {
             jobs,
             open: BTreeMap::new(),
             took: BTreeMap::new(),
+            looked: None,
         };
         for task in &dir.plan.tasks {
             let kind = Kind::of(&dir.plan, task);
-            let started = None;
-            left.open.insert(task.id.clone(), Open { kind, started });
+            let open = Open {
+                kind,
+                started: None,
+                run: dir.task_dir(task),
+                trained: None,
+            };
+            left.open.insert(task.id.clone(), open);
             if dir.state(task) == TaskState::Done {
                 left.end(task, dir.train_seconds(task));
             }
@@ -80,7 +106,23 @@ impl TimeLeft {
     /// Notes that a task has ended without a result: it waits again.
     pub fn fail(&mut self, task: &Task) {
         if let Some(open) = self.open.get_mut(&task.id) {
-            open.started = None;
+            (open.started, open.trained) = (None, None);
+        }
+    }
+
+    /// Looks how far networks are that train, in their run directories; every two seconds at most.
+    pub fn look(&mut self, now: Instant) {
+        if self
+            .looked
+            .is_some_and(|at| now.saturating_duration_since(at) < LOOK_EVERY)
+        {
+            return;
+        }
+        self.looked = Some(now);
+        for open in self.open.values_mut() {
+            if open.started.is_some() && open.kind.trains_network {
+                open.trained = Trained::of(&open.run);
+            }
         }
     }
 
@@ -90,6 +132,9 @@ impl TimeLeft {
             .open
             .values()
             .map(|open| {
+                if let Some(trained) = open.trained {
+                    return Some(trained.left);
+                }
                 let whole = self.expected(&open.kind)?;
                 let spent = open.started.map_or(0.0, |started| {
                     now.saturating_duration_since(started).as_secs_f64()
@@ -104,8 +149,8 @@ impl TimeLeft {
         Some(Duration::from_secs_f64(shared.max(longest)))
     }
 
-    /// Seconds that a task should take: the mean of those of its kind, or else of all networks or baselines, or else of all tasks, where a
-    /// network weighs as much as [`NETWORK`] baselines, and takes [`LEAST_NETWORK`] at least.
+    /// Seconds that a task should take: the mean of those of its kind, or else of what those should take that train, or else of all networks or
+    /// baselines, or else of all tasks, where a network weighs as much as [`NETWORK`] baselines, and takes [`LEAST_NETWORK`] at least.
     fn expected(&self, kind: &Kind) -> Option<f64> {
         let weight = |kind: &Kind| if kind.trains_network { NETWORK } else { 1.0 };
         let mean = |of: &dyn Fn(&Kind) -> bool| {
@@ -119,8 +164,16 @@ impl TimeLeft {
             });
             (weights > 0.0).then(|| weight(kind) * seconds / weights)
         };
+        let training = |of: &dyn Fn(&Kind) -> bool| {
+            let running = self.open.values().filter(|open| of(&open.kind));
+            let seconds = running.filter_map(|open| open.trained.map(|trained| trained.seconds));
+            let (sum, count) = seconds.fold((0.0, 0.0), |(sum, count), s| (sum + s, count + 1.0));
+            (count > 0.0).then(|| sum / count)
+        };
         mean(&|other| other == kind)
+            .or_else(|| training(&|other| other == kind))
             .or_else(|| mean(&|other| other.trains_network == kind.trains_network))
+            .or_else(|| training(&|other| other.trains_network == kind.trains_network))
             .or_else(|| {
                 let least = if kind.trains_network {
                     LEAST_NETWORK
@@ -129,6 +182,25 @@ impl TimeLeft {
                 };
                 mean(&|_| true).map(|seconds| seconds.max(least))
             })
+    }
+}
+
+impl Trained {
+    /// `None` before the first epoch has ended, and of what is no training of a network.
+    fn of(run: &Path) -> Option<Self> {
+        let run = RunDir::open(run).ok()?;
+        let ModelRecipe::TactNet2(recipe) = run.config().ok()?.recipe else {
+            return None;
+        };
+        let epochs = run.metrics_before(usize::MAX).ok()?;
+        let spent: f64 = epochs.iter().map(|epoch| epoch.seconds).sum();
+        (!epochs.is_empty()).then(|| {
+            let seconds = spent / epochs.len() as f64 * recipe.training.epochs as f64;
+            Self {
+                seconds,
+                left: (seconds - spent).max(0.0),
+            }
+        })
     }
 }
 
@@ -211,6 +283,77 @@ mod tests {
         assert!((after(200) - 20.0).abs() < 1e-9, "{}", after(200));
         left.fail(&tasks[3]);
         assert_eq!(seconds(&left, begun + Duration::from_secs(60)), 100.0);
+    }
+
+    #[test]
+    fn a_network_that_trains_tells_of_itself_and_of_its_kind_by_its_epochs() {
+        let (tasks, mut left, folder) = experiment(1);
+        let begun = Instant::now();
+        left.end(&tasks[0], 1.0);
+        left.end(&tasks[1], 1.0);
+        left.start(&tasks[2], begun);
+        assert_eq!(
+            seconds(&left, begun),
+            2.0 * 20.0,
+            "nothing but its kind is known"
+        );
+        left.look(begun);
+        assert_eq!(
+            seconds(&left, begun),
+            2.0 * 20.0,
+            "it has not begun to train"
+        );
+        let run = left.open[&tasks[2].id].run.clone();
+        train_a_part(folder.path(), &run);
+        let spent: Vec<f64> = RunDir::open(&run)
+            .unwrap()
+            .metrics_before(usize::MAX)
+            .unwrap()
+            .iter()
+            .map(|epoch| epoch.seconds)
+            .collect();
+        assert!((1..4).contains(&spent.len()), "{spent:?} of four epochs");
+        left.look(begun + Duration::from_secs(1));
+        assert_eq!(seconds(&left, begun), 2.0 * 20.0, "looked a moment ago");
+        left.look(begun + Duration::from_secs(3));
+        let epoch = spent.iter().sum::<f64>() / spent.len() as f64;
+        // What it has left, and another one like it.
+        let expected = epoch * (4 - spent.len()) as f64 + 4.0 * epoch;
+        let found = seconds(&left, begun + Duration::from_secs(3));
+        assert!((found - expected).abs() < 1e-9, "{found}, not {expected}");
+        // The whole time of one that has ended says more: with what comes after the epochs.
+        left.end(&tasks[2], 100.0);
+        assert_eq!(seconds(&left, begun), 100.0);
+    }
+
+    /// Two of four epochs of a small network, or a batch more.
+    fn train_a_part(folder: &Path, run: &Path) {
+        use tactnet_data::{format::Format, twin};
+        use tactnet_pipeline::{Provenance, Session, TrainEvent, TrainJob, TrainSpec};
+        let [data, recipe] = ["small.h5", "small.toml"].map(|name| folder.join(name));
+        let config = twin::TwinConfig {
+            materials: 2,
+            sweeps: 6,
+            steps: 60,
+            ..Default::default()
+        };
+        let dataset = twin::generate(&config).unwrap();
+        Format::TactMat.write(&data, &dataset).unwrap();
+        let text = "name = \"small\"\nnetwork = { maps = [3, 4], hidden = 8, keep_probability = 0.8 }\n[training]\nepochs = 4\n\
+                    batch = 8\nlearning_rate = 0.005\nmethod = { kind = \"base\" }\n";
+        std::fs::write(&recipe, text).unwrap();
+        let job = TrainJob::try_from(TrainSpec {
+            data: data.display().to_string(),
+            recipe: recipe.display().to_string(),
+            ..TrainSpec::default()
+        });
+        let program = Provenance::of_this_process("0", "test");
+        let session = Session::begin(&job.unwrap(), Some(run), program, |_| Ok(())).unwrap();
+        let batches = std::cell::Cell::new(0);
+        let count = |event: TrainEvent<'_>| {
+            batches.set(batches.get() + usize::from(matches!(event, TrainEvent::Batch { .. })));
+        };
+        session.train(count, || batches.get() >= 5).unwrap();
     }
 
     #[test]

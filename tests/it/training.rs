@@ -261,7 +261,7 @@ fn a_loss_that_is_no_number_stops_with_epoch_and_batch_and_keeps_the_checkpoint(
     );
     assert!(table.contains("\nwithout dropout "), "{table}");
     assert!(
-        table.contains("; MC dropout: mean over 20 passes with dropout left on"),
+        table.contains("\nMC dropout: mean over 20 passes with dropout left on"),
         "{table}"
     );
 }

@@ -6,8 +6,8 @@ use std::fmt;
 use super::metrics::DEALS;
 use crate::{Estimate, Evaluation, FusedAccuracy, PredictionMethod};
 
-/// Shows one row per way of predicting: accuracies in percent with their 95 % intervals, NLL in nats, ECE in percent, Brier score; then a line
-/// that says what brackets, `3x` and the ways of predicting mean, and one about the last three columns.
+/// Shows one row per way of predicting: accuracies in percent with their 95 % intervals, NLL in nats, ECE in percent, Brier score; then lines,
+/// each of what brackets, `3x` and the ways of predicting mean, and two about the last three columns; no line of words is over 100 columns.
 #[derive(Debug, Clone, Copy)]
 pub struct EvaluationTable<'a>(pub &'a BTreeMap<PredictionMethod, Evaluation>);
 
@@ -50,7 +50,7 @@ impl fmt::Display for EvaluationTable<'_> {
         let fused = self.0.values().find_map(|of| of.fused.as_ref());
         let fused = fused.map_or(String::new(), |fused| {
             format!(
-                "; {0}x: {0} sweeps of a material fused into one decision, mean over {1} random groupings",
+                "\n{0}x: {0} sweeps of a material fused into one decision, mean over {1} random groupings",
                 fused.sweeps, DEALS
             )
         });
@@ -59,13 +59,13 @@ impl fmt::Display for EvaluationTable<'_> {
             PredictionMethod::Plain => None,
         });
         let passes = passes.map_or(String::new(), |passes| {
-            format!("; MC dropout: mean over {passes} passes with dropout left on")
+            format!("\nMC dropout: mean over {passes} passes with dropout left on")
         });
         write!(
             f,
             "\nin brackets: 95 % interval{fused}{passes}\n\
-             smaller is better: NLL, how improbable the true material was held (nats); ECE, gap between confidence and accuracy; Brier, squared error \
-             of the probabilities (0 to 2)"
+             smaller is better: NLL, how improbable the true material was held (nats); ECE, gap between\n\
+             confidence and accuracy; Brier, squared error of the probabilities (0 to 2)"
         )
     }
 }

@@ -31,8 +31,12 @@ impl Left {
 
     /// `2.5 min to go`; empty while nothing is known.
     fn text(&self) -> String {
-        let left = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let time = left.as_ref().and_then(|left| left.at(Instant::now()));
+        let mut left = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let time = left.as_mut().and_then(|left| {
+            let now = Instant::now();
+            left.look(now);
+            left.at(now)
+        });
         time.map_or(String::new(), |time| format!("{} to go", about(time)))
     }
 }

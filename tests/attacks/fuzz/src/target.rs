@@ -2,9 +2,11 @@
 #![no_main]
 
 use std::cell::RefCell;
+use std::{panic, thread};
 
 use libfuzzer_sys::fuzz_target;
 use tactnet_attacks::{Allocator, Target, most_held, open};
+use tactnet_data::format::READING;
 
 #[global_allocator]
 static ALLOCATOR: Allocator = Allocator;
@@ -15,6 +17,14 @@ thread_local! {
 
 /// The target, which accepts its valid inputs: else a run would show nothing. Writes them into `TACTNET_FUZZ_SEEDS`, if that is a folder.
 fn ready() -> Target {
+    // libFuzzer's own hook ends the process. The crate that reads Parquet panics on damaged files, on a thread of its own whose panics become
+    // refusals.
+    let ends = panic::take_hook();
+    panic::set_hook(Box::new(move |panic| {
+        if thread::current().name() != Some(READING) {
+            ends(panic);
+        }
+    }));
     let name = env!("CARGO_BIN_NAME").replace('-', " ");
     let mut target = open(&name).unwrap_or_else(|error| panic!("{name}: {error:#}"));
     for (number, seed) in target.seeds.clone().iter().enumerate() {
