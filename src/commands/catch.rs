@@ -2,6 +2,7 @@
 
 mod detect_bench;
 mod plan_bench;
+mod recorded;
 mod role;
 mod run;
 mod safety_bench;
@@ -23,6 +24,7 @@ use tactnet_catching_world::WorldConfig;
 #[derive(Subcommand)]
 #[command(after_help = "Examples:\n  \
     tactnet catch run --throws 10                                  live, every part a process\n  \
+    tactnet catch timing run.mcap                                  what takes how long, from a recording of such a run\n  \
     tactnet catch throw-series --throws 100 --page throws.html     how many balls are caught, and one throw drawn\n  \
     tactnet catch plan-bench --problems 1000                       how long plans take, how many are missed\n  \
     tactnet catch track-bench --throws 1000                        how exactly balls are predicted, how long that takes\n  \
@@ -41,6 +43,10 @@ pub enum CatchCommand {
     SafetyBench(safety_bench::SafetyBenchArgs),
     /// Measure the detector on pictures of throws, drawn with room, people, blur and noise
     DetectBench(detect_bench::DetectBenchArgs),
+    /// Say from a recording what takes how long, from an exposure to its path
+    Timing(recorded::TimingArgs),
+    /// Ask tracker and planners again what a recording holds, and compare bit by bit
+    Replay(recorded::ReplayArgs),
     /// Run one process of the stack, or the world, on the channels of a table
     Role(role::RoleArgs),
 }
@@ -75,6 +81,8 @@ pub fn run(command: CatchCommand) -> anyhow::Result<ExitCode> {
         CatchCommand::SafetyBench(arguments) => safety_bench::run(&arguments),
         CatchCommand::DetectBench(arguments) => detect_bench::run(&arguments),
         CatchCommand::Run(arguments) => run::run(&arguments),
+        CatchCommand::Timing(arguments) => recorded::run_timing(&arguments),
+        CatchCommand::Replay(arguments) => recorded::run_replay(&arguments),
         CatchCommand::Role(arguments) => role::run(&arguments),
     }
 }

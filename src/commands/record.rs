@@ -1,4 +1,4 @@
-//! `tactnet record`: what travels on the tactile channels, into an MCAP file.
+//! `tactnet record`: what travels on a robot's channels, into an MCAP file.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -8,7 +8,7 @@ use anyhow::bail;
 use clap::Args;
 use serde::Serialize;
 use tactnet_channel::{Bus, Domain};
-use tactnet_recording::{About, Recorder, files_of_run};
+use tactnet_recording::{About, Counts, Recorder, files_of_run};
 
 use crate::stop::Stop;
 use crate::table;
@@ -25,7 +25,7 @@ const TOLD_EVERY: Duration = Duration::from_secs(10);
     Foxglove and the `mcap` tools open the file. If the recorder is killed, all but the last second is there (and what waits for a slow disk). \
     Replaying an hour of one finger at 750 Hz takes about 0.5 GB of memory.")]
 pub struct RecordArgs {
-    /// The table of channels; `tactnet serve --print-table` prints one
+    /// The table of channels; `tactnet serve --print-table` prints one, `tactnet catch role --print-table` that of the catching stack
     #[arg(long, value_name = "FILE")]
     table: PathBuf,
     /// Where to write; must not be there yet
@@ -49,11 +49,24 @@ pub struct RecordArgs {
 struct RecordReport {
     schema_version: u32,
     seconds: f64,
+    channels: usize,
     messages: u64,
     frames: u64,
     beliefs: u64,
     lost: u64,
     bytes: u64,
+}
+
+/// The packets, for people.
+fn what(counts: &Counts) -> String {
+    if counts.frames + counts.beliefs > 0 {
+        format!("{} frames, {} beliefs", counts.frames, counts.beliefs)
+    } else {
+        format!(
+            "{} packets on {} channels",
+            counts.messages, counts.channels
+        )
+    }
 }
 
 /// Runs the command.
@@ -91,10 +104,9 @@ pub fn run(arguments: &RecordArgs) -> anyhow::Result<ExitCode> {
             told = Instant::now();
             let so_far = recorder.counts();
             say!(
-                "{:.0} s: {} frames, {} beliefs, {} lost",
+                "{:.0} s: {}, {} lost",
                 begun.elapsed().as_secs_f64(),
-                so_far.frames,
-                so_far.beliefs,
+                what(&so_far),
                 so_far.lost
             );
         }
@@ -103,6 +115,7 @@ pub fn run(arguments: &RecordArgs) -> anyhow::Result<ExitCode> {
     let told = RecordReport {
         schema_version: 1,
         seconds: begun.elapsed().as_secs_f64(),
+        channels: recorded.channels,
         messages: recorded.messages,
         frames: recorded.frames,
         beliefs: recorded.beliefs,
@@ -113,10 +126,9 @@ pub fn run(arguments: &RecordArgs) -> anyhow::Result<ExitCode> {
         output::print_json(&told)?;
     } else {
         output::print(format_args!(
-            "{}: {} frames, {} beliefs, {} lost, {:.1} MB",
+            "{}: {}, {} lost, {:.1} MB",
             arguments.out.display(),
-            told.frames,
-            told.beliefs,
+            what(&recorded),
             told.lost,
             told.bytes as f64 / 1e6
         ))?;

@@ -7,6 +7,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::command::tactnet;
+use crate::serve::Running;
 
 /// A run beside this test, and what it says.
 struct Run {
@@ -95,7 +96,9 @@ fn is_there(process: u32) -> bool {
 
 #[test]
 fn a_live_run_catches_and_ends_all_its_processes() {
-    let mut run = Run::start(&["--seed", "3"]);
+    let place = tempfile::tempdir().unwrap();
+    let file = place.path().join("run.mcap");
+    let mut run = Run::start(&["--seed", "3", "--record", file.to_str().unwrap()]);
     let processes = run.processes();
     let names: Vec<&str> = processes.keys().map(String::as_str).collect();
     assert_eq!(
@@ -133,6 +136,119 @@ fn a_live_run_catches_and_ends_all_its_processes() {
         "{report}"
     );
     assert_eq!(report["restarts"], 0);
+    a_recording_tells_the_same(&file, &report);
+}
+
+/// Its times are those of the run, and tracker and planners answer the same again.
+fn a_recording_tells_the_same(file: &Path, report: &serde_json::Value) {
+    let picture = file.with_extension("svg");
+    let mut timing = tactnet(["catch", "timing", "--json", "--picture"]);
+    timing.arg(&picture).arg(file);
+    let timing: serde_json::Value = json(timing);
+    let steps = timing["steps"].as_array().unwrap();
+    let of = |name: &str| steps.iter().find(|step| step["name"] == name).unwrap();
+    let (mut ended, names) = (0.0, ["circles", "prediction", "question", "plan", "path"]);
+    for name in names {
+        let ends = of(name)["ends_ms"]["p50"].as_f64().unwrap();
+        assert!(ends >= ended, "{name}: {timing}");
+        ended = ends;
+    }
+    // What the run itself has heard may lack a packet.
+    let (told, recorded) = (
+        &report["exposure_to_path_ms"],
+        &timing["exposure_to_path_ms"],
+    );
+    let apart = told["p50"].as_f64().unwrap() - recorded["p50"].as_f64().unwrap();
+    assert!(apart.abs() < 1.0, "{told} {recorded}");
+    assert!(timing["paths"].as_u64().unwrap() > 0);
+    assert!(timing["beat_to_command_ms"]["count"].as_u64().unwrap() > 3000);
+    let svg = std::fs::read_to_string(&picture).unwrap();
+    assert!(svg.contains("152 ms") && svg.contains("planner"), "{svg}");
+    let mut replay = tactnet(["catch", "replay", "--json"]);
+    replay.arg(file);
+    let replayed = json(replay);
+    for part in ["plans", "predictions"] {
+        assert!(
+            replayed[part]["answers"].as_u64().unwrap() > 5,
+            "{replayed}"
+        );
+        assert_eq!(
+            replayed[part]["same"], replayed[part]["answers"],
+            "{replayed}"
+        );
+    }
+}
+
+fn json(mut command: Command) -> serde_json::Value {
+    let output = command.output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}");
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// Tools of the channels know the stack's packets, whoever puts them.
+#[test]
+fn packets_of_the_stack_are_echoed_and_recorded() {
+    let place = tempfile::tempdir().unwrap();
+    let table = place.path().join("robot.toml");
+    let printed = tactnet(["catch", "role", "--print-table"])
+        .output()
+        .unwrap();
+    let name = format!("bus = \"packets{}\"", std::process::id());
+    let text = String::from_utf8(printed.stdout).unwrap();
+    std::fs::write(&table, text.replace("bus = \"robot\"", &name)).unwrap();
+    let on_table = |words: &[&str]| {
+        let mut command = tactnet(words.iter().copied());
+        command.arg("--table").arg(&table).stdin(Stdio::null());
+        command
+    };
+    let hub = Running::start(on_table(&["channel", "hub"]));
+    let world = Running::start(on_table(&["catch", "role", "world"]));
+    let state = json(on_table(&[
+        "channel",
+        "echo",
+        "joint/state",
+        "--count",
+        "1",
+        "--json",
+    ]));
+    let packet = &state["packet"];
+    assert_eq!(
+        (&packet["type"], state["bytes"].as_u64()),
+        (&"JointState".into(), Some(496))
+    );
+    assert_eq!(packet["q"].as_array().unwrap().len(), 20, "{state}");
+    let echoed = on_table(&["channel", "echo", "imu", "--count", "1"])
+        .output()
+        .unwrap();
+    let line = String::from_utf8(echoed.stdout).unwrap();
+    assert!(
+        line.contains("ImuSample number") && line.contains("acceleration ["),
+        "{line}"
+    );
+    let file = place.path().join("world.mcap");
+    let mut record = on_table(&["record", "--seconds", "1", "--json"]);
+    record.arg("--out").arg(&file);
+    let output = record.output().unwrap();
+    let said = String::from_utf8(output.stdout).unwrap();
+    let told: serde_json::Value = serde_json::from_str(said.trim_start_matches("ready\n")).unwrap();
+    assert!(told["messages"].as_u64().unwrap() > 1000, "{told}");
+    assert_eq!(
+        (told["lost"].as_u64(), told["channels"].as_u64()),
+        (Some(0), Some(18))
+    );
+    let mut timing = tactnet(["catch", "timing", "--json"]);
+    timing.arg(&file);
+    let period = json(timing)["joint_period_ms"]["p50"].as_f64().unwrap();
+    assert!((0.5..2.0).contains(&period), "{period}");
+    // Nobody planned, so there is nothing to answer again.
+    let mut replay = tactnet(["catch", "replay"]);
+    let output = replay.arg(&file).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(said.contains("no packets of a catching stack"), "{said}");
+    world.end();
+    hub.end();
 }
 
 #[test]

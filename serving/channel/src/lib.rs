@@ -12,7 +12,6 @@
 mod bridge;
 mod bus;
 mod create_port;
-mod description;
 mod error;
 mod failed_connections;
 mod get;
@@ -37,7 +36,6 @@ mod transport;
 mod wake_event;
 
 pub use bus::{AsChannelId, Bus, Domain};
-pub use description::{Choice, Described, Description, Field, FieldType, IsField, Layout};
 pub use error::{ChannelError, is_wrong_path};
 pub use get::{GetPort, GetSide, Received, Start, Wait};
 pub use hub::{ChannelState, Hub};
@@ -46,7 +44,7 @@ pub use listing::{ListedChannel, list_channels};
 pub use memory_folder::{
     MEMORY_FOLDER_VARIABLE, free_memory, memory_folder, remove_abandoned_buses, remove_bus,
 };
-pub use packet::{ChannelId, Header, Packet, PacketType, Priority};
+pub use packet::{ChannelId, Header, PacketType, Priority};
 pub use percentile::percentile;
 pub use put::{Loan, PutPort, now_ns};
 pub use rate::{PacketRate, measure_rate};
@@ -54,4 +52,8 @@ pub use rate_limit::RateLimit;
 pub use received_summary::ReceivedSummary;
 pub use sync_group::SyncGroup;
 pub use table::{ChannelConfig, Congestion, Network, Table};
+pub use tactnet_packet::{
+    Choice, Described, Description, Field, FieldType, Fields, IsField, Layout, Packet, Text,
+    choices, packets,
+};
 pub use ticker::Ticker;

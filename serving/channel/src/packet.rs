@@ -1,32 +1,12 @@
-//! Packets: plain data that is read where it was written, without a serialisation step.
+//! What travels beside a packet: its type, its channel's name, its header.
 
 use std::fmt;
 
-use bytemuck::{AnyBitPattern, NoUninit, Pod, Zeroable};
+use bytemuck::{Pod, Zeroable};
 use iceoryx2::prelude::ZeroCopySend;
+use tactnet_packet::Packet;
 
 use crate::ChannelError;
-
-/// A packet's item: plain `#[repr(C)]` data without padding or pointers. A packet holds one or more of them.
-///
-/// Name, size and version are compared with the channel's when a port opens, so two programs that disagree never exchange a byte.
-///
-/// ```
-/// use bytemuck::{Pod, Zeroable};
-/// #[repr(C)]
-/// #[derive(Clone, Copy, Pod, Zeroable)]
-/// struct Imu { acceleration: [f32; 3], rate: [f32; 3] } // m/s², rad/s
-/// impl tactnet_channel::Packet for Imu {
-///     const NAME: &'static str = "Imu";
-///     const VERSION: u32 = 1;
-/// }
-/// ```
-pub trait Packet: AnyBitPattern + NoUninit + Send + Sync {
-    /// Name that both ends know it by.
-    const NAME: &'static str;
-    /// Raised whenever layout or meaning changes.
-    const VERSION: u32;
-}
 
 /// What [`Packet`] says of a type, where there is no type: in other languages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -38,16 +18,6 @@ pub struct PacketType<'a> {
     /// Size of one item.
     pub item_bytes: usize,
 }
-
-macro_rules! plain {
-    ($($number:ident)*) => { $(
-        impl Packet for $number {
-            const NAME: &'static str = stringify!($number);
-            const VERSION: u32 = 1;
-        }
-    )* };
-}
-plain!(u8 u16 u32 u64 i8 i16 i32 i64 f32 f64);
 
 /// Name of a channel: at most 47 bytes of text. It is a packet itself, so that a component can be told where to listen.
 #[repr(C)]

@@ -45,6 +45,11 @@ pub enum RecordingError {
         /// Its id.
         channel: String,
     },
+    /// Only channels of bytes, or of packets of other programs.
+    #[error(
+        "no channel of this table has packets that can be recorded: their types are those of `tactnet channel packets`"
+    )]
+    NothingDescribed,
     /// Nobody puts status.
     #[error("no classifier serves on these channels")]
     NoClassifier,
@@ -107,6 +112,7 @@ impl RecordingError {
             Self::NotARun { .. }
             | Self::NoChannel { .. }
             | Self::NoClassifier
+            | Self::NothingDescribed
             | Self::NoMaterial { .. }
             | Self::NoViewer
             | Self::Unreadable { .. } => true,

@@ -1,8 +1,9 @@
-//! Recordings of the tactile channels: MCAP files (<https://mcap.dev>) with Protocol Buffers messages, as Foxglove and its tools read them.
+//! Recordings of channels: MCAP files (<https://mcap.dev>) with Protocol Buffers messages, as Foxglove and its tools read them.
 //!
 //! [`Recorder`] writes what travels on the channels, [`Recording`] reads it back as far as it goes, [`sweeps`] makes a data set of it, [`play`] puts it back onto
 //! channels.
 
+mod described_channels;
 mod error;
 mod kept_run;
 mod lengths;
@@ -18,7 +19,7 @@ pub mod view;
 pub use error::RecordingError;
 pub use kept_run::{files_of_run, unpack_run};
 pub use listener::{Heard, Listener};
-pub use messages::{DESCRIPTION, Recordable};
+pub use messages::{PlainPacket, Recordable};
 pub use recorder::{About, Counts, Recorder};
 pub use recording::{Entry, RecordedPacket, Recording};
 pub use replay::{FrameLosses, Played, ReplayReport, SweepBeliefs, play};
@@ -26,3 +27,5 @@ pub use sweeps::{SweepSettings, Sweeps, sweeps};
 
 /// Name of the metadata record with the table of channels.
 const METADATA: &str = "tactnet";
+/// Its entry with the nanoseconds since 1970 when the channels' clock was zero.
+const EPOCH: &str = "channel_clock_zero_ns";

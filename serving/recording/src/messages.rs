@@ -2,15 +2,17 @@
 
 mod decode;
 mod encode;
+mod kinds;
 mod schema;
 
 use std::sync::LazyLock;
 
 use bytemuck::{Pod, Zeroable, bytes_of, bytes_of_mut};
-use tactnet_channel::{Described, Field, FieldType, Packet};
+use tactnet_channel::{Described, Field, FieldType, Layout, Packet};
 use tactnet_skin::packets::{ModelNames, SkinFrame, SweepCommand, TactileBelief, TactileStatus};
 
-pub use schema::DESCRIPTION;
+pub use kinds::PlainPacket;
+pub(crate) use kinds::{Kind, kind, kind_of_message};
 
 /// A packet that can be recorded.
 pub trait Recordable: Packet + Described + Pod + Zeroable {
@@ -49,6 +51,8 @@ struct RecordedField {
     offset: usize,
     /// Of one value.
     kind: FieldType,
+    /// Where values are messages themselves: what is recorded of them.
+    part: Option<Recorded>,
     /// Values; `None` for a field that is no array.
     most: Option<usize>,
     /// Offset of the number of those that are valid, in units of `unit` values.
@@ -57,8 +61,7 @@ struct RecordedField {
 }
 
 impl Recorded {
-    fn of<T: Described>() -> Self {
-        let layout = T::LAYOUT;
+    pub(crate) fn of(layout: &Layout) -> Self {
         let offset_of = |name: &str| {
             let named = |field: &&Field| field.name == name;
             let found = layout.fields.iter().find(named);
@@ -78,6 +81,7 @@ impl Recorded {
                     number,
                     offset,
                     kind,
+                    part: kind.part().map(Self::of),
                     most,
                     count: field.counted_by.map(offset_of),
                     unit,
@@ -96,26 +100,13 @@ impl Recorded {
     }
 }
 
-/// Bytes of one value in a packet.
-fn size(kind: &FieldType) -> usize {
-    match kind {
-        FieldType::U8 | FieldType::I8 => 1,
-        FieldType::U16 | FieldType::I16 => 2,
-        FieldType::U32 | FieldType::I32 | FieldType::F32 => 4,
-        FieldType::U64 | FieldType::I64 | FieldType::F64 => 8,
-        FieldType::Text(bytes) => *bytes,
-        FieldType::Array(of, length) => size(of) * length,
-        FieldType::Packet(layout) => layout.bytes,
-    }
-}
-
 macro_rules! recordable {
     ($($packet:ident)*) => { $(
         impl Recordable for $packet {
             const MESSAGE: &'static str = concat!("tactnet.", stringify!($packet));
 
             fn fields() -> &'static Recorded {
-                static FIELDS: LazyLock<Recorded> = LazyLock::new(Recorded::of::<$packet>);
+                static FIELDS: LazyLock<Recorded> = LazyLock::new(|| Recorded::of(&<$packet>::LAYOUT));
                 &FIELDS
             }
         }
@@ -165,6 +156,61 @@ mod tests {
         names.names[0] = Text::new("felt");
         names.names[2] = Text::new("cork");
         comes_back(names);
+    }
+
+    #[test]
+    fn packets_within_packets_survive_bit_by_bit() {
+        use tactnet_catching_packets::packets::{
+            BallPredictions, CatchStatus, ControllerState, HeadPose, PlanResult,
+        };
+        fn comes_back<T: Packet>(packet: &T, bytes: usize) {
+            let plain = PlainPacket::new(T::NAME, T::VERSION, bytes_of(packet)).unwrap();
+            let message = plain.to_message();
+            let kind = kind_of_message(&format!("tactnet_catching.{}", T::NAME)).unwrap();
+            let back = PlainPacket::from_message(kind, &message).unwrap();
+            assert_eq!(bytes_of(packet), bytes_of(&back.get::<T>().unwrap()));
+            assert!(back.get::<SkinFrame>().is_none());
+            assert_eq!(message.len(), bytes, "{}", T::NAME);
+            assert!(PlainPacket::from_message(kind, &message[..message.len() - 1]).is_none());
+        }
+        let mut pose = HeadPose::zeroed();
+        pose.covariance[3][4] = -0.0;
+        pose.covariance[14][14] = 1e-300;
+        // Key and length of each list, and its values; a number of zero is left out.
+        comes_back(&pose, 4 * (2 + 24) + (2 + 32) + (3 + 8 * 225));
+        let mut balls = BallPredictions::zeroed();
+        (balls.exposure_ns, balls.count) = (1, 1);
+        balls.balls[0].covariance[9][0] = f64::from_bits(0x7ff8_0000_dead_beef);
+        balls.balls[0].frames = u32::MAX;
+        // Of two balls the one that is valid.
+        let ball = 2 * (2 + 24) + (2 + 24) + (3 + 800) + 6;
+        comes_back(&balls, 2 + 3 + ball);
+        let mut answer = PlanResult::zeroed();
+        answer.request.last_q[6] = 0.25;
+        answer.ramps[6].end = 0.5;
+        let asked = 3 * (2 + 56) + 2 + 3 * (2 + 24);
+        comes_back(&answer, 3 + asked + (2 + 56) + 6 * 2 + (2 + 9));
+        let mut state = ControllerState::zeroed();
+        state.reason = Text::new("stuck");
+        state.paths[1].ramps[2].t2 = 1.0;
+        comes_back(&state, (2 + 5) + (2 + 7 * 2) + (2 + 6 * 2 + 2 + 9));
+        let mut status = CatchStatus::zeroed();
+        status.phase = 8;
+        comes_back(&status, 2);
+    }
+
+    /// A list that a damaged file makes longer than its packet, and a packet within that is cut.
+    #[test]
+    fn a_packet_within_that_is_too_long_is_none() {
+        use tactnet_catching_packets::packets::Gaze;
+        let kind = kind_of_message("tactnet_catching.Gaze").unwrap();
+        // `flights` is field 2; an empty flight.
+        let flights = |count: usize| [0x12, 0].repeat(count);
+        let gaze = PlainPacket::from_message(kind, &flights(2)).unwrap();
+        assert_eq!(gaze.get::<Gaze>().unwrap().count, 2);
+        assert!(PlainPacket::from_message(kind, &flights(3)).is_none());
+        assert!(PlainPacket::from_message(kind, &[0x12, 3, 0x08]).is_none());
+        assert!(PlainPacket::from_message(kind, &[0x12, 1, 0x08]).is_none());
     }
 
     /// Recordings of former versions, whose messages prost-build's code wrote, are still read, and new ones are the same bytes.

@@ -1,7 +1,7 @@
 //! Channels into a file: one thread follows the channels, one compresses and writes.
 //!
 //! ```text
-//! skin/…, sweep/command, tactile/… ──> Recorder::step ── at most 8192 messages wait ──> writer ──> FILE.mcap
+//! channels whose packets are described ──> Recorder::step ── at most 8192 messages wait ──> writer ──> FILE.mcap
 //! ```
 //!
 //! A chunk is ended every second at the latest, so that much is lost when the recorder is killed, besides what waits for a slow disk. When the disk
@@ -17,10 +17,11 @@ use std::time::{Duration, Instant};
 
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, WriteOptions, Writer};
-use tactnet_channel::{Bus, Table};
+use tactnet_channel::{Bus, Packet, Table, now_ns};
+use tactnet_skin::packets::{SkinFrame, TactileBelief};
 
-use crate::messages::DESCRIPTION;
-use crate::{Listener, METADATA, RecordedPacket, RecordingError};
+use crate::described_channels::DescribedChannels;
+use crate::{EPOCH, METADATA, RecordingError};
 
 /// Messages that wait for the writer.
 const WAITING: usize = 8192;
@@ -42,7 +43,9 @@ pub struct About {
 /// Counts of what has been recorded.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Messages on all channels.
+    /// Channels that are followed.
+    pub channels: usize,
+    /// Messages on all of them.
     pub messages: u64,
     /// Frames of the skin among them.
     pub frames: u64,
@@ -60,9 +63,9 @@ struct Piece {
     data: Vec<u8>,
 }
 
-/// Follows the channels of the classifier and writes what travels on them.
+/// Follows all channels of a table whose packets are described, and writes what travels on them.
 pub struct Recorder {
-    listener: Listener,
+    followed: DescribedChannels,
     /// Of each channel its number in the file and how many messages have come.
     channels: Vec<(u16, u32)>,
     /// Nanoseconds since 1970.
@@ -76,14 +79,14 @@ impl Recorder {
     /// Opens the channels and begins a file.
     ///
     /// # Errors
-    /// A file that is there already or cannot be written; no hub; channels missing in the table.
+    /// A file that is there already or cannot be written; no hub; no channel in the table that can be recorded.
     pub fn start(
         bus: &Bus,
         table: &Table,
         path: &Path,
         about: &About,
     ) -> Result<Self, RecordingError> {
-        let listener = Listener::open(bus, table)?;
+        let followed = DescribedChannels::open(bus, table)?;
         let file = File::create_new(path).map_err(|source| RecordingError::Io {
             path: path.into(),
             source,
@@ -100,9 +103,9 @@ impl Recorder {
             .chunk_size(Some(CHUNK_BYTES))
             .library(concat!("tactnet ", env!("CARGO_PKG_VERSION")));
         let mut writer = options.create(BufWriter::new(file)).map_err(failed)?;
-        let begun_ns = listener.now_ns();
+        let begun_ns = followed.epoch_ns + now_ns();
         writer
-            .write_metadata(&metadata(table, about)?)
+            .write_metadata(&metadata(table, about, followed.epoch_ns)?)
             .map_err(failed)?;
         for (name, data) in &about.files {
             writer
@@ -115,12 +118,12 @@ impl Recorder {
                 })
                 .map_err(failed)?;
         }
-        let channels = listener
+        let channels = followed
             .channels()
             .iter()
-            .map(|(id, message)| {
-                let schema = writer.add_schema(message, "protobuf", &DESCRIPTION)?;
-                let channel = writer.add_channel(schema, id, "protobuf", &BTreeMap::new())?;
+            .map(|of| {
+                let schema = writer.add_schema(&of.kind.message, "protobuf", of.kind.schema)?;
+                let channel = writer.add_channel(schema, &of.id, "protobuf", &BTreeMap::new())?;
                 Ok((channel, 0))
             })
             .collect::<mcap::McapResult<_>>()
@@ -134,11 +137,15 @@ impl Recorder {
                 path: path.into(),
                 source,
             })?;
+        let counts = Counts {
+            channels: followed.channels().len(),
+            ..Counts::default()
+        };
         Ok(Self {
-            listener,
+            followed,
             channels,
             begun_ns,
-            counts: Counts::default(),
+            counts,
             path: path.into(),
             writer: Some((sender, thread)),
         })
@@ -149,7 +156,7 @@ impl Recorder {
     /// # Errors
     /// The channels have broken down; the file cannot be written any more, for example because the disk is full.
     pub fn step(&mut self, patience: Duration) -> Result<(), RecordingError> {
-        self.listener.wait(patience)?;
+        self.followed.wait(patience)?;
         self.follow()
     }
 
@@ -158,21 +165,23 @@ impl Recorder {
             return Ok(());
         };
         let mut goes_on = true;
-        self.listener.follow(|heard| {
-            let (channel, came) = &mut self.channels[heard.channel];
+        let followed = self.followed.channels();
+        self.followed.follow(|place, put_ns, packet| {
+            let (channel, came) = &mut self.channels[place];
+            let kind = followed[place].kind;
             let piece = Piece {
                 channel: *channel,
                 sequence: *came,
                 // What was put before, as history, does not stretch the recording.
-                log_time: heard.put_ns.max(self.begun_ns),
-                publish_time: heard.put_ns,
-                data: heard.packet.to_message(),
+                log_time: put_ns.max(self.begun_ns),
+                publish_time: put_ns,
+                data: kind.to_message(packet),
             };
             *came = came.wrapping_add(1);
             self.counts.messages += 1;
-            match heard.packet {
-                RecordedPacket::Frame(_) => self.counts.frames += 1,
-                RecordedPacket::Belief(_) => self.counts.beliefs += 1,
+            match kind.layout.name {
+                SkinFrame::NAME => self.counts.frames += 1,
+                TactileBelief::NAME => self.counts.beliefs += 1,
                 _ => {}
             }
             goes_on &= writer.send(piece).is_ok();
@@ -183,7 +192,7 @@ impl Recorder {
     /// Returns the counts so far.
     pub fn counts(&self) -> Counts {
         Counts {
-            lost: self.listener.lost(),
+            lost: self.followed.lost(),
             ..self.counts
         }
     }
@@ -220,12 +229,13 @@ impl Drop for Recorder {
     }
 }
 
-fn metadata(table: &Table, about: &About) -> Result<Metadata, RecordingError> {
+fn metadata(table: &Table, about: &About, epoch_ns: u64) -> Result<Metadata, RecordingError> {
     let text = toml::to_string(table)?;
     let mut metadata = BTreeMap::from([
         ("table".to_owned(), text),
         ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
         ("git".to_owned(), about.git.clone()),
+        (EPOCH.to_owned(), epoch_ns.to_string()),
     ]);
     if let Some(material) = &about.material {
         metadata.insert("material".into(), material.clone());

@@ -12,8 +12,8 @@ use tactnet_channel::Table;
 use tactnet_skin::packets::{ModelNames, SkinFrame, SweepCommand, TactileBelief, TactileStatus};
 
 use crate::lengths::lengths_fit;
-use crate::messages::Recordable;
-use crate::{METADATA, RecordingError};
+use crate::messages::{PlainPacket, Recordable, kind_of_message};
+use crate::{EPOCH, METADATA, RecordingError};
 
 /// Records may always be so long, bytes; longer ones only in longer files.
 const LONGEST_RECORD: u64 = 64 << 20;
@@ -51,6 +51,8 @@ pub enum RecordedPacket {
     Status(Box<TactileStatus>),
     /// Of the classifier.
     Model(Box<ModelNames>),
+    /// Any other, of the catching stack for example.
+    Plain(PlainPacket),
 }
 
 impl RecordedPacket {
@@ -62,6 +64,7 @@ impl RecordedPacket {
             Self::Belief(packet) => packet.to_message(),
             Self::Status(packet) => packet.to_message(),
             Self::Model(packet) => packet.to_message(),
+            Self::Plain(packet) => packet.to_message(),
         }
     }
 }
@@ -73,6 +76,8 @@ pub struct Recording {
     pub entries: Vec<Entry>,
     /// The table of channels.
     pub table: Table,
+    /// When the channels' clock was zero, nanoseconds since 1970; `None` in recordings that do not tell.
+    pub channel_clock_zero_ns: Option<u64>,
     /// The material that was swept over, where it was one material only.
     pub material: Option<String>,
     /// Files that were kept with it.
@@ -88,6 +93,7 @@ pub struct Recording {
 struct Found {
     entries: Vec<Entry>,
     table: Option<Table>,
+    channel_clock_zero_ns: Option<u64>,
     material: Option<String>,
     files: BTreeMap<String, Vec<u8>>,
     foreign: usize,
@@ -160,6 +166,7 @@ impl Recording {
         Ok(Self {
             entries: found.entries,
             table,
+            channel_clock_zero_ns: found.channel_clock_zero_ns,
             material: found.material,
             files: found.files,
             cut,
@@ -203,6 +210,8 @@ impl Found {
             }
             Record::Metadata(found) if found.name == METADATA => {
                 self.material = found.metadata.get("material").cloned();
+                let epoch = found.metadata.get(EPOCH);
+                self.channel_clock_zero_ns = epoch.and_then(|ns| ns.parse().ok());
                 let text = found.metadata.get("table").map_or("", String::as_str);
                 let table = toml::from_str(text);
                 self.table = Some(table.map_err(|error: toml::de::Error| {
@@ -230,6 +239,6 @@ fn decoded(name: &str, data: &[u8]) -> Option<RecordedPacket> {
         TactileBelief::MESSAGE => RecordedPacket::Belief(TactileBelief::from_message(data)?.into()),
         TactileStatus::MESSAGE => RecordedPacket::Status(TactileStatus::from_message(data)?.into()),
         ModelNames::MESSAGE => RecordedPacket::Model(ModelNames::from_message(data)?.into()),
-        _ => return None,
+        other => RecordedPacket::Plain(PlainPacket::from_message(kind_of_message(other)?, data)?),
     })
 }

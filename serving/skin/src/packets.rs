@@ -11,8 +11,9 @@
 //! They are described here and nowhere else: `docs/packets.md` (with offsets), the headers of C and C++, `tactnet.packets` of Python and the
 //! messages of recordings are generated from [`DESCRIPTION`].
 
-use bytemuck::{Pod, Zeroable};
-use tactnet_channel::{Described, Description, FieldType, IsField, choices, packets};
+use tactnet_channel::{Described, Description, choices, packets};
+
+pub use tactnet_channel::Text;
 
 /// Most taxels of a frame.
 pub const MAX_TAXELS: usize = 1024;
@@ -25,51 +26,6 @@ pub fn unfit(taxels: usize, materials: usize) -> Option<String> {
         (found > most).then(|| format!("{found} {what}, packets hold {most}"))
     };
     over("taxels", MAX_TAXELS, taxels).or_else(|| over("materials", MAX_MATERIALS, materials))
-}
-
-/// Up to `BYTES` bytes of UTF-8, filled up with zeros.
-#[repr(C)]
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub struct Text<const BYTES: usize>([u8; BYTES]);
-
-// SAFETY: an array of bytes, for any length.
-unsafe impl<const BYTES: usize> Zeroable for Text<BYTES> {}
-// SAFETY: as above; no padding, any bits.
-unsafe impl<const BYTES: usize> Pod for Text<BYTES> {}
-
-impl<const BYTES: usize> IsField for Text<BYTES> {
-    const TYPE: FieldType = FieldType::Text(BYTES);
-}
-
-impl<const BYTES: usize> Text<BYTES> {
-    /// As much of `text` as there is room for.
-    pub fn new(text: &str) -> Self {
-        let mut end = text.len().min(BYTES);
-        while !text.is_char_boundary(end) {
-            end -= 1;
-        }
-        let mut bytes = [0; BYTES];
-        bytes[..end].copy_from_slice(&text.as_bytes()[..end]);
-        Self(bytes)
-    }
-
-    /// The text; empty if a sender that runs amok put other bytes.
-    pub fn as_str(&self) -> &str {
-        let end = self.0.iter().position(|b| *b == 0).unwrap_or(BYTES);
-        std::str::from_utf8(&self.0[..end]).unwrap_or("")
-    }
-}
-
-impl<const BYTES: usize> Default for Text<BYTES> {
-    fn default() -> Self {
-        Self([0; BYTES])
-    }
-}
-
-impl<const BYTES: usize> std::fmt::Debug for Text<BYTES> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        std::fmt::Debug::fmt(self.as_str(), f)
-    }
 }
 
 // A packet's version goes up with its layout; a number of `recorded` is never used for another field.
@@ -371,16 +327,3 @@ pub const DESCRIPTION: Description = Description {
         ModelNames::LAYOUT,
     ],
 };
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn text_is_cut_between_characters_and_survives_nonsense() {
-        assert_eq!(Text::<4>::new("ab").as_str(), "ab");
-        assert_eq!(Text::<4>::new("abcü").as_str(), "abc");
-        assert_eq!(Text::<4>::new("").as_str(), "");
-        assert_eq!(Text::<2>([0xff, 0xff]).as_str(), "");
-    }
-}

@@ -1,21 +1,23 @@
 //! `tactnet catch run`: the whole stack on channels, live before the simulated world.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use anyhow::bail;
 use clap::Args;
 use tactnet_catching::track::CLUTTER_OF_PICTURES;
-use tactnet_catching_roles::RoleSettings;
-use tactnet_catching_stage::{CatchRun, Milliseconds, RunEvent, RunReport, WorldSettings};
+use tactnet_catching_roles::{Milliseconds, RoleSettings};
+use tactnet_catching_stage::{CatchRun, RunEvent, RunReport, WorldSettings};
 
-use crate::output;
 use crate::stop::Stop;
+use crate::{GIT, output};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     tactnet catch run --throws 10             ten throws, a line for each\n  \
     tactnet catch run --seconds 60 --json     a minute, with times of every process\n  \
-    tactnet catch run --pixels                from pictures: wants more than two cores\n\n\
+    tactnet catch run --pixels                from pictures: wants more than two cores\n  \
+    tactnet catch run --throws 10 --record run.mcap     and keep every packet\n\n\
     Every part is a process: world, pose, tracker, coordinator, two planners, controller, safety, hand (and eyes, with --pixels). One that \
     ends by itself brakes the robot, is named and begins again. Ctrl-C ends all of them.")]
 pub struct RunArgs {
@@ -46,6 +48,9 @@ pub struct RunArgs {
     /// The world, as JSON [default: the one that simulations use]
     #[arg(long, value_name = "FILE")]
     world: Option<PathBuf>,
+    /// Record everything that travels on the channels, but pictures, into an MCAP file; `catch timing` and `catch replay` read it
+    #[arg(long, value_name = "FILE.mcap")]
+    record: Option<PathBuf>,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
@@ -85,6 +90,12 @@ pub fn run(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
         pixels: arguments.pixels,
         ..WorldSettings::default()
     };
+    if let Some(path) = arguments.record.as_ref().filter(|path| path.exists()) {
+        bail!(
+            "{}: exists already; name another file with `--record`",
+            path.display()
+        );
+    }
     let stop = Stop::listen_saying("stopping")?;
     let folder = tempfile::tempdir()?;
     let program = std::env::current_exe()?;
@@ -95,13 +106,15 @@ pub fn run(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
         world,
         throws: arguments.throws,
         seconds: arguments.seconds,
+        record: arguments.record.as_deref(),
+        git: GIT,
         priority: arguments.priority,
     };
     let report = run.run(&mut show, &|| stop.asked())?;
     if arguments.json {
         output::print_json(&report)?;
     } else {
-        print(&report)?;
+        print(&report, arguments.record.as_deref())?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -149,7 +162,7 @@ fn show(event: RunEvent) {
     }
 }
 
-fn print(report: &RunReport) -> anyhow::Result<()> {
+fn print(report: &RunReport, file: Option<&Path>) -> anyhow::Result<()> {
     let rate = report.rate.map_or_else(
         || "no ball could have been caught".to_string(),
         |rate| {
@@ -188,5 +201,13 @@ fn print(report: &RunReport) -> anyhow::Result<()> {
         "1 kHz loop: 99.9 % of commands within {:.0} us of their beat; brakes by the monitor: {}, {} of them in vain",
         report.loop_p999_us, report.monitor_brakes, report.false_brakes
     ))?;
+    if let (Some(recording), Some(path)) = (report.recording, file) {
+        output::print(format_args!(
+            "{}: {} packets, {} lost; `tactnet catch timing {0}` draws what takes how long",
+            path.display(),
+            recording.messages,
+            recording.lost
+        ))?;
+    }
     Ok(())
 }

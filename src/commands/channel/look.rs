@@ -8,9 +8,11 @@ use anyhow::Context;
 use clap::Args;
 use serde::Serialize;
 use tactnet_channel::{
-    Bus, ChannelId, Domain, ListedChannel, ReceivedSummary, Start, Wait, list_channels,
-    measure_rate,
+    Bus, ChannelConfig, ChannelId, Domain, ListedChannel, ReceivedSummary, Start, Wait,
+    list_channels, measure_rate,
 };
+use tactnet_recording::PlainPacket;
+use tactnet_skin::packets::ModelNames;
 use tactnet_skin::{Readable, ServeConfig};
 
 use super::TableArgs;
@@ -67,7 +69,35 @@ struct Echoed {
     #[serde(flatten)]
     received: ReceivedSummary,
     #[serde(skip_serializing_if = "Option::is_none")]
-    packet: Option<Readable>,
+    packet: Option<Contents>,
+}
+
+/// What is in a packet.
+#[derive(Serialize)]
+#[serde(untagged)]
+enum Contents {
+    /// In words.
+    Tactile(Readable),
+    /// Field by field.
+    Described(PlainPacket),
+}
+
+impl Contents {
+    fn new(config: &ChannelConfig, bytes: &[u8], network: Option<&ModelNames>) -> Option<Self> {
+        let readable = Readable::new(&config.packet, config.version, bytes, network);
+        readable.map(Self::Tactile).or_else(|| {
+            PlainPacket::new(&config.packet, config.version, bytes).map(Self::Described)
+        })
+    }
+}
+
+impl fmt::Display for Contents {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Tactile(packet) => packet.fmt(f),
+            Self::Described(packet) => packet.fields().fmt(f),
+        }
+    }
 }
 
 impl fmt::Display for Echoed {
@@ -107,7 +137,7 @@ pub fn echo(arguments: &EchoArgs) -> anyhow::Result<ExitCode> {
         }
         let echoed = Echoed {
             received: ReceivedSummary::new(&packet, &port),
-            packet: Readable::new(&config.packet, config.version, &packet, network.as_deref()),
+            packet: Contents::new(config, &packet, network.as_deref()),
         };
         drop(packet);
         seen += 1;

@@ -20,7 +20,9 @@
 //! | [`CatchStatus`] | the coordinator | when it changes, and 10 times a second |
 //! | [`CatchOutcome`] | the judge | when a throw is over |
 
-use bytemuck::{Pod, Zeroable};
+use tactnet_packet::{Described, Description, choices, packets};
+
+pub use tactnet_packet::Text;
 
 use crate::{ARM_JOINTS, JOINTS};
 
@@ -29,78 +31,548 @@ pub const MAX_CIRCLES: usize = 32;
 /// Most balls at once.
 pub const MAX_BALLS: usize = 2;
 
-/// What joints measure, 496 bytes.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct JointState {
-    /// 0: number of the sample; a gap is a lost one.
-    pub number: u64,
-    /// 8: when it was measured.
-    pub sensor_ns: u64,
-    /// 16: positions at the motors, rad and m.
-    pub q: [f64; JOINTS],
-    /// 176: velocities, rad/s and m/s.
-    pub dq: [f64; JOINTS],
-    /// 336: torques and forces at the links, Nm and N.
-    pub tau: [f64; JOINTS],
+packets! {
+    /// What joints measure.
+    #[derive(PartialEq)]
+    #[version(1)]
+    pub struct JointState {
+        /// Number of the sample; a gap is a lost one.
+        #[recorded(1)]
+        pub number: u64,
+        /// When it was measured.
+        #[recorded(2)]
+        pub sensor_ns: u64,
+        /// Positions at the motors, rad and m.
+        #[recorded(3)]
+        pub q: [f64; JOINTS],
+        /// Velocities, rad/s and m/s.
+        #[recorded(4)]
+        pub dq: [f64; JOINTS],
+        /// Torques and forces at the links, Nm and N.
+        #[recorded(5)]
+        pub tau: [f64; JOINTS],
+    }
+
+    /// Where joints are to be.
+    #[derive(PartialEq)]
+    #[version(1)]
+    pub struct JointCommand {
+        /// Number of the command.
+        #[recorded(1)]
+        pub number: u64,
+        /// When it was given.
+        #[recorded(2)]
+        pub command_ns: u64,
+        /// Positions, rad and m.
+        #[recorded(3)]
+        pub q: [f64; JOINTS],
+        /// Velocities, rad/s and m/s.
+        #[recorded(4)]
+        pub dq: [f64; JOINTS],
+    }
+
+    /// A sample of the head's inertial unit, in its own frame.
+    #[derive(PartialEq)]
+    #[version(1)]
+    pub struct ImuSample {
+        /// Number of the sample.
+        #[recorded(1)]
+        pub number: u64,
+        /// When it was measured.
+        #[recorded(2)]
+        pub sensor_ns: u64,
+        /// Specific force (acceleration minus gravity), m/s^2.
+        #[recorded(3)]
+        pub acceleration: [f64; 3],
+        /// Rotation, rad/s.
+        #[recorded(4)]
+        pub rate: [f64; 3],
+    }
+
+    /// A circle in a picture.
+    #[derive(PartialEq)]
+    pub struct Circle {
+        /// Centre of the outline, pixels from the left.
+        #[recorded(1)]
+        pub u: f64,
+        /// Centre of the outline, pixels from the top.
+        #[recorded(2)]
+        pub v: f64,
+        /// Mean radius, pixels.
+        #[recorded(3)]
+        pub r: f64,
+        /// The detector's answer, 0 to 1.
+        #[recorded(4)]
+        pub response: f64,
+    }
+
+    /// The circles of one picture.
+    #[derive(PartialEq)]
+    #[version(1)]
+    pub struct Circles {
+        /// Number of the picture; both cameras count alike.
+        #[recorded(1)]
+        pub frame: u64,
+        /// Middle of the exposure.
+        #[recorded(2)]
+        pub exposure_ns: u64,
+        /// 0 left, 1 right.
+        #[recorded(3)]
+        pub camera: u32,
+        /// How many of `circles` are valid.
+        pub count: u32,
+        /// The circles.
+        #[recorded(5, count)]
+        pub circles: [Circle; MAX_CIRCLES],
+    }
+
+    /// Where the head is.
+    #[derive(PartialEq)]
+    #[version(1)]
+    pub struct HeadPose {
+        /// Of which moment.
+        #[recorded(1)]
+        pub t_ns: u64,
+        /// Position of the head's frame, m.
+        #[recorded(2)]
+        pub position: [f64; 3],
+        /// Rotation from the head's frame to the inertial one: x, y, z, w.
+        #[recorded(3)]
+        pub quaternion: [f64; 4],
+        /// Velocity, m/s.
+        #[recorded(4)]
+        pub velocity: [f64; 3],
+        /// Bias of the accelerometer, m/s^2, in the head's frame.
+        #[recorded(5)]
+        pub accelerometer_bias: [f64; 3],
+        /// Bias of the gyroscope, rad/s, in the head's frame.
+        #[recorded(6)]
+        pub gyroscope_bias: [f64; 3],
+        /// Covariance of the errors of position, velocity, rotation (inertial frame) and both biases, row by row. Biases belong to it: at
+        /// rest a tilt and a bias that feel alike cannot be told apart, and only together are they known to move the head little.
+        #[recorded(7)]
+        pub covariance: [[f64; 15]; 15],
+    }
+
+    /// Where a ball is and how it flies.
+    #[derive(PartialEq)]
+    pub struct BallPrediction {
+        /// Number of the ball; kept as long as it is tracked.
+        #[recorded(1)]
+        pub ball: u64,
+        /// Of which moment.
+        #[recorded(2)]
+        pub t_ns: u64,
+        /// Position, m.
+        #[recorded(3)]
+        pub p: [f64; 3],
+        /// Velocity, m/s.
+        #[recorded(4)]
+        pub v: [f64; 3],
+        /// Drag coefficient `k` of `dv/dt = g - k |v| v + lift x v`, 1/m.
+        #[recorded(5)]
+        pub k: f64,
+        /// Lift of the spin, `lift x v` in `dv/dt`, 1/s.
+        #[recorded(6)]
+        pub lift: [f64; 3],
+        /// Covariance of p, v, k, lift, row by row, as seen from the head: an error of the head's pose that moves ball and head alike does
+        /// not count.
+        #[recorded(7)]
+        pub covariance: [[f64; 10]; 10],
+        /// Probability that there is such a ball.
+        #[recorded(8)]
+        pub existence: f32,
+        /// Pictures that it was seen in by both cameras.
+        #[recorded(9)]
+        pub frames: u32,
+    }
+
+    /// The balls in the air.
+    #[derive(PartialEq)]
+    #[version(1)]
+    pub struct BallPredictions {
+        /// Exposure of the pictures that it follows from.
+        #[recorded(1)]
+        pub exposure_ns: u64,
+        /// How many of `balls` are valid.
+        pub count: u64,
+        /// The balls, by number.
+        #[recorded(3, count)]
+        pub balls: [BallPrediction; MAX_BALLS],
+    }
+
+    /// A joint's motion: speeds up until `t1`, keeps its velocity until `t2`, slows down until `end`; thesis, equation 3.1.
+    #[derive(PartialEq)]
+    pub struct RampPacket {
+        /// Position at the start, rad or m.
+        #[recorded(1)]
+        pub q0: f64,
+        /// Velocity at the start.
+        #[recorded(2)]
+        pub w0: f64,
+        /// Acceleration until `t1`; its negative from `t2`.
+        #[recorded(3)]
+        pub a: f64,
+        /// End of the first part, seconds from the start.
+        #[recorded(4)]
+        pub t1: f64,
+        /// Begin of the last part.
+        #[recorded(5)]
+        pub t2: f64,
+        /// End; the joint stands from here.
+        #[recorded(6)]
+        pub end: f64,
+    }
+
+    /// The motion of an arm.
+    #[derive(PartialEq)]
+    #[version(1)]
+    pub struct ArmPath {
+        /// 0 left, 1 right.
+        #[recorded(1)]
+        pub arm: u64,
+        /// Number of the ball that it is for.
+        #[recorded(2)]
+        pub ball: u64,
+        /// Exposure of the pictures that it follows from; 0: it follows from none.
+        #[recorded(3)]
+        pub exposure_ns: u64,
+        /// Of which moment the head's pose is that it follows from.
+        #[recorded(4)]
+        pub head_ns: u64,
+        /// When it begins.
+        #[recorded(5)]
+        pub start_ns: u64,
+        /// Its joints.
+        #[recorded(6)]
+        pub ramps: [RampPacket; ARM_JOINTS],
+    }
+
+    /// The motion of platform and torso.
+    #[derive(PartialEq)]
+    #[version(1)]
+    pub struct BodyPath {
+        /// When it begins.
+        #[recorded(1)]
+        pub start_ns: u64,
+        /// The platform's.
+        #[recorded(2)]
+        pub platform: RampPacket,
+        /// The torso's turn about the vertical.
+        #[recorded(3)]
+        pub turn: RampPacket,
+    }
+
+    /// A flight at one moment.
+    #[derive(PartialEq)]
+    pub struct FlightPacket {
+        /// Of which moment.
+        #[recorded(1)]
+        pub t_ns: u64,
+        /// Position, m.
+        #[recorded(2)]
+        pub p: [f64; 3],
+        /// Velocity, m/s.
+        #[recorded(3)]
+        pub v: [f64; 3],
+        /// Drag, 1/m.
+        #[recorded(4)]
+        pub k: f64,
+        /// Lift, 1/s.
+        #[recorded(5)]
+        pub lift: [f64; 3],
+    }
+
+    /// What the head is to look at.
+    #[derive(PartialEq)]
+    #[version(1)]
+    pub struct Gaze {
+        /// How many of `flights` are valid; the head turns to their middle.
+        pub count: u64,
+        /// Inertial frame.
+        #[recorded(2, count)]
+        pub flights: [FlightPacket; MAX_BALLS],
+    }
+
+    /// A question to a planner.
+    #[derive(PartialEq)]
+    #[version(1)]
+    pub struct PlanRequest {
+        /// Counts calls; questions that follow from one prediction have the same.
+        #[recorded(1)]
+        pub call: u64,
+        /// Exposure of the pictures that it follows from.
+        #[recorded(2)]
+        pub exposure_ns: u64,
+        /// Of which moment the head's pose is that it follows from.
+        #[recorded(3)]
+        pub head_ns: u64,
+        /// Number of the ball.
+        #[recorded(4)]
+        pub ball: u64,
+        /// 0 left, 1 right.
+        #[recorded(5)]
+        pub arm: u64,
+        /// When the motion would begin.
+        #[recorded(6)]
+        pub start_ns: u64,
+        /// The ball then, in the frame of the chest at the catch.
+        #[recorded(7)]
+        pub flight: FlightPacket,
+        /// Joint angles then, rad.
+        #[recorded(8)]
+        pub q0: [f64; ARM_JOINTS],
+        /// Joint rates then, rad/s.
+        #[recorded(9)]
+        pub w0: [f64; ARM_JOINTS],
+        /// No catch before, s after the begin.
+        #[recorded(10)]
+        pub earliest: f64,
+        /// No catch after, s after the begin.
+        #[recorded(11)]
+        pub latest: f64,
+        /// What is sought: 0 the gentlest motion, 1 the latest catch, 2 to be there early.
+        #[recorded(12)]
+        pub objective: u64,
+        /// 1 if a plan is carried out, else 0.
+        #[recorded(13)]
+        pub has_last: u64,
+        /// Its joint angles at the catch, rad.
+        #[recorded(14)]
+        pub last_q: [f64; ARM_JOINTS],
+        /// Its catch, s after the begin.
+        #[recorded(15)]
+        pub last_t: f64,
+    }
+
+    /// A planner's answer.
+    #[derive(PartialEq)]
+    #[version(1)]
+    pub struct PlanResult {
+        /// The question.
+        #[recorded(1)]
+        pub request: PlanRequest,
+        /// A plan; 1 the question makes no sense, 2 out of reach, 3 no catch within limits, 4 time was up.
+        #[recorded(2)]
+        pub failure: u64,
+        /// Joint angles at the catch, rad.
+        #[recorded(3)]
+        pub q: [f64; ARM_JOINTS],
+        /// The catch, s after the begin.
+        #[recorded(4)]
+        pub t: f64,
+        /// The objective's value.
+        #[recorded(5)]
+        pub cost: f64,
+        /// Hand from ball, m; above 1e-5 it is a near miss.
+        #[recorded(6)]
+        pub position_error: f64,
+        /// Hand's axis from the ball's flight, rad.
+        #[recorded(7)]
+        pub angle_error: f64,
+        /// The motion.
+        #[recorded(8)]
+        pub ramps: [RampPacket; ARM_JOINTS],
+        /// What it took, ns.
+        #[recorded(9)]
+        pub computing_ns: u64,
+        /// Descents.
+        #[recorded(10)]
+        pub starts: u32,
+        /// Quadratic programmes of all descents.
+        #[recorded(11)]
+        pub iterations: u32,
+    }
+
+    /// What the controller is to do.
+    #[derive(PartialEq)]
+    #[version(1)]
+    pub struct ControllerCommand {
+        /// When it was given.
+        #[recorded(1)]
+        pub command_ns: u64,
+        /// 1 brake, 2 go back to where the robot waits.
+        #[recorded(2)]
+        pub command: u64,
+        /// Why: text, filled up with zeros.
+        #[recorded(3)]
+        pub reason: Text<64>,
+    }
+
+    /// What the controller does and carries out.
+    #[derive(PartialEq)]
+    #[version(1)]
+    pub struct ControllerState {
+        /// When.
+        #[recorded(1)]
+        pub t_ns: u64,
+        /// A [`ControllerMode`].
+        #[recorded(2)]
+        pub mode: u64,
+        /// Paths that were refused since it started.
+        #[recorded(3)]
+        pub refused: u64,
+        /// Beats since it started.
+        #[recorded(4)]
+        pub beats: u64,
+        /// The longest time from a beat to its command since the last packet, ns.
+        #[recorded(5)]
+        pub loop_ns: u64,
+        /// Why it is in this mode.
+        #[recorded(6)]
+        pub reason: Text<64>,
+        /// What the arms carry out: left, right. `start_ns` is 0 while they stand.
+        #[recorded(7)]
+        pub paths: [ArmPath; 2],
+    }
+
+    /// The monitor's word on a command.
+    #[derive(PartialEq)]
+    #[version(1)]
+    pub struct SafetyState {
+        /// Number of the command.
+        #[recorded(1)]
+        pub number: u64,
+        /// When it was given.
+        #[recorded(2)]
+        pub command_ns: u64,
+        /// Least bound of a distance while the robot brakes, m.
+        #[recorded(3)]
+        pub bound: f64,
+        /// What the judgement took, ns.
+        #[recorded(4)]
+        pub computing_ns: u64,
+        /// The pair of bodies that has it.
+        #[recorded(5)]
+        pub pair: u32,
+        /// 1 if the robot may go on, else 0.
+        #[recorded(6)]
+        pub go: u32,
+    }
+
+    /// What the robot is about, and why.
+    #[derive(PartialEq)]
+    #[version(1)]
+    pub struct CatchStatus {
+        /// When.
+        #[recorded(1)]
+        pub t_ns: u64,
+        /// A [`CatchPhase`].
+        #[recorded(2)]
+        pub phase: u64,
+        /// Since when.
+        #[recorded(3)]
+        pub since_ns: u64,
+        /// Plans that found nothing, so far.
+        #[recorded(4)]
+        pub no_plans: u64,
+        /// Why.
+        #[recorded(5)]
+        pub reason: Text<64>,
+    }
+
+    /// What became of a throw.
+    #[derive(PartialEq)]
+    #[version(1)]
+    pub struct CatchOutcome {
+        /// Number of the throw.
+        #[recorded(1)]
+        pub throw: u64,
+        /// Number of the ball.
+        #[recorded(2)]
+        pub ball: u64,
+        /// When the ball was let go.
+        #[recorded(3)]
+        pub release_ns: u64,
+        /// When it crossed a hand's plane; 0: never.
+        #[recorded(4)]
+        pub crossing_ns: u64,
+        /// From the hand's axis, m.
+        #[recorded(5)]
+        pub across: f64,
+        /// From the crossing to the hand's closing, s.
+        #[recorded(6)]
+        pub along: f64,
+        /// Between the hand's axis and the ball's reversed velocity, rad.
+        #[recorded(7)]
+        pub angle: f64,
+        /// 1 if it was caught, else 0.
+        #[recorded(8)]
+        pub caught: u32,
+        /// Why not: 0 caught, 1 never came near, 2 no command, 3 across, 4 angle, 5 too early, 6 too late.
+        #[recorded(9)]
+        pub cause: u32,
+        /// Arms that can catch it: 1 left, 2 right, 3 both, 0 none.
+        #[recorded(10)]
+        pub arms: u32,
+        /// 0 left, 1 right.
+        #[recorded(11)]
+        pub arm: u32,
+    }
+
+    /// When a hand closes.
+    #[derive(PartialEq)]
+    #[version(1)]
+    pub struct HandCommand {
+        /// 0 left, 1 right.
+        #[recorded(1)]
+        pub arm: u64,
+        /// When the ball's centre is to be at the catch frame; the hand closes so that it encloses the ball then.
+        #[recorded(2)]
+        pub catch_ns: u64,
+    }
 }
 
-/// Where joints are to be, 336 bytes.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct JointCommand {
-    /// 0: number of the command.
-    pub number: u64,
-    /// 8: when it was given.
-    pub command_ns: u64,
-    /// 16: positions, rad and m.
-    pub q: [f64; JOINTS],
-    /// 176: velocities, rad/s and m/s.
-    pub dq: [f64; JOINTS],
+choices! {
+    /// What the controller does.
+    pub enum ControllerMode {
+        /// Stands where the robot waits, and follows paths.
+        Ready = 1,
+        /// Follows paths.
+        Following = 2,
+        /// Brakes.
+        Braking = 3,
+        /// Stands anywhere, and follows nothing.
+        Standing = 4,
+        /// Goes back to where the robot waits.
+        GoingBack = 5,
+        /// Stands, and knows no way back.
+        Stuck = 6,
+    }
+
+    /// What the robot is about.
+    pub enum CatchPhase {
+        /// Not all parts have been heard of yet.
+        Starting = 1,
+        /// Waits for a ball.
+        Armed = 2,
+        /// A ball is valid, no catch is planned.
+        Tracking = 3,
+        /// An arm is on its way.
+        Reaching = 4,
+        /// The hands have been told for the last time.
+        Closed = 5,
+        /// Goes back to where it waits.
+        GoingBack = 6,
+        /// Brakes, or stands after it.
+        Braking = 7,
+        /// Knows no way back.
+        Stuck = 8,
+    }
 }
 
-/// A sample of the head's inertial unit, in its own frame, 64 bytes.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct ImuSample {
-    /// 0: number of the sample.
-    pub number: u64,
-    /// 8: when it was measured.
-    pub sensor_ns: u64,
-    /// 16: specific force (acceleration minus gravity), m/s^2.
-    pub acceleration: [f64; 3],
-    /// 40: rotation, rad/s.
-    pub rate: [f64; 3],
+impl ControllerState {
+    /// Returns what the controller does; `None` for a number that is no mode.
+    pub fn mode(&self) -> Option<ControllerMode> {
+        ControllerMode::of(u32::try_from(self.mode).ok()?)
+    }
 }
 
-/// A circle in a picture, 32 bytes.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct Circle {
-    /// 0: centre of the outline, pixels from the left.
-    pub u: f64,
-    /// 8: centre of the outline, pixels from the top.
-    pub v: f64,
-    /// 16: mean radius, pixels.
-    pub r: f64,
-    /// 24: the detector's answer, 0 to 1.
-    pub response: f64,
-}
-
-/// The circles of one picture, 1048 bytes.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct Circles {
-    /// 0: number of the picture; both cameras count alike.
-    pub frame: u64,
-    /// 8: middle of the exposure.
-    pub exposure_ns: u64,
-    /// 16: 0 left, 1 right.
-    pub camera: u32,
-    /// 20: how many of `circles` are valid.
-    pub count: u32,
-    /// 24: the circles.
-    pub circles: [Circle; MAX_CIRCLES],
+impl CatchStatus {
+    /// Returns what the robot is about; `None` for a number that is no phase.
+    pub fn phase(&self) -> Option<CatchPhase> {
+        CatchPhase::of(u32::try_from(self.phase).ok()?)
+    }
 }
 
 impl Circles {
@@ -110,64 +582,6 @@ impl Circles {
     }
 }
 
-/// Where the head is, 784 bytes.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct HeadPose {
-    /// 0: of which moment.
-    pub t_ns: u64,
-    /// 8: position of the head's frame, m.
-    pub position: [f64; 3],
-    /// 32: rotation from the head's frame to the inertial one: x, y, z, w.
-    pub quaternion: [f64; 4],
-    /// 64: velocity, m/s.
-    pub velocity: [f64; 3],
-    /// 88: bias of the accelerometer, m/s^2, in the head's frame.
-    pub accelerometer_bias: [f64; 3],
-    /// 112: bias of the gyroscope, rad/s, in the head's frame.
-    pub gyroscope_bias: [f64; 3],
-    /// 136: covariance of the errors of position, velocity, rotation (inertial frame) and both biases, row by row. Biases belong to it: at
-    /// rest a tilt and a bias that feel alike cannot be told apart, and only together are they known to move the head little.
-    pub covariance: [[f64; 15]; 15],
-}
-
-/// Where a ball is and how it flies, 904 bytes.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct BallPrediction {
-    /// 0: number of the ball; kept as long as it is tracked.
-    pub ball: u64,
-    /// 8: of which moment.
-    pub t_ns: u64,
-    /// 16: position, m.
-    pub p: [f64; 3],
-    /// 40: velocity, m/s.
-    pub v: [f64; 3],
-    /// 64: drag coefficient `k` of `dv/dt = g - k |v| v + lift x v`, 1/m.
-    pub k: f64,
-    /// 72: lift of the spin, `lift x v` in `dv/dt`, 1/s.
-    pub lift: [f64; 3],
-    /// 96: covariance of p, v, k, lift, row by row, as seen from the head: an error of the head's pose that moves ball and head alike does
-    /// not count.
-    pub covariance: [[f64; 10]; 10],
-    /// 896: probability that there is such a ball.
-    pub existence: f32,
-    /// 900: pictures that it was seen in by both cameras.
-    pub frames: u32,
-}
-
-/// The balls in the air.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct BallPredictions {
-    /// 0: exposure of the pictures that it follows from.
-    pub exposure_ns: u64,
-    /// 8: how many of `balls` are valid.
-    pub count: u64,
-    /// 16: the balls, by number.
-    pub balls: [BallPrediction; MAX_BALLS],
-}
-
 impl BallPredictions {
     /// Returns the valid ones.
     pub fn valid(&self) -> &[BallPrediction] {
@@ -175,359 +589,45 @@ impl BallPredictions {
     }
 }
 
-/// A joint's motion: speeds up until `t1`, keeps its velocity until `t2`, slows down until `end`; thesis, equation 3.1. 48 bytes.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct RampPacket {
-    /// 0: position at the start, rad or m.
-    pub q0: f64,
-    /// 8: velocity at the start.
-    pub w0: f64,
-    /// 16: acceleration until `t1`; its negative from `t2`.
-    pub a: f64,
-    /// 24: end of the first part, seconds from the start.
-    pub t1: f64,
-    /// 32: begin of the last part.
-    pub t2: f64,
-    /// 40: end; the joint stands from here.
-    pub end: f64,
-}
-
-/// The motion of an arm, 376 bytes.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct ArmPath {
-    /// 0: 0 left, 1 right.
-    pub arm: u64,
-    /// 8: number of the ball that it is for.
-    pub ball: u64,
-    /// 16: exposure of the pictures that it follows from; 0: it follows from none.
-    pub exposure_ns: u64,
-    /// 24: of which moment the head's pose is that it follows from.
-    pub head_ns: u64,
-    /// 32: when it begins.
-    pub start_ns: u64,
-    /// 40: its joints.
-    pub ramps: [RampPacket; ARM_JOINTS],
-}
-
-/// The motion of platform and torso, 104 bytes.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct BodyPath {
-    /// 0: when it begins.
-    pub start_ns: u64,
-    /// 8: the platform's.
-    pub platform: RampPacket,
-    /// 56: the torso's turn about the vertical.
-    pub turn: RampPacket,
-}
-
-/// A flight at one moment, 88 bytes.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct FlightPacket {
-    /// 0: of which moment.
-    pub t_ns: u64,
-    /// 8: position, m.
-    pub p: [f64; 3],
-    /// 32: velocity, m/s.
-    pub v: [f64; 3],
-    /// 56: drag, 1/m.
-    pub k: f64,
-    /// 64: lift, 1/s.
-    pub lift: [f64; 3],
-}
-
-/// What the head is to look at, 184 bytes.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct Gaze {
-    /// 0: how many of `flights` are valid; the head turns to their middle.
-    pub count: u64,
-    /// 8: inertial frame.
-    pub flights: [FlightPacket; MAX_BALLS],
-}
-
-/// A question to a planner, 344 bytes.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct PlanRequest {
-    /// 0: counts calls; questions that follow from one prediction have the same.
-    pub call: u64,
-    /// 8: exposure of the pictures that it follows from.
-    pub exposure_ns: u64,
-    /// 16: of which moment the head's pose is that it follows from.
-    pub head_ns: u64,
-    /// 24: number of the ball.
-    pub ball: u64,
-    /// 32: 0 left, 1 right.
-    pub arm: u64,
-    /// 40: when the motion would begin.
-    pub start_ns: u64,
-    /// 48: the ball then, in the frame of the chest at the catch.
-    pub flight: FlightPacket,
-    /// 136: joint angles then, rad.
-    pub q0: [f64; ARM_JOINTS],
-    /// 192: joint rates then, rad/s.
-    pub w0: [f64; ARM_JOINTS],
-    /// 248: no catch before, s after the begin.
-    pub earliest: f64,
-    /// 256: no catch after, s after the begin.
-    pub latest: f64,
-    /// 264: what is sought: 0 the gentlest motion, 1 the latest catch, 2 to be there early.
-    pub objective: u64,
-    /// 272: 1 if a plan is carried out, else 0.
-    pub has_last: u64,
-    /// 280: its joint angles at the catch, rad.
-    pub last_q: [f64; ARM_JOINTS],
-    /// 336: its catch, s after the begin.
-    pub last_t: f64,
-}
-
-/// A planner's answer.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct PlanResult {
-    /// The question.
-    pub request: PlanRequest,
-    /// 0: a plan; 1 the question makes no sense, 2 out of reach, 3 no catch within limits, 4 time was up.
-    pub failure: u64,
-    /// Joint angles at the catch, rad.
-    pub q: [f64; ARM_JOINTS],
-    /// The catch, s after the begin.
-    pub t: f64,
-    /// The objective's value.
-    pub cost: f64,
-    /// Hand from ball, m; above 1e-5 it is a near miss.
-    pub position_error: f64,
-    /// Hand's axis from the ball's flight, rad.
-    pub angle_error: f64,
-    /// The motion.
-    pub ramps: [RampPacket; ARM_JOINTS],
-    /// What it took, ns.
-    pub computing_ns: u64,
-    /// Descents.
-    pub starts: u32,
-    /// Quadratic programmes of all descents.
-    pub iterations: u32,
-}
-
-/// What the controller is to do, 80 bytes.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct ControllerCommand {
-    /// 0: when it was given.
-    pub command_ns: u64,
-    /// 8: 1 brake, 2 go back to where the robot waits.
-    pub command: u64,
-    /// 16: why: text, filled up with zeros.
-    pub reason: Reason,
-}
-
-/// Text of a packet, filled up with zeros.
-pub type Reason = [u8; 64];
-
-/// Returns a text as it travels, cut where it does not fit.
-pub fn reason(text: &str) -> Reason {
-    let mut bytes = [0; 64];
-    let mut end = text.len().min(bytes.len());
-    while !text.is_char_boundary(end) {
-        end -= 1;
-    }
-    bytes[..end].copy_from_slice(&text.as_bytes()[..end]);
-    bytes
-}
-
-/// Returns what [`reason`] was given.
-pub fn reason_text(reason: &Reason) -> &str {
-    let end = reason.iter().position(|byte| *byte == 0);
-    str::from_utf8(&reason[..end.unwrap_or(reason.len())]).unwrap_or("?")
-}
-
-/// What the controller does.
-#[repr(u64)]
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ControllerMode {
-    /// Stands where the robot waits, and follows paths.
-    Ready = 1,
-    /// Follows paths.
-    Following = 2,
-    /// Brakes.
-    Braking = 3,
-    /// Stands anywhere, and follows nothing.
-    Standing = 4,
-    /// Goes back to where the robot waits.
-    GoingBack = 5,
-    /// Stands, and knows no way back.
-    Stuck = 6,
-}
-
-impl ControllerMode {
-    /// Returns the mode of a packet.
-    pub fn of(number: u64) -> Option<Self> {
-        [
-            Self::Ready,
-            Self::Following,
-            Self::Braking,
-            Self::Standing,
-            Self::GoingBack,
-            Self::Stuck,
-        ]
-        .into_iter()
-        .find(|mode| *mode as u64 == number)
-    }
-}
-
-/// What the controller does and carries out.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct ControllerState {
-    /// 0: when.
-    pub t_ns: u64,
-    /// 8: a [`ControllerMode`].
-    pub mode: u64,
-    /// 16: paths that were refused since it started.
-    pub refused: u64,
-    /// 24: beats since it started.
-    pub beats: u64,
-    /// 32: the longest time from a beat to its command since the last packet, ns.
-    pub loop_ns: u64,
-    /// 40: why it is in this mode.
-    pub reason: Reason,
-    /// 104: what the arms carry out: left, right. `start_ns` is 0 while they stand.
-    pub paths: [ArmPath; 2],
-}
-
-/// The monitor's word on a command, 40 bytes.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct SafetyState {
-    /// 0: number of the command.
-    pub number: u64,
-    /// 8: when it was given.
-    pub command_ns: u64,
-    /// 16: least bound of a distance while the robot brakes, m.
-    pub bound: f64,
-    /// 24: what the judgement took, ns.
-    pub computing_ns: u64,
-    /// 32: the pair of bodies that has it.
-    pub pair: u32,
-    /// 36: 1 if the robot may go on, else 0.
-    pub go: u32,
-}
-
-/// What the robot is about.
-#[repr(u64)]
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum CatchPhase {
-    /// Not all parts have been heard of yet.
-    Starting = 1,
-    /// Waits for a ball.
-    Armed = 2,
-    /// A ball is valid, no catch is planned.
-    Tracking = 3,
-    /// An arm is on its way.
-    Reaching = 4,
-    /// The hands have been told for the last time.
-    Closed = 5,
-    /// Goes back to where it waits.
-    GoingBack = 6,
-    /// Brakes, or stands after it.
-    Braking = 7,
-    /// Knows no way back.
-    Stuck = 8,
-}
-
-impl CatchPhase {
-    /// Returns the phase of a packet.
-    pub fn of(number: u64) -> Option<Self> {
-        [
-            Self::Starting,
-            Self::Armed,
-            Self::Tracking,
-            Self::Reaching,
-            Self::Closed,
-            Self::GoingBack,
-            Self::Braking,
-            Self::Stuck,
-        ]
-        .into_iter()
-        .find(|phase| *phase as u64 == number)
-    }
-}
-
-/// What the robot is about, and why, 96 bytes.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct CatchStatus {
-    /// 0: when.
-    pub t_ns: u64,
-    /// 8: a [`CatchPhase`].
-    pub phase: u64,
-    /// 16: since when.
-    pub since_ns: u64,
-    /// 24: plans that found nothing, so far.
-    pub no_plans: u64,
-    /// 32: why.
-    pub reason: Reason,
-}
-
-/// What became of a throw, 72 bytes.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct CatchOutcome {
-    /// 0: number of the throw.
-    pub throw: u64,
-    /// 8: number of the ball.
-    pub ball: u64,
-    /// 16: when the ball was let go.
-    pub release_ns: u64,
-    /// 24: when it crossed a hand's plane; 0: never.
-    pub crossing_ns: u64,
-    /// 32: from the hand's axis, m.
-    pub across: f64,
-    /// 40: from the crossing to the hand's closing, s.
-    pub along: f64,
-    /// 48: between the hand's axis and the ball's reversed velocity, rad.
-    pub angle: f64,
-    /// 56: 1 if it was caught, else 0.
-    pub caught: u32,
-    /// 60: why not: 0 caught, 1 never came near, 2 no command, 3 across, 4 angle, 5 too early, 6 too late.
-    pub cause: u32,
-    /// 64: arms that can catch it: 1 left, 2 right, 3 both, 0 none.
-    pub arms: u32,
-    /// 68: 0 left, 1 right.
-    pub arm: u32,
-}
-
-/// When a hand closes, 16 bytes.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct HandCommand {
-    /// 0: 0 left, 1 right.
-    pub arm: u64,
-    /// 8: when the ball's centre is to be at the catch frame; the hand closes so that it encloses the ball then.
-    pub catch_ns: u64,
-}
-
-#[cfg(feature = "channel")]
-macro_rules! packets {
-    ($($packet:ident)*) => { $(
-        impl tactnet_channel::Packet for $packet {
-            const NAME: &'static str = stringify!($packet);
-            const VERSION: u32 = 1;
-        }
-    )* };
-}
-#[cfg(feature = "channel")]
-packets!(
-    JointState JointCommand ImuSample Circles HeadPose BallPredictions PlanRequest PlanResult ArmPath BodyPath Gaze HandCommand
-    ControllerCommand ControllerState SafetyState CatchStatus CatchOutcome
-);
+/// The packets for other languages.
+pub const DESCRIPTION: Description = Description {
+    project: "tactnet_catching",
+    source: "serving/catching/packets/src/packets.rs",
+    constants: &[
+        ("MAX_CIRCLES", "Most circles of a picture.", MAX_CIRCLES),
+        ("MAX_BALLS", "Most balls at once.", MAX_BALLS),
+    ],
+    choices: &[ControllerMode::CHOICE, CatchPhase::CHOICE],
+    packets: &[
+        JointState::LAYOUT,
+        JointCommand::LAYOUT,
+        ImuSample::LAYOUT,
+        Circle::LAYOUT,
+        Circles::LAYOUT,
+        HeadPose::LAYOUT,
+        BallPrediction::LAYOUT,
+        BallPredictions::LAYOUT,
+        RampPacket::LAYOUT,
+        ArmPath::LAYOUT,
+        BodyPath::LAYOUT,
+        FlightPacket::LAYOUT,
+        Gaze::LAYOUT,
+        PlanRequest::LAYOUT,
+        PlanResult::LAYOUT,
+        ControllerCommand::LAYOUT,
+        ControllerState::LAYOUT,
+        SafetyState::LAYOUT,
+        CatchStatus::LAYOUT,
+        CatchOutcome::LAYOUT,
+        HandCommand::LAYOUT,
+    ],
+};
 
 #[cfg(test)]
 mod tests {
+    use bytemuck::Zeroable;
+    use tactnet_packet::FieldType;
+
     use super::*;
 
     #[test]
@@ -544,25 +644,38 @@ mod tests {
     }
 
     #[test]
-    fn reasons_are_cut_between_letters() {
-        assert_eq!(reason_text(&reason("a plan")), "a plan");
-        let long = "\u{e4}".repeat(40);
-        assert_eq!(reason_text(&reason(&long)), "\u{e4}".repeat(32));
-        let shifted = format!("x{long}");
-        assert_eq!(
-            reason_text(&reason(&shifted)),
-            format!("x{}", "\u{e4}".repeat(31))
-        );
-        assert_eq!(reason_text(&[0xff; 64]), "?");
+    fn modes_and_phases_that_are_none_are_refused() {
+        let state = |mode| ControllerState {
+            mode,
+            ..ControllerState::zeroed()
+        };
+        assert_eq!(state(6).mode(), Some(ControllerMode::Stuck));
+        assert_eq!((state(0).mode(), state(1 << 32 | 1).mode()), (None, None));
+        let status = CatchStatus {
+            phase: 8,
+            ..CatchStatus::zeroed()
+        };
+        assert_eq!(status.phase(), Some(CatchPhase::Stuck));
     }
 
+    /// A number that stands for two fields would lose one of them in recordings; parts come before what they are parts of.
     #[test]
-    fn every_mode_and_phase_has_its_number() {
-        for number in 0..10 {
-            assert!(ControllerMode::of(number).is_none_or(|mode| mode as u64 == number));
-            assert!(CatchPhase::of(number).is_none_or(|phase| phase as u64 == number));
+    fn the_description_is_in_order() {
+        let mut before: Vec<&str> = Vec::new();
+        for layout in DESCRIPTION.packets {
+            let mut numbers: Vec<u32> = layout.recorded().iter().map(|of| of.0).collect();
+            numbers.dedup();
+            assert_eq!(numbers.len(), layout.recorded().len(), "{}", layout.name);
+            for field in layout.fields {
+                let mut kind = field.kind;
+                while let FieldType::Array(of, _) = kind {
+                    kind = *of;
+                }
+                if let FieldType::Packet(part) = kind {
+                    assert!(before.contains(&part.name), "{}", part.name);
+                }
+            }
+            before.push(layout.name);
         }
-        assert_eq!(ControllerMode::of(6), Some(ControllerMode::Stuck));
-        assert_eq!(CatchPhase::of(8), Some(CatchPhase::Stuck));
     }
 }

@@ -4,7 +4,7 @@ use tactnet_catching::control::Controller;
 use tactnet_catching::safety::Bodies;
 use tactnet_catching_packets::packets::{
     ArmPath, BodyPath, ControllerCommand, ControllerMode, ControllerState, Gaze, JointCommand,
-    JointState, SafetyState, reason_text,
+    JointState, SafetyState,
 };
 use tactnet_channel::{Bus, Priority, Start, Ticker, now_ns};
 
@@ -79,7 +79,7 @@ pub(crate) fn run(
         while let Some(packet) = orders.try_get()? {
             for order in packet.iter() {
                 match order.command {
-                    1 => controller.brake(reason_text(&order.reason)),
+                    1 => controller.brake(order.reason.as_str()),
                     // Whoever is not watched does not move.
                     2 if !silent => controller.go_back(),
                     _ => {}

@@ -8,8 +8,7 @@ use tactnet_catching::coordinate::{CatchState, Coordinator, Planned};
 use tactnet_catching::ramp::Ramp;
 use tactnet_catching_packets::packets::{
     ArmPath, BallPredictions, BodyPath, CatchPhase, CatchStatus, ControllerCommand, ControllerMode,
-    ControllerState, Gaze, HandCommand, HeadPose, JointState, PlanRequest, PlanResult, reason,
-    reason_text,
+    ControllerState, Gaze, HandCommand, HeadPose, JointState, PlanRequest, PlanResult, Text,
 };
 use tactnet_catching_packets::{ARMS, JOINTS};
 use tactnet_channel::{Bus, Priority, PutPort, Start, Wait, now_ns};
@@ -168,7 +167,7 @@ impl Live {
             status: CatchStatus {
                 phase: CatchPhase::Starting as u64,
                 since_ns: now_ns(),
-                reason: reason("has just begun"),
+                reason: Text::new("has just begun"),
                 ..CatchStatus::zeroed()
             },
             told_ns: 0,
@@ -178,7 +177,7 @@ impl Live {
     }
 
     fn phase(&self) -> CatchPhase {
-        CatchPhase::of(self.status.phase).unwrap_or(CatchPhase::Starting)
+        self.status.phase().unwrap_or(CatchPhase::Starting)
     }
 
     fn enter(&mut self, now_ns: u64, phase: CatchPhase, why: &str) -> Result<(), RoleError> {
@@ -187,7 +186,7 @@ impl Live {
         }
         self.status.phase = phase as u64;
         self.status.since_ns = now_ns;
-        self.status.reason = reason(why);
+        self.status.reason = Text::new(why);
         self.tell(now_ns)
     }
 
@@ -222,7 +221,7 @@ impl Live {
         self.puts.orders.put_copy(&[ControllerCommand {
             command_ns: now_ns,
             command: 2,
-            reason: reason(why),
+            reason: Text::new(why),
         }])?;
         Ok(())
     }
@@ -236,7 +235,7 @@ impl Live {
             self.disarm();
             return self.enter(now_ns, CatchPhase::Starting, "the controller is silent");
         };
-        match ControllerMode::of(state.mode) {
+        match state.mode() {
             Some(ControllerMode::Ready) if self.coordinator.is_none() => {
                 // What it said before it was told to go back is over.
                 if state.t_ns > self.ordered_ns + TAKEN_NS {
@@ -263,18 +262,16 @@ impl Live {
             }
             Some(ControllerMode::Braking) => {
                 self.disarm();
-                self.enter(now_ns, CatchPhase::Braking, reason_text(&state.reason))?;
+                self.enter(now_ns, CatchPhase::Braking, state.reason.as_str())?;
             }
-            Some(ControllerMode::Standing) => {
-                self.order_back(now_ns, reason_text(&state.reason))?
-            }
+            Some(ControllerMode::Standing) => self.order_back(now_ns, state.reason.as_str())?,
             Some(ControllerMode::GoingBack) => {
                 self.disarm();
-                self.enter(now_ns, CatchPhase::GoingBack, reason_text(&state.reason))?;
+                self.enter(now_ns, CatchPhase::GoingBack, state.reason.as_str())?;
             }
             Some(ControllerMode::Stuck) | None => {
                 self.disarm();
-                self.enter(now_ns, CatchPhase::Stuck, reason_text(&state.reason))?;
+                self.enter(now_ns, CatchPhase::Stuck, state.reason.as_str())?;
             }
         }
         Ok(())

@@ -12,12 +12,14 @@
 //! The parts that think are in `tactnet-catching`, which knows neither clocks nor channels; here they get both. Nothing here depends on the
 //! simulated world: what sends `joint/state`, `imu` and circles or pictures may be a robot.
 
+mod catch_times;
 mod channels;
 mod controller;
 mod coordinator;
 mod error;
 mod eyes;
 mod hand;
+mod milliseconds;
 mod newest;
 mod picture;
 mod planner;
@@ -29,9 +31,13 @@ mod times;
 mod tracker;
 mod translate;
 
+pub use catch_times::CatchTimes;
 pub use channels::{PICTURE_HEAD, catching_channels};
 pub use error::RoleError;
+pub use milliseconds::Milliseconds;
 pub use picture::PictureHead;
+pub use planner::answer;
 pub use role::Role;
 pub use settings::RoleSettings;
 pub use times::RoleReport;
+pub use tracker::Sight;

@@ -13,6 +13,23 @@ use crate::{RoleError, RoleReport, RoleSettings};
 /// An answer is to be there so long before its motion begins, ns.
 const ON_THE_WAY_NS: u64 = 5_500_000;
 
+/// Returns the plan for a question, or the nearest miss; `None` for a question with an arm or an objective that there is not.
+///
+/// - `planner`: of the arm that the question is for
+/// - `out_of_time`: ends the search; without an end the same question has the same answer, bit by bit
+pub fn answer(
+    planner: &Planner,
+    question: &PlanRequest,
+    out_of_time: impl Fn() -> bool + Copy,
+) -> Option<PlanResult> {
+    let asked = request(question)?;
+    let last = asked.last.as_ref().map(|(q, t)| (q, *t));
+    let plan = planner
+        .plan(&asked.catch, last, out_of_time)
+        .or_else(|_| planner.nearest_miss(&asked.catch, last, out_of_time));
+    Some(result_packet(question, &plan))
+}
+
 pub(crate) fn run(
     bus: &Bus,
     settings: &RoleSettings,
@@ -36,16 +53,12 @@ pub(crate) fn run(
         let begun = now_ns();
         let deadline = question.start_ns.saturating_sub(ON_THE_WAY_NS);
         let out_of_time = || now_ns() >= deadline;
-        let Some(asked) = request(question) else {
+        let Some(mut answer) = answer(&planner, question, out_of_time) else {
             continue;
         };
-        let last = asked.last.as_ref().map(|(q, t)| (q, *t));
-        let plan = planner
-            .plan(&asked.catch, last, out_of_time)
-            .or_else(|_| planner.nearest_miss(&asked.catch, last, out_of_time));
-        let computing_ns = now_ns() - begun;
-        results.put_copy(&[result_packet(question, &plan, computing_ns)])?;
-        times.push(computing_ns);
+        answer.computing_ns = now_ns() - begun;
+        results.put_copy(&[answer])?;
+        times.push(answer.computing_ns);
     }
     Ok(RoleReport {
         lost: requests.lost(),

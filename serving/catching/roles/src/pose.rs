@@ -44,7 +44,7 @@ pub(crate) fn run(
         let stands = joints.get().is_some_and(|joints| is_still(&joints.dq));
         stands_since = stands_since.filter(|_| stands).or(stands.then_some(now));
         let waits = status.get().is_none_or(|status| {
-            let phase = CatchPhase::of(status.phase);
+            let phase = status.phase();
             matches!(phase, Some(CatchPhase::Armed | CatchPhase::Starting))
         });
         let still = waits && stands_since.is_some_and(|since| now - since > STILL_NS);

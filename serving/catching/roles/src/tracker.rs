@@ -19,43 +19,25 @@ pub(crate) fn run(
     ready: &dyn Fn(),
     stopped: &dyn Fn() -> bool,
 ) -> Result<RoleReport, RoleError> {
-    let robot = settings.robot()?;
     let circles = bus.get_port::<Circles>(CIRCLES, Start::Now)?;
-    let mut poses = Poses::open(bus)?;
+    let poses = bus.get_port::<HeadPose>(HEAD_POSE, Start::Now)?;
     let predictions = bus.put_port::<BallPredictions>(PREDICTION, Priority::High)?;
-    let config = TrackConfig {
-        clutter: settings.clutter,
-        ..TrackConfig::default()
-    };
-    let mut tracker = BallTracker::new(robot.description(), config)?;
+    let mut sight = Sight::new(settings)?;
     let mut times = Times::at(25);
-    let mut pair: [Option<Circles>; 2] = [None; 2];
     ready();
     while !stopped() {
         let got = circles.get(PATIENCE)?;
-        poses.look()?;
-        let Some(packet) = got else {
-            continue;
-        };
-        let Some(seen) = packet.first().filter(|seen| seen.camera < 2) else {
-            continue;
-        };
-        pair[seen.camera as usize] = Some(*seen);
-        let [Some(left), Some(right)] = &pair else {
-            continue;
-        };
-        if left.frame != right.frame {
-            continue;
+        while let Some(packet) = poses.try_get()? {
+            packet.iter().for_each(|pose| sight.pose(pose));
         }
+        let Some(pair) = got.and_then(|packet| sight.pair(packet.first()?)) else {
+            continue;
+        };
         let begun = now_ns();
-        // Pictures of a moment of which no pose is known say nothing.
-        if let Some(head) = poses.at(left.exposure_ns)
-            && let Ok(seen) = tracker.push([left, right], &head)
-        {
+        if let Some(seen) = sight.predict(&pair) {
             predictions.put_copy(&[seen])?;
         }
         times.push(now_ns() - begun);
-        pair = [None; 2];
     }
     Ok(RoleReport {
         lost: circles.lost(),
@@ -63,46 +45,114 @@ pub(crate) fn run(
     })
 }
 
+/// Poses of the head and circles of both cameras in, predictions out, in whatever order they come.
+#[derive(Debug)]
+pub struct Sight {
+    tracker: BallTracker,
+    poses: KnownPoses,
+    newest: [Option<Circles>; 2],
+}
+
+impl Sight {
+    /// Returns one that has seen nothing yet.
+    ///
+    /// # Errors
+    /// A robot's description that cannot be read, or cameras that see nothing.
+    pub fn new(settings: &RoleSettings) -> Result<Self, RoleError> {
+        let config = TrackConfig {
+            clutter: settings.clutter,
+            ..TrackConfig::default()
+        };
+        Ok(Self {
+            tracker: BallTracker::new(settings.robot()?.description(), config)?,
+            poses: KnownPoses::new(),
+            newest: [None; 2],
+        })
+    }
+
+    /// Takes where the head is.
+    pub fn pose(&mut self, pose: &HeadPose) {
+        self.poses.take(pose);
+    }
+
+    /// Takes the circles of one picture; returns both pictures of an exposure once the second has come.
+    pub fn pair(&mut self, seen: &Circles) -> Option<[Circles; 2]> {
+        *self.newest.get_mut(seen.camera as usize)? = Some(*seen);
+        let [Some(left), Some(right)] = self.newest else {
+            return None;
+        };
+        (left.frame == right.frame).then(|| {
+            self.newest = [None; 2];
+            [left, right]
+        })
+    }
+
+    /// Returns what follows from both pictures; `None` for those of a moment of which no pose is known.
+    pub fn predict(&mut self, [left, right]: &[Circles; 2]) -> Option<BallPredictions> {
+        let head = self.poses.at(left.exposure_ns)?;
+        self.tracker.push([left, right], &head).ok()
+    }
+}
+
 /// Where the head was in the last moments.
-pub(crate) struct Poses {
-    port: GetPort<HeadPose>,
+#[derive(Debug)]
+struct KnownPoses {
     ring: PoseRing,
     last: Option<HeadPose>,
+}
+
+impl KnownPoses {
+    fn new() -> Self {
+        Self {
+            ring: PoseRing::new(POSES),
+            last: None,
+        }
+    }
+
+    fn take(&mut self, pose: &HeadPose) {
+        match &self.last {
+            // An estimator that began again.
+            Some(last) if pose.t_ns <= last.t_ns => self.ring.clear(),
+            _ => {}
+        }
+        self.ring.put(*pose);
+        self.last = Some(*pose);
+    }
+
+    fn at(&self, t_ns: u64) -> Option<HeadPose> {
+        self.ring.at(t_ns).ok()
+    }
+}
+
+/// The same from a channel.
+pub(crate) struct Poses {
+    port: GetPort<HeadPose>,
+    known: KnownPoses,
 }
 
 impl Poses {
     pub fn open(bus: &Bus) -> Result<Self, RoleError> {
         Ok(Self {
             port: bus.get_port(HEAD_POSE, Start::Now)?,
-            ring: PoseRing::new(POSES),
-            last: None,
+            known: KnownPoses::new(),
         })
     }
 
     /// Takes what has come.
     pub fn look(&mut self) -> Result<(), RoleError> {
         while let Some(packet) = self.port.try_get()? {
-            let Some(pose) = packet.first() else {
-                continue;
-            };
-            match &self.last {
-                // An estimator that began again.
-                Some(last) if pose.t_ns <= last.t_ns => self.ring.clear(),
-                _ => {}
-            }
-            self.ring.put(*pose);
-            self.last = Some(*pose);
+            packet.iter().for_each(|pose| self.known.take(pose));
         }
         Ok(())
     }
 
     /// Returns where it was.
     pub fn at(&self, t_ns: u64) -> Option<HeadPose> {
-        self.ring.at(t_ns).ok()
+        self.known.at(t_ns)
     }
 
     /// Returns where it was last.
     pub fn last(&self) -> Option<&HeadPose> {
-        self.last.as_ref()
+        self.known.last.as_ref()
     }
 }

@@ -86,11 +86,9 @@ pub(crate) fn request(packet: &packets::PlanRequest) -> Option<PlanRequest> {
 pub(crate) fn result_packet(
     request: &packets::PlanRequest,
     plan: &Result<CatchPlan, NoPlan>,
-    computing_ns: u64,
 ) -> packets::PlanResult {
     let mut packet = packets::PlanResult {
         request: *request,
-        computing_ns,
         ..packets::PlanResult::zeroed()
     };
     match plan {
@@ -195,7 +193,7 @@ mod tests {
         let packet = request_packet(&asked, origin);
         assert_eq!(request(&packet), Some(asked));
         for failure in [NoPlan::OutOfReach, NoPlan::NoCatch, NoPlan::OutOfTime] {
-            let answer = planned(&result_packet(&packet, &Err(failure), 9)).unwrap();
+            let answer = planned(&result_packet(&packet, &Err(failure))).unwrap();
             assert_eq!((answer.request, answer.plan), (asked, Err(failure)));
         }
         let plan = CatchPlan {
@@ -214,9 +212,9 @@ mod tests {
                 ..Effort::default()
             },
         };
-        let answer = planned(&result_packet(&packet, &Ok(plan), 9)).unwrap();
+        let answer = planned(&result_packet(&packet, &Ok(plan))).unwrap();
         assert_eq!(answer.plan, Ok(plan));
-        let mut spoilt = result_packet(&packet, &Ok(plan), 9);
+        let mut spoilt = result_packet(&packet, &Ok(plan));
         spoilt.ramps[6].a = f64::NAN;
         assert_eq!(planned(&spoilt), None);
         let mut nobody = packet;

@@ -1,7 +1,7 @@
 //! What all joints are to do, tick by tick.
 
 use tactnet_catching_packets::packets::{
-    ArmPath, BodyPath, ControllerMode, ControllerState, Gaze, Reason, reason,
+    ArmPath, BodyPath, ControllerMode, ControllerState, Gaze, Text,
 };
 use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, joint};
 
@@ -74,7 +74,7 @@ pub struct Controller {
     on_trail: bool,
     trail: Trail,
     mode: ControllerMode,
-    why: Reason,
+    why: Text<64>,
     refused: u64,
     beats: u64,
     last: Option<u64>,
@@ -117,7 +117,7 @@ impl Controller {
             on_trail: false,
             trail,
             mode,
-            why: reason(why),
+            why: Text::new(why),
             refused: 0,
             beats: 0,
             last: None,
@@ -155,11 +155,11 @@ impl Controller {
             Ok(arm) => {
                 self.next[arm] = Some(*path);
                 self.mode = ControllerMode::Following;
-                self.why = reason("a path");
+                self.why = Text::new("a path");
             }
             Err(error) => {
                 self.refused += 1;
-                self.why = reason(&error.to_string());
+                self.why = Text::new(&error.to_string());
             }
         }
         taken.map(|_| ())
@@ -294,7 +294,7 @@ impl Controller {
         ) {
             return;
         }
-        self.why = reason(why);
+        self.why = Text::new(why);
         self.on_trail = self.mode == ControllerMode::GoingBack;
         self.mode = ControllerMode::Braking;
         if self.on_trail {
@@ -319,7 +319,7 @@ impl Controller {
                 self.next = [None; ARMS];
                 self.trail.turn_round();
                 self.mode = ControllerMode::GoingBack;
-                self.why = reason("told to go back");
+                self.why = Text::new("told to go back");
             }
             ControllerMode::Braking | ControllerMode::GoingBack | ControllerMode::Stuck => {}
         }
@@ -347,7 +347,7 @@ impl Controller {
                 if there {
                     self.stand();
                     self.mode = ControllerMode::Ready;
-                    self.why = reason("is back");
+                    self.why = Text::new("is back");
                 }
                 return (&self.q, &self.dq);
             }

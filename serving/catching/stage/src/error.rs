@@ -8,6 +8,9 @@ pub enum StageError {
     /// The channels.
     #[error(transparent)]
     Channel(#[from] tactnet_channel::ChannelError),
+    /// The recording.
+    #[error(transparent)]
+    Recording(#[from] tactnet_recording::RecordingError),
     /// The stack's settings.
     #[error(transparent)]
     Role(#[from] tactnet_catching_roles::RoleError),
@@ -60,6 +63,7 @@ impl StageError {
     pub fn is_usage(&self) -> bool {
         match self {
             Self::Channel(error) => error.is_usage(),
+            Self::Recording(error) => error.is_usage(),
             Self::Role(error) => error.is_usage(),
             Self::Process { source, .. } => source.is_usage(),
             Self::World(_) => true,

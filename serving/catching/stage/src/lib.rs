@@ -20,5 +20,5 @@ mod world_role;
 
 pub use error::StageError;
 pub use run::{CatchRun, RunEvent};
-pub use run_report::{Milliseconds, RunReport, cause};
+pub use run_report::{RecordingReport, RunReport, cause};
 pub use world_role::{WorldReport, WorldRole, WorldSettings};

@@ -2,11 +2,14 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use tactnet_catching_packets::packets::{
     ArmPath, CatchOutcome, CatchPhase, CatchStatus, ControllerCommand, ControllerMode,
-    ControllerState, reason, reason_text,
+    ControllerState, Text,
 };
 use tactnet_catching_roles::{Role, RoleReport, RoleSettings, catching_channels};
 use tactnet_channel::{
@@ -14,8 +17,9 @@ use tactnet_channel::{
     remove_bus,
 };
 use tactnet_process::ReadyProcess;
+use tactnet_recording::{About, Counts, Recorder, RecordingError};
 
-use crate::run_report::Heard;
+use crate::run_report::{Heard, RecordingReport};
 use crate::world_role::WorldReport;
 use crate::{RunReport, StageError, WorldSettings};
 
@@ -45,6 +49,10 @@ pub struct CatchRun<'a> {
     pub throws: Option<u64>,
     /// Ends after so long.
     pub seconds: Option<f64>,
+    /// Everything that travels on the channels, but pictures, goes into this file.
+    pub record: Option<&'a Path>,
+    /// Commit of the program, for the recording.
+    pub git: &'a str,
     /// SCHED_FIFO for the loops of 1 kHz and the world, 1 to 99.
     pub priority: Option<u8>,
 }
@@ -132,6 +140,11 @@ impl CatchRun<'_> {
         stopped: &dyn Fn() -> bool,
     ) -> Result<RunReport, StageError> {
         let bus = Bus::open(Domain::Host, table)?;
+        // It hears the first packets of all.
+        let recording = self
+            .record
+            .map(|path| Recorded::start(&bus, table, path, self.git));
+        let recording = recording.transpose()?;
         let mut watched = Watched::open(&bus)?;
         let mut children = Vec::new();
         children.push(self.start(WORLD, None, path)?);
@@ -191,12 +204,14 @@ impl CatchRun<'_> {
             }
         }
         parts.reverse();
+        let recorded = recording.map(Recorded::finish).transpose()?;
         Ok(RunReport::of(
             &watched.heard,
             parts,
             world,
             restarts,
             seconds,
+            recorded,
         ))
     }
 
@@ -251,7 +266,7 @@ impl CatchRun<'_> {
         orders.put_copy(&[ControllerCommand {
             command_ns: now_ns(),
             command: 1,
-            reason: reason(&format!("the {name} has ended")),
+            reason: Text::new(&format!("the {name} has ended")),
         }])?;
         let said = child.process.last_words();
         let soon = if child.begun.elapsed() < SOON {
@@ -308,13 +323,15 @@ impl Watched {
     fn look(&mut self, on_event: &mut dyn FnMut(RunEvent)) -> Result<(), StageError> {
         while let Some(packet) = self.paths.try_get()? {
             let put_ns = packet.header().put_ns;
-            packet.iter().for_each(|path| self.heard.path(put_ns, path));
+            packet
+                .iter()
+                .for_each(|path| self.heard.times.path(put_ns, path));
         }
         while let Some(packet) = self.states.try_get()? {
             for state in packet.iter() {
-                let mode = ControllerMode::of(state.mode);
+                let mode = state.mode();
                 if mode == Some(ControllerMode::Braking) && self.mode != mode {
-                    let why = reason_text(&state.reason).to_string();
+                    let why = state.reason.as_str().to_string();
                     self.heard.braked(&why);
                     on_event(RunEvent::Braked(why));
                 }
@@ -343,7 +360,7 @@ impl Watched {
     }
 
     fn no_throw(&self) -> StageError {
-        let phase = match CatchPhase::of(self.phase.phase) {
+        let phase = match self.phase.phase() {
             None | Some(CatchPhase::Starting) => "is starting",
             Some(CatchPhase::Armed) => "waits",
             Some(CatchPhase::Tracking) => "sees a ball",
@@ -356,8 +373,51 @@ impl Watched {
         StageError::NoThrow {
             seconds: NO_THROW,
             phase,
-            reason: reason_text(&self.phase.reason).into(),
+            reason: self.phase.reason.as_str().into(),
         }
+    }
+}
+
+/// A recording that goes on in a thread of its own.
+struct Recorded {
+    stop: Arc<AtomicBool>,
+    thread: JoinHandle<Result<Counts, RecordingError>>,
+}
+
+impl Recorded {
+    fn start(bus: &Bus, table: &Table, path: &Path, git: &str) -> Result<Self, StageError> {
+        let about = About {
+            git: git.into(),
+            ..About::default()
+        };
+        let mut recorder = Recorder::start(bus, table, path, &about)?;
+        let stop = Arc::new(AtomicBool::new(false));
+        let stopped = stop.clone();
+        let thread = std::thread::Builder::new()
+            .name("recorder".into())
+            .spawn(move || {
+                while !stopped.load(Ordering::Relaxed) {
+                    recorder.step(LOOK)?;
+                }
+                recorder.finish()
+            });
+        let thread = thread.map_err(|source| StageError::Io {
+            path: path.into(),
+            source,
+        })?;
+        Ok(Self { stop, thread })
+    }
+
+    fn finish(self) -> Result<RecordingReport, StageError> {
+        self.stop.store(true, Ordering::Relaxed);
+        let counts = match self.thread.join() {
+            Ok(counts) => counts?,
+            Err(panic) => std::panic::resume_unwind(panic),
+        };
+        Ok(RecordingReport {
+            messages: counts.messages,
+            lost: counts.lost,
+        })
     }
 }
 

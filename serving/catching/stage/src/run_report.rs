@@ -3,45 +3,24 @@
 use std::collections::BTreeMap;
 
 use serde::Serialize;
-use tactnet_catching_packets::ARMS;
-use tactnet_catching_packets::packets::{ArmPath, CatchOutcome};
-use tactnet_catching_roles::RoleReport;
+use tactnet_catching_packets::packets::CatchOutcome;
+use tactnet_catching_roles::{CatchTimes, Milliseconds, RoleReport};
 use tactnet_catching_trials::wilson;
 
 use crate::world_role::WorldReport;
-
-/// A path that begins so long before its catch is the one that it was caught by, ns.
-const LATEST_NS: u64 = 2_000_000_000;
 
 /// What was heard on the channels.
 #[derive(Debug, Default)]
 pub(crate) struct Heard {
     pub outcomes: Vec<CatchOutcome>,
     pub no_plans: u64,
-    /// From exposure to the path's put, ms.
-    to_path_ms: Vec<f64>,
-    /// The last paths of both arms.
-    paths: [Option<ArmPath>; ARMS],
-    /// From the last picture, and from the last pose of the head, to the crossing, ms.
-    picture_age_ms: Vec<f64>,
-    head_age_ms: Vec<f64>,
+    pub times: CatchTimes,
     brakes: BTreeMap<String, u64>,
     refused: u64,
     refused_now: u64,
 }
 
 impl Heard {
-    pub fn path(&mut self, put_ns: u64, path: &ArmPath) {
-        if let Some(place) = self.paths.get_mut(path.arm as usize) {
-            // A last correction follows from a newer pose of the head, not from a picture.
-            if place.is_none_or(|before| before.exposure_ns != path.exposure_ns) {
-                self.to_path_ms
-                    .push(milliseconds(put_ns.saturating_sub(path.exposure_ns)));
-            }
-            *place = Some(*path);
-        }
-    }
-
     pub fn braked(&mut self, why: &str) {
         *self.brakes.entry(why.into()).or_default() += 1;
     }
@@ -57,52 +36,7 @@ impl Heard {
 
     pub fn outcome(&mut self, outcome: &CatchOutcome) {
         self.outcomes.push(*outcome);
-        let path = self.paths.get(outcome.arm as usize).copied().flatten();
-        let Some(path) = path.filter(|path| {
-            outcome.crossing_ns > path.start_ns && outcome.crossing_ns - path.start_ns < LATEST_NS
-        }) else {
-            return;
-        };
-        if outcome.caught == 1 {
-            self.picture_age_ms
-                .push(milliseconds(outcome.crossing_ns - path.exposure_ns));
-            self.head_age_ms.push(milliseconds(
-                outcome.crossing_ns.saturating_sub(path.head_ns),
-            ));
-        }
-    }
-}
-
-fn milliseconds(ns: u64) -> f64 {
-    ns as f64 * 1e-6
-}
-
-/// Times over a run, ms.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Milliseconds {
-    /// How many.
-    pub count: usize,
-    /// Median.
-    pub p50: f64,
-    /// 99th percentile.
-    pub p99: f64,
-    /// The longest.
-    pub max: f64,
-}
-
-impl Milliseconds {
-    fn of(values: &[f64]) -> Option<Self> {
-        let mut sorted = values.to_vec();
-        sorted.sort_by(f64::total_cmp);
-        let at = |share: f64| {
-            sorted[((share * sorted.len() as f64).ceil() as usize).clamp(1, sorted.len()) - 1]
-        };
-        (!sorted.is_empty()).then(|| Self {
-            count: sorted.len(),
-            p50: at(0.5),
-            p99: at(0.99),
-            max: at(1.0),
-        })
+        self.times.outcome(outcome);
     }
 }
 
@@ -151,6 +85,9 @@ pub struct RunReport {
     pub processes: BTreeMap<&'static str, RoleReport>,
     /// The world.
     pub world: WorldReport,
+    /// The recording, where there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub recording: Option<RecordingReport>,
 }
 
 impl RunReport {
@@ -160,6 +97,7 @@ impl RunReport {
         world: WorldReport,
         restarts: u64,
         seconds: f64,
+        recording: Option<RecordingReport>,
     ) -> Self {
         let catchable: Vec<&CatchOutcome> = heard
             .outcomes
@@ -191,9 +129,9 @@ impl RunReport {
                 .filter(|outcome| outcome.caught == 1)
                 .count(),
             misses,
-            exposure_to_path_ms: Milliseconds::of(&heard.to_path_ms),
-            last_picture_age_ms: Milliseconds::of(&heard.picture_age_ms),
-            last_measurement_age_ms: Milliseconds::of(&heard.head_age_ms),
+            exposure_to_path_ms: Milliseconds::of(&heard.times.exposure_to_path_ms),
+            last_picture_age_ms: Milliseconds::of(&heard.times.picture_age_ms),
+            last_measurement_age_ms: Milliseconds::of(&heard.times.head_age_ms),
             loop_p999_us: of("controller").p999_us,
             monitor_brakes: safety.brakes,
             false_brakes: safety.brakes_in_vain,
@@ -204,8 +142,18 @@ impl RunReport {
             seconds,
             processes,
             world,
+            recording,
         }
     }
+}
+
+/// What was recorded of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct RecordingReport {
+    /// Packets.
+    pub messages: u64,
+    /// Packets that were put and never came.
+    pub lost: u64,
 }
 
 /// Returns why a ball was missed, for people.
@@ -225,6 +173,7 @@ pub fn cause(number: u32) -> &'static str {
 #[cfg(test)]
 mod tests {
     use bytemuck::Zeroable;
+    use tactnet_catching_packets::packets::ArmPath;
 
     use super::*;
 
@@ -246,14 +195,14 @@ mod tests {
             crossing_ns,
             ..CatchOutcome::zeroed()
         };
-        heard.path(1_055_000_000, &path(1, 1_060_000_000));
-        heard.path(1_095_000_000, &path(1, 1_100_000_000));
+        heard.times.path(1_055_000_000, &path(1, 1_060_000_000));
+        heard.times.path(1_095_000_000, &path(1, 1_100_000_000));
         // A correction from the same picture.
         let corrected = ArmPath {
             exposure_ns: 1_030_000_000,
             ..path(1, 1_116_000_000)
         };
-        heard.path(1_111_000_000, &corrected);
+        heard.times.path(1_111_000_000, &corrected);
         heard.outcome(&outcome(1, 0, 2, 1_150_000_000));
         heard.outcome(&outcome(0, 3, 1, 9_150_000_000));
         heard.outcome(&outcome(0, 1, 0, 0));
@@ -261,7 +210,7 @@ mod tests {
         heard.refused(2);
         heard.refused(3);
         heard.refused(1);
-        let report = RunReport::of(&heard, Vec::new(), WorldReport::default(), 0, 1.0);
+        let report = RunReport::of(&heard, Vec::new(), WorldReport::default(), 0, 1.0, None);
         assert_eq!(
             (
                 report.balls,

@@ -236,7 +236,7 @@ impl LiveWorld<'_> {
         }
         while let Some(packet) = self.ports.status.try_get()? {
             if let Some(status) = packet.first() {
-                let phase = CatchPhase::of(status.phase).unwrap_or(CatchPhase::Starting);
+                let phase = status.phase().unwrap_or(CatchPhase::Starting);
                 self.phase = (phase, status.since_ns);
             }
         }

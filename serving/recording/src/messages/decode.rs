@@ -3,7 +3,7 @@
 use prost::encoding::{DecodeContext, WireType, decode_key, decode_varint, skip_field};
 use tactnet_channel::FieldType;
 
-use super::{Recorded, RecordedField, size};
+use super::{Recorded, RecordedField};
 
 /// Reads a message into the bytes of a packet that is zero; `None` for bytes that are no message, or hold more than the packet can.
 pub(super) fn decode(recorded: &Recorded, mut message: &[u8], packet: &mut [u8]) -> Option<()> {
@@ -28,7 +28,11 @@ pub(super) fn decode(recorded: &Recorded, mut message: &[u8], packet: &mut [u8])
             let length = usize::try_from(decode_varint(&mut message).ok()?).ok()?;
             let content = message.split_at_checked(length)?;
             message = content.1;
-            if is_text {
+            if let Some(part) = &field.part {
+                let value = into.next(1)?;
+                value.fill(0);
+                decode(part, content.0, value)?;
+            } else if is_text {
                 into.text(content.0)?;
             } else {
                 into.packed(content.0)?;
@@ -54,7 +58,7 @@ struct Values<'a> {
 impl Values<'_> {
     /// Bytes of the next `values` values; of a field that is no array the last value counts.
     fn next(&mut self, values: usize) -> Option<&mut [u8]> {
-        let size = size(&self.field.kind);
+        let size = self.field.kind.size();
         let at = match self.field.most {
             None => 0,
             Some(most) => {
@@ -97,13 +101,14 @@ impl Values<'_> {
         let kind = self.field.kind;
         match (wire, kind) {
             (WireType::ThirtyTwoBit, FieldType::F32) | (WireType::SixtyFourBit, FieldType::F64) => {
-                let (value, rest) = message.split_at_checked(size(&kind))?;
+                let (value, rest) = message.split_at_checked(kind.size())?;
                 *message = rest;
                 self.next(1)?.copy_from_slice(value);
             }
-            (WireType::Varint, FieldType::F32 | FieldType::F64 | FieldType::Text(_)) => {
-                return None;
-            }
+            (
+                WireType::Varint,
+                FieldType::F32 | FieldType::F64 | FieldType::Text(_) | FieldType::Packet(_),
+            ) => return None,
             (WireType::Varint, _) => {
                 let value = decode_varint(message).ok()?;
                 let signed = value as i64;

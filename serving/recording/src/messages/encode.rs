@@ -4,15 +4,19 @@ use bytemuck::{AnyBitPattern, pod_read_unaligned};
 use prost::encoding::{WireType, encode_key, encode_varint};
 use tactnet_channel::FieldType;
 
-use super::{Recorded, size};
+use super::Recorded;
 
 /// Message of a packet's bytes. Numbers of zero and empty texts are left out, as proto3 has it.
 pub(super) fn encode(recorded: &Recorded, packet: &[u8]) -> Vec<u8> {
     let mut message = Vec::new();
     for field in &recorded.fields {
-        let size = size(&field.kind);
+        let size = field.kind.size();
         let Some(most) = field.most else {
             let value = &packet[field.offset..][..size];
+            if let Some(part) = &field.part {
+                inner(field.number, &encode(part, value), &mut message);
+                continue;
+            }
             let is_default = match field.kind {
                 FieldType::Text(_) => text(value).is_empty(),
                 _ => value.iter().all(|byte| *byte == 0),
@@ -27,6 +31,12 @@ pub(super) fn encode(recorded: &Recorded, packet: &[u8]) -> Vec<u8> {
         });
         let values = &packet[field.offset..][..size * count.min(most)];
         if values.is_empty() {
+            continue;
+        }
+        if let Some(part) = &field.part {
+            for value in values.chunks_exact(size) {
+                inner(field.number, &encode(part, value), &mut message);
+            }
             continue;
         }
         if let FieldType::Text(_) = field.kind {
@@ -51,6 +61,13 @@ pub(super) fn encode(recorded: &Recorded, packet: &[u8]) -> Vec<u8> {
     message
 }
 
+/// A message, or a text, within another.
+fn inner(number: u32, content: &[u8], message: &mut Vec<u8>) {
+    encode_key(number, WireType::LengthDelimited, message);
+    encode_varint(content.len() as u64, message);
+    message.extend_from_slice(content);
+}
+
 fn one(number: u32, kind: &FieldType, value: &[u8], message: &mut Vec<u8>) {
     match kind {
         FieldType::F32 | FieldType::F64 => {
@@ -61,12 +78,7 @@ fn one(number: u32, kind: &FieldType, value: &[u8], message: &mut Vec<u8>) {
             encode_key(number, wire, message);
             message.extend_from_slice(value);
         }
-        FieldType::Text(_) => {
-            let text = text(value);
-            encode_key(number, WireType::LengthDelimited, message);
-            encode_varint(text.len() as u64, message);
-            message.extend_from_slice(text.as_bytes());
-        }
+        FieldType::Text(_) => inner(number, text(value).as_bytes(), message),
         _ => {
             encode_key(number, WireType::Varint, message);
             encode_varint(whole(kind, value), message);

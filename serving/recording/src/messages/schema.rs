@@ -1,32 +1,26 @@
 //! The messages' own description, as MCAP files hold it.
 
-use std::sync::LazyLock;
-
 use prost::Message;
 use prost_types::field_descriptor_proto::{Label, Type};
 use prost_types::{DescriptorProto, FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet};
-use tactnet_channel::{FieldType, Layout};
-use tactnet_skin::packets;
+use tactnet_channel::{Description, FieldType, Layout};
 
-/// A `FileDescriptorSet` of all messages, as MCAP schemas of encoding `protobuf` hold it.
-pub static DESCRIPTION: LazyLock<Vec<u8>> = LazyLock::new(|| {
-    let described = packets::DESCRIPTION;
+/// A `FileDescriptorSet` of all messages of a description, as MCAP schemas of encoding `protobuf` hold it.
+pub(super) fn schema(described: &Description) -> Vec<u8> {
     let file = FileDescriptorProto {
         name: Some(format!("{}.proto", described.project)),
         package: Some(described.project.into()),
         message_type: described
-            .packets
-            .iter()
-            .filter(|layout| layout.is_packet())
-            .map(message)
+            .messages()
+            .map(|layout| message(described.project, layout))
             .collect(),
         syntax: Some("proto3".into()),
         ..FileDescriptorProto::default()
     };
     FileDescriptorSet { file: vec![file] }.encode_to_vec()
-});
+}
 
-fn message(layout: &Layout) -> DescriptorProto {
+fn message(project: &str, layout: &Layout) -> DescriptorProto {
     let fields = layout
         .recorded()
         .into_iter()
@@ -40,6 +34,7 @@ fn message(layout: &Layout) -> DescriptorProto {
                 number: Some(number as i32),
                 label: Some(label.into()),
                 r#type: Some(wire_type(kind).into()),
+                type_name: kind.part().map(|part| format!(".{project}.{}", part.name)),
                 json_name: Some(camel(field.name)),
                 ..FieldDescriptorProto::default()
             }
@@ -61,9 +56,8 @@ fn wire_type(kind: FieldType) -> Type {
         FieldType::F32 => Type::Float,
         FieldType::F64 => Type::Double,
         FieldType::Text(_) => Type::String,
-        FieldType::Array(..) | FieldType::Packet(_) => {
-            unreachable!("only numbers and texts, or several, are recorded")
-        }
+        FieldType::Packet(_) => Type::Message,
+        FieldType::Array(..) => unreachable!("of an array only its values are asked for"),
     }
 }
 
@@ -82,13 +76,19 @@ fn camel(name: &str) -> String {
 mod tests {
     use super::*;
 
-    /// As a compiler of Protocol Buffers reads the committed file.
+    /// As a compiler of Protocol Buffers reads the committed files.
     #[test]
-    fn the_description_is_that_of_the_committed_file() {
+    fn descriptions_are_those_of_the_committed_files() {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/proto");
-        let mut compiled = protox::compile(["tactnet.proto"], [folder]).unwrap();
-        compiled.file[0].source_code_info = None;
-        let ours = FileDescriptorSet::decode(DESCRIPTION.as_slice()).unwrap();
-        assert_eq!(ours, compiled);
+        for described in [
+            tactnet_skin::packets::DESCRIPTION,
+            tactnet_catching_packets::packets::DESCRIPTION,
+        ] {
+            let file = format!("{}.proto", described.project);
+            let mut compiled = protox::compile([file], [folder]).unwrap();
+            compiled.file[0].source_code_info = None;
+            let ours = FileDescriptorSet::decode(schema(&described).as_slice()).unwrap();
+            assert_eq!(ours, compiled);
+        }
     }
 }

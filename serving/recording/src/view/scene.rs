@@ -204,6 +204,7 @@ impl Scene {
             RecordedPacket::Status(status) => self.show_status(time_ns, status),
             RecordedPacket::Model(model) => self.show_model(model),
             RecordedPacket::Command(command) => self.show_command(time_ns, command),
+            RecordedPacket::Plain(_) => Ok(()),
         }
     }
 

@@ -31,6 +31,21 @@ pub enum FieldType {
     Packet(&'static Layout),
 }
 
+impl FieldType {
+    /// Bytes of one value.
+    pub const fn size(&self) -> usize {
+        match self {
+            Self::U8 | Self::I8 => 1,
+            Self::U16 | Self::I16 => 2,
+            Self::U32 | Self::I32 | Self::F32 => 4,
+            Self::U64 | Self::I64 | Self::F64 => 8,
+            Self::Text(bytes) => *bytes,
+            Self::Array(of, length) => of.size() * *length,
+            Self::Packet(layout) => layout.bytes,
+        }
+    }
+}
+
 /// A type that fields can have.
 pub trait IsField {
     /// Which one.

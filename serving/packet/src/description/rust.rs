@@ -14,7 +14,7 @@ pub trait Described: IsField + Copy {
 /// `#[recorded(N)]` gives a field its number in recordings, `#[recorded(N, count)]` says which field holds the number of valid values.
 ///
 /// ```
-/// tactnet_channel::packets! {
+/// tactnet_packet::packets! {
 ///     /// State of a joint.
 ///     #[version(1)]
 ///     pub struct Joint {
@@ -26,7 +26,7 @@ pub trait Described: IsField + Copy {
 ///         pub torque: f64,
 ///     }
 /// }
-/// use tactnet_channel::{Described, Packet};
+/// use tactnet_packet::{Described, Packet};
 /// assert_eq!((Joint::NAME, Joint::LAYOUT.bytes, Joint::LAYOUT.fields[1].offset), ("Joint", 16, 8));
 /// ```
 #[macro_export]
@@ -89,7 +89,7 @@ macro_rules! packets {
 /// Declares enums of numbers that fields hold.
 ///
 /// ```
-/// tactnet_channel::choices! {
+/// tactnet_packet::choices! {
 ///     /// Known material or not.
 ///     pub enum Verdict {
 ///         /// Not yet.

@@ -6,9 +6,9 @@ use super::{Description, Field, FieldType, Layout, plain, wrapped};
 
 const WIDTH: usize = 110;
 
-/// Type in a message; `None` for one that messages cannot have.
-fn declared(kind: &FieldType) -> Option<String> {
-    Some(match kind {
+/// Type in a message.
+fn declared(kind: &FieldType) -> String {
+    match kind {
         FieldType::U8 | FieldType::U16 | FieldType::U32 => "uint32".into(),
         FieldType::I8 | FieldType::I16 | FieldType::I32 => "int32".into(),
         FieldType::U64 => "uint64".into(),
@@ -16,12 +16,12 @@ fn declared(kind: &FieldType) -> Option<String> {
         FieldType::F32 => "float".into(),
         FieldType::F64 => "double".into(),
         FieldType::Text(_) => "string".into(),
-        FieldType::Packet(_) => return None,
+        FieldType::Packet(layout) => layout.name.into(),
         FieldType::Array(of, _) => {
-            let of = declared(of)?;
-            return Some(format!("repeated {}", of.trim_start_matches("repeated ")));
+            let of = declared(of);
+            format!("repeated {}", of.trim_start_matches("repeated "))
         }
-    })
+    }
 }
 
 impl Layout {
@@ -44,14 +44,39 @@ impl Layout {
     }
 }
 
+impl FieldType {
+    /// Returns the part of which it is one or several; `None` for numbers and texts.
+    pub fn part(&self) -> Option<&'static Layout> {
+        match self {
+            Self::Packet(layout) => Some(layout),
+            Self::Array(of, _) => of.part(),
+            _ => None,
+        }
+    }
+}
+
 impl Description {
+    /// Returns what is a message of its own in recordings: packets, and parts that are fields of others by a number.
+    pub fn messages(&self) -> impl Iterator<Item = &'static Layout> + use<> {
+        let packets = self.packets;
+        let fields = || packets.iter().flat_map(|layout| layout.fields);
+        let is_field = move |part: &Layout| {
+            fields()
+                .filter(|field| field.number.is_some())
+                .any(|field| field.kind.part().is_some_and(|of| of.name == part.name))
+        };
+        packets
+            .iter()
+            .filter(move |layout| layout.is_packet() || is_field(layout))
+    }
+
     /// Returns the messages of recordings, one a packet.
     pub fn proto(&self) -> String {
         let mut text = format!(
             "// What a recording holds, one message a packet. Generated from {}; do not edit.\nsyntax = \"proto3\";\n\npackage {};\n",
             self.source, self.project
         );
-        for layout in self.packets.iter().filter(|layout| layout.is_packet()) {
+        for layout in self.messages() {
             text.push('\n');
             let comment = |text: &mut String, indent: &str, docs: &[&str]| {
                 for line in wrapped(&plain(docs), WIDTH - indent.len()) {
@@ -62,7 +87,7 @@ impl Description {
             let _ = writeln!(text, "message {} {{", layout.name);
             for (number, _, field) in layout.recorded() {
                 comment(&mut text, "  ", field.docs);
-                let kind = declared(&field.kind).expect("a number, text or several of them");
+                let kind = declared(&field.kind);
                 let _ = writeln!(text, "  {kind} {} = {number};", field.name);
             }
             text.push_str("}\n");

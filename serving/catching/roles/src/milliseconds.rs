@@ -1,0 +1,36 @@
+//! Times in figures.
+
+use serde::Serialize;
+
+/// Times of something that happened often, ms.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Milliseconds {
+    /// How many.
+    pub count: usize,
+    /// Median.
+    pub p50: f64,
+    /// 99th percentile.
+    pub p99: f64,
+    /// 99.9th percentile.
+    pub p999: f64,
+    /// The longest.
+    pub max: f64,
+}
+
+impl Milliseconds {
+    /// Returns those of some values; `None` without any.
+    pub fn of(values: &[f64]) -> Option<Self> {
+        let mut sorted = values.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        let at = |share: f64| {
+            sorted[((share * sorted.len() as f64).ceil() as usize).clamp(1, sorted.len()) - 1]
+        };
+        (!sorted.is_empty()).then(|| Self {
+            count: sorted.len(),
+            p50: at(0.5),
+            p99: at(0.99),
+            p999: at(0.999),
+            max: at(1.0),
+        })
+    }
+}

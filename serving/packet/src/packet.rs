@@ -1,0 +1,34 @@
+//! Packets: plain data that is read where it was written, without a serialisation step.
+
+use bytemuck::{AnyBitPattern, NoUninit};
+
+/// A packet's item: plain `#[repr(C)]` data without padding or pointers. A packet holds one or more of them.
+///
+/// Name, size and version are compared with the channel's when a port opens, so two programs that disagree never exchange a byte.
+///
+/// ```
+/// use bytemuck::{Pod, Zeroable};
+/// #[repr(C)]
+/// #[derive(Clone, Copy, Pod, Zeroable)]
+/// struct Imu { acceleration: [f32; 3], rate: [f32; 3] } // m/s², rad/s
+/// impl tactnet_packet::Packet for Imu {
+///     const NAME: &'static str = "Imu";
+///     const VERSION: u32 = 1;
+/// }
+/// ```
+pub trait Packet: AnyBitPattern + NoUninit + Send + Sync {
+    /// Name that both ends know it by.
+    const NAME: &'static str;
+    /// Raised whenever layout or meaning changes.
+    const VERSION: u32;
+}
+
+macro_rules! plain {
+    ($($number:ident)*) => { $(
+        impl Packet for $number {
+            const NAME: &'static str = stringify!($number);
+            const VERSION: u32 = 1;
+        }
+    )* };
+}
+plain!(u8 u16 u32 u64 i8 i16 i32 i64 f32 f64);

@@ -1,0 +1,115 @@
+//! All channels of a table whose packets are described, followed by one thread.
+
+use std::sync::Arc;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use tactnet_channel::{
+    Bus, GetPort, GetSide, Packet, PacketType, Start, SyncGroup, Table, Wait, now_ns,
+};
+use tactnet_skin::packets::ModelNames;
+
+use crate::RecordingError;
+use crate::messages::{Kind, kind};
+
+/// Packets of a channel in one go.
+const MAX_PACKETS: usize = 256;
+
+/// A channel with its port.
+pub(crate) struct Channel {
+    pub id: Arc<str>,
+    pub kind: &'static Kind,
+    port: GetPort<u8>,
+}
+
+/// Follows channels; when somebody is too slow, the channels' own rings keep the newest packets and count what was lost.
+pub(crate) struct DescribedChannels {
+    group: SyncGroup,
+    channels: Vec<Channel>,
+    /// Nanoseconds since 1970 when the channels' clock was zero.
+    pub epoch_ns: u64,
+}
+
+impl DescribedChannels {
+    /// Opens them. Pictures, which are bytes without a description, are left out.
+    ///
+    /// # Errors
+    /// No hub; no channel with packets that are described.
+    pub fn open(bus: &Bus, table: &Table) -> Result<Self, RecordingError> {
+        let mut channels = Vec::new();
+        for (id, config) in &table.channels {
+            let Some(kind) = kind(&config.packet, config.version) else {
+                continue;
+            };
+            let packet = PacketType {
+                name: kind.layout.name,
+                version: kind.layout.version,
+                item_bytes: kind.layout.bytes,
+            };
+            // Names of materials were put when the classifier began, and are needed to read its beliefs.
+            let start = if kind.layout.name == ModelNames::NAME {
+                Start::History(1)
+            } else {
+                Start::Now
+            };
+            channels.push(Channel {
+                id: id.as_str().into(),
+                kind,
+                port: bus.get_port_of(id.as_str(), packet, start)?,
+            });
+        }
+        if channels.is_empty() {
+            return Err(RecordingError::NothingDescribed);
+        }
+        let sides: Vec<&dyn GetSide> = channels.iter().map(|of| &of.port as &dyn GetSide).collect();
+        let group = bus.sync_group(&sides)?;
+        let since = SystemTime::now().duration_since(UNIX_EPOCH);
+        let since_ns = since.map_or(0, |since| since.as_nanos() as u64);
+        Ok(Self {
+            group,
+            channels,
+            epoch_ns: since_ns.saturating_sub(now_ns()),
+        })
+    }
+
+    /// Returns them, by id.
+    pub fn channels(&self) -> &[Channel] {
+        &self.channels
+    }
+
+    /// Waits for packets; returns after `patience` at the latest.
+    pub fn wait(&mut self, patience: Duration) -> Result<(), RecordingError> {
+        let wait = Wait::Block { timeout: patience };
+        Ok(self.group.wait(wait).map(drop)?)
+    }
+
+    /// Hands on what has come, at most so much of every channel that none waits long for the others: the channel's place, when the packet was
+    /// put (nanoseconds since 1970), and its bytes.
+    pub fn follow(&self, mut each: impl FnMut(usize, u64, &[u8])) -> Result<(), RecordingError> {
+        for (place, channel) in self.channels.iter().enumerate() {
+            for _ in 0..MAX_PACKETS {
+                let Some(packets) = channel.port.try_get()? else {
+                    break;
+                };
+                let header = *packets.header();
+                // Another host's clock says nothing here.
+                let put_ns = if header.remote == 0 {
+                    header.put_ns
+                } else {
+                    now_ns()
+                };
+                for packet in packets.chunks_exact(channel.kind.layout.bytes) {
+                    each(place, self.epoch_ns + put_ns, packet);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Packets that were put and never came.
+    pub fn lost(&self) -> u64 {
+        self.channels
+            .iter()
+            .map(|channel| channel.port.lost())
+            .sum()
+    }
+}
