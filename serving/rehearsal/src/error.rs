@@ -15,6 +15,9 @@ pub enum RehearsalError {
     /// The page in the browser.
     #[error(transparent)]
     Serve(#[from] tactnet_serving::ServeError),
+    /// The catching stack before its simulated world.
+    #[error(transparent)]
+    Catching(#[from] tactnet_catching_stage::StageError),
     /// A recording.
     #[error(transparent)]
     Recording(#[from] tactnet_recording::RecordingError),
@@ -92,6 +95,7 @@ impl RehearsalError {
             Self::Channel(error) => error.is_usage(),
             Self::Skin(error) => error.is_usage(),
             Self::Serve(error) => error.is_usage(),
+            Self::Catching(error) => error.is_usage(),
             Self::Recording(error) => error.is_usage(),
             Self::NoMaterial { .. }
             | Self::TooFewSweeps { .. }

@@ -5,6 +5,7 @@
 
 mod catching;
 mod child_process;
+mod company;
 mod demo;
 mod error;
 mod own_bus;
@@ -20,8 +21,9 @@ mod stack;
 pub mod stress;
 mod write_table;
 
-pub use catching::{CatchingReport, CatchingRole, catching_table, run_role};
+pub use catching::{CatchingReport, CatchingRole, Trip, catching_table, run_role};
 pub use child_process::ChildProcess;
+pub use company::Company;
 pub use demo::Demo;
 pub use error::RehearsalError;
 pub use own_bus::{OwnBus, own_bus_name};
@@ -33,4 +35,4 @@ pub use skin::{SkinSimulator, SkinStep, rest_frames};
 pub use skin_driver::SkinDriver;
 pub use small_network::{SMALL_MATERIALS, SMALL_SWEEPS, make_twin, train_small_network};
 pub use soak::{Played, Soak, SoakReport};
-pub use stack::{CatchingStack, LoopTimes, Scheduling};
+pub use stack::{CatchingStack, LoopTimes, Scheduling, trips};

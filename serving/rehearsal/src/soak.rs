@@ -14,8 +14,8 @@ use tactnet_skin::packets::{Stage, TactileBelief};
 use crate::stack::with_priority;
 use crate::write_table::write_table;
 use crate::{
-    CatchingStack, ChildProcess, OwnBus, RehearsalError, Scheduling, SkinDriver, SkinSimulator,
-    catching_table, own_bus_name, rest_frames,
+    ChildProcess, Company, OwnBus, RehearsalError, Scheduling, SkinDriver, SkinSimulator,
+    own_bus_name, rest_frames,
 };
 pub use played::Played;
 pub use report::SoakReport;
@@ -26,7 +26,7 @@ const WINDOW: f64 = 10.0;
 /// Left out at the beginning of each window: processes start and end there.
 const SETTLE: Duration = Duration::from_millis(500);
 
-/// A soak test: hub, skin, catching stack, classifier and dashboard together.
+/// A soak test: hub, skin, catching stack or its load, classifier and dashboard together.
 #[derive(Debug, Clone, Copy)]
 pub struct Soak<'a> {
     /// The `tactnet` command.
@@ -39,6 +39,8 @@ pub struct Soak<'a> {
     pub folder: &'a Path,
     /// Time with the classifier attached, seconds; as long again without it, in turns of ten seconds.
     pub seconds: f64,
+    /// What runs beside the classifier.
+    pub company: Company,
     /// How the 1 kHz loop, the skin and the classifier are scheduled.
     pub scheduling: Scheduling,
 }
@@ -58,13 +60,14 @@ impl Soak<'_> {
         stopped: &dyn Fn() -> bool,
     ) -> Result<SoakReport, RehearsalError> {
         let config = ServeConfig::default();
-        let table = catching_table(config.table(&own_bus_name("soak")));
+        let table = config.table(&own_bus_name("soak"));
+        let table = self.company.channels(table, self.program)?;
         let path = write_table(&table, self.folder)?;
         let _own = OwnBus(&table);
         let hub = Hub::spawn(&table)?;
         let measured = self.measure(played, &table, &path, &mut on_turn, stopped);
         drop(hub);
-        measured?.report(self)
+        Ok(measured?.report(self))
     }
 
     fn measure(
@@ -76,14 +79,17 @@ impl Soak<'_> {
         stopped: &dyn Fn() -> bool,
     ) -> Result<Measured, RehearsalError> {
         let bus = Bus::open(Domain::Host, table)?;
-        let stack = CatchingStack::start(self.program, path, self.scheduling)?;
         let over = AtomicBool::new(false);
         let config = ServeConfig::of(table)?;
         let turns = (self.seconds / WINDOW).ceil().max(1.0) as usize;
         let window = Duration::from_secs_f64(self.seconds / turns as f64);
         let (mut with, mut without, mut served) = (Vec::new(), Vec::new(), Vec::new());
-        let heard = std::thread::scope(|scope| -> Result<HeardBeliefs, RehearsalError> {
+        let (heard, company) = std::thread::scope(|scope| {
             let over_now = EndOnDrop(&over);
+            let company =
+                self.company
+                    .start(scope, self.program, (table, path), self.scheduling, &over)?;
+            let stopped = &|| stopped() || company.has_ended();
             let skin = scope.spawn(|| play_skin(&bus, &config, played, &over, self.scheduling));
             let heard = scope.spawn(|| listen(&bus, &config, played, &over));
             for turn in 0..turns {
@@ -102,16 +108,16 @@ impl Soak<'_> {
             drop(over_now);
             skin.join()
                 .unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
-            heard
+            let heard = heard
                 .join()
-                .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+                .unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
+            Ok::<_, RehearsalError>((heard, company.end()?))
         })?;
-        let stack = stack.end()?;
         if with.is_empty() {
             return Err(RehearsalError::Stopped);
         }
         Ok(Measured {
-            stack,
+            company,
             served,
             heard,
             with,

@@ -6,6 +6,7 @@ use std::path::Path;
 use serde::Serialize;
 use tactnet_serving::Realtime;
 
+use crate::catching::Trip;
 use crate::{CatchingReport, CatchingRole, ChildProcess, RehearsalError};
 
 /// How processes are scheduled.
@@ -82,7 +83,20 @@ impl CatchingStack {
     }
 }
 
-/// Round trips of the 1 kHz loop over some time.
+/// Returns the round trips of the controller.
+///
+/// # Errors
+/// No report of it.
+pub fn trips(reports: &[CatchingReport]) -> Result<&[Trip], RehearsalError> {
+    let is_controller = |report: &&CatchingReport| report.role == CatchingRole::Controller;
+    let controller = reports.iter().find(is_controller);
+    let none = || RehearsalError::child(CatchingRole::Controller.name(), "gave no report");
+    controller
+        .map(|report| report.trips.as_slice())
+        .ok_or_else(none)
+}
+
+/// Round trips of the 1 kHz loop over some time; of the real stack, times from the controller's beat to its command.
 #[derive(Debug, Clone, Serialize)]
 pub struct LoopTimes {
     /// Number of round trips.
@@ -96,18 +110,10 @@ pub struct LoopTimes {
 }
 
 impl LoopTimes {
+    /// - `trips`: all of them
     /// - `windows`: from and to, nanoseconds of the host's monotonic clock
-    ///
-    /// # Errors
-    /// No report of the controller.
-    pub fn of(reports: &[CatchingReport], windows: &[(u64, u64)]) -> Result<Self, RehearsalError> {
-        let name = CatchingRole::Controller.name();
-        let controller = reports
-            .iter()
-            .find(|report| report.role == CatchingRole::Controller)
-            .ok_or_else(|| RehearsalError::child(name, "gave no report"))?;
-        let mut rounds_ns: Vec<u32> = controller
-            .trips
+    pub fn of(trips: &[Trip], windows: &[(u64, u64)]) -> Self {
+        let mut rounds_ns: Vec<u32> = trips
             .iter()
             .filter(|trip| {
                 windows
@@ -121,12 +127,12 @@ impl LoopTimes {
             let ns = tactnet_channel::percentile(&rounds_ns, share);
             ns.map_or(0.0, |ns| f64::from(ns) / 1e3)
         };
-        Ok(Self {
+        Self {
             rounds: rounds_ns.len(),
             p50_us: at(0.5),
             p99_us: at(0.99),
             p999_us: at(0.999),
-        })
+        }
     }
 }
 

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use tactnet_channel::{Bus, Domain, now_ns};
 use tactnet_rehearsal::{
-    CatchingRole, CatchingStack, LoopTimes, Scheduling, catching_table, run_role,
+    CatchingRole, CatchingStack, LoopTimes, Scheduling, catching_table, run_role, trips,
 };
 use tactnet_serving::Realtime;
 use tactnet_skin::ServeConfig;
@@ -74,7 +74,7 @@ pub fn run(arguments: &CatchingArgs) -> anyhow::Result<ExitCode> {
         std::thread::sleep(Duration::from_millis(20));
     }
     let reports = stack.end()?;
-    let seen = LoopTimes::of(&reports, &[(begun_ns, u64::MAX)])?;
+    let seen = LoopTimes::of(trips(&reports)?, &[(begun_ns, u64::MAX)]);
     if arguments.json {
         output::print_json(&seen)?;
     } else {

@@ -9,7 +9,7 @@ use tactnet_data::DataSource;
 use tactnet_data::twin::{self, TwinConfig};
 use tactnet_pipeline::RunDir;
 use tactnet_rehearsal::{
-    Played, SMALL_MATERIALS, SMALL_SWEEPS, Scheduling, Soak, train_small_network,
+    Company, Played, SMALL_MATERIALS, SMALL_SWEEPS, Scheduling, Soak, train_small_network,
 };
 
 use super::unseen_by;
@@ -19,6 +19,7 @@ use crate::{GIT, output, source};
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     tactnet simulate soak --seconds 30 --json                          a small network is trained first\n  \
+    tactnet simulate soak --seconds 60 --with catching                 beside the stack that catches balls\n  \
     tactnet simulate soak --seconds 600 --run runs/twin-fast-fold0-1   ten minutes with a trained network")]
 pub struct SoakArgs {
     /// Time with the classifier attached; as long again without it, in turns of ten seconds
@@ -30,12 +31,25 @@ pub struct SoakArgs {
     /// Whose sweeps; only those that the network was not trained on
     #[arg(long, value_name = "FILE|twin", default_value = "twin")]
     data: String,
+    /// What runs beside the classifier
+    #[arg(long, value_enum, default_value_t)]
+    with: CompanyChoice,
     /// How the 1 kHz loop, the skin and the classifier are scheduled
     #[arg(long, value_enum, default_value_t)]
     scheduling: SchedulingChoice,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
+}
+
+/// Values of `--with`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+enum CompanyChoice {
+    /// Packets like those of the catching stack, with two pictures of 2 megapixels, and next to no computing
+    #[default]
+    Load,
+    /// The catching stack itself, before the simulated world that throws balls at it
+    Catching,
 }
 
 /// Values of `--scheduling`.
@@ -97,6 +111,10 @@ pub fn run(arguments: &SoakArgs) -> anyhow::Result<ExitCode> {
         run: &run,
         folder: folder.path(),
         seconds: arguments.seconds,
+        company: match arguments.with {
+            CompanyChoice::Load => Company::Load,
+            CompanyChoice::Catching => Company::Catching,
+        },
         scheduling,
     };
     let report = soak.run(

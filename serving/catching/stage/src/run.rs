@@ -99,18 +99,18 @@ struct Child {
 }
 
 impl CatchRun<'_> {
-    /// Returns the table of a bus of its own.
-    fn table(&self) -> Result<Table, StageError> {
-        // Nothing depends on it.
-        let _ = remove_abandoned_buses("catch");
+    /// Adds the channels and settings of the stack to a table.
+    ///
+    /// # Errors
+    /// A description of the robot that cannot be read.
+    pub fn channels(&self, table: Table) -> Result<Table, StageError> {
         let cameras = self.stack.robot()?.description().cameras;
         let pixels = cameras.width as usize * cameras.height as usize;
-        let table = Table::new(&format!("catch{}", std::process::id()));
         let table = catching_channels(table, self.world.pixels.then_some(pixels));
         Ok(self.stack.into_table(table))
     }
 
-    /// Starts everything, and ends it when throws or time are up, or `stopped` returns true.
+    /// Starts everything on a bus of its own, and ends it when throws or time are up, or `stopped` returns true.
     ///
     /// # Errors
     /// Channels, a process or a file that cannot be had; a process that ends again and again; a robot that does not get ready.
@@ -119,7 +119,9 @@ impl CatchRun<'_> {
         on_event: &mut dyn FnMut(RunEvent),
         stopped: &dyn Fn() -> bool,
     ) -> Result<RunReport, StageError> {
-        let table = self.table()?;
+        // Nothing depends on it.
+        let _ = remove_abandoned_buses("catch");
+        let table = self.channels(Table::new(&format!("catch{}", std::process::id())))?;
         let path = self.folder.join("robot.toml");
         std::fs::write(&path, toml::to_string(&table)?).map_err(|source| StageError::Io {
             path: path.clone(),
@@ -127,12 +129,19 @@ impl CatchRun<'_> {
         })?;
         let _own = OwnBus(&table);
         let hub = Hub::spawn(&table)?;
-        let ran = self.watch(&table, &path, on_event, stopped);
+        let ran = self.run_on(&table, &path, on_event, stopped);
         drop(hub);
         ran
     }
 
-    fn watch(
+    /// As [`CatchRun::run`], on a bus whose hub runs.
+    ///
+    /// - `table`: with what [`CatchRun::channels`] adds
+    /// - `path`: where it is written
+    ///
+    /// # Errors
+    /// As [`CatchRun::run`].
+    pub fn run_on(
         &self,
         table: &Table,
         path: &Path,

@@ -3,12 +3,14 @@
 use std::fmt;
 
 use serde::Serialize;
+use tactnet_catching_stage::RunReport;
 use tactnet_channel::percentile;
 use tactnet_serving::ServeReport;
 use tactnet_skin::packets::Stage;
 
 use super::Soak;
-use crate::{CatchingReport, LoopTimes, RehearsalError, Scheduling};
+use crate::company::CompanyReport;
+use crate::{LoopTimes, Scheduling};
 
 /// Of the histogram, microseconds.
 const BOUNDS_US: [f64; 10] = [
@@ -75,6 +77,9 @@ pub struct SoakReport {
     pub loop_p99_ratio_of_turns: f64,
     /// Plain beliefs by latency, cumulative.
     pub histogram: Vec<LatencyBucket>,
+    /// What the catching stack did, with `--with catching`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub catching: Option<RunReport>,
 }
 
 impl fmt::Display for SoakReport {
@@ -93,7 +98,15 @@ impl fmt::Display for SoakReport {
             self.deadline_misses,
             self.allocations_per_frame,
             self.loop_p99_ratio
-        )
+        )?;
+        match &self.catching {
+            None => Ok(()),
+            Some(catching) => write!(
+                f,
+                "; caught {} of {} balls that could be caught, {} of {} in all",
+                catching.caught, catching.catchable, catching.caught_of_all, catching.balls
+            ),
+        }
     }
 }
 
@@ -117,7 +130,7 @@ pub(super) struct HeardBeliefs {
 
 /// Reports of the processes, and when they ran.
 pub(super) struct Measured {
-    pub(super) stack: Vec<CatchingReport>,
+    pub(super) company: CompanyReport,
     /// One for each time that the classifier served.
     pub(super) served: Vec<ServeReport>,
     pub(super) heard: HeardBeliefs,
@@ -127,21 +140,19 @@ pub(super) struct Measured {
 }
 
 impl Measured {
-    pub(super) fn report(mut self, soak: &Soak<'_>) -> Result<SoakReport, RehearsalError> {
+    pub(super) fn report(mut self, soak: &Soak<'_>) -> SoakReport {
         let sum = |count: fn(&ServeReport) -> u64| self.served.iter().map(count).sum::<u64>();
         let frames = sum(|served| served.frames);
         let frames_sent = sum(|served| served.frames_sent(0));
         let ratio_of = |(with, without): (&(u64, u64), &(u64, u64))| {
-            let with = LoopTimes::of(&self.stack, &[*with])?;
-            let without = LoopTimes::of(&self.stack, &[*without])?;
-            Ok(with.p99_us / without.p99_us)
+            let trips = &self.company.trips;
+            LoopTimes::of(trips, &[*with]).p99_us / LoopTimes::of(trips, &[*without]).p99_us
         };
         let turns = self.with.iter().zip(&self.without);
-        let ratios: Result<Vec<f64>, RehearsalError> = turns.map(ratio_of).collect();
-        let mut ratios = ratios?;
+        let mut ratios: Vec<f64> = turns.map(ratio_of).collect();
         ratios.sort_by(f64::total_cmp);
-        let loop_with = LoopTimes::of(&self.stack, &self.with)?;
-        let loop_without = LoopTimes::of(&self.stack, &self.without)?;
+        let loop_with = LoopTimes::of(&self.company.trips, &self.with);
+        let loop_without = LoopTimes::of(&self.company.trips, &self.without);
         let latency_us = &mut self.heard.latency_us;
         latency_us
             .iter_mut()
@@ -149,7 +160,7 @@ impl Measured {
         let latency_us = &self.heard.latency_us;
         let at =
             |stage: Stage, share| percentile(&latency_us[stage as usize - 1], share).unwrap_or(0.0);
-        Ok(SoakReport {
+        SoakReport {
             schema_version: 1,
             git: soak.git,
             seconds: self
@@ -184,9 +195,10 @@ impl Measured {
             loop_p99_ratio_of_turns: percentile(&ratios, 0.5).unwrap_or(f64::NAN),
             loop_with,
             loop_without,
-            stack_lost: self.stack.iter().map(|report| report.lost).sum(),
+            stack_lost: self.company.lost,
             histogram: histogram(&latency_us[Stage::Plain as usize - 1]),
-        })
+            catching: self.company.catching,
+        }
     }
 }
 
