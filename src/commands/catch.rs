@@ -6,6 +6,7 @@ mod recorded;
 mod role;
 mod run;
 mod safety_bench;
+mod skin;
 mod throw_series;
 mod track_bench;
 #[cfg(feature = "rerun")]

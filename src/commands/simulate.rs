@@ -90,7 +90,7 @@ fn remedy(dataset: &Dataset, run: &ClassifierConfig) -> String {
 }
 
 /// Returns the numbers of sweeps that a run has learnt nothing from.
-fn unseen_by(dataset: &Dataset, run: &Path) -> anyhow::Result<Vec<usize>> {
+pub(super) fn unseen_by(dataset: &Dataset, run: &Path) -> anyhow::Result<Vec<usize>> {
     let run = RunDir::open(run)?;
     let unseen = TestSweeps::unseen(dataset, &run.config()?, &run.split()?)?;
     let view = unseen.without_enrolled(&run)?.view;

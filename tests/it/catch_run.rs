@@ -7,7 +7,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::command::tactnet;
-use crate::serve::Running;
+use crate::serve::{Robot, Running};
 
 /// A run beside this test, and what it says.
 struct Run {
@@ -43,18 +43,27 @@ impl Run {
 
     /// Waits for a line that begins so; all lines so far are kept.
     fn wait_for(&mut self, beginning: &str) -> String {
+        self.wait_until(beginning, |line| line.starts_with(beginning))
+    }
+
+    /// Waits for a line with these words.
+    fn wait_with(&mut self, words: &str) -> String {
+        self.wait_until(words, |line| line.contains(words))
+    }
+
+    fn wait_until(&mut self, wanted: &str, is: impl Fn(&str) -> bool) -> String {
         let begun = Instant::now();
         loop {
             match self.said.recv_timeout(Duration::from_millis(200)) {
                 Ok(line) => {
                     self.heard.push(line.clone());
-                    if line.starts_with(beginning) {
+                    if is(&line) {
                         return line;
                     }
                 }
                 Err(_) => assert!(
                     begun.elapsed() < Duration::from_secs(90),
-                    "no `{beginning}`: {:?}",
+                    "no `{wanted}`: {:?}",
                     self.heard
                 ),
             }
@@ -235,7 +244,7 @@ fn packets_of_the_stack_are_echoed_and_recorded() {
     assert!(told["messages"].as_u64().unwrap() > 1000, "{told}");
     assert_eq!(
         (told["lost"].as_u64(), told["channels"].as_u64()),
-        (Some(0), Some(18))
+        (Some(0), Some(20))
     );
     let mut timing = tactnet(["catch", "timing", "--json"]);
     timing.arg(&file);
@@ -280,6 +289,42 @@ fn every_process_may_be_killed_at_any_moment() {
     let report = run.end();
     assert_eq!(report["restarts"], 9);
     assert!(processes.values().all(|process| !is_there(*process)));
+}
+
+/// After a catch the free hand sweeps over the ball, and the network says of what it is; whoever is killed among those who feel does not
+/// brake the robot, and begins again.
+#[test]
+fn a_caught_ball_is_felt_and_named() {
+    let robot = Robot::new("felt");
+    let network = robot.lab.path("models/1");
+    let mut run = Run::start(&["--seed", "3", "--feel", network.to_str().unwrap()]);
+    let processes = run.processes();
+    let line = run.wait_with("feels like ");
+    let sure = line.split("feels like ").nth(1).unwrap();
+    assert!(
+        sure.contains(" % after ") && sure.contains(" sweep"),
+        "{line}"
+    );
+    for name in ["classifier", "skin", "feel"] {
+        signal("KILL", processes[name]);
+        let ended = run.wait_for(&format!("the {name} has ended"));
+        assert!(!ended.contains("brakes"), "{ended}");
+        run.wait_for(&format!("the {name} begins again"));
+    }
+    run.wait_with("feels like ");
+    let report = run.end();
+    assert!(
+        report["beliefs_after_catch"].as_u64().unwrap() >= 2,
+        "{report}"
+    );
+    let (felt, right) = (&report["beliefs_after_catch"], &report["correct_materials"]);
+    assert!(right.as_u64() <= felt.as_u64(), "{report}");
+    assert!((1.0..=3.0).contains(&report["sweeps_a_ball"].as_f64().unwrap()));
+    for wrong in [&["--balls", "2"][..], &["--pixels"]] {
+        let mut command = tactnet(["catch", "run", "--feel"]);
+        let output = command.arg(&network).args(wrong).output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{wrong:?}");
+    }
 }
 
 #[test]

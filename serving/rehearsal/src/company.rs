@@ -100,6 +100,7 @@ fn catch_run(program: &Path, scheduling: Scheduling) -> CatchRun<'_> {
         folder: Path::new(""),
         stack: RoleSettings::default(),
         world: WorldSettings::default(),
+        feel: None,
         throws: None,
         seconds: None,
         record: None,

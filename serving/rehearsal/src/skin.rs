@@ -170,7 +170,7 @@ impl<'a> SkinSimulator<'a> {
 }
 
 /// The recorded step for a step of the motion.
-fn mirrored(at: usize, lead: usize, steps: usize) -> usize {
+pub(crate) fn mirrored(at: usize, lead: usize, steps: usize) -> usize {
     let last = steps - 1;
     if at < lead {
         (lead - at).min(last)

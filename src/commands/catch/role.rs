@@ -5,17 +5,20 @@ use std::process::ExitCode;
 
 use anyhow::Context;
 use clap::Args;
+use serde::de::DeserializeOwned;
 use tactnet_catching_roles::Role;
-use tactnet_catching_stage::{WorldRole, WorldSettings};
+use tactnet_catching_stage::WorldRole;
 use tactnet_channel::{Bus, Domain};
 use tactnet_serving::Realtime;
 
+use super::skin::{self, SkinSettings};
 use crate::output;
 use crate::stop::Stop;
 use crate::table;
 
-/// Name of the world's process.
+/// Name of the world's process, and of that of the skin which sweeps over what is caught.
 const WORLD: &str = "world";
+const SKIN: &str = "skin";
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
@@ -24,7 +27,7 @@ const WORLD: &str = "world";
     echo '{\"seed\": 7}' | tactnet catch role world --table robot.toml     the simulated robot; its settings are read from standard input\n\n\
     `tactnet catch run` starts all of them. A table is what `tactnet catch role --print-table` prints; a hub has to run.")]
 pub struct RoleArgs {
-    /// safety, hand, planner-left, planner-right, pose, tracker, eyes, controller, coordinator or world
+    /// safety, hand, planner-left, planner-right, pose, tracker, eyes, controller, coordinator, feel, world or skin
     #[arg(required_unless_present = "print_table")]
     role: Option<String>,
     /// The table of channels
@@ -44,14 +47,12 @@ pub fn run(arguments: &RoleArgs) -> anyhow::Result<ExitCode> {
         output::print(print_table()?.trim_end())?;
         return Ok(ExitCode::SUCCESS);
     };
-    let role: Option<Role> = if name == WORLD {
-        None
-    } else {
-        Some(name.parse()?)
-    };
-    let settings = match role {
-        Some(_) => None,
-        None => Some(world_settings()?),
+    let process = match name.as_str() {
+        WORLD => Process::World(WorldRole {
+            settings: from_input()?.unwrap_or_default(),
+        }),
+        SKIN => Process::Skin(from_input()?.context("expected settings on standard input")?),
+        name => Process::Role(name.parse()?),
     };
     let stop = Stop::listen_saying("stopping")?;
     let bus = Bus::open(Domain::Host, &table::load(path)?)?;
@@ -67,25 +68,28 @@ pub fn run(arguments: &RoleArgs) -> anyhow::Result<ExitCode> {
         let _ = output::print(format_args!("ready"));
     };
     let stopped = || stop.asked();
-    match (role, settings) {
-        (Some(role), _) => output::print_json(&role.run(&bus, &ready, &stopped)?)?,
-        (None, settings) => {
-            let world = WorldRole {
-                settings: settings.unwrap_or_default(),
-            };
-            output::print_json(&world.run(&bus, &ready, &stopped)?)?;
-        }
+    match process {
+        Process::Role(role) => output::print_json(&role.run(&bus, &ready, &stopped)?)?,
+        Process::World(world) => output::print_json(&world.run(&bus, &ready, &stopped)?)?,
+        Process::Skin(settings) => skin::run(&settings, &bus, &ready, &stopped)?,
     }
     Ok(ExitCode::SUCCESS)
 }
 
-fn world_settings() -> anyhow::Result<WorldSettings> {
+enum Process {
+    Role(Role),
+    World(WorldRole),
+    Skin(SkinSettings),
+}
+
+/// Settings in a line of standard input; `None` where it is empty.
+fn from_input<T: DeserializeOwned>() -> anyhow::Result<Option<T>> {
     let mut line = String::new();
     std::io::stdin().read_line(&mut line)?;
     if line.trim().is_empty() {
-        return Ok(WorldSettings::default());
+        return Ok(None);
     }
-    serde_json::from_str(&line).context("the world's settings on standard input")
+    serde_json::from_str(&line).context("settings on standard input")
 }
 
 fn print_table() -> anyhow::Result<String> {

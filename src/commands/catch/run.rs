@@ -6,9 +6,12 @@ use std::process::ExitCode;
 use anyhow::bail;
 use clap::Args;
 use tactnet_catching::track::CLUTTER_OF_PICTURES;
+use tactnet_catching_packets::packets::CatchOutcome;
 use tactnet_catching_roles::{Milliseconds, RoleSettings};
-use tactnet_catching_stage::{CatchRun, RunEvent, RunReport, WorldSettings};
+use tactnet_catching_stage::{CatchRun, Feel, RunEvent, RunReport, WorldSettings};
+use tactnet_pipeline::RunDir;
 
+use super::skin::SkinSettings;
 use crate::stop::Stop;
 use crate::{GIT, output};
 
@@ -17,7 +20,8 @@ use crate::{GIT, output};
     tactnet catch run --throws 10             ten throws, a line for each\n  \
     tactnet catch run --seconds 60 --json     a minute, with times of every process\n  \
     tactnet catch run --pixels                from pictures: wants more than two cores\n  \
-    tactnet catch run --throws 10 --record run.mcap     and keep every packet\n\n\
+    tactnet catch run --throws 10 --record run.mcap     and keep every packet\n  \
+    tactnet catch run --throws 10 --feel runs/a         and feel what the caught balls are made of\n\n\
     Every part is a process: world, pose, tracker, coordinator, two planners, controller, safety, hand (and eyes, with --pixels). One that \
     ends by itself brakes the robot, is named and begins again. Ctrl-C ends all of them.")]
 pub struct RunArgs {
@@ -36,6 +40,12 @@ pub struct RunArgs {
     /// The world draws pictures, and eyes search them for circles; otherwise circles come from the world, with noise, misses and clutter
     #[arg(long)]
     pixels: bool,
+    /// Balls are of the materials that this run knows: after a catch the free hand sweeps over the ball, at most three times, and the run's network says what it is
+    #[arg(long, value_name = "DIR", conflicts_with = "pixels")]
+    feel: Option<PathBuf>,
+    /// Whose sweeps are felt [default: those of the run's data that it was not trained on]
+    #[arg(long, value_name = "FILE|twin", requires = "feel")]
+    data: Option<String>,
     /// The monitor of self-collisions only reports, and does not brake
     #[arg(long)]
     watch: bool,
@@ -83,7 +93,19 @@ pub fn run(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
     stack.coordinator.lower_body = arguments.balls == 1;
     // A mistake in a file is named before anything starts.
     super::robot(arguments.robot.as_ref())?;
+    if arguments.feel.is_some() && arguments.balls > 1 {
+        bail!("--feel: with two balls no hand is free; expected `--balls 1`");
+    }
+    let felt = arguments
+        .feel
+        .as_ref()
+        .map(|run| felt(run, arguments))
+        .transpose()?;
     let world = WorldSettings {
+        materials: felt
+            .iter()
+            .flat_map(|felt| felt.materials.clone())
+            .collect(),
         world: super::world(arguments.world.as_deref())?,
         seed: arguments.seed,
         balls: usize::from(arguments.balls),
@@ -104,6 +126,13 @@ pub fn run(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
         folder: folder.path(),
         stack,
         world,
+        feel: match (&arguments.feel, &felt) {
+            (Some(run), Some(felt)) => Some(Feel {
+                run,
+                skin: serde_json::to_string(felt)?,
+            }),
+            _ => None,
+        },
         throws: arguments.throws,
         seconds: arguments.seconds,
         record: arguments.record.as_deref(),
@@ -117,6 +146,19 @@ pub fn run(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
         print(&report, arguments.record.as_deref())?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Settings of the skin that feels balls of all materials of a run.
+fn felt(run: &Path, arguments: &RunArgs) -> anyhow::Result<SkinSettings> {
+    let config = RunDir::open(run)?.config()?;
+    config.require_network(run, "be served")?;
+    let data = arguments.data.as_ref().unwrap_or(&config.spec.data);
+    Ok(SkinSettings {
+        run: run.into(),
+        data: data.clone(),
+        materials: config.classifier.labels.names().map(Into::into).collect(),
+        seed: arguments.seed,
+    })
 }
 
 fn show(event: RunEvent) {
@@ -147,19 +189,40 @@ fn show(event: RunEvent) {
             } else {
                 ""
             };
-            say!("throw {throws}: {became}{note}; {caught} of {throws} caught");
+            let felt = feeling(&outcome);
+            say!("throw {throws}: {became}{note}{felt}; {caught} of {throws} caught");
         }
-        RunEvent::Ended { name, said } => {
+        RunEvent::Ended { name, said, brakes } => {
             let why = if said.is_empty() {
                 String::new()
             } else {
                 format!(": {said}")
             };
-            say!("the {name} has ended{why}; the robot brakes");
+            let brakes = if brakes { "; the robot brakes" } else { "" };
+            say!("the {name} has ended{why}{brakes}");
         }
         RunEvent::Restarted { name, process } => say!("the {name} begins again, process {process}"),
         RunEvent::Braked(why) => say!("brakes: {why}"),
     }
+}
+
+/// What the ball was felt to be, behind what became of it.
+fn feeling(outcome: &CatchOutcome) -> String {
+    let (material, felt) = (outcome.material.as_str(), outcome.felt.as_str());
+    if material.is_empty() {
+        return String::new();
+    }
+    if felt.is_empty() {
+        return format!("; of {material}, which was not felt");
+    }
+    let truth = if felt == material {
+        "right".into()
+    } else {
+        format!("it is {material}")
+    };
+    let (sweeps, sure) = (outcome.sweeps, 100.0 * outcome.posterior);
+    let plural = if sweeps == 1 { "" } else { "s" };
+    format!("; feels like {felt}, {sure:.1} % after {sweeps} sweep{plural} ({truth})")
 }
 
 fn print(report: &RunReport, file: Option<&Path>) -> anyhow::Result<()> {
@@ -180,6 +243,12 @@ fn print(report: &RunReport, file: Option<&Path>) -> anyhow::Result<()> {
         "{rate}; {} of all {} thrown",
         report.caught_of_all, report.balls
     ))?;
+    if let Some(sweeps) = report.sweeps_a_ball {
+        output::print(format_args!(
+            "materials: {} of {} balls felt right, after {sweeps:.1} sweeps each",
+            report.correct_materials, report.beliefs_after_catch
+        ))?;
+    }
     let times = |name: &str, times: Option<Milliseconds>| {
         times.map_or(format!("{name}: none"), |t| {
             format!(

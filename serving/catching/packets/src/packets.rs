@@ -18,7 +18,9 @@
 //! | [`ControllerState`] | the controller | when it changes, and 50 times a second |
 //! | [`SafetyState`] | the monitor of self-collisions | 1 kHz, for every command |
 //! | [`CatchStatus`] | the coordinator | when it changes, and 10 times a second |
-//! | [`CatchOutcome`] | the judge | when a throw is over |
+//! | [`CatchOutcome`] | the judge | when a throw is over, and the ball has been felt |
+//! | [`HandState`] | the hands | 50 Hz |
+//! | [`FeltMaterial`] | who lets the free hand sweep | when it is sure, or after three sweeps |
 
 use tactnet_packet::{Described, Description, choices, packets};
 
@@ -473,7 +475,7 @@ packets! {
 
     /// What became of a throw.
     #[derive(PartialEq)]
-    #[version(1)]
+    #[version(2)]
     pub struct CatchOutcome {
         /// Number of the throw.
         #[recorded(1)]
@@ -508,6 +510,58 @@ packets! {
         /// 0 left, 1 right.
         #[recorded(11)]
         pub arm: u32,
+        /// What the ball is made of, where it is felt after the catch; else empty.
+        #[recorded(12)]
+        pub material: Text<56>,
+        /// What it was felt to be made of; empty where it was not felt.
+        #[recorded(13)]
+        pub felt: Text<56>,
+        /// How sure that is, 0 to 1.
+        #[recorded(14)]
+        pub posterior: f64,
+        /// Sweeps over it.
+        #[recorded(15)]
+        pub sweeps: u32,
+        /// Zero.
+        pub reserved: u32,
+    }
+
+    /// What a hand feels.
+    #[derive(PartialEq)]
+    #[version(1)]
+    pub struct HandState {
+        /// When.
+        #[recorded(1)]
+        pub t_ns: u64,
+        /// 0 left, 1 right.
+        #[recorded(2)]
+        pub arm: u32,
+        /// 1 if it holds something, else 0.
+        #[recorded(3)]
+        pub holds: u32,
+        /// How often a hand has caught something so far.
+        #[recorded(4)]
+        pub grip: u64,
+    }
+
+    /// What a caught ball was felt to be made of.
+    #[derive(PartialEq)]
+    #[version(1)]
+    pub struct FeltMaterial {
+        /// Which grip it is about, as [`HandState`] counts.
+        #[recorded(1)]
+        pub grip: u64,
+        /// Its most probable material; empty where no sweep could be used.
+        #[recorded(2)]
+        pub material: Text<56>,
+        /// How sure that is, 0 to 1.
+        #[recorded(3)]
+        pub posterior: f64,
+        /// Sweeps that it follows from.
+        #[recorded(4)]
+        pub sweeps: u32,
+        /// Zero.
+        pub reserved: u32,
     }
 
     /// When a hand closes.
@@ -619,6 +673,8 @@ pub const DESCRIPTION: Description = Description {
         SafetyState::LAYOUT,
         CatchStatus::LAYOUT,
         CatchOutcome::LAYOUT,
+        HandState::LAYOUT,
+        FeltMaterial::LAYOUT,
         HandCommand::LAYOUT,
     ],
 };
@@ -639,7 +695,7 @@ mod tests {
         assert_eq!(size_of::<ControllerCommand>(), 80);
         assert_eq!(size_of::<SafetyState>(), 40);
         assert_eq!(size_of::<CatchStatus>(), 96);
-        assert_eq!(size_of::<CatchOutcome>(), 72);
+        assert_eq!(size_of::<CatchOutcome>(), 200);
         assert_eq!(size_of::<JointState>(), 496);
     }
 

@@ -2,8 +2,8 @@
 
 use tactnet_catching_packets::packets::{
     ArmPath, BallPredictions, BodyPath, CatchOutcome, CatchStatus, Circles, ControllerCommand,
-    ControllerState, Gaze, HandCommand, HeadPose, ImuSample, JointCommand, JointState, PlanRequest,
-    PlanResult, SafetyState,
+    ControllerState, FeltMaterial, Gaze, HandCommand, HandState, HeadPose, ImuSample, JointCommand,
+    JointState, PlanRequest, PlanResult, SafetyState,
 };
 use tactnet_channel::{ChannelConfig, Packet, Table};
 
@@ -28,6 +28,8 @@ pub(crate) const HAND_TARGET: &str = "hand/target";
 pub(crate) const CONTROLLER_COMMAND: &str = "controller/command";
 pub(crate) const CONTROLLER_STATE: &str = "controller/state";
 pub(crate) const SAFETY_STATE: &str = "safety/state";
+pub(crate) const HAND_STATE: &str = "hand/state";
+pub(crate) const CATCH_FELT: &str = "catch/felt";
 pub(crate) const CATCH_STATE: &str = "catch/state";
 pub(crate) const CATCH_OUTCOME: &str = "catch/outcome";
 
@@ -50,6 +52,8 @@ pub fn catching_channels(table: Table, pixels: Option<usize>) -> Table {
         .with(HEAD_GAZE, seldom::<Gaze>(8))
         .with(HAND_COMMAND, seldom::<HandCommand>(16))
         .with(HAND_TARGET, seldom::<HandCommand>(16))
+        .with(HAND_STATE, seldom::<HandState>(8))
+        .with(CATCH_FELT, seldom::<FeltMaterial>(8))
         .with(CONTROLLER_COMMAND, seldom::<ControllerCommand>(8))
         .with(CONTROLLER_STATE, seldom::<ControllerState>(16))
         .with(CATCH_STATE, seldom::<CatchStatus>(16))

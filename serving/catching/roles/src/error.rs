@@ -17,6 +17,9 @@ pub enum RoleError {
     /// The table's section.
     #[error("[components.catching]: {0}")]
     Settings(#[from] toml::de::Error),
+    /// The table's section of the classifier.
+    #[error(transparent)]
+    Skin(#[from] tactnet_skin::SkinError),
     /// The description of the robot.
     #[error("{path}: {reason}", path = .path.display())]
     Robot {
@@ -40,6 +43,7 @@ impl RoleError {
     pub fn is_usage(&self) -> bool {
         match self {
             Self::Channel(error) => error.is_usage(),
+            Self::Skin(error) => error.is_usage(),
             Self::Pose(_) | Self::Track(_) => false,
             Self::Settings(_) | Self::Robot { .. } | Self::NoRole { .. } => true,
         }

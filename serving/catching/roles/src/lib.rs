@@ -18,6 +18,7 @@ mod controller;
 mod coordinator;
 mod error;
 mod eyes;
+mod feel;
 mod hand;
 mod milliseconds;
 mod newest;

@@ -18,8 +18,12 @@ pub(crate) struct Newest<T> {
 
 impl<T: Packet + Copy> Newest<T> {
     pub fn open(bus: &Bus, id: &str) -> Result<Self, ChannelError> {
+        Self::open_from(bus, id, Start::Now)
+    }
+
+    pub fn open_from(bus: &Bus, id: &str, start: Start) -> Result<Self, ChannelError> {
         Ok(Self {
-            port: bus.get_port(id, Start::Now)?,
+            port: bus.get_port(id, start)?,
             last: None,
             put_ns: 0,
         })

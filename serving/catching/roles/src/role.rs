@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use tactnet_channel::Bus;
 
 use crate::{
-    RoleError, RoleReport, RoleSettings, controller, coordinator, eyes, hand, planner, pose,
+    RoleError, RoleReport, RoleSettings, controller, coordinator, eyes, feel, hand, planner, pose,
     safety, tracker,
 };
 
@@ -32,11 +32,13 @@ pub enum Role {
     Safety,
     /// Closing times in, the hands' targets out.
     Hand,
+    /// A caught ball in, what it is made of out.
+    Feel,
 }
 
 impl Role {
     /// All of them, in an order in which they may start.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Safety,
         Self::Hand,
         Self::PlannerLeft,
@@ -46,6 +48,7 @@ impl Role {
         Self::Eyes,
         Self::Controller,
         Self::Coordinator,
+        Self::Feel,
     ];
 
     /// Returns its name on the command line.
@@ -60,6 +63,7 @@ impl Role {
             Self::Controller => "controller",
             Self::Safety => "safety",
             Self::Hand => "hand",
+            Self::Feel => "feel",
         }
     }
 
@@ -89,6 +93,7 @@ impl Role {
             Self::Controller => controller::run(bus, &settings, ready, stopped),
             Self::Safety => safety::run(bus, &settings, ready, stopped),
             Self::Hand => hand::run(bus, ready, stopped),
+            Self::Feel => feel::run(bus, &settings, ready, stopped),
         }
     }
 }

@@ -33,6 +33,10 @@ pub struct RoleSettings {
     pub brakes: bool,
     /// Circles of a picture that are no balls, as the tracker expects them.
     pub clutter: f64,
+    /// The free hand sweeps over a caught ball until a material is so probable, 0 to 1.
+    pub sure: f64,
+    /// Or until it has swept so often.
+    pub most_sweeps: u32,
     /// A robot that has closed its hands, or whose ball is gone, goes back after so long, s.
     pub after_catch: f64,
 }
@@ -47,6 +51,8 @@ impl Default for RoleSettings {
             safety_patience: 0.05,
             brakes: true,
             clutter: 1.0,
+            sure: 0.95,
+            most_sweeps: 3,
             after_catch: 0.4,
         }
     }

@@ -3,7 +3,7 @@
 use std::sync::mpsc::Receiver;
 
 use tactnet_catching::Robot;
-use tactnet_catching_packets::packets::CatchOutcome;
+use tactnet_catching_packets::packets::{CatchOutcome, FeltMaterial, Text};
 use tactnet_catching_packets::{ARMS, JOINTS};
 use tactnet_catching_trials::{Oracle, Timing};
 use tactnet_catching_world::{FlightSample, Miss, Verdict};
@@ -19,6 +19,10 @@ pub(crate) struct Over {
     pub flight: Vec<FlightSample>,
     /// Adds to the world's time to make it the host's.
     pub epoch_ns: u64,
+    /// What a caught ball is made of, where somebody feels it.
+    pub material: Option<String>,
+    /// What it was felt to be.
+    pub felt: Option<FeltMaterial>,
 }
 
 /// Judges until the other end is dropped.
@@ -43,6 +47,7 @@ pub(crate) fn judge(
 fn outcome(over: &Over, arms: [bool; ARMS]) -> CatchOutcome {
     let verdict = &over.verdict;
     let crossing = verdict.crossing.as_ref();
+    let felt = over.felt.as_ref();
     CatchOutcome {
         throw: over.throw,
         ball: verdict.ball,
@@ -68,5 +73,10 @@ fn outcome(over: &Over, arms: [bool; ARMS]) -> CatchOutcome {
         },
         arms: u32::from(arms[0]) + 2 * u32::from(arms[1]),
         arm: crossing.map_or(0, |crossing| crossing.arm as u32),
+        material: Text::new(over.material.as_deref().unwrap_or_default()),
+        felt: felt.map_or_else(Text::default, |felt| felt.material),
+        posterior: felt.map_or(0.0, |felt| felt.posterior),
+        sweeps: felt.map_or(0, |felt| felt.sweeps),
+        reserved: 0,
     }
 }

@@ -19,6 +19,6 @@ mod run_report;
 mod world_role;
 
 pub use error::StageError;
-pub use run::{CatchRun, RunEvent};
+pub use run::{CatchRun, Feel, RunEvent};
 pub use run_report::{RecordingReport, RunReport, cause};
-pub use world_role::{WorldReport, WorldRole, WorldSettings};
+pub use world_role::{WorldReport, WorldRole, WorldSettings, material_of_grip};

@@ -18,6 +18,7 @@ use tactnet_channel::{
 };
 use tactnet_process::ReadyProcess;
 use tactnet_recording::{About, Counts, Recorder, RecordingError};
+use tactnet_skin::ServeConfig;
 
 use crate::run_report::{Heard, RecordingReport};
 use crate::world_role::WorldReport;
@@ -31,8 +32,6 @@ const NO_THROW: u64 = 60;
 const TRIES: usize = 5;
 /// Soon.
 const SOON: Duration = Duration::from_secs(5);
-/// Name of the world's process.
-const WORLD: &str = "world";
 
 /// A run of the whole stack before the simulated world, in real time.
 #[derive(Debug, Clone)]
@@ -45,6 +44,8 @@ pub struct CatchRun<'a> {
     pub stack: RoleSettings,
     /// Settings of the world.
     pub world: WorldSettings,
+    /// What feels caught balls; `None`: nobody does.
+    pub feel: Option<Feel<'a>>,
     /// Ends after so many throws.
     pub throws: Option<u64>,
     /// Ends after so long.
@@ -55,6 +56,40 @@ pub struct CatchRun<'a> {
     pub git: &'a str,
     /// SCHED_FIFO for the loops of 1 kHz and the world, 1 to 99.
     pub priority: Option<u8>,
+}
+
+/// A classifier beside the stack, and the skin of the hand that sweeps over caught balls.
+#[derive(Debug, Clone)]
+pub struct Feel<'a> {
+    /// Run directory of the network that serves.
+    pub run: &'a Path,
+    /// Settings of the simulated skin, as `tactnet catch role skin` reads them.
+    pub skin: String,
+}
+
+/// A process of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Part {
+    World,
+    Skin,
+    Classifier,
+    Role(Role),
+}
+
+impl Part {
+    fn name(self) -> &'static str {
+        match self {
+            Self::World => "world",
+            Self::Skin => "skin",
+            Self::Classifier => "classifier",
+            Self::Role(role) => role.name(),
+        }
+    }
+
+    /// Whether the robot brakes where it ends.
+    fn is_needed_to_move(self) -> bool {
+        !matches!(self, Self::Skin | Self::Classifier | Self::Role(Role::Feel))
+    }
 }
 
 /// What happens in a run.
@@ -71,10 +106,12 @@ pub enum RunEvent {
         /// This one.
         outcome: CatchOutcome,
     },
-    /// A process has ended by itself; the robot brakes, and the process begins again.
+    /// A process has ended by itself, and begins again.
     Ended {
         /// Its name.
         name: &'static str,
+        /// The robot brakes for it.
+        brakes: bool,
         /// What it said last.
         said: String,
     },
@@ -91,7 +128,7 @@ pub enum RunEvent {
 
 struct Child {
     name: &'static str,
-    role: Option<Role>,
+    part: Part,
     process: ReadyProcess,
     begun: Instant,
     /// Times in a row that it ended soon after its start.
@@ -121,7 +158,12 @@ impl CatchRun<'_> {
     ) -> Result<RunReport, StageError> {
         // Nothing depends on it.
         let _ = remove_abandoned_buses("catch");
-        let table = self.channels(Table::new(&format!("catch{}", std::process::id())))?;
+        let name = format!("catch{}", std::process::id());
+        let table = match self.feel {
+            Some(_) => ServeConfig::default().table(&name),
+            None => Table::new(&name),
+        };
+        let table = self.channels(table)?;
         let path = self.folder.join("robot.toml");
         std::fs::write(&path, toml::to_string(&table)?).map_err(|source| StageError::Io {
             path: path.clone(),
@@ -156,11 +198,8 @@ impl CatchRun<'_> {
         let recording = recording.transpose()?;
         let mut watched = Watched::open(&bus)?;
         let mut children = Vec::new();
-        children.push(self.start(WORLD, None, path)?);
-        for role in Role::ALL {
-            if role != Role::Eyes || self.world.pixels {
-                children.push(self.start(role.name(), Some(role), path)?);
-            }
+        for part in self.parts() {
+            children.push(self.start(part, path)?);
         }
         on_event(RunEvent::Started(
             children
@@ -206,9 +245,11 @@ impl CatchRun<'_> {
                 .process
                 .end()
                 .map_err(|source| StageError::Process { name, source })?;
-            if child.role.is_none() {
+            if child.part == Part::World {
                 world = report_of(&said).unwrap_or_default();
-            } else if let Some(report) = report_of::<RoleReport>(&said) {
+            } else if let Part::Role(_) = child.part
+                && let Some(report) = report_of::<RoleReport>(&said)
+            {
                 parts.push((name, report));
             }
         }
@@ -224,27 +265,49 @@ impl CatchRun<'_> {
         ))
     }
 
-    fn start(
-        &self,
-        name: &'static str,
-        role: Option<Role>,
-        table: &Path,
-    ) -> Result<Child, StageError> {
+    /// Its processes, in an order in which they may start.
+    fn parts(&self) -> Vec<Part> {
+        let mut parts = vec![Part::World];
+        if self.feel.is_some() {
+            parts.extend([Part::Skin, Part::Classifier]);
+        }
+        let roles = Role::ALL.into_iter().filter(|role| match role {
+            Role::Eyes => self.world.pixels,
+            Role::Feel => self.feel.is_some(),
+            _ => true,
+        });
+        parts.extend(roles.map(Part::Role));
+        parts
+    }
+
+    fn start(&self, part: Part, table: &Path) -> Result<Child, StageError> {
+        let name = part.name();
         let mut command = Command::new(self.program);
-        command.args(["catch", "role", name]);
-        if let Some(priority) = self.priority
-            && role.is_none_or(Role::is_fast)
-        {
+        match (part, &self.feel) {
+            (Part::Classifier, Some(feel)) => {
+                command.args(["serve", "--json", "--metrics", "off", "--run"]);
+                command.arg(feel.run);
+            }
+            _ => {
+                command.args(["catch", "role", name]);
+            }
+        }
+        let is_fast = match part {
+            Part::World => true,
+            Part::Role(role) => role.is_fast(),
+            Part::Skin | Part::Classifier => false,
+        };
+        if let Some(priority) = self.priority.filter(|_| is_fast) {
             command.args(["--priority", &priority.to_string()]);
         }
         command.arg("--table").arg(table);
-        let started = match role {
-            Some(_) => ReadyProcess::start(&mut command),
-            // Nobody else is told how the world is.
-            None => {
-                let settings = settings_line(&self.world)?;
-                ReadyProcess::start_with_input(&mut command, &settings)
+        // Nobody else is told how the world is.
+        let started = match (part, &self.feel) {
+            (Part::World, _) => {
+                ReadyProcess::start_with_input(&mut command, &settings_line(&self.world)?)
             }
+            (Part::Skin, Some(feel)) => ReadyProcess::start_with_input(&mut command, &feel.skin),
+            _ => ReadyProcess::start(&mut command),
         };
         let process = started.and_then(|mut process| {
             process.wait_until_ready()?;
@@ -252,7 +315,7 @@ impl CatchRun<'_> {
         });
         Ok(Child {
             name,
-            role,
+            part,
             process: process.map_err(|source| StageError::Process { name, source })?,
             begun: Instant::now(),
             soon: 0,
@@ -272,11 +335,14 @@ impl CatchRun<'_> {
         if child.process.ended().map_err(failed)?.is_none() {
             return Ok(0);
         }
-        orders.put_copy(&[ControllerCommand {
-            command_ns: now_ns(),
-            command: 1,
-            reason: Text::new(&format!("the {name} has ended")),
-        }])?;
+        let brakes = child.part.is_needed_to_move();
+        if brakes {
+            orders.put_copy(&[ControllerCommand {
+                command_ns: now_ns(),
+                command: 1,
+                reason: Text::new(&format!("the {name} has ended")),
+            }])?;
+        }
         let said = child.process.last_words();
         let soon = if child.begun.elapsed() < SOON {
             child.soon + 1
@@ -286,6 +352,7 @@ impl CatchRun<'_> {
         on_event(RunEvent::Ended {
             name,
             said: said.clone(),
+            brakes,
         });
         if soon >= TRIES {
             return Err(StageError::KeepsEnding {
@@ -294,7 +361,7 @@ impl CatchRun<'_> {
                 said,
             });
         }
-        *child = self.start(name, child.role, table)?;
+        *child = self.start(child.part, table)?;
         child.soon = soon;
         on_event(RunEvent::Restarted {
             name,

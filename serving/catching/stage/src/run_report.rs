@@ -59,6 +59,13 @@ pub struct RunReport {
     pub caught_of_all: usize,
     /// Why balls of the catch space were missed.
     pub misses: BTreeMap<&'static str, usize>,
+    /// Caught balls that were felt to be of a material.
+    pub beliefs_after_catch: usize,
+    /// Of them, of the right one.
+    pub correct_materials: usize,
+    /// Sweeps over them, on average.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sweeps_a_ball: Option<f64>,
     /// From the middle of an exposure to the first path that follows from it.
     pub exposure_to_path_ms: Option<Milliseconds>,
     /// How old the last picture was that a caught ball's path follows from, when it was caught.
@@ -113,6 +120,9 @@ impl RunReport {
         for outcome in catchable.iter().filter(|outcome| outcome.caught == 0) {
             *misses.entry(cause(outcome.cause)).or_default() += 1;
         }
+        let is_felt = |outcome: &&CatchOutcome| !outcome.felt.as_str().is_empty();
+        let felt: Vec<&CatchOutcome> = heard.outcomes.iter().filter(is_felt).collect();
+        let sweeps: u32 = felt.iter().map(|outcome| outcome.sweeps).sum();
         let processes: BTreeMap<&'static str, RoleReport> = parts.into_iter().collect();
         let of = |name: &str| processes.get(name).cloned().unwrap_or_default();
         let safety = of("safety");
@@ -129,6 +139,9 @@ impl RunReport {
                 .filter(|outcome| outcome.caught == 1)
                 .count(),
             misses,
+            beliefs_after_catch: felt.len(),
+            correct_materials: felt.iter().filter(|of| of.felt == of.material).count(),
+            sweeps_a_ball: (!felt.is_empty()).then(|| sweeps as f64 / felt.len() as f64),
             exposure_to_path_ms: Milliseconds::of(&heard.times.exposure_to_path_ms),
             last_picture_age_ms: Milliseconds::of(&heard.times.picture_age_ms),
             last_measurement_age_ms: Milliseconds::of(&heard.times.head_age_ms),
@@ -173,7 +186,7 @@ pub fn cause(number: u32) -> &'static str {
 #[cfg(test)]
 mod tests {
     use bytemuck::Zeroable;
-    use tactnet_catching_packets::packets::ArmPath;
+    use tactnet_catching_packets::packets::{ArmPath, Text};
 
     use super::*;
 
@@ -203,10 +216,20 @@ mod tests {
             ..path(1, 1_116_000_000)
         };
         heard.times.path(1_111_000_000, &corrected);
-        heard.outcome(&outcome(1, 0, 2, 1_150_000_000));
+        heard.outcome(&CatchOutcome {
+            material: Text::new("cork"),
+            felt: Text::new("cork"),
+            sweeps: 2,
+            ..outcome(1, 0, 2, 1_150_000_000)
+        });
         heard.outcome(&outcome(0, 3, 1, 9_150_000_000));
         heard.outcome(&outcome(0, 1, 0, 0));
-        heard.outcome(&outcome(1, 0, 0, 19_150_000_000));
+        heard.outcome(&CatchOutcome {
+            material: Text::new("cork"),
+            felt: Text::new("felt"),
+            sweeps: 3,
+            ..outcome(1, 0, 0, 19_150_000_000)
+        });
         heard.refused(2);
         heard.refused(3);
         heard.refused(1);
@@ -221,6 +244,11 @@ mod tests {
             (4, 2, 1, 2)
         );
         assert_eq!(report.misses, [("across", 1)].into());
+        assert_eq!(
+            (report.beliefs_after_catch, report.correct_materials),
+            (2, 1)
+        );
+        assert_eq!(report.sweeps_a_ball, Some(2.5));
         assert_eq!(
             report.exposure_to_path_ms.map(|ms| (ms.count, ms.max)),
             Some((2, 65.0))

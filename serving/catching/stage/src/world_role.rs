@@ -6,7 +6,8 @@ use std::sync::mpsc::{Sender, SyncSender, TrySendError, channel, sync_channel};
 use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_packets::packets::{
-    CatchPhase, CatchStatus, Circles, HandCommand, ImuSample, JointCommand, JointState,
+    CatchPhase, CatchStatus, Circles, FeltMaterial, HandCommand, HandState, ImuSample,
+    JointCommand, JointState,
 };
 use tactnet_catching_roles::RoleSettings;
 use tactnet_catching_world::{FlightSample, TICK_NS, World, WorldConfig};
@@ -21,6 +22,24 @@ use crate::painter::{Exposure, paint};
 const AFTER_BEAT_NS: u64 = 500_000;
 /// A throw's ball is on its way for at most so long; the next throw waits for it, ns.
 const LONGEST_NS: u64 = 3_200_000_000;
+
+/// A ball that nobody feels is let go after so long, ns.
+const LONGEST_HELD_NS: u64 = 25_000_000_000;
+/// Ticks between two packets about the hands.
+const HAND_STATE_EVERY: u64 = 20;
+
+/// Returns the place of the material of which the ball of a grip is, among so many; `None` among none. Every seed has its own order.
+pub fn material_of_grip(seed: u64, grip: u64, materials: usize) -> Option<usize> {
+    // SplitMix64.
+    let mut mixed = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ grip;
+    mixed = mixed.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    mixed ^= mixed >> 31;
+    mixed
+        .checked_rem(materials as u64)
+        .map(|place| place as usize)
+}
 
 /// How the world behaves.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -38,6 +57,8 @@ pub struct WorldSettings {
     pub camera: f64,
     /// What a detector takes: circles that come straight from the truth are that much later than pictures, s.
     pub detection: f64,
+    /// Materials of which balls may be, by number of the grip; caught balls are held until they have been felt. Empty: nobody feels them.
+    pub materials: Vec<String>,
     /// Pictures are drawn; otherwise circles come straight from the truth, with noise, misses and clutter.
     pub pixels: bool,
 }
@@ -51,6 +72,7 @@ impl Default for WorldSettings {
             rest: 3.0,
             camera: 0.04,
             detection: 0.0145,
+            materials: Vec::new(),
             pixels: false,
         }
     }
@@ -85,6 +107,8 @@ struct Ports {
     commands: GetPort<JointCommand>,
     targets: GetPort<HandCommand>,
     status: GetPort<CatchStatus>,
+    felt: GetPort<FeltMaterial>,
+    hands: PutPort<HandState>,
     joints: PutPort<JointState>,
     imu: PutPort<ImuSample>,
     /// Where there are no pictures.
@@ -111,6 +135,8 @@ impl WorldRole {
             commands: bus.get_port("joint/command", Start::Now)?,
             targets: bus.get_port("hand/target", Start::Now)?,
             status: bus.get_port("catch/state", Start::Now)?,
+            felt: bus.get_port("catch/felt", Start::Now)?,
+            hands: bus.put_port("hand/state", Priority::Normal)?,
             joints: bus.put_port("joint/state", Priority::RealTime)?,
             imu: bus.put_port("imu", Priority::High)?,
             circles: match settings.pixels {
@@ -154,6 +180,8 @@ impl WorldRole {
                 circles: VecDeque::new(),
                 phase: (CatchPhase::Starting, 0),
                 thrown_ns: None,
+                grips: 0,
+                held: None,
                 judged: 0,
                 flights: Vec::new(),
                 balls: 0,
@@ -181,6 +209,14 @@ fn joined<T>(
         .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
 }
 
+/// A ball that is held until it has been felt.
+struct Held {
+    over: Over,
+    arm: u32,
+    /// Nobody waits for longer.
+    until_ns: u64,
+}
+
 struct LiveWorld<'a> {
     world: World,
     drives: DriveWatch,
@@ -196,6 +232,10 @@ struct LiveWorld<'a> {
     /// What the robot says that it is about, and since when.
     phase: (CatchPhase, u64),
     thrown_ns: Option<u64>,
+    /// Balls that were caught so far.
+    grips: u64,
+    /// A ball that a hand holds.
+    held: Option<Held>,
     judged: usize,
     /// Of the balls of the last throw, by number.
     flights: Vec<(u64, Vec<FlightSample>)>,
@@ -259,6 +299,7 @@ impl LiveWorld<'_> {
         }
         self.deliver()?;
         self.judge();
+        self.feel()?;
         Ok(())
     }
 
@@ -268,9 +309,10 @@ impl LiveWorld<'_> {
         let (phase, since) = self.phase;
         let rested = phase == CatchPhase::Armed
             && now.saturating_sub(since) > (self.settings.rest * 1e9) as u64;
-        let free = self
-            .thrown_ns
-            .is_none_or(|thrown| now > thrown + LONGEST_NS);
+        let free = self.held.is_none()
+            && self
+                .thrown_ns
+                .is_none_or(|thrown| now > thrown + LONGEST_NS);
         if rested && free {
             self.world.throw(self.settings.balls);
             self.thrown_ns = Some(now);
@@ -321,6 +363,40 @@ impl LiveWorld<'_> {
         Ok(())
     }
 
+    /// What the ball of a grip is made of, where that matters.
+    fn material_of(&self, grip: u64) -> Option<&str> {
+        let materials = &self.settings.materials;
+        let place = material_of_grip(self.settings.seed, grip, materials.len())?;
+        materials.get(place).map(String::as_str)
+    }
+
+    /// Says what the hands hold, and lets go of what has been felt.
+    fn feel(&mut self) -> Result<(), StageError> {
+        let now = self.now_ns();
+        let mut felt = None;
+        while let Some(packet) = self.ports.felt.try_get()? {
+            let grips = self.grips;
+            felt = packet.iter().find(|felt| felt.grip == grips).copied();
+        }
+        if let Some(mut held) = self
+            .held
+            .take_if(|held| felt.is_some() || now > held.until_ns)
+        {
+            held.over.felt = felt;
+            let _ = self.over.send(held.over);
+        }
+        if self.report.ticks.is_multiple_of(HAND_STATE_EVERY) {
+            let held = self.held.as_ref();
+            self.ports.hands.put_copy(&[HandState {
+                t_ns: now,
+                arm: held.map_or(0, |held| held.arm),
+                holds: u32::from(held.is_some()),
+                grip: self.grips,
+            }])?;
+        }
+        Ok(())
+    }
+
     fn judge(&mut self) {
         while let Some(verdict) = self.world.verdicts().get(self.judged).copied() {
             self.judged += 1;
@@ -329,14 +405,29 @@ impl LiveWorld<'_> {
                 .iter()
                 .position(|(ball, _)| *ball == verdict.ball);
             let flight = known.map_or_else(Vec::new, |place| self.flights.swap_remove(place).1);
-            let over = Over {
+            let mut over = Over {
                 throw: self.report.throws,
                 verdict,
                 flight,
                 epoch_ns: self.epoch_ns,
+                material: None,
+                felt: None,
             };
-            // The judge ends only with the world.
-            let _ = self.over.send(over);
+            if verdict.caught() {
+                self.grips += 1;
+                over.material = self.material_of(self.grips).map(Into::into);
+            }
+            if over.material.is_none() || self.held.is_some() {
+                // The judge ends only with the world.
+                let _ = self.over.send(over);
+                continue;
+            }
+            let crossing = verdict.crossing.as_ref();
+            self.held = Some(Held {
+                arm: crossing.map_or(0, |crossing| crossing.arm as u32),
+                until_ns: self.now_ns() + LONGEST_HELD_NS,
+                over,
+            });
         }
     }
 }
