@@ -109,6 +109,7 @@ impl Recording {
                     network = Some(&**packet);
                     in_words(&**packet, network)
                 }
+                RecordedPacket::Plain(packet) => serde_json::to_value(packet).ok(),
             };
             if let Some(words) = words {
                 found.push((entry.channel.to_string(), entry.time_ns, words.to_string()));

@@ -48,9 +48,9 @@ pub fn run(arguments: &RoleArgs) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     };
     let process = match name.as_str() {
-        WORLD => Process::World(WorldRole {
+        WORLD => Process::World(Box::new(WorldRole {
             settings: from_input()?.unwrap_or_default(),
-        }),
+        })),
         SKIN => Process::Skin(from_input()?.context("expected settings on standard input")?),
         name => Process::Role(name.parse()?),
     };
@@ -78,7 +78,7 @@ pub fn run(arguments: &RoleArgs) -> anyhow::Result<ExitCode> {
 
 enum Process {
     Role(Role),
-    World(WorldRole),
+    World(Box<WorldRole>),
     Skin(SkinSettings),
 }
 

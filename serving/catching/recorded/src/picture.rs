@@ -79,9 +79,9 @@ impl Timing {
             );
             begins = step.ends_ms.p50;
         }
-        let _ = write!(
+        let _ = writeln!(
             svg,
-            "<text class=\"label middle\" x=\"{:.0}\" y=\"{:.0}\">ms after the middle of the exposure ({} paths)</text>\n",
+            "<text class=\"label middle\" x=\"{:.0}\" y=\"{:.0}\">ms after the middle of the exposure ({} paths)</text>",
             (LEFT + RIGHT) / 2.0,
             bottom + 36.0,
             self.paths
