@@ -6,7 +6,6 @@ an answer during a sweep that does not say that it is provisional, a scale that 
 a phone, light and dark, without a connection, and other skins with other numbers of materials.
 """
 
-import base64
 import itertools
 import pathlib
 import re
@@ -16,18 +15,12 @@ import subprocess
 import sys
 import time
 
+import page
 from browser import Browser
+from page import SIZES, show_at
 
-SIZES = {"laptop": (1280, 800), "phone": (390, 844)}
 SWEEPS_OF_AN_OBJECT = 3
 PAINTED = "[...document.getElementById('{}').getContext('2d').getImageData(0, 0, 300, 200).data].some(v => v > 0)"
-# Elements whose text or picture leaves the window sideways or its card downwards.
-CUT_OFF = """[...document.querySelectorAll('section:not([hidden]) *, header *')].filter(e => {
-  if (e.closest('.spoken') || !e.getClientRects().length) return false;
-  const r = e.getBoundingClientRect(), card = e.closest('section'), box = card && card.getBoundingClientRect();
-  if (r.right > innerWidth + 1 || r.left < -1) return true;
-  return box && !e.closest('#events') && (r.bottom > box.bottom + 1 || r.right > box.right + 1);
-}).map(e => e.id || e.className || e.tagName).join(' ')"""
 # A view of another skin and another number of materials, made from the last one.
 OTHER_SKIN = """(() => {
   const n = ROWS * COLS, wave = t => Array.from({ length: n }, (_, i) => 60 + 50 * Math.sin(i / 3 + t / 20));
@@ -73,33 +66,15 @@ demo = subprocess.Popen([tactnet, "demo", "--listen", address], stdout=subproces
 
 
 def wait_for(browser, script, seconds, what):
-    for _ in range(int(10 * seconds)):
-        if browser.run(script):
-            return True
-        time.sleep(0.1)
-    wrong.append(f"not so: {what}")
-    return False
-
-
-def show_at(browser, size, scheme):
-    width, height = SIZES[size]
-    browser.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=size == "phone")
-    browser.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
-    time.sleep(0.3)
+    return page.wait_for(browser, script, seconds, what, wrong)
 
 
 def check_frame(browser, where):
-    if not browser.run("document.documentElement.scrollWidth <= innerWidth"):
-        wrong.append(f"{where}: the page scrolls sideways")
-    if cut := browser.run(CUT_OFF):
-        wrong.append(f"{where}: cut off: {cut}")
-    if where.startswith("laptop") and not browser.run("document.documentElement.scrollHeight <= innerHeight"):
-        wrong.append(f"{where}: higher than the window")
+    page.check_frame(browser, where, wrong)
 
 
 def shoot(browser, name):
-    shot = browser.call("Page.captureScreenshot", captureBeyondViewport=True, format="png")
-    (folder / f"{name}.png").write_bytes(base64.b64decode(shot["data"]))
+    page.shoot(browser, folder, name)
 
 
 def check_live(browser):

@@ -23,7 +23,7 @@ use futures_util::stream;
 use tokio::sync::{oneshot, watch};
 
 use crate::{Measures, ServeError};
-pub use dashboard::Dashboard;
+pub use dashboard::{Dashboard, StageSource};
 use guard::Guard;
 pub use guard::TOKEN_VARIABLE;
 pub use listen::{Holder, listen};

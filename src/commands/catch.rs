@@ -17,6 +17,8 @@ use std::process::ExitCode;
 
 use anyhow::Context;
 use clap::{Subcommand, ValueEnum};
+pub use run::{felt_materials, show as show_event};
+pub use skin::SkinSettings;
 use tactnet_catching::Robot;
 use tactnet_catching::plan::Objective;
 use tactnet_catching_packets::RobotDescription;

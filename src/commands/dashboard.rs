@@ -5,11 +5,13 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
+use tactnet_catching_roles::StageView;
 use tactnet_channel::{Bus, Domain};
 use tactnet_serving::web::{self, Dashboard};
 use tactnet_skin::ServeConfig;
 
 use super::choices::listen;
+use super::stage_source::stage_source;
 use crate::output;
 use crate::stop::Stop;
 use crate::table;
@@ -36,6 +38,9 @@ pub fn run(arguments: &DashboardArgs) -> anyhow::Result<ExitCode> {
     let config = ServeConfig::of(&table)?;
     let bus = Bus::open(Domain::Host, &table)?;
     let mut dashboard = Dashboard::open(&bus, &config, listener)?;
+    if StageView::is_on(&table) {
+        dashboard.show_stage(stage_source(&bus)?);
+    }
     say!("open {} in a browser; Ctrl-C ends", dashboard.link());
     output::print(format_args!("ready"))?;
     while !stop.asked() {

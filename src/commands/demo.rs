@@ -1,5 +1,7 @@
 //! `tactnet demo`: hub, simulated skin, classifier and dashboard together, for a first look.
 
+mod catching_demo;
+
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -25,6 +27,8 @@ const UNTAUGHT: usize = 2;
     tactnet demo                                     trains a small network first, half a minute\n  \
     tactnet demo --run runs/own                      your network, on sweeps of its data that it was not trained on\n  \
     tactnet demo --run runs/own --data tuesday.h5    on other sweeps\n  \
+    tactnet demo --catching                          a robot catches balls, and feels of what each is
+  \
     tactnet demo --listen 0.0.0.0:8750               to look from another machine")]
 pub struct DemoArgs {
     /// Run directory of a trained network [default: a small one is trained on the twin]
@@ -36,6 +40,9 @@ pub struct DemoArgs {
     /// Frames per second, for data that does not say [default: what the run was given]
     #[arg(long, value_name = "HZ", value_parser = rate, requires = "run")]
     rate: Option<f64>,
+    /// A robot catches balls and feels what they are made of, beside the page
+    #[arg(long, conflicts_with = "rate")]
+    catching: bool,
     /// Where to answer browsers
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8750", value_parser = listen)]
     listen: SocketAddr,
@@ -89,6 +96,9 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
     };
     if stop.asked() {
         return Ok(ExitCode::SUCCESS);
+    }
+    if arguments.catching {
+        return catching_demo::run(&program, folder.path(), &run, &sweeps, listener, &stop);
     }
     let mut demo = Demo::start(
         &program,

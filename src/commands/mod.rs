@@ -23,6 +23,7 @@ pub mod run_classifier;
 pub mod same;
 pub mod serve;
 pub mod simulate;
+pub mod stage_source;
 pub mod task;
 pub mod train;
 pub mod version;

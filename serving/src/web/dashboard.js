@@ -214,13 +214,39 @@ el("heat").addEventListener("keydown", event => {
   el("chosen-said").textContent = el("chosen").textContent;
 });
 
+// ---- Robot and balls
+
+const SVG = "http://www.w3.org/2000/svg";
+/** Places that a ball keeps behind it. */
+const TRAIL = 24;
+let trail = [];
+const shape = (tag, name, attributes) => { const made = document.createElementNS(SVG, tag); made.setAttribute("class", name); for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value); return made; };
+const chain = (points, name, width) => shape("polyline", name, { points: points.map(([x, z]) => x.toFixed(3) + "," + (-z).toFixed(3)).join(" "), "stroke-width": width });
+const ball = ([x, z], name) => shape("circle", "ball " + name, { cx: x, cy: -z, r: .0425 });
+function showStage() {
+  const { stage } = view;
+  el("stage-card").hidden = !stage; document.body.classList.toggle("staged", Boolean(stage));
+  if (!stage) return;
+  trail = stage.balls.length ? trail.concat(stage.balls).slice(-TRAIL) : [];
+  const held = stage.holds === null || !stage.arms[stage.holds] ? [] : [stage.arms[stage.holds][3]];
+  const metres = [0, 1, 2, 3, 4, 5].map(metre => { const text = shape("text", "", { x: metre, y: .2 }); text.textContent = metre + " m"; return text; });
+  const body = stage.body.length ? [chain(stage.body.slice(0, 4), "body", .2), chain(stage.body.slice(3), "body", .16)] : [];
+  el("stage").replaceChildren(shape("path", "floor", { d: "M-0.7 0H5.7" }), ...metres, ...body,
+    ...stage.arms.map((arm, i) => chain(arm, i ? "arm" : "arm far", .09)),
+    ...trail.slice(0, -stage.balls.length || undefined).map(place => ball(place, "was")), ...stage.balls.map(place => ball(place, "")), ...held.map(place => ball(place, "")));
+  set("stage-about", "The robot " + stage.about + ".");
+  set("stage-score", stage.caught + " of " + stage.thrown);
+  set("stage-felt", stage.felt ? stage.right + " of " + stage.felt + " felt right" : "");
+  set("stage-last", stage.last);
+}
+
 // ---- Views
 
 function show() {
   widenScale();
   set("trace-title", "The same sensors over the last " + SECONDS + " seconds, each from " + number(low_) + " to " + number(top_));
   document.body.style.setProperty("--shape", skin()[1] + " / " + skin()[0]);
-  showAnswer(); showScore(); showEvents(); showCounters(); showAge(); draw();
+  showStage(); showAnswer(); showScore(); showEvents(); showCounters(); showAge(); draw();
 }
 const source = new EventSource("events");
 source.onmessage = message => {

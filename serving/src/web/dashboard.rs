@@ -44,7 +44,11 @@ pub struct Dashboard {
     heard: Instant,
     /// What to know about the score.
     note: String,
+    stage: Option<StageSource>,
 }
+
+/// Looks at what a stage shows, and returns it as the page's program reads it.
+pub type StageSource = Box<dyn FnMut() -> Result<serde_json::Value, ServeError> + Send>;
 
 impl Dashboard {
     /// Opens the channels and answers browsers.
@@ -85,12 +89,18 @@ impl Dashboard {
             frames: 0,
             heard: now,
             note: String::new(),
+            stage: None,
         })
     }
 
     /// Shows a line beside the score.
     pub fn set_note(&mut self, note: String) {
         self.note = note;
+    }
+
+    /// Draws robot and balls above the answer; the source is asked twenty times a second.
+    pub fn show_stage(&mut self, stage: StageSource) {
+        self.stage = Some(stage);
     }
 
     /// Returns the address that it listens at.
@@ -145,7 +155,8 @@ impl Dashboard {
             }
         }
         if self.begun.elapsed() >= EVERY {
-            self.send_view();
+            let stage = self.stage.as_mut().map(|look| look()).transpose()?;
+            self.send_view(stage.as_ref());
         }
         Ok(())
     }
@@ -162,7 +173,7 @@ impl Dashboard {
         self.names = Some(Box::new(*model));
     }
 
-    fn send_view(&mut self) {
+    fn send_view(&mut self, stage: Option<&serde_json::Value>) {
         let rate = self.frames as f64 / self.begun.elapsed().as_secs_f64();
         self.frames_per_s += (rate - self.frames_per_s) * 0.2;
         let (heard, seen) = (self.heard.elapsed(), &self.seen);
@@ -176,6 +187,7 @@ impl Dashboard {
             object: &seen.objects.object,
             score: &seen.objects.score,
             note: &self.note,
+            stage,
             model_version: seen.model_version,
             counters: &seen.counters,
             events: &seen.events,

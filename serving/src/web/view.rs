@@ -40,6 +40,8 @@ pub(super) struct View<'a> {
     pub(super) score: &'a Score,
     /// What to know about the score; empty if nothing.
     pub(super) note: &'a str,
+    /// Robot and balls, where there are some.
+    pub(super) stage: Option<&'a serde_json::Value>,
     pub(super) model_version: u64,
     pub(super) counters: &'a [(&'static str, f64)],
     pub(super) events: &'a VecDeque<Line>,

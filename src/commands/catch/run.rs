@@ -150,18 +150,24 @@ pub fn run(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
 
 /// Settings of the skin that feels balls of all materials of a run.
 fn felt(run: &Path, arguments: &RunArgs) -> anyhow::Result<SkinSettings> {
-    let config = RunDir::open(run)?.config()?;
-    config.require_network(run, "be served")?;
-    let data = arguments.data.as_ref().unwrap_or(&config.spec.data);
+    let own = RunDir::open(run)?.config()?.spec.data;
     Ok(SkinSettings {
         run: run.into(),
-        data: data.clone(),
-        materials: config.classifier.labels.names().map(Into::into).collect(),
+        data: arguments.data.clone().unwrap_or(own),
+        materials: felt_materials(run)?,
         seed: arguments.seed,
     })
 }
 
-fn show(event: RunEvent) {
+/// Returns the materials that a run knows: those of which balls are.
+pub fn felt_materials(run: &Path) -> anyhow::Result<Vec<String>> {
+    let config = RunDir::open(run)?.config()?;
+    config.require_network(run, "be served")?;
+    Ok(config.classifier.labels.names().map(Into::into).collect())
+}
+
+/// Says what happens in a run.
+pub fn show(event: RunEvent) {
     match event {
         RunEvent::Started(processes) => {
             let names: Vec<String> = processes

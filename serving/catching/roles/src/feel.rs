@@ -53,6 +53,7 @@ pub(crate) fn run(
         let Some(going_on) = &mut grip else {
             if let Some(hand) = held.filter(|hand| hand.grip > felt && ports.stands()) {
                 let begins = Grip::begin(hand.grip, now);
+                // What was felt of the last ball stays until then.
                 ports.command(Command::Reset, begins.motion())?;
                 ports.command(Command::Start, begins.motion())?;
                 grip = Some(begins);
@@ -63,7 +64,6 @@ pub(crate) fn run(
         if held.is_none_or(|hand| hand.grip != going_on.number) {
             // It is gone.
             ports.command(Command::Stop, motion)?;
-            ports.command(Command::Reset, motion)?;
             grip = None;
             continue;
         }
@@ -78,7 +78,6 @@ pub(crate) fn run(
         let sure = |(_, sure): (u32, f32)| f64::from(sure) >= settings.sure;
         if going_on.best.is_some_and(sure) || going_on.tried >= settings.most_sweeps {
             ports.answer(going_on)?;
-            ports.command(Command::Reset, motion)?;
             felt = going_on.number;
             times.push(now - going_on.begun_ns);
             grip = None;

@@ -1,0 +1,259 @@
+//! Robot and balls as a page draws them, from channels alone: what the stack believes, not what is true.
+
+use nalgebra::Vector3;
+use serde::Serialize;
+use tactnet_catching::Robot;
+use tactnet_catching::flight::Flight;
+use tactnet_catching_packets::packets::{
+    BallPrediction, BallPredictions, CatchOutcome, CatchPhase, CatchStatus, HandState, JointState,
+};
+use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, joint};
+use tactnet_channel::{Bus, ChannelError, GetPort, Packet, Start, Table, now_ns};
+
+use crate::channels::{CATCH_OUTCOME, CATCH_STATE, HAND_STATE, JOINT_STATE, PREDICTION};
+use crate::newest::Newest;
+use crate::{RoleError, RoleSettings};
+
+/// Balls of older predictions are no longer in the air, ns.
+const IN_THE_AIR_NS: u64 = 300_000_000;
+/// The foot of the column stands so high, m.
+const FOOT: f64 = 0.1;
+
+/// Points from the side: metres before the robot, metres above the floor.
+pub type Side = [f32; 2];
+
+/// What is drawn.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Stage {
+    /// Foot, hip, knee, chest, head.
+    pub body: Vec<Side>,
+    /// Left and right: shoulder, elbow, wrist, hand.
+    pub arms: Vec<[Side; 4]>,
+    /// Where balls are predicted to be now.
+    pub balls: Vec<Side>,
+    /// A hand that holds a ball: 0 left, 1 right.
+    pub holds: Option<u32>,
+    /// What the robot is about, in words.
+    pub about: &'static str,
+    /// Balls thrown so far.
+    pub thrown: u64,
+    /// Of them, caught.
+    pub caught: u64,
+    /// Caught balls that were felt to be of some material.
+    pub felt: u64,
+    /// Of them, of the right one.
+    pub right: u64,
+    /// What became of the last ball, in words; empty before the first.
+    pub last: String,
+}
+
+/// Follows the channels that a page draws a stage from.
+pub struct StageView {
+    robot: Robot,
+    joints: Newest<JointState>,
+    predictions: Newest<BallPredictions>,
+    hand: Newest<HandState>,
+    status: Newest<CatchStatus>,
+    outcomes: GetPort<CatchOutcome>,
+    stage: Stage,
+}
+
+impl StageView {
+    /// Returns true for a table with the stack's channels.
+    pub fn is_on(table: &Table) -> bool {
+        let joints = table.channels.get(JOINT_STATE);
+        joints.is_some_and(|config| config.packet == JointState::NAME)
+    }
+
+    /// Opens the channels.
+    ///
+    /// # Errors
+    /// No hub; channels missing in the table; a robot's description that cannot be read.
+    pub fn open(bus: &Bus) -> Result<Self, RoleError> {
+        Ok(Self {
+            robot: RoleSettings::of(bus.table())?.robot()?,
+            joints: Newest::open(bus, JOINT_STATE)?,
+            predictions: Newest::open(bus, PREDICTION)?,
+            hand: Newest::open(bus, HAND_STATE)?,
+            status: Newest::open(bus, CATCH_STATE)?,
+            outcomes: bus.get_port(CATCH_OUTCOME, Start::Now)?,
+            stage: Stage::default(),
+        })
+    }
+
+    /// Takes what has come and returns what is to be drawn now.
+    ///
+    /// # Errors
+    /// Channels that have broken down.
+    pub fn look(&mut self) -> Result<&Stage, ChannelError> {
+        self.joints.look()?;
+        self.predictions.look()?;
+        self.hand.look()?;
+        self.status.look()?;
+        while let Some(packet) = self.outcomes.try_get()? {
+            packet.iter().for_each(|outcome| self.stage.take(outcome));
+        }
+        if let Some(state) = self.joints.get() {
+            (self.stage.body, self.stage.arms) = limbs(&self.robot, &state.q);
+        }
+        let now = now_ns();
+        self.stage.balls = self.predictions.get().map_or_else(Vec::new, |predictions| {
+            let balls = predictions.valid().iter();
+            balls.filter_map(|ball| place(ball, now)).collect()
+        });
+        let held = self.hand.get().filter(|hand| hand.holds == 1);
+        self.stage.holds = held.map(|hand| hand.arm);
+        let phase = self.status.get().and_then(CatchStatus::phase);
+        self.stage.about = about(phase, held.is_some());
+        Ok(&self.stage)
+    }
+}
+
+impl Stage {
+    fn take(&mut self, outcome: &CatchOutcome) {
+        self.thrown += 1;
+        let (material, felt) = (outcome.material.as_str(), outcome.felt.as_str());
+        self.last = if outcome.caught == 1 {
+            self.caught += 1;
+            let side = if outcome.arm == 0 { "left" } else { "right" };
+            format!("Ball {}: caught with the {side} hand", self.thrown)
+        } else {
+            format!("Ball {}: missed", self.thrown)
+        };
+        if outcome.arms == 0 {
+            self.last += ", out of reach";
+        }
+        if !felt.is_empty() {
+            let is_right = felt == material;
+            self.felt += 1;
+            self.right += u64::from(is_right);
+            let mark = if is_right { "right" } else { "wrong" };
+            self.last += &format!("; felt like {felt}, it is {material}: {mark}");
+        }
+        self.last.push('.');
+    }
+}
+
+fn side(point: &Vector3<f64>) -> Side {
+    [point.x as f32, point.z as f32]
+}
+
+fn limbs(robot: &Robot, q: &[f64; JOINTS]) -> (Vec<Side>, Vec<[Side; 4]>) {
+    let torso = &robot.description().torso;
+    let chest = robot.chest(q);
+    let hip = Vector3::new(0.0, q[joint::PLATFORM], torso.lower_pitch_height);
+    let (yaw, lean) = (q[joint::TORSO.start], q[joint::TORSO.start + 1]);
+    let forward = lean.sin() * torso.lower_length;
+    let knee = hip
+        + Vector3::new(
+            forward * yaw.cos(),
+            forward * yaw.sin(),
+            lean.cos() * torso.lower_length,
+        );
+    let head = chest * robot.head(q);
+    let body = [
+        Vector3::new(hip.x, hip.y, FOOT),
+        hip,
+        knee,
+        chest.translation.vector,
+        head.translation.vector,
+    ];
+    let arms = (0..ARMS).map(|arm| {
+        let angles: [f64; ARM_JOINTS] = std::array::from_fn(|i| q[joint::ARM[arm].start + i]);
+        let points = robot.arm(arm).points(&angles);
+        points.map(|point| side(&(chest * nalgebra::Point3::from(point)).coords))
+    });
+    (body.iter().map(side).collect(), arms.collect())
+}
+
+/// Where a ball is now; `None` for one that is not in the air any more.
+fn place(ball: &BallPrediction, now_ns: u64) -> Option<Side> {
+    let since = now_ns.checked_sub(ball.t_ns)?;
+    let flight = Flight {
+        p: ball.p.into(),
+        v: ball.v.into(),
+        k: ball.k,
+        lift: ball.lift.into(),
+    };
+    let now = (since < IN_THE_AIR_NS).then(|| flight.after(since as f64 * 1e-9))?;
+    (now.p.z > 0.0).then(|| side(&now.p))
+}
+
+fn about(phase: Option<CatchPhase>, holds: bool) -> &'static str {
+    match phase {
+        None | Some(CatchPhase::Starting) => "starting",
+        Some(CatchPhase::Armed) if holds => "feels the ball",
+        Some(CatchPhase::Armed) => "waits for a ball",
+        Some(CatchPhase::Tracking) => "sees a ball",
+        Some(CatchPhase::Reaching) => "reaches for it",
+        Some(CatchPhase::Closed) => "closes its hand",
+        Some(CatchPhase::GoingBack) => "goes back",
+        Some(CatchPhase::Braking) => "brakes",
+        Some(CatchPhase::Stuck) => "is stuck",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bytemuck::Zeroable;
+    use tactnet_catching_packets::RobotDescription;
+    use tactnet_catching_packets::packets::Text;
+
+    use super::*;
+
+    #[test]
+    fn a_robot_that_waits_stands_upright_with_its_hands_before_it() {
+        let robot = Robot::new(RobotDescription::nominal());
+        let (body, arms) = limbs(&robot, &robot.waiting());
+        assert!(
+            body.windows(2).all(|pair| pair[1][1] > pair[0][1]),
+            "{body:?}"
+        );
+        let chest = body[3];
+        for arm in arms {
+            assert!(arm[3][0] > chest[0] + 0.2, "{arm:?}");
+        }
+    }
+
+    #[test]
+    fn balls_fly_on_until_they_are_old_or_on_the_floor() {
+        let ball = |z: f64| BallPrediction {
+            t_ns: 1_000_000_000,
+            p: [3.0, 0.0, z],
+            v: [-5.0, 0.0, 0.0],
+            ..BallPrediction::zeroed()
+        };
+        let after = place(&ball(1.5), 1_100_000_000).unwrap();
+        assert!(
+            (after[0] - 2.5).abs() < 1e-3 && (1.4..1.46).contains(&after[1]),
+            "{after:?}"
+        );
+        assert_eq!(place(&ball(1.5), 1_400_000_000), None);
+        assert_eq!(place(&ball(0.01), 1_100_000_000), None);
+        assert_eq!(place(&ball(1.5), 900_000_000), None);
+    }
+
+    #[test]
+    fn outcomes_are_counted_and_told() {
+        let mut stage = Stage::default();
+        let outcome = |caught, material, felt| CatchOutcome {
+            caught,
+            arms: caught,
+            material: Text::new(material),
+            felt: Text::new(felt),
+            ..CatchOutcome::zeroed()
+        };
+        stage.take(&outcome(1, "cork", "cork"));
+        assert_eq!(
+            stage.last,
+            "Ball 1: caught with the left hand; felt like cork, it is cork: right."
+        );
+        stage.take(&outcome(1, "cork", "felt"));
+        stage.take(&outcome(0, "", ""));
+        assert_eq!(stage.last, "Ball 3: missed, out of reach.");
+        assert_eq!(
+            (stage.thrown, stage.caught, stage.felt, stage.right),
+            (3, 2, 2, 1)
+        );
+    }
+}
