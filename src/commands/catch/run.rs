@@ -249,6 +249,17 @@ fn print(report: &RunReport, file: Option<&Path>) -> anyhow::Result<()> {
         "{rate}; {} of all {} thrown",
         report.caught_of_all, report.balls
     ))?;
+    if let Some(pairs) = report.pairs {
+        output::print(format_args!(
+            "pairs: both caught in {} of {} throws in which both could be, [{:.1}, {:.1}] %; in {} of all {}",
+            pairs.caught,
+            pairs.catchable,
+            100.0 * pairs.ci95_low,
+            100.0 * pairs.ci95_high,
+            pairs.caught_of_all,
+            pairs.thrown
+        ))?;
+    }
     if let Some(sweeps) = report.sweeps_a_ball {
         output::print(format_args!(
             "materials: {} of {} balls felt right, after {sweeps:.1} sweeps each",

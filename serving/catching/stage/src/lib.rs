@@ -14,11 +14,13 @@ mod drive_watch;
 mod error;
 mod judge;
 mod painter;
+mod pairs;
 mod run;
 mod run_report;
 mod world_role;
 
 pub use error::StageError;
+pub use pairs::PairReport;
 pub use run::{CatchRun, Feel, RunEvent};
 pub use run_report::{RecordingReport, RunReport, cause};
 pub use world_role::{WorldReport, WorldRole, WorldSettings, material_of_grip};

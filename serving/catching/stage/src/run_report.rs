@@ -7,6 +7,7 @@ use tactnet_catching_packets::packets::CatchOutcome;
 use tactnet_catching_roles::{CatchTimes, Milliseconds, RoleReport};
 use tactnet_catching_trials::wilson;
 
+use crate::PairReport;
 use crate::world_role::WorldReport;
 
 /// What was heard on the channels.
@@ -59,6 +60,9 @@ pub struct RunReport {
     pub caught_of_all: usize,
     /// Why balls of the catch space were missed.
     pub misses: BTreeMap<&'static str, usize>,
+    /// Throws of two balls, each counted once, as in stepped time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pairs: Option<PairReport>,
     /// Caught balls that were felt to be of a material.
     pub beliefs_after_catch: usize,
     /// Of them, of the right one.
@@ -139,6 +143,7 @@ impl RunReport {
                 .filter(|outcome| outcome.caught == 1)
                 .count(),
             misses,
+            pairs: PairReport::of(&heard.outcomes),
             beliefs_after_catch: felt.len(),
             correct_materials: felt.iter().filter(|of| of.felt == of.material).count(),
             sweeps_a_ball: (!felt.is_empty()).then(|| sweeps as f64 / felt.len() as f64),
