@@ -67,8 +67,8 @@ pub fn in_file(data: &str, rate: Option<f64>, error: PipelineError) -> PipelineE
                 found.push_str(&match rate {
                     Some(_) => String::from(", as `--rate` says"),
                     None => format!(
-                        "; sweeps have to be recorded at the same rate (if the file is wrong about its own, `tactnet data import {} --out NEW \
-                         --rate HZ` mends it)",
+                        "; sweeps have to be recorded at the same rate (if the file is wrong about its own, mend it there: `sample_rate_hz` of an \
+                         .npz; or `tactnet data import {} --out mended.npz --rate HZ`, with `--material NAME` where no material is named)",
                         quoted(data)
                     ),
                 });

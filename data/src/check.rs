@@ -71,7 +71,9 @@ pub fn check(dataset: &Dataset) -> Vec<Finding> {
     findings.extend(names::that_mislead(dataset));
     findings.extend(clock_taxels(dataset, &sweeps));
     findings.extend(time_axis(dataset));
-    findings.extend(assumed_patch(dataset));
+    // Where the axes are in doubt, so is the number of taxels.
+    let axes_in_doubt = findings.iter().any(|of| of.kind == FindingKind::AxisOrder);
+    findings.extend(assumed_patch(dataset).filter(|_| !axes_in_doubt));
     findings.extend(not_read(dataset));
     findings.sort_by_key(|finding| (finding.severity, finding.kind, finding.at.sweep));
     findings
@@ -351,7 +353,8 @@ fn identical(dataset: &Dataset, sweeps: &[SweepRange]) -> Vec<Finding> {
         match same_hash.iter().find(equals) {
             Some(&earlier) => {
                 let (a, b) = (dataset.describe(index), dataset.describe(earlier));
-                let message = format!("{a} has the same values as {b}");
+                let message =
+                    format!("{a} (`X[{index}]`) has the same values as {b} (`X[{earlier}]`)");
                 let at = in_sweep(index);
                 findings.push(finding(
                     Severity::Error,

@@ -1,9 +1,11 @@
 //! Fields of a recipe that hold one value or a list.
 
+use std::path::Path;
+
 use serde::{Deserialize, Deserializer};
 use toml::Value;
 
-/// Reads a list, or a single value that stands for a list of one.
+/// Reads a list, or a single value that stands for a list of one; a text with commas that is no file stands for as many texts.
 pub(crate) fn one_or_many<'de, D, T>(deserializer: D) -> Result<Vec<T>, D::Error>
 where
     D: Deserializer<'de>,
@@ -12,6 +14,10 @@ where
     let value = Value::deserialize(deserializer)?;
     let values = match value {
         Value::Array(values) => values,
+        Value::String(text) if text.contains(',') && !Path::new(&text).exists() => text
+            .split(',')
+            .map(|part| Value::String(part.trim().into()))
+            .collect(),
         single => vec![single],
     };
     values

@@ -5,9 +5,9 @@ use std::fs::canonicalize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, bail};
 use clap::Args;
-use tactnet_pipeline::{ClassifiedSweeps, SameMaterial};
+use tactnet_pipeline::{ClassifiedSweeps, SameMaterial, quoted};
 
 use super::choices::{DeviceChoice, rate};
 use super::run_classifier::RunClassifier;
@@ -29,7 +29,7 @@ pub struct SameArgs {
     #[arg(value_name = "FIRST")]
     first: String,
     /// Sweeps of the other
-    #[arg(value_name = "SECOND", required_unless_present = "named")]
+    #[arg(value_name = "SECOND")]
     second: Option<String>,
     #[arg(
         long = "run",
@@ -57,12 +57,16 @@ pub struct SameArgs {
 
 impl SameArgs {
     /// The run directory and the files of both objects: with `--run`, the first two arguments are the files.
-    fn places(&self) -> (&Path, [&str; 2]) {
-        match (&self.named, &self.second) {
+    fn places(&self) -> anyhow::Result<(&Path, [&str; 2])> {
+        Ok(match (&self.named, &self.second) {
             (Some(run), _) => (run.as_path(), [self.run.as_str(), self.first.as_str()]),
             (None, Some(second)) => (Path::new(&self.run), [self.first.as_str(), second.as_str()]),
-            (None, None) => panic!("a call without `--run` names three places, or is refused"),
-        }
+            (None, None) => bail!(
+                "expected a run and two objects, found two places: `tactnet same RUN {} {}`",
+                quoted(&self.run),
+                quoted(&self.first)
+            ),
+        })
     }
 }
 
@@ -86,7 +90,7 @@ fn is_one_file(first: &str, second: &str) -> bool {
 
 /// Runs the command.
 pub fn run(arguments: &SameArgs) -> anyhow::Result<ExitCode> {
-    let (run, [first, second]) = arguments.places();
+    let (run, [first, second]) = arguments.places()?;
     let classifier = RunClassifier::open(run, arguments.mc, arguments.device)?;
     let classify = |data: &str| {
         let found = classifier.classify(data, arguments.rate, arguments.steps, true)?;

@@ -87,6 +87,7 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
     let table = table::load(path)?;
     let config = ServeConfig::of(&table).with_context(|| path.display().to_string())?;
     let bus = Bus::open(Domain::Host, &table)?;
+    let skip = config.segmenter.skip;
     let mut service = Service::start(&bus, config, source, GIT)?;
     service.count_allocations(allocations_of_this_thread);
     let _web = match arguments.metrics.as_str() {
@@ -124,6 +125,12 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
     if let Some([least, greatest]) = service.values() {
         say!(
             "a sweep with values outside {least} to {greatest} is rejected (`values` in the table)"
+        );
+    }
+    if skip > 0 {
+        say!(
+            "a sweep is judged from {:.2} s after its motion starts (`skip = {skip}` in the table; 0 where motions begin as the training sweeps do)",
+            skip as f64 / names.sample_rate_hz
         );
     }
     if service.is_rate_assumed() {

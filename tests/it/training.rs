@@ -472,7 +472,7 @@ fn mistakes_get_one_line_and_exit_code_two() {
                 "--out",
                 &path("run"),
             ],
-            &["holds a run already", "--resume"],
+            &["holds a run already, which has ended", "--out"],
         ),
         (&["train", "--resume", &path("nowhere")], &["no run here"]),
         (&["train", "--data", &path("small.toml")], &["small.toml"]),

@@ -139,7 +139,7 @@ fn identical_sweeps_are_named_both() {
     assert_eq!(found.kind, FindingKind::IdenticalSweeps);
     assert_eq!(
         found.message,
-        "`wood` sweep 0 has the same values as `cork` sweep 1"
+        "`wood` sweep 0 (`X[4]`) has the same values as `cork` sweep 1 (`X[1]`)"
     );
 }
 

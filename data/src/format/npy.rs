@@ -161,6 +161,11 @@ impl Header {
 }
 
 impl Array {
+    /// Returns true for an array of numbers or truth values, not of text.
+    pub(super) fn is_number(&self) -> bool {
+        !matches!(self.kind, 'S' | 'U')
+    }
+
     /// Reads a whole `.npy`, which holds what its header says and no more.
     ///
     /// - `room`: bytes that there can be

@@ -408,7 +408,9 @@ impl<'a> Arrays<'a> {
         // scikit-learn's column vectors are taken too.
         if labels.shape != [count] && labels.shape != [count, 1] {
             let mut found = format!("shape {:?}", labels.shape);
-            if labels.shape.len() == 2 && labels.shape[0] == count {
+            // Names stand in no column of zeros and ones.
+            let is_number = labels.is_number();
+            if is_number && labels.shape.len() == 2 && labels.shape[0] == count {
                 found.push_str(&format!(
                     "; one column for each material? `{name}.argmax(1)` makes labels of them"
                 ));

@@ -263,6 +263,15 @@ impl fmt::Display for ClassifiedSweeps {
             self.sweeps.len(),
             counts.join(", ")
         )?;
+        if self.sweeps.iter().any(|sweep| sweep.unknown.is_some()) {
+            let none = self.sweeps.iter().filter(|it| it.unknown == Some(true));
+            write!(
+                f,
+                "\nmost likely none of them: {} of {}",
+                none.count(),
+                self.sweeps.len()
+            )?;
+        }
         if is_labelled {
             let is_right = |sweep: &&ClassifiedSweep| {
                 sweep.unknown != Some(true) && sweep.named.as_ref() == Some(&sweep.material)

@@ -93,7 +93,7 @@ impl fmt::Display for SameMaterial {
         };
         write!(
             f,
-            "{answer}: of one material with {:.1} %",
+            "{answer}: of one material with {:.1} % (same and different taken for equally likely beforehand)",
             100.0 * self.same
         )?;
         for (name, object) in self.data.iter().zip(&self.objects) {

@@ -73,10 +73,15 @@ impl RunDir {
         }
         .locked()?;
         if run.file("config.json").exists() {
-            return Err(run.refused(&format!(
-                "holds a run already; continue it with `{}`, or name another folder with `--out`",
-                run.resume_command()
-            )));
+            let ended = run.result().is_ok_and(|result| result.is_some());
+            return Err(run.refused(&if ended {
+                "holds a run already, which has ended; name another folder with `--out`".into()
+            } else {
+                format!(
+                    "holds a run already; continue it with `{}`, or name another folder with `--out`",
+                    run.resume_command()
+                )
+            }));
         }
         for entry in fs::read_dir(path).map_err(failed)? {
             let name = entry.map_err(failed)?.file_name();

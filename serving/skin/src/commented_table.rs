@@ -193,7 +193,11 @@ const SETTINGS: [Setting; 41] = [
         "segmentation",
         "who begins sweeps: \"command\", or { contact = { begins = 10.0, ends = 5.0, frames = 8 } } by the mean value of a frame",
     ),
-    setting(SEGMENTER, "skip", "frames skipped after the motion starts"),
+    setting(
+        SEGMENTER,
+        "skip",
+        "frames skipped after the motion starts: the classifier's window begins behind them; 0 where a motion begins as the sweeps of the training data do",
+    ),
     setting(
         SEGMENTER,
         "longest_gap",

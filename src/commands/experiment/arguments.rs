@@ -31,7 +31,8 @@ pub struct RunArgs {
     /// The data set, as `--set data=FILE` says
     #[arg(long, value_name = "FILE|twin")]
     pub data: Option<String>,
-    /// Set a field of the recipe anew; may be repeated
+    /// Set a field of the recipe anew; may be repeated. `models` are recipes, as `train --recipe` takes them: `models=fast,lda` (`fast` is
+    /// TactNet-II)
     #[arg(long = "set", value_name = "FIELD=VALUE")]
     pub settings: Vec<String>,
     /// The axes are in their order although there are more taxels than time steps
