@@ -12,7 +12,8 @@ fn experiment(lab: &Lab, out: &str) -> Command {
     let recipe = lab.path("small.toml");
     if !recipe.exists() {
         lab.recipe(RecipeChange {
-            epochs: Some(12),
+            // So many that a task is killed before it ends.
+            epochs: Some(30),
             ..RecipeChange::default()
         });
     }
