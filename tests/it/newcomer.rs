@@ -84,7 +84,10 @@ fn few_training_steps_are_named_and_what_comes_next() {
         "{refused}"
     );
     let again = stderr(&expect(2, lab.train(&recipe, "run")));
-    assert!(again.contains("which has ended; name another folder"), "{again}");
+    assert!(
+        again.contains("which has ended; name another folder"),
+        "{again}"
+    );
 }
 
 #[test]
