@@ -12,8 +12,7 @@ fn experiment(lab: &Lab, out: &str) -> Command {
     let recipe = lab.path("small.toml");
     if !recipe.exists() {
         lab.recipe(RecipeChange {
-            // So many that a task is killed before it ends.
-            epochs: Some(30),
+            epochs: Some(12),
             ..RecipeChange::default()
         });
     }
@@ -254,6 +253,11 @@ fn wait_for(what: &str, ready: impl Fn() -> bool) {
 #[test]
 fn killed_runners_and_tasks_lose_nothing_that_had_ended() {
     let lab = Lab::new();
+    // So many epochs that a task is killed before it ends.
+    lab.recipe(RecipeChange {
+        epochs: Some(30),
+        ..RecipeChange::default()
+    });
     expect(0, experiment(&lab, "undisturbed"));
 
     // A task is killed: the runner begins it again. One task at a time, so that it is known which one runs.
