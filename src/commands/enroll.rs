@@ -152,10 +152,13 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
         None => cost_on_test_sweeps(&run, &config, &classifier, &enrolled),
         Some(_) => None,
     };
-    if let Some(cost) = test_cost {
+    if let Some(cost) = enrolled.cost.or(test_cost) {
         say!(
             "of {} of the known materials {} are recognised, {} were before; {} taken for `{}`",
-            output::counted(cost.held_out, "test sweep"),
+            match enrolled.cost {
+                Some(_) => format!("{} set aside", output::counted(cost.held_out, "sweep")),
+                None => output::counted(cost.held_out, "test sweep"),
+            },
             cost.right_after,
             cost.right_before,
             match cost.claimed {
@@ -207,7 +210,7 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
     }
     let out = tactnet_pipeline::quoted(&arguments.out.display().to_string());
     say!(
-        "next: `tactnet eval {out} --data FILE` tests it on other sweeps\n      `tactnet demo --run {out} --data FILE` shows it live on them"
+        "next: `tactnet eval {out} --data FILE` tests it on other sweeps whose materials are named\n      `tactnet demo --run {out} --data FILE` shows it live on them"
     );
     Ok(ExitCode::SUCCESS)
 }

@@ -152,15 +152,21 @@ fn others(summary: &Summary, set: &DataSet, best: &Scored<'_>) -> String {
         .filter(|(_, p)| *p > ERROR_RATE)
         .map(|(row, _)| set.name(row))
         .collect();
-    let test = "the corrected paired t-test at 5\u{a0}% (Holm)";
+    let (test, best) = (
+        "the corrected paired t-test at 5\u{a0}% (Holm)",
+        set.name(best),
+    );
     match (alike.as_slice(), compared.len()) {
         (_, 0) => String::new(),
-        ([], 1) => format!(" The other model is distinguishable from it by {test}."),
-        ([], _) => format!(" Every other model is distinguishable from it by {test}."),
+        ([], 1) => format!(" The other model is distinguishable from {best} by {test}."),
+        ([], _) => format!(" Every other model is distinguishable from {best} by {test}."),
         (alike, all) if alike.len() == all => {
-            format!(" No other model is distinguishable from it by {test}.")
+            format!(" No other model is distinguishable from {best} by {test}.")
         }
-        (alike, _) => format!(" Not distinguishable from it by {test}: {}.", listed(alike)),
+        (alike, _) => format!(
+            " Not distinguishable from {best} by {test}: {}.",
+            listed(alike)
+        ),
     }
 }
 
@@ -307,9 +313,9 @@ mod tests {
             p_holm: Some(0.2),
             n: 2,
         }];
-        assert!(page(&summary).contains("No other model is distinguishable from it"));
+        assert!(page(&summary).contains("No other model is distinguishable from "));
         summary.comparisons[0].p_holm = Some(0.01);
-        assert!(page(&summary).contains("The other model is distinguishable from it"));
+        assert!(page(&summary).contains("The other model is distinguishable from "));
     }
 
     #[test]

@@ -60,7 +60,7 @@ function showBars(rows) {
   if (rows.length && others > 0) {
     const bar = node("li", undefined, "rest"); bar.append(node("span", others + (others === 1 ? " other" : " others")), node("span", percent(left))); items.push(bar);
   }
-  if (!rows.length) items.push(node("li", view.materials ? "One of " + view.materials + " materials, or none of them." : "No network serves yet.", "rest"));
+  if (!rows.length) items.push(node("li", view.materials ? "One of " + view.materials + (view.tells_unknown ? " materials, or none of them." : " materials.") : "No network serves yet.", "rest"));
   el("bars").replaceChildren(...items);
 }
 function showScore() {
@@ -93,7 +93,8 @@ const WHY = {
   "sweeps rejected": "Sweeps that cannot be used; the reason stands among what happened.",
 };
 function showCounters() {
-  const rows = view.counters.map(([name, n]) => [name, n.toLocaleString("en")]);
+  const told = view.counters.filter(([name]) => view.tells_unknown || name !== "sweeps called unknown");
+  const rows = told.map(([name, n]) => [name, n.toLocaleString("en")]);
   if (view.belief) rows.push(["last reading to answer, ms", (view.belief.latency_us / 1000).toFixed(2)]);
   if (view.model_version) rows.push(["version of the network", String(view.model_version)]);
   el("counters").replaceChildren(...rows.map(([name, n]) => { const pair = node("div"); if (WHY[name]) pair.title = WHY[name]; pair.append(node("dt", name), node("dd", n)); return pair; }));

@@ -187,6 +187,7 @@ impl Dashboard {
             object: &seen.objects.object,
             score: &seen.objects.score,
             note: &self.note,
+            tells_unknown: seen.tells_unknown,
             stage,
             model_version: seen.model_version,
             counters: &seen.counters,

@@ -40,6 +40,8 @@ pub(super) struct View<'a> {
     pub(super) score: &'a Score,
     /// What to know about the score; empty if nothing.
     pub(super) note: &'a str,
+    /// The classifier can call a material unknown, as far as its beliefs have shown.
+    pub(super) tells_unknown: bool,
     /// Robot and balls, where there are some.
     pub(super) stage: Option<&'a serde_json::Value>,
     pub(super) model_version: u64,
@@ -119,6 +121,8 @@ pub(super) struct Seen {
     pub(super) events: VecDeque<Line>,
     /// Lines that nobody has asked for yet, oldest first.
     pub(super) news: VecDeque<String>,
+    /// A belief said whether its material is known.
+    pub(super) tells_unknown: bool,
     /// Whole sweeps are judged by dropout.
     pub(super) by_dropout: bool,
 }
@@ -147,6 +151,7 @@ impl Seen {
             _ => "dropout",
         };
         self.model_version = belief.model_version;
+        self.tells_unknown |= belief.verdict != Verdict::NotTold as u32;
         let shown = Shown {
             sweep: belief.sweep,
             stage,

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use tactnet_pipeline::{BatchReport, TrainEvent};
+use tactnet_pipeline::{BatchReport, TrainEvent, quoted};
 
 use crate::commands::progress_line::{about, in_five_columns};
 
@@ -70,6 +70,10 @@ impl Progress {
                 if let Some(caution) = calibration.caution() {
                     say!("hint: {caution}");
                 }
+                say!(
+                    "calibrated: `tactnet eval {}` says how often known materials are called unknown, `tactnet experiment run unknown --set data=FILE` how often unknown ones are found",
+                    quoted(&run.display().to_string())
+                );
             }
             TrainEvent::Predicting { sweeps } => {
                 if let Some(bar) = self.network.as_ref().and_then(|it| it.bar.as_ref()) {
