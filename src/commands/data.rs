@@ -10,7 +10,8 @@ use std::process::ExitCode;
 use clap::{Args, Subcommand};
 use tactnet_data::format::{self, Format};
 use tactnet_data::{
-    CheckReport, DataSource, Dataset, check, check_unlabelled, group_findings, info,
+    CheckReport, DataSource, Dataset, FindingKind, Severity, check, check_unlabelled,
+    group_findings, info,
 };
 use tactnet_skin::packets::unfit;
 
@@ -80,6 +81,9 @@ pub struct CheckArgs {
     /// List every finding, not only the first of each kind
     #[arg(long)]
     all: bool,
+    /// The axes are in their order although there are more taxels than time steps
+    #[arg(long)]
+    axes_are_right: bool,
 }
 
 #[derive(Args)]
@@ -142,11 +146,22 @@ fn run_check(arguments: &CheckArgs) -> anyhow::Result<ExitCode> {
     if let Some(reason) = unfit(dataset.shape().taxels(), dataset.labels().len()) {
         say!("note: such sweeps can be trained on and evaluated, not classified online: {reason}");
     }
-    let report = CheckReport::of(if labelled {
+    let mut findings = if labelled {
         check(&dataset)
     } else {
         check_unlabelled(&dataset)
-    });
+    };
+    for finding in &mut findings {
+        // What `train` refuses is an error here.
+        if finding.kind == FindingKind::AxisOrder && !arguments.axes_are_right {
+            finding.severity = Severity::Error;
+            finding
+                .message
+                .push_str("; if they are right as they are, add --axes-are-right");
+        }
+    }
+    findings.sort_by_key(|finding| (finding.severity, finding.kind));
+    let report = CheckReport::of(findings);
     let CheckReport {
         findings, errors, ..
     } = &report;

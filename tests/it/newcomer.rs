@@ -300,6 +300,11 @@ fn training_warns_of_wrong_axes_and_of_sweeps_too_few_to_calibrate() {
     let refused = stderr(&expect(2, train(&[])));
     assert!(refused.contains("np.moveaxis"), "{refused}");
     assert!(refused.contains("add --axes-are-right"), "{refused}");
+    // What `train` refuses is an error of the check as well.
+    let check = |more: &[&str]| with(&lab, &["data", "check"], "wide", more);
+    let found = stdout(&expect(1, check(&[])));
+    assert!(found.contains("add --axes-are-right"), "{found}");
+    expect(0, check(&["--axes-are-right"]));
     assert!(!lab.path("run").exists());
     let refused = stderr(&expect(2, train(&["--calibrate", "--axes-are-right"])));
     assert!(
