@@ -55,20 +55,6 @@ pub enum RecordedPacket {
     Plain(PlainPacket),
 }
 
-impl RecordedPacket {
-    /// Its message as bytes.
-    pub fn to_message(&self) -> Vec<u8> {
-        match self {
-            Self::Frame(packet) => packet.to_message(),
-            Self::Command(packet) => packet.to_message(),
-            Self::Belief(packet) => packet.to_message(),
-            Self::Status(packet) => packet.to_message(),
-            Self::Model(packet) => packet.to_message(),
-            Self::Plain(packet) => packet.to_message(),
-        }
-    }
-}
-
 /// The contents of a file, in memory: about 0.5 GB for an hour of one finger at 750 Hz.
 #[derive(Debug, Clone)]
 pub struct Recording {

@@ -145,6 +145,11 @@ pub fn run(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
     } else {
         print(&report, arguments.record.as_deref())?;
     }
+    let broke_off = report.recording.and_then(|recording| recording.broke_off);
+    if let Some(why) = broke_off {
+        say!("the recording broke off: {why}");
+        return Ok(ExitCode::FAILURE);
+    }
     Ok(ExitCode::SUCCESS)
 }
 
@@ -287,7 +292,7 @@ fn print(report: &RunReport, file: Option<&Path>) -> anyhow::Result<()> {
         "1 kHz loop: 99.9 % of commands within {:.0} us of their beat; brakes by the monitor: {}, {} of them in vain",
         report.loop_p999_us, report.monitor_brakes, report.false_brakes
     ))?;
-    if let (Some(recording), Some(path)) = (report.recording, file) {
+    if let (Some(recording), Some(path)) = (&report.recording, file) {
         output::print(format_args!(
             "{}: {} packets, {} lost; `tactnet catch timing {0}` draws what takes how long",
             path.display(),

@@ -16,6 +16,7 @@ mod judge;
 mod painter;
 mod pairs;
 mod run;
+mod run_recorder;
 mod run_report;
 mod world_role;
 

@@ -2,9 +2,6 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use tactnet_catching_packets::packets::{
@@ -17,10 +14,10 @@ use tactnet_channel::{
     remove_bus,
 };
 use tactnet_process::ReadyProcess;
-use tactnet_recording::{About, Counts, Recorder, RecordingError};
 use tactnet_skin::ServeConfig;
 
-use crate::run_report::{Heard, RecordingReport};
+use crate::run_recorder::RunRecorder;
+use crate::run_report::Heard;
 use crate::world_role::WorldReport;
 use crate::{RunReport, StageError, WorldSettings};
 
@@ -194,7 +191,7 @@ impl CatchRun<'_> {
         // It hears the first packets of all.
         let recording = self
             .record
-            .map(|path| Recorded::start(&bus, table, path, self.git));
+            .map(|path| RunRecorder::start(&bus, table, path, self.git));
         let recording = recording.transpose()?;
         let mut watched = Watched::open(&bus)?;
         let mut children = Vec::new();
@@ -254,7 +251,7 @@ impl CatchRun<'_> {
             }
         }
         parts.reverse();
-        let recorded = recording.map(Recorded::finish).transpose()?;
+        let recorded = recording.map(RunRecorder::finish);
         Ok(RunReport::of(
             &watched.heard,
             parts,
@@ -451,49 +448,6 @@ impl Watched {
             phase,
             reason: self.phase.reason.as_str().into(),
         }
-    }
-}
-
-/// A recording that goes on in a thread of its own.
-struct Recorded {
-    stop: Arc<AtomicBool>,
-    thread: JoinHandle<Result<Counts, RecordingError>>,
-}
-
-impl Recorded {
-    fn start(bus: &Bus, table: &Table, path: &Path, git: &str) -> Result<Self, StageError> {
-        let about = About {
-            git: git.into(),
-            ..About::default()
-        };
-        let mut recorder = Recorder::start(bus, table, path, &about)?;
-        let stop = Arc::new(AtomicBool::new(false));
-        let stopped = stop.clone();
-        let thread = std::thread::Builder::new()
-            .name("recorder".into())
-            .spawn(move || {
-                while !stopped.load(Ordering::Relaxed) {
-                    recorder.step(LOOK)?;
-                }
-                recorder.finish()
-            });
-        let thread = thread.map_err(|source| StageError::Io {
-            path: path.into(),
-            source,
-        })?;
-        Ok(Self { stop, thread })
-    }
-
-    fn finish(self) -> Result<RecordingReport, StageError> {
-        self.stop.store(true, Ordering::Relaxed);
-        let counts = match self.thread.join() {
-            Ok(counts) => counts?,
-            Err(panic) => std::panic::resume_unwind(panic),
-        };
-        Ok(RecordingReport {
-            messages: counts.messages,
-            lost: counts.lost,
-        })
     }
 }
 

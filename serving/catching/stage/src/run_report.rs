@@ -166,12 +166,15 @@ impl RunReport {
 }
 
 /// What was recorded of a run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct RecordingReport {
     /// Packets.
     pub messages: u64,
     /// Packets that were put and never came.
     pub lost: u64,
+    /// Why the rest is missing: a full disk, for example.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub broke_off: Option<String>,
 }
 
 /// Returns why a ball was missed, for people.
