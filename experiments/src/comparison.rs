@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use serde::{Deserialize, Serialize};
 
+use crate::measure::method_name;
 use crate::questions::Compared;
 use crate::{Part, Row, Statistic, holm, resampled_t_test};
 
@@ -25,6 +26,15 @@ pub struct Comparison {
     pub p_holm: Option<f64>,
     /// Tasks that both have.
     pub n: usize,
+}
+
+/// Returns what a row of a comparison is called: its network where that differs from the other's, or else its method.
+pub(crate) fn name_beside<'a>(row: &'a Row, other: &Row) -> &'a str {
+    if row.model == other.model {
+        method_name(&row.method)
+    } else {
+        &row.model
+    }
 }
 
 /// A row with the tasks behind its values, in their order.
@@ -53,6 +63,17 @@ pub(crate) fn comparisons(
                         first.row.method != reference
                             && second.row.method == reference
                             && second.row.model == first.row.model
+                            && alike(&first.row, &second.row)
+                    })
+                    .filter_map(|second| Some((family(&first.row), compare(first, second)?))),
+            ),
+            Some(Compared::Networks { sweeps }) => found.extend(
+                rows[position + 1..]
+                    .iter()
+                    .filter(|second| {
+                        first.row.sweeps == Some(sweeps)
+                            && first.row.method == second.row.method
+                            && first.row.model != second.row.model
                             && alike(&first.row, &second.row)
                     })
                     .filter_map(|second| Some((family(&first.row), compare(first, second)?))),

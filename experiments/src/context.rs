@@ -17,6 +17,8 @@ pub(crate) type GoOn<'a> = dyn Fn(&str, Option<&BatchReport>) -> bool + 'a;
 /// Data, recipe, device and seeds of one task.
 pub(crate) struct StudyContext<'a> {
     pub(crate) dataset: &'a Dataset,
+    /// What the recipe calls the data: `twin`, or a file.
+    pub(crate) data: &'a str,
     pub(crate) recipe: &'a Recipe,
     pub(crate) device: &'a Device,
     pub(crate) seed: Seed,

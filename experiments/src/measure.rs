@@ -26,6 +26,9 @@ pub enum Measure {
     /// Time spent in training steps or in fitting.
     #[serde(rename = "train seconds")]
     TrainSeconds,
+    /// Millions of multiply-adds of one prediction without dropout.
+    #[serde(rename = "multiply-adds")]
+    MultiplyAdds,
     /// Area under the ROC curve.
     #[serde(rename = "auroc")]
     Auroc,
@@ -78,6 +81,8 @@ pub enum Unit {
     Materials,
     /// A number of sweeps.
     Sweeps,
+    /// Millions of arithmetic operations.
+    Operations,
 }
 
 impl Unit {
@@ -97,6 +102,7 @@ impl Measure {
             Self::ExpectedCalibrationError => "expected calibration error",
             Self::Brier => "brier",
             Self::TrainSeconds => "train seconds",
+            Self::MultiplyAdds => "multiply-adds",
             Self::Auroc => "auroc",
             Self::FalseAlarms => "false alarms",
             Self::Detected => "detected",
@@ -127,6 +133,7 @@ impl Measure {
             Self::ExpectedCalibrationError | Self::KnownLost => Unit::ShareDifference,
             Self::NegativeLogLikelihood => Unit::Nats,
             Self::TrainSeconds => Unit::Seconds,
+            Self::MultiplyAdds => Unit::Operations,
             Self::Brier => Unit::Squared,
             Self::SetSize => Unit::Materials,
             Self::MeanSweeps => Unit::Sweeps,
@@ -222,6 +229,7 @@ mod tests {
             Measure::ExpectedCalibrationError,
             Measure::Brier,
             Measure::TrainSeconds,
+            Measure::MultiplyAdds,
             Measure::Auroc,
             Measure::FalseAlarms,
             Measure::Detected,

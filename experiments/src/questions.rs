@@ -7,6 +7,7 @@ mod differentiate;
 mod enrolment;
 mod feature_maps;
 mod headline;
+mod networks;
 mod nshot;
 mod sequential;
 mod unknown;
@@ -84,6 +85,8 @@ registry! {
     "enrolment" => enrolment::Enrolment,
     /// How far apart do easy and hard materials lie?
     "feature-maps" => feature_maps::FeatureMaps,
+    /// How good is a network under several circumstances, and what does it cost?
+    "networks" => networks::Networks,
 }
 
 impl Question {
@@ -190,6 +193,11 @@ pub(crate) enum Compared {
     With(&'static str),
     /// With every other contender, on this number of sweeps a decision.
     WithEachOther {
+        /// Sweeps behind one decision.
+        sweeps: usize,
+    },
+    /// With every other network asked by the same method, on this number of sweeps a decision.
+    Networks {
         /// Sweeps behind one decision.
         sweeps: usize,
     },

@@ -16,7 +16,7 @@ use crate::{Crossval, ExperimentError, Question};
 pub use search::{Range, Search};
 
 /// Experiments that ship with the binary, by name.
-const BUILT_IN: [(&str, &str); 14] = [
+const BUILT_IN: [(&str, &str); 15] = [
     (
         "crossval_tactnet2",
         include_str!("../recipes/crossval_tactnet2.toml"),
@@ -55,6 +55,7 @@ const BUILT_IN: [(&str, &str); 14] = [
     ("sequential", include_str!("../recipes/sequential.toml")),
     ("enrolment", include_str!("../recipes/enrolment.toml")),
     ("feature_maps", include_str!("../recipes/feature_maps.toml")),
+    ("networks", include_str!("../recipes/networks.toml")),
 ];
 
 /// A question to classifiers on data sets, with the expected answer.

@@ -103,6 +103,7 @@ pub fn answer_question(
     let networks = FinishedNetworks::of_task(folder);
     let context = StudyContext {
         dataset,
+        data: &task.networks.data,
         recipe,
         device: &device,
         seed: task.networks.seed,

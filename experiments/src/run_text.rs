@@ -2,7 +2,8 @@
 
 use tactnet_data::twin::TwinVersion;
 use tactnet_pipeline::{
-    EvaluationTable, ModelRecipe, PipelineError, RunDir, RunResult, TrainingSteps, quoted,
+    Confusion, EvaluationTable, ModelRecipe, PipelineError, RunDir, RunResult, TrainingSteps,
+    quoted,
 };
 
 use crate::published_for;
@@ -10,10 +11,10 @@ use crate::published_for;
 /// Accuracy from which on nobody needs advice.
 const GOOD: f64 = 0.95;
 
-/// Returns `result` as lines of text: data, accuracies, the published row that it may be set beside, chosen settings, time, folder.
+/// Returns `result` as lines of text: data, accuracies, the most frequent mistakes, the published row that it may be set beside, chosen settings, time, folder.
 ///
 /// # Errors
-/// A run directory whose configuration or split is damaged.
+/// A run directory whose configuration, split or predictions are damaged.
 pub fn run_text(run: &RunDir, result: &RunResult) -> Result<String, PipelineError> {
     let mut lines = vec![
         format!(
@@ -29,6 +30,8 @@ pub fn run_text(run: &RunDir, result: &RunResult) -> Result<String, PipelineErro
         100.0 / materials as f64
     ));
     let method = config.recipe.method();
+    let (_, predictions) = run.predictions(method)?;
+    lines.push(Confusion::from(&predictions).to_string());
     if let Some(row) = published_for(&config, result.origin, &split, method) {
         lines.push(format!(
             "published for TactMat, {}: {:.1} % with 1 sweep, {:.1} % with 3 (thesis, table 4.2)",

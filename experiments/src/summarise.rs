@@ -213,6 +213,7 @@ fn row(
         decisions: values.iter().map(|(_, of)| of.decisions).sum(),
         published: None,
         humans: None,
+        cost: None,
     };
     if row.is_beside_published() {
         let published = dir.plan.recipe.question.ask().published(&row);

@@ -128,6 +128,26 @@ pub struct Row {
     pub published: Option<f64>,
     /// Reached by humans on TactMat, as published.
     pub humans: Option<f64>,
+    /// Of `networks`: the row's network, circumstance and accuracy by these names, and what the network costs.
+    #[serde(flatten, default, skip_serializing_if = "Option::is_none")]
+    pub cost: Option<NetworkCost>,
+}
+
+/// A network under one circumstance of the question `networks`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct NetworkCost {
+    /// Name of its recipe.
+    pub network: String,
+    /// The circumstance.
+    pub condition: String,
+    /// Mean accuracy of single sweeps; its interval is the row's.
+    pub accuracy: f64,
+    /// Multiply-adds of one prediction without dropout; absent where the circumstance is not the usual one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub multiply_adds: Option<f64>,
+    /// Time of one training, seconds; absent where the circumstance is not the usual one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub train_seconds: Option<f64>,
 }
 
 impl Row {

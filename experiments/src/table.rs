@@ -2,6 +2,7 @@
 
 use std::fmt::{self, Write};
 
+use crate::comparison::name_beside;
 use crate::interval_note::interval_notes;
 use crate::measure::method_name;
 use crate::questions::{Scored, few_steps, scored};
@@ -129,6 +130,8 @@ fn measures(out: &mut String, summary: &Summary) -> fmt::Result {
     } else {
         String::new()
     };
+    let widest = summary.rows.iter().map(|row| row.setting.chars().count());
+    let wide = widest.max().unwrap_or(0).max(14);
     let mut block = None;
     for row in &summary.rows {
         let own = (&row.data, row.levels, row.steps, &row.model, row.measure);
@@ -136,7 +139,7 @@ fn measures(out: &mut String, summary: &Summary) -> fmt::Result {
             block = Some(own);
             writeln!(
                 out,
-                "\n{}, levels {}, networks by {}: {}\n{:<22} {:<14} {:>5} {:>6} {:>8} {:>18} {:>4}{published_heading}",
+                "\n{}, levels {}, networks by {}: {}\n{:<22} {:<wide$} {:>5} {:>6} {:>8} {:>18} {:>4}{published_heading}",
                 row.data,
                 row.levels.name(),
                 row.model,
@@ -150,7 +153,7 @@ fn measures(out: &mut String, summary: &Summary) -> fmt::Result {
                 "n"
             )?;
         }
-        writeln!(out, "{}", measure(row, published))?;
+        writeln!(out, "{}", measure(row, wide, published))?;
     }
     let rows = summary.rows.iter();
     let rows = rows.map(|row| {
@@ -171,8 +174,9 @@ fn measures(out: &mut String, summary: &Summary) -> fmt::Result {
     Ok(())
 }
 
+/// - `wide`: characters of the column of circumstances
 /// - `published`: whether there is a column of published numbers
-fn measure(row: &Row, published: bool) -> String {
+fn measure(row: &Row, wide: usize, published: bool) -> String {
     let number = |value: f64| shown(row.measure, value);
     let interval = row.statistic.ci95.map_or("-".into(), |[low, high]| {
         format!("{} to {}", number(low), number(high))
@@ -184,7 +188,7 @@ fn measure(row: &Row, published: bool) -> String {
         String::new()
     };
     format!(
-        "{:<22} {:<14} {:>5} {:>6} {:>8} {:>18} {:>4}{beside}",
+        "{:<22} {:<wide$} {:>5} {:>6} {:>8} {:>18} {:>4}{beside}",
         method_name(&row.method),
         row.setting,
         count(row.shots),
@@ -225,8 +229,8 @@ fn compared(summary: &Summary, comparison: &Comparison) -> Option<String> {
         first.levels.name(),
         first.measure,
         place.join(", "),
-        method_name(&first.method),
-        method_name(&second.method),
+        name_beside(first, second),
+        name_beside(second, first),
         100.0 * comparison.difference,
         comparison
             .p

@@ -2,7 +2,7 @@
 
 use burn::module::{Module, Param};
 use burn::tensor::activation::relu;
-use burn::tensor::module::{batch_norm, batch_norm_train};
+use burn::tensor::module::batch_norm;
 use burn::tensor::{Device, Tensor};
 use rand::Rng;
 
@@ -10,6 +10,7 @@ use crate::DenseWeights;
 use crate::block::{BatchStatistics, NORM_EPSILON, updated_running_stat};
 use crate::dense_product::dense_product;
 use crate::initial::{constant_parameter, uniform_parameter};
+use crate::norm_relu::norm_relu;
 use crate::weights::values;
 
 /// `relu(batch_norm(x W^T))`: `[batch, inputs] -> [batch, outputs]`; no bias, since batch normalisation follows.
@@ -48,10 +49,9 @@ impl NormalizedDense {
     pub fn forward_train(&self, input: Tensor<2>) -> (Tensor<2>, BatchStatistics) {
         let batch = input.dims()[0];
         let activation = dense_product(input, self.weight.val());
-        let normalized =
-            batch_norm_train(activation, self.gamma.val(), self.beta.val(), NORM_EPSILON);
+        let normalized = norm_relu(activation, self.gamma.val(), self.beta.val());
         let statistics = BatchStatistics::from_biased(normalized.mean, normalized.variance, batch);
-        (relu(normalized.output), statistics)
+        (normalized.output, statistics)
     }
 
     /// Normalises with the running statistics.

@@ -8,12 +8,16 @@
 //! generator that the caller names, so equal seeds give equal networks.
 
 mod adam_update;
+mod architecture;
 mod belief;
 mod block;
 mod compute;
+mod config;
 mod conv;
 #[cfg(any(feature = "vulkan", feature = "cuda"))]
 mod conv_gpu;
+mod conv_stream;
+mod conv_trunk;
 mod dense;
 mod dense_product;
 mod dropout;
@@ -24,10 +28,16 @@ mod knn;
 mod lbfgs;
 mod lda;
 mod left_out;
+mod log_spectra;
+mod log_spectra_op;
 mod loss;
 mod mlp;
+mod norm_relu;
 mod ridge;
 mod siamese;
+mod spectral_shape;
+mod spectral_stream;
+mod spectral_trunk;
 mod streaming;
 mod svm;
 mod tactnet;
@@ -35,12 +45,14 @@ mod temperature;
 mod weights;
 
 pub use adam_update::adam_update;
+pub use architecture::{Architecture, Convolutions, InputShape, Trunk, default_pools};
 pub use belief::{
     Belief, argmax, entropy, log_mean_exp_into, log_softmax, log_softmax_into, majority_vote,
     mutual_information,
 };
 pub use block::{BatchStatistics, BlockConfig, ConvBlock, NORM_EPSILON};
 pub use compute::{Adapter, Compute};
+pub use config::TactNetConfig;
 pub use conv::{is_cpu, is_fused};
 pub use dense::NormalizedDense;
 pub use dropout::dropout_masks;
@@ -51,15 +63,16 @@ pub use heads::{
 pub use knn::Knn;
 pub use lda::Lda;
 pub use left_out::left_out;
+pub use log_spectra::{ENERGY_FLOOR, LOG_GAIN, LOG_OFFSET, SpectralTables};
 pub use loss::cross_entropy;
 pub use mlp::{DenseWeights, Mlp, matrix};
 pub use ridge::{Gram, Ridge, default_penalties};
 pub use siamese::{batch_contrastive_loss, contrastive_loss, distance, probability_of_difference};
+pub use spectral_shape::{Spectra, SpectralShape, default_window};
+pub use spectral_trunk::DEVIATION_EPSILON;
 pub use streaming::StreamingNet;
 pub use svm::{Pair, PlattSigmoids, Svm, SvmSettings, fit_platt};
-pub use tactnet::{
-    Architecture, InputShape, TactNet, TactNetConfig, TrainingForward, default_pools,
-};
+pub use tactnet::{TactNet, TrainingForward};
 pub use tactnet_conv::spare::take as spare_memory;
 pub use tactnet_conv::{AdamStep, Isa};
 pub use temperature::fit_inverse_temperature;

@@ -1,53 +1,39 @@
-//! TactNet-II frame by frame.
+//! The network frame by frame.
 
-use tactnet_conv::{StreamBlock, StreamHead, StreamShape};
+use tactnet_conv::StreamHead;
 
+use crate::conv_stream::ConvStream;
+use crate::spectral_stream::SpectralStream;
+use crate::tactnet::TrunkNet;
 use crate::weights::values;
 use crate::{TactNet, TactNetConfig};
 
 /// A trained network with frozen statistics that takes one sweep, frame by frame.
 ///
-/// The convolutions advance with every frame; after the last one only what SAME padding closes is left. At any time [`StreamingNet::features`]
-/// are those of the frames so far: the features that [`TactNet::features`] gives for a sweep of that many steps, with zeros for pooled steps that
-/// have not begun. Nothing allocates after [`StreamingNet::new`].
+/// Every frame advances the network as far as it goes; after the last one little is left. At any time [`StreamingNet::features`] are those
+/// of the frames so far: the features that [`TactNet::features`] gives for a sweep of that many steps, with zeros for pooled steps that
+/// have not begun and, of spectra, before the first window is complete. Nothing allocates after [`StreamingNet::new`].
 #[derive(Debug, Clone)]
 pub struct StreamingNet {
-    blocks: Vec<StreamBlock>,
-    /// Copies of `blocks` that are finished for the features so far.
-    ends: Vec<StreamBlock>,
-    features: FeatureRows,
-    /// As `features`, with what the ends add after `ended_at` frames.
-    ended: FeatureRows,
-    ended_at: Option<usize>,
+    trunk: TrunkStream,
     head: StreamHead,
     steps: usize,
     frames: usize,
-    /// Rows of a whole sweep that each block sees.
-    rows: Vec<usize>,
-    pools: Vec<usize>,
-    /// Rows of the sweep so far that each block sees.
-    rows_now: Vec<usize>,
 }
 
-/// `[maps][pooled steps][taxels]`, filled row by row.
+/// What makes features of the frames so far.
 #[derive(Debug, Clone)]
-struct FeatureRows {
-    values: Vec<f32>,
-    rows: usize,
-    taxels: usize,
-    filled: usize,
+enum TrunkStream {
+    Convolutions(Box<ConvStream>),
+    Spectra(Box<SpectralStream>),
 }
 
-impl FeatureRows {
-    /// - `row`: `[taxels][maps]`
-    fn push(&mut self, row: &[f32]) {
-        let maps = row.len() / self.taxels;
-        for (taxel, values) in row.chunks_exact(maps).enumerate() {
-            for (map, value) in values.iter().enumerate() {
-                self.values[(map * self.rows + self.filled) * self.taxels + taxel] = *value;
-            }
+impl TrunkStream {
+    fn features(&mut self) -> &[f32] {
+        match self {
+            Self::Convolutions(trunk) => trunk.features(),
+            Self::Spectra(trunk) => trunk.features(),
         }
-        self.filled += 1;
     }
 }
 
@@ -62,43 +48,19 @@ impl StreamingNet {
         let input = config.input();
         let features = config.features();
         assert_eq!(masks.len() % features, 0, "masks of {features} features");
-        let blocks: Vec<StreamBlock> = net
-            .blocks
-            .iter()
-            .map(|block| {
-                let [maps_out, maps_in, time, wide] = block.weight.dims();
-                let shape = StreamShape {
-                    taxels: input.taxels,
-                    maps_in,
-                    maps_out,
-                    kernel: [time, wide],
-                    pool: block.pool,
-                };
-                let (scale, shift) = block.folded_norm();
-                StreamBlock::new(shape, &values(block.weight.val()), &scale, &shift)
-            })
-            .collect();
+        let trunk = match &net.trunk {
+            TrunkNet::Convolutions(trunk) => {
+                TrunkStream::Convolutions(Box::new(ConvStream::new(trunk, input)))
+            }
+            TrunkNet::Spectra(trunk) => TrunkStream::Spectra(Box::new(SpectralStream::new(trunk))),
+        };
         let hidden = net.hidden.folded();
         let output = [
             values(net.output_weight.val()),
             values(net.output_bias.val()),
         ];
-        let mut rows = vec![input.steps];
-        for pool in config.pools() {
-            rows.push(rows[rows.len() - 1].div_ceil(*pool));
-        }
-        let features = FeatureRows {
-            values: vec![0.0; features],
-            rows: rows[config.pools().len()],
-            taxels: input.taxels,
-            filled: 0,
-        };
         Self {
-            ends: blocks.clone(),
-            blocks,
-            ended: features.clone(),
-            ended_at: None,
-            features,
+            trunk,
             head: StreamHead::new(
                 [&hidden.weight, &hidden.bias],
                 [&output[0], &output[1]],
@@ -106,19 +68,16 @@ impl StreamingNet {
             ),
             steps: input.steps,
             frames: 0,
-            rows_now: rows.clone(),
-            rows,
-            pools: config.pools().to_vec(),
         }
     }
 
     /// Discards the sweep; the next frame is the first of a new one.
     pub fn restart(&mut self) {
-        self.blocks.iter_mut().for_each(StreamBlock::restart);
-        self.features.values.fill(0.0);
-        self.features.filled = 0;
         self.frames = 0;
-        self.ended_at = None;
+        match &mut self.trunk {
+            TrunkStream::Convolutions(trunk) => trunk.restart(),
+            TrunkStream::Spectra(trunk) => trunk.restart(),
+        }
     }
 
     /// Returns the number of frames so far.
@@ -140,41 +99,15 @@ impl StreamingNet {
     pub fn push(&mut self, frame: &[f32]) {
         assert!(!self.is_complete(), "a sweep has {} frames", self.steps);
         self.frames += 1;
-        push(&mut self.blocks, &self.rows, frame, &mut self.features);
-    }
-
-    /// Computes the inputs of the dense layer for the frames so far, `[maps x pooled steps x taxels]`.
-    fn end(&mut self) {
-        if self.ended_at == Some(self.frames) {
-            return;
-        }
-        self.ended_at = Some(self.frames);
-        if self.is_complete() {
-            // The blocks take no further frame before they restart.
-            std::mem::swap(&mut self.ends, &mut self.blocks);
-        } else {
-            for (end, block) in self.ends.iter_mut().zip(&self.blocks) {
-                end.copy_from(block);
-            }
-        }
-        self.ended.values.copy_from_slice(&self.features.values);
-        self.ended.filled = self.features.filled;
-        self.rows_now[0] = self.frames;
-        for (block, pool) in self.pools.iter().enumerate() {
-            self.rows_now[block + 1] = self.rows_now[block].div_ceil(*pool);
-        }
-        for block in 0..self.ends.len() {
-            let (this, next) = self.ends[block..].split_at_mut(1);
-            while let Some(row) = this[0].end() {
-                push(next, &self.rows_now[block + 1..], row, &mut self.ended);
-            }
+        match &mut self.trunk {
+            TrunkStream::Convolutions(trunk) => trunk.push(frame),
+            TrunkStream::Spectra(trunk) => trunk.push(frame),
         }
     }
 
     /// Returns the features of the frames so far, in the order of [`TactNet::features`].
     pub fn features(&mut self) -> &[f32] {
-        self.end();
-        &self.ended.values
+        self.trunk.features()
     }
 
     /// Calls `visit` with the scores `[materials]` of the frames so far.
@@ -183,8 +116,7 @@ impl StreamingNet {
     /// Before the first frame.
     pub fn scores(&mut self, visit: impl FnMut(&[f32])) {
         assert!(self.frames > 0, "scores need a frame");
-        self.end();
-        self.head.plain(&self.ended.values, visit);
+        self.head.plain(self.trunk.features(), visit);
     }
 
     /// As [`StreamingNet::scores`], once for every dropout mask.
@@ -193,24 +125,12 @@ impl StreamingNet {
     /// Before the first frame.
     pub fn monte_carlo_scores(&mut self, visit: impl FnMut(&[f32])) {
         assert!(self.frames > 0, "scores need a frame");
-        self.end();
-        self.head.monte_carlo(&self.ended.values, visit);
+        self.head.monte_carlo(self.trunk.features(), visit);
     }
 
     /// Returns the number of dropout masks.
     pub fn mc_samples(&self) -> usize {
         self.head.mc_samples()
-    }
-}
-
-/// Pushes a row through the blocks, and on where it completes a pooled row.
-fn push(blocks: &mut [StreamBlock], rows: &[usize], row: &[f32], features: &mut FeatureRows) {
-    let [first, rest @ ..] = blocks else {
-        features.push(row);
-        return;
-    };
-    if let Some(pooled) = first.push(row, rows[0]) {
-        push(rest, &rows[1..], pooled, features);
     }
 }
 
@@ -221,13 +141,17 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
-    use crate::{Architecture, InputShape, dropout_masks};
+    use crate::{Architecture, Convolutions, InputShape, Trunk, dropout_masks};
 
     fn network(steps: usize, taxels: usize, pools: Vec<usize>) -> (TactNet, TactNetConfig) {
-        let architecture = Architecture {
+        let trunk = Convolutions {
             maps: vec![5, 9, 6],
-            hidden: 11,
             pools: Some(pools),
+            ..Convolutions::default()
+        };
+        let architecture = Architecture {
+            trunk: Trunk::Convolutions(trunk),
+            hidden: 11,
             ..Architecture::default()
         };
         let config = TactNetConfig::new(architecture, InputShape { steps, taxels }, 4).unwrap();

@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use safetensors::tensor::{Dtype, TensorView};
 
 use crate::initial::parameter;
-use crate::tactnet::TactNet;
+use crate::tactnet::{TactNet, TrunkNet};
 use crate::{ModelError, TactNetConfig};
 
 /// One tensor: its shape and its values in row-major order.
@@ -23,7 +23,8 @@ pub struct NamedTensor {
 }
 
 /// Named tensors in name order: `conv1.weight`, `conv1.gamma`, `conv1.beta`, `conv1.running_mean`,
-/// `conv1.running_variance`, …, `hidden.*`, `output.weight`, `output.bias`.
+/// `conv1.running_variance`, …, `hidden.*`, `output.weight`, `output.bias`; of networks on spectra `taxel.*` and `window.*` instead of
+/// `conv*`.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Weights(pub BTreeMap<String, NamedTensor>);
 
@@ -148,25 +149,34 @@ fn gradient_of<const D: usize>(
     gradients.get(parameter.id)
 }
 
+/// Visits the tensors of one layer with batch normalisation.
+macro_rules! normalized_layer {
+    ($layer:expr, $from:expr, $parameter:ident, $statistic:ident) => {
+        let layer = $layer;
+        $parameter!(format!("{layer}.weight"), $from.weight);
+        $parameter!(format!("{layer}.gamma"), $from.gamma);
+        $parameter!(format!("{layer}.beta"), $from.beta);
+        $statistic!(format!("{layer}.running_mean"), $from.running_mean);
+        $statistic!(format!("{layer}.running_variance"), $from.running_variance);
+    };
+}
+
 /// Visits every tensor of the network with its name; the one list of names.
 macro_rules! for_each_tensor {
     ($net:expr, $parameter:ident, $statistic:ident) => {
-        for (index, block) in $net.blocks.iter_mut().enumerate() {
-            let layer = format!("conv{}", index + 1);
-            $parameter!(format!("{layer}.weight"), block.weight);
-            $parameter!(format!("{layer}.gamma"), block.gamma);
-            $parameter!(format!("{layer}.beta"), block.beta);
-            $statistic!(format!("{layer}.running_mean"), block.running_mean);
-            $statistic!(format!("{layer}.running_variance"), block.running_variance);
+        match &mut $net.trunk {
+            TrunkNet::Convolutions(trunk) => {
+                for (index, block) in trunk.blocks.iter_mut().enumerate() {
+                    normalized_layer!(format!("conv{}", index + 1), block, $parameter, $statistic);
+                }
+            }
+            TrunkNet::Spectra(trunk) => {
+                for (layer, dense) in trunk.layers_mut() {
+                    normalized_layer!(layer, dense, $parameter, $statistic);
+                }
+            }
         }
-        $parameter!("hidden.weight".to_string(), $net.hidden.weight);
-        $parameter!("hidden.gamma".to_string(), $net.hidden.gamma);
-        $parameter!("hidden.beta".to_string(), $net.hidden.beta);
-        $statistic!("hidden.running_mean".to_string(), $net.hidden.running_mean);
-        $statistic!(
-            "hidden.running_variance".to_string(),
-            $net.hidden.running_variance
-        );
+        normalized_layer!("hidden", $net.hidden, $parameter, $statistic);
         $parameter!("output.weight".to_string(), $net.output_weight);
         $parameter!("output.bias".to_string(), $net.output_bias);
     };
@@ -252,11 +262,7 @@ mod tests {
 
     #[test]
     fn safetensors_round_trip_restores_every_number() {
-        let architecture = Architecture {
-            maps: vec![2, 3],
-            hidden: 4,
-            ..Architecture::default()
-        };
+        let architecture = Architecture::tactnet2(&[2, 3], 4);
         let input = InputShape {
             steps: 50,
             taxels: 2,
@@ -278,16 +284,8 @@ mod tests {
             steps: 50,
             taxels: 2,
         };
-        let small = Architecture {
-            maps: vec![2],
-            hidden: 4,
-            ..Architecture::default()
-        };
-        let large = Architecture {
-            maps: vec![2],
-            hidden: 5,
-            ..Architecture::default()
-        };
+        let small = Architecture::tactnet2(&[2], 4);
+        let large = Architecture::tactnet2(&[2], 5);
         let device = Device::flex();
         let config = TactNetConfig::new(small, input, 3).unwrap();
         let other = TactNetConfig::new(large, input, 3).unwrap();

@@ -173,7 +173,7 @@ mod tests {
     #[test]
     fn a_mistyped_name_is_answered_with_the_one_that_was_meant() {
         let refused = ModelRecipe::load("minirokt").unwrap_err().to_string();
-        assert!(refused.contains("ship with tactnet: fast, thesis, means"));
+        assert!(refused.contains("ship with tactnet: fast, spectra, thesis, means"));
         assert!(refused.ends_with("did you mean `minirocket`?"), "{refused}");
         let refused = ModelRecipe::load("tactnet2").unwrap_err().to_string();
         assert!(refused.ends_with("did you mean `fast`?"), "{refused}");

@@ -10,8 +10,9 @@ use crate::error::InvalidSetting;
 use crate::{Augmentation, MeanRemoval, PipelineError, Scaling};
 
 /// Recipes that ship with the binary, by name.
-const BUILT_IN: [(&str, &str); 2] = [
+const BUILT_IN: [(&str, &str); 3] = [
     ("fast", include_str!("../recipes/fast.toml")),
+    ("spectra", include_str!("../recipes/spectra.toml")),
     ("thesis", include_str!("../recipes/thesis.toml")),
 ];
 
@@ -460,7 +461,7 @@ mod tests {
 
     #[test]
     fn mistakes_are_named_in_one_line() {
-        let thesis = BUILT_IN[1].1;
+        let thesis = BUILT_IN[2].1;
         let message = |from: &str, to: &str| {
             assert!(thesis.contains(from), "{from}");
             Recipe::parse("r.toml", &thesis.replace(from, to))
@@ -488,7 +489,7 @@ mod tests {
         }
         let unknown = Recipe::load("tesis").unwrap_err().to_string();
         assert!(
-            unknown.contains("tesis") && unknown.contains("fast, thesis"),
+            unknown.contains("tesis") && unknown.contains("fast, spectra, thesis"),
             "{unknown}"
         );
     }

@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
+use tactnet_data::Dataset;
 use tactnet_models::Compute;
 use tactnet_pipeline::{
     Calibration, ClassifiedSweeps, Classifier, ModelRecipe, PredictionMethod, RunConfig, RunDir,
-    TrainEmbeddings, quoted,
+    TestSweeps, TrainEmbeddings, quoted,
 };
 
 use super::choices::DeviceChoice;
@@ -88,11 +89,16 @@ impl RunClassifier {
                 known.shape.cols
             );
         }
-        if sweeps.labelled && sweeps.dataset.sha256() == self.config.data_sha256 {
-            let learnt = self.run.split()?.fold(&sweeps.dataset)?.train.len();
+        let seen = self.trained_on(&sweeps.dataset, sweeps.labelled)?;
+        if seen > 0 {
+            let all = sweeps.dataset.len();
+            let those = match seen == all {
+                true if all == 1 => "this sweep".to_owned(),
+                true => format!("all of these {all} sweeps"),
+                false => format!("{seen} of these {all} sweeps"),
+            };
             say!(
-                "note: the run was trained on {learnt} of these {} sweeps; `tactnet eval {}` judges it by the others",
-                sweeps.dataset.len(),
+                "note: the run was trained on {those}, which says nothing of how good it is; `tactnet eval {}` judges it by sweeps it has not seen",
                 quoted(&self.dir.display().to_string())
             );
         }
@@ -106,5 +112,15 @@ impl RunClassifier {
             one_object,
         );
         Ok(found.map_err(|error| source::in_file(data, rate, error))?)
+    }
+
+    /// Returns how many of the sweeps the run was trained on; 0 where its training data cannot be read any more.
+    fn trained_on(&self, sweeps: &Dataset, labelled: bool) -> anyhow::Result<usize> {
+        let manifest = self.run.split()?;
+        if labelled && sweeps.sha256() == self.config.data_sha256 {
+            return Ok(manifest.fold(sweeps)?.train.len());
+        }
+        let unseen = TestSweeps::unseen(sweeps, &self.config, &manifest)?;
+        Ok(sweeps.len() - unseen.view.len())
     }
 }

@@ -98,6 +98,10 @@ pub fn run(arguments: &SameArgs) -> anyhow::Result<ExitCode> {
         anyhow::Ok(found)
     };
     let both = [classify(first)?, classify(second)?];
+    let hints: BTreeSet<String> = both.iter().filter_map(ClassifiedSweeps::hint).collect();
+    for hint in hints {
+        say!("hint: {hint}");
+    }
     if is_one_file(first, second) {
         say!("note: `{first}` and `{second}` are the same sweeps");
     }

@@ -34,35 +34,43 @@ fn waves(rows: usize, cols: usize, steps: usize) -> Dataset {
     Dataset::new("waves", 750.0, shape, labels, records, Samples::F32(values)).unwrap()
 }
 
-const RECIPE: &str = "name = \"small\"\n\
-    [network]\nmaps = [8, 16]\nhidden = 16\nkeep_probability = 0.8\n\
-    [training]\nepochs = 12\nbatch = 7\nlearning_rate = 0.005\nmethod = { kind = \"adversarial\", alpha = 0.5, epsilon = 0.1 }\n";
+const RECIPES: [(&str, &str); 2] = [
+    ("maps", "maps = [8, 16]"),
+    (
+        "spectra",
+        "spectra = { bands = 8, taxel_units = 8, units = 16 }",
+    ),
+];
+const TRAINING: &str = "[training]\nepochs = 12\nbatch = 7\nlearning_rate = 0.005\nmethod = { kind = \"adversarial\", alpha = 0.5, epsilon = 0.1 }\n";
 
 #[test]
 fn arrays_of_other_shapes_are_learnt_and_followed_frame_by_frame() {
     let lab = Lab::new();
-    std::fs::write(lab.path("recipe.toml"), RECIPE).unwrap();
+    for (recipe, layers) in RECIPES {
+        let network = format!("[network]\n{layers}\nhidden = 16\nkeep_probability = 0.8\n");
+        let text = format!("name = \"{recipe}\"\n{network}{TRAINING}");
+        std::fs::write(lab.path(recipe), text).unwrap();
+    }
     for (rows, cols) in [(6, 10), (1, 3), (5, 7)] {
-        let name = |what: &str| lab.path(&format!("{what}{rows}x{cols}"));
         let data = lab.path(&format!("{rows}x{cols}.h5"));
         Format::TactMat
             .write(&data, &waves(rows, cols, 75))
             .unwrap();
-        let mut train = tactnet(["train", "--json", "--data"]);
-        train
-            .arg(&data)
-            .arg("--recipe")
-            .arg(lab.path("recipe.toml"));
-        train.arg("--out").arg(name("run"));
-        let found: Value = serde_json::from_str(&stdout(&expect(0, train))).unwrap();
-        let accuracy = found["accuracy_one_sweep"]["mean"].as_f64().unwrap();
-        // Six test sweeps of three materials; three taxels in a row show little of a wave.
-        assert!(accuracy > 0.5, "{rows}x{cols}: {accuracy}");
-        let mut eval = tactnet(["eval", "--json", "--runtime", "online"]);
-        eval.arg(name("run"));
-        let found: Value = serde_json::from_str(&stdout(&expect(0, eval))).unwrap();
-        let apart = found["runtimes"]["plain"]["largest_difference"].as_f64();
-        assert!(apart.unwrap() < 1e-4, "{rows}x{cols}: {found}");
+        for (recipe, _) in RECIPES {
+            let name = |what: &str| lab.path(&format!("{what}{rows}x{cols}{recipe}"));
+            let mut train = tactnet(["train", "--json", "--data"]);
+            train.arg(&data).arg("--recipe").arg(lab.path(recipe));
+            train.arg("--out").arg(name("run"));
+            let found: Value = serde_json::from_str(&stdout(&expect(0, train))).unwrap();
+            let accuracy = found["accuracy_one_sweep"]["mean"].as_f64().unwrap();
+            // Six test sweeps of three materials; three taxels in a row show little of a wave.
+            assert!(accuracy > 0.5, "{recipe}, {rows}x{cols}: {accuracy}");
+            let mut eval = tactnet(["eval", "--json", "--runtime", "online"]);
+            eval.arg(name("run"));
+            let found: Value = serde_json::from_str(&stdout(&expect(0, eval))).unwrap();
+            let apart = found["runtimes"]["plain"]["largest_difference"].as_f64();
+            assert!(apart.unwrap() < 1e-4, "{rows}x{cols}: {found}");
+        }
     }
 }
 

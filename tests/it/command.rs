@@ -42,9 +42,16 @@ pub struct Lab {
     pub folder: TempDir,
 }
 
+/// Layers of the small recipe.
+pub const CONVOLUTIONS: &str = "maps = [8, 8]";
+/// The same of a network on spectra.
+pub const SPECTRA: &str = "spectra = { bands = 6, taxel_units = 5, units = 12 }";
+
 /// Changes to the small recipe.
 #[derive(Default)]
 pub struct RecipeChange {
+    /// [`CONVOLUTIONS`] if empty.
+    pub layers: &'static str,
     pub epochs: Option<usize>,
     pub extra_training: &'static str,
 }
@@ -69,11 +76,15 @@ impl Lab {
         let path = self.path("small.toml");
         let text = format!(
             "name = \"small\"\n\
-             [network]\nmaps = [8, 8]\nhidden = 16\nkeep_probability = 0.8\n\
+             [network]\n{}\nhidden = 16\nkeep_probability = 0.8\n\
              [input]\nscaling = \"per-taxel\"\n\
              [training]\nepochs = {}\nbatch = 8\nlearning_rate = 0.005\nl2 = 1e-4\n\
              method = {{ kind = \"adversarial\", alpha = 0.5, epsilon = 0.1 }}\n{}\n\
              [prediction]\nmethod = {{ kind = \"mc-dropout\", runs = 20 }}\n",
+            match change.layers {
+                "" => CONVOLUTIONS,
+                layers => layers,
+            },
             change.epochs.unwrap_or(3),
             change.extra_training
         );

@@ -12,7 +12,8 @@ use burn::optim::{AdamConfig, GradientsParams};
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use safetensors::SafeTensors;
 use tactnet_models::{
-    Architecture, InputShape, NamedTensor, TactNet, TactNetConfig, Weights, cross_entropy,
+    Architecture, Convolutions, InputShape, NamedTensor, TactNet, TactNetConfig, Trunk, Weights,
+    cross_entropy,
 };
 use tactnet_pipeline::{AttackedLabel, Perturbation, adversarial_pass, base_pass};
 
@@ -55,10 +56,13 @@ impl Golden {
     fn config(&self) -> TactNetConfig {
         let [_, _, steps, taxels]: [usize; 4] =
             self.tensors["sweeps"].shape.clone().try_into().unwrap();
-        let architecture = Architecture {
+        let trunk = Convolutions {
             maps: self.setting("maps"),
             kernel: self.setting("kernel"),
             pools: Some(self.setting("pools")),
+        };
+        let architecture = Architecture {
+            trunk: Trunk::Convolutions(trunk),
             hidden: self.setting("hidden"),
             keep_probability: 0.8,
         };
@@ -141,7 +145,7 @@ fn check_against_pytorch(name: &str) {
     let named = net.gradients(&gradients);
     assert_eq!(
         named.0.len(),
-        3 * config.pools().len() + 5,
+        3 * config.convolutions().unwrap().1.len() + 5,
         "every parameter has a gradient"
     );
     assert_weights_close(&named, &golden, "clean.gradient.", 1e-4);

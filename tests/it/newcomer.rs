@@ -459,12 +459,33 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
     );
     let known: serde_json::Value = serde_json::from_str(&stdout(&known)).unwrap();
     assert_eq!(known["sweeps"][30]["named"], named[3]);
+    // The same sweeps in another file.
+    let some = lab.path("some.npz").display().to_string();
+    let import = with(
+        &lab,
+        &["data", "import"],
+        "new",
+        &[
+            "--rate",
+            "750",
+            "--shape",
+            "4x4",
+            "--material",
+            "any",
+            "--out",
+            &some,
+        ],
+    );
+    expect(0, import);
+    let said = stderr(&expect(0, predict("some.npz", &["--mc", "0"])));
+    assert!(
+        said.contains("note: the run was trained on ")
+            && said.contains(" sweeps, which says nothing"),
+        "{said}"
+    );
     let shown = stdout(&expect(0, predict("twin.h5", &[])));
     assert!(shown.lines().next().unwrap().contains("named"), "{shown}");
-    assert!(
-        shown.contains(" of 40 whose material the file names"),
-        "{shown}"
-    );
+    assert!(shown.contains(" of 40 right"), "{shown}");
     let plain = stdout(&expect(0, with(&lab, &["eval", "--mc", "0"], "run", &[])));
     assert!(!plain.contains("MC dropout"), "{plain}");
     let refused = stderr(&expect(2, predict("new", &["--rate", "100"])));
@@ -576,8 +597,23 @@ fn two_objects_are_of_one_material_or_of_two() {
         "either way round"
     );
     let said = stdout(&expect(0, with(&lab, &["same"], "run", &[&cup, &cloth])));
-    assert!(said.contains("of one material with "), "{said}");
+    assert!(said.contains("probability of one material "), "{said}");
     expect(2, with(&lab, &["same"], "run", &[&cup, "nowhere.npz"]));
+    // Names in the files that contradict the verdict, and those that the run does not know.
+    let named = |file: &str, name: &str| {
+        let out = lab.path(file).display().to_string();
+        let more = ["--material", name, "--rate", "750", "--out", &out];
+        expect(0, with(&lab, &["data", "import"], "cup/glass", &more));
+        out
+    };
+    let (glass, silk) = (named("glass.npz", "glass"), named("silk.npz", "silk"));
+    let both = expect(0, with(&lab, &["same"], "run", &[&glass, &silk]));
+    let (verdict, hints) = (stdout(&both), stderr(&both));
+    assert!(
+        verdict.contains("the files say otherwise: glass names `glass`, silk `silk`"),
+        "{verdict}"
+    );
+    assert!(hints.contains("the run does not know `silk`"), "{hints}");
     // The run is named either way, and what is odd about the files is said.
     let named = with(&lab, &["same", "--run"], "run", &[&cup, &cloth]);
     assert_eq!(stdout(&expect(0, named)), said);

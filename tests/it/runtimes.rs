@@ -2,13 +2,14 @@
 
 use serde_json::Value;
 
-use crate::command::{Lab, RecipeChange, expect, stdout, tactnet};
+use crate::command::{CONVOLUTIONS, Lab, RecipeChange, SPECTRA, expect, stdout, tactnet};
 
-/// A small trained network; with `levels` removed or kept, and steps that leave a pool unfilled.
-fn trained(levels: &str) -> Lab {
+/// A small trained network of `layers`; with `levels` removed or kept, and steps that leave a pool unfilled.
+fn trained(levels: &str, layers: &'static str) -> Lab {
     let lab = Lab::new();
     let recipe = lab.recipe(RecipeChange {
         epochs: Some(2),
+        layers,
         ..RecipeChange::default()
     });
     let mut twin = tactnet(["data", "twin", "--materials", "4", "--sweeps", "20"]);
@@ -23,8 +24,13 @@ fn trained(levels: &str) -> Lab {
 }
 
 fn agrees(runtime: &str) {
-    for levels in ["kept", "removed"] {
-        let lab = trained(levels);
+    for (levels, layers) in [
+        ("kept", CONVOLUTIONS),
+        ("removed", CONVOLUTIONS),
+        ("kept", SPECTRA),
+        ("removed", SPECTRA),
+    ] {
+        let lab = trained(levels, layers);
         let mut eval = tactnet(["eval", "--json", "--runtime", runtime]);
         eval.arg(lab.path("run"));
         let found: Value = serde_json::from_str(&stdout(&expect(0, eval))).unwrap();
@@ -32,7 +38,7 @@ fn agrees(runtime: &str) {
             let compared = &found["runtimes"][way];
             assert_eq!(compared["runtime"], runtime, "{found}");
             let apart = compared["largest_difference"].as_f64().unwrap();
-            assert!(apart < 1e-4, "levels {levels}, {way}: {apart}");
+            assert!(apart < 1e-4, "levels {levels}, {layers}, {way}: {apart}");
             assert!(compared["p50_us"].as_f64().unwrap() > 0.0);
         }
     }
@@ -62,7 +68,7 @@ fn onnx_runtime_agrees_with_burn() {
 #[cfg(not(feature = "candle"))]
 #[test]
 fn a_runtime_that_was_left_out_is_named() {
-    let lab = trained("kept");
+    let lab = trained("kept", CONVOLUTIONS);
     let mut eval = tactnet(["eval", "--runtime", "candle"]);
     eval.arg(lab.path("run"));
     let said = crate::command::stderr(&expect(2, eval));

@@ -242,6 +242,7 @@ fn a_loss_that_is_no_number_stops_with_epoch_and_batch_and_keeps_the_checkpoint(
     let recipe = lab.recipe(RecipeChange {
         epochs: Some(5),
         extra_training: "learning_rate_drops = [{ after_epoch = 2, factor = 1e40 }]",
+        ..RecipeChange::default()
     });
     let output = expect(1, lab.train(&recipe, "run"));
     let message = stderr(&output);
@@ -448,7 +449,7 @@ fn mistakes_get_one_line_and_exit_code_two() {
         ),
         (
             &["train", "--recipe", "tesis"],
-            &["tesis", "fast, thesis", "did you mean `thesis`?"],
+            &["tesis", "fast, spectra, thesis", "did you mean `thesis`?"],
         ),
         (
             &["experiment", "run", "nsht"],

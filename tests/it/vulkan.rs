@@ -1,25 +1,20 @@
-//! TactNet-II on a Vulkan device (a GPU, or mesa's lavapipe) against the processor.
+//! Networks on a Vulkan device (a GPU, or mesa's lavapipe) against the processor.
 
 use burn::optim::GradientsParams;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use tactnet_data::twin::{TwinConfig, generate};
 use tactnet_data::{Fold, Scheme, Seed};
 use tactnet_models::{
-    Architecture, Compute, InputShape, TactNet, TactNetConfig, Weights, cross_entropy,
-    dropout_masks,
+    Architecture, Compute, InputShape, Spectra, TactNet, TactNetConfig, Trunk, Weights,
+    cross_entropy, dropout_masks,
 };
 use tactnet_pipeline::{ClassifierConfig, ModelConfig, Recipe, TactNetSetup, Training};
 
-fn logits_and_gradients(device: &Device) -> (Vec<f32>, Weights) {
+fn logits_and_gradients(device: &Device, architecture: Architecture) -> (Vec<f32>, Weights) {
     let device = device.clone().autodiff();
     let input = InputShape {
         steps: 100,
         taxels: 4,
-    };
-    let architecture = Architecture {
-        maps: vec![4, 6],
-        hidden: 8,
-        ..Architecture::default()
     };
     let config = TactNetConfig::new(architecture, input, 3).unwrap();
     let net = TactNet::init(&config, &device, &mut Seed(1).rng("initial weights"));
@@ -45,17 +40,32 @@ fn logits_and_gradients(device: &Device) -> (Vec<f32>, Weights) {
 
 #[test]
 fn vulkan_gives_the_logits_and_gradients_of_the_processor() {
-    let (expected, expected_gradients) = logits_and_gradients(&Compute::Cpu.open().unwrap());
-    let (found, gradients) = logits_and_gradients(&Compute::Vulkan.open().unwrap());
-    for (a, b) in found.iter().zip(&expected) {
-        assert!((a - b).abs() < 1e-3, "logit {a} instead of {b}");
-    }
-    assert_eq!(gradients.0.len(), expected_gradients.0.len());
-    for (name, gradient) in &gradients.0 {
-        let expected = &expected_gradients.0[name].values;
-        let scale = expected.iter().fold(1e-3_f32, |m, v| m.max(v.abs()));
-        for (a, b) in gradient.values.iter().zip(expected) {
-            assert!((a - b).abs() < 1e-3 * scale, "{name}: {a} instead of {b}");
+    let spectra = Spectra {
+        bands: 6,
+        taxel_units: 5,
+        units: 7,
+        ..Spectra::default()
+    };
+    let spectra = Architecture {
+        trunk: Trunk::Spectra(spectra),
+        hidden: 8,
+        ..Architecture::default()
+    };
+    for architecture in [Architecture::tactnet2(&[4, 6], 8), spectra] {
+        let of =
+            |compute: Compute| logits_and_gradients(&compute.open().unwrap(), architecture.clone());
+        let (expected, expected_gradients) = of(Compute::Cpu);
+        let (found, gradients) = of(Compute::Vulkan);
+        for (a, b) in found.iter().zip(&expected) {
+            assert!((a - b).abs() < 1e-3, "logit {a} instead of {b}");
+        }
+        assert_eq!(gradients.0.len(), expected_gradients.0.len());
+        for (name, gradient) in &gradients.0 {
+            let expected = &expected_gradients.0[name].values;
+            let scale = expected.iter().fold(1e-3_f32, |m, v| m.max(v.abs()));
+            for (a, b) in gradient.values.iter().zip(expected) {
+                assert!((a - b).abs() < 1e-3 * scale, "{name}: {a} instead of {b}");
+            }
         }
     }
 }
@@ -63,9 +73,9 @@ fn vulkan_gives_the_logits_and_gradients_of_the_processor() {
 /// The mean loss after each of ten steps, and the weights after them: blocks of one map in and of several, Adam, running statistics.
 ///
 /// With `threads` every step comes from a thread of its own.
-fn trained(device: Compute, method: &str, threads: bool) -> (Vec<f64>, Weights) {
+fn trained(device: Compute, layers: &str, method: &str, threads: bool) -> (Vec<f64>, Weights) {
     let text = format!(
-        "name = \"small\"\nnetwork = {{ maps = [4, 6], hidden = 8 }}\n\
+        "name = \"small\"\nnetwork = {{ {layers}, hidden = 8 }}\n\
          [training]\nepochs = 5\nbatch = 8\nlearning_rate = 0.01\nmethod = {method}\n"
     );
     let recipe = Recipe::parse("small", &text).unwrap();
@@ -100,21 +110,25 @@ fn trained(device: Compute, method: &str, threads: bool) -> (Vec<f64>, Weights) 
 
 #[test]
 fn vulkan_trains_as_the_processor_does_and_always_the_same() {
-    for (method, tolerance) in [
-        ("{ kind = \"base\" }", 1e-3),
+    const MAPS: &str = "maps = [4, 6]";
+    const SPECTRA: &str = "spectra = { bands = 6, taxel_units = 5, units = 7 }";
+    for (layers, method, tolerance) in [
+        (MAPS, "{ kind = \"base\" }", 1e-3),
+        (SPECTRA, "{ kind = \"base\" }", 1e-3),
         // The sign of a gradient near zero is another one.
         (
+            MAPS,
             "{ kind = \"adversarial\", alpha = 0.5, epsilon = 4.0 }",
             1e-2,
         ),
     ] {
-        let (expected, _) = trained(Compute::Cpu, method, false);
-        let found = trained(Compute::Vulkan, method, false);
+        let (expected, _) = trained(Compute::Cpu, layers, method, false);
+        let found = trained(Compute::Vulkan, layers, method, false);
         assert!(
-            found == trained(Compute::Vulkan, method, false),
+            found == trained(Compute::Vulkan, layers, method, false),
             "to the bit"
         );
-        let elsewhere = trained(Compute::Vulkan, method, true);
+        let elsewhere = trained(Compute::Vulkan, layers, method, true);
         assert!(found == elsewhere, "to the bit, from other threads");
         for (a, b) in found.0.iter().zip(&expected) {
             assert!(

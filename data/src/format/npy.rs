@@ -105,7 +105,7 @@ impl Header {
         let kind = letters.next().unwrap_or(' ');
         if !"uifbSU".contains(kind) {
             return Err(match kind {
-                'O' => "Python objects (pickled): sweeps must be equally long, and names text (`.astype(str)`)".into(),
+                'O' => "Python objects (pickled), as numpy saves a dict, or a list of sweeps of several lengths: sweeps must be one array of numbers, names text (`.astype(str)`)".into(),
                 _ => format!("values of type `{descr}`"),
             });
         }

@@ -339,6 +339,7 @@ impl<'a> Arrays<'a> {
                 (Some(meant), None) => {
                     format!("; rename `{meant}` to `{name}`, if that is what it holds")
                 }
+                (None, _) if names == SAMPLES => self.one_for_each_material().unwrap_or_default(),
                 (None, _) => String::new(),
             };
             self.error(name, expected, format!("only {found}{meant}"))
@@ -354,6 +355,19 @@ impl<'a> Arrays<'a> {
         };
         let mut others = self.others.iter().map(|(name, _)| name.as_str());
         others.find(|other| usual.contains(&other.to_lowercase().as_str()))
+    }
+
+    /// How to make one array of many that hold sweeps of one shape, as where each material has its own.
+    fn one_for_each_material(&self) -> Option<String> {
+        let mut shapes = self.others.iter().map(|(_, shape)| shape.as_deref());
+        let of_sweep = shapes.next()??.get(1..)?.to_vec();
+        let alike = |shape: Option<&[usize]>| shape.and_then(|s| s.get(1..)) == Some(&of_sweep);
+        let many = self.others.len() > 1 && of_sweep.len() > 1 && shapes.all(alike);
+        many.then(|| {
+            "; one array for each material? `d = dict(np.load(FILE)); np.savez_compressed(\"sweeps.npz\", X=np.concatenate(list(d.values())), \
+             y=np.repeat(list(d), [len(x) for x in d.values()]))`"
+                .into()
+        })
     }
 
     /// What is in the archive and not read, a sentence for each thing.

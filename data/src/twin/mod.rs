@@ -52,6 +52,10 @@
 //! [`TwinConfig::difficulty`] divides the distances between the materials' points and touches nothing else: neither the
 //! variability of one material nor the random streams. 2 halves every difference between materials. The targets are
 //! fitted at 1.
+//!
+//! # Force and speed
+//! [`TwinConfig::contact_force`] is a factor on `O` and `S`, [`TwinConfig::speed`] one on `v`; random streams stay as they are, so that a sweep can be
+//! felt again harder or faster. What a real skin does at another force beyond its levels is not modelled.
 
 mod construction;
 mod embedding;
@@ -102,6 +106,10 @@ pub struct TwinConfig {
     pub seed: u64,
     /// Divides the distances between materials in the latent space: larger is harder.
     pub difficulty: f64,
+    /// How hard the finger presses, as a factor on the usual force: all levels follow, and with them texture and grain.
+    pub contact_force: f64,
+    /// Speed of the stroke, as a factor on the usual 3 cm/s.
+    pub speed: f64,
 }
 
 impl Default for TwinConfig {
@@ -113,6 +121,8 @@ impl Default for TwinConfig {
             steps: 1000,
             seed: 1,
             difficulty: 1.0,
+            contact_force: 1.0,
+            speed: 1.0,
         }
     }
 }
@@ -131,12 +141,14 @@ impl TwinConfig {
         if self.steps == 0 {
             return wrong("twin steps", "at least 1", "0".into());
         }
-        if !(self.difficulty.is_finite() && self.difficulty > 0.0) {
-            return wrong(
-                "twin difficulty",
-                "a positive number",
-                self.difficulty.to_string(),
-            );
+        for (item, factor) in [
+            ("twin difficulty", self.difficulty),
+            ("twin contact force", self.contact_force),
+            ("twin speed", self.speed),
+        ] {
+            if !(factor.is_finite() && factor > 0.0) {
+                return wrong(item, "a positive number", factor.to_string());
+            }
         }
         Ok(())
     }
@@ -149,7 +161,7 @@ impl TwinConfig {
 /// size takes about three seconds of one core and 58 MB.
 ///
 /// # Errors
-/// More materials than there are names, nothing to generate, or a difficulty that is not a positive number.
+/// More materials than there are names, nothing to generate, or a difficulty, force or speed that is not a positive number.
 pub fn generate(config: &TwinConfig) -> Result<Dataset, DataError> {
     generate_with(config, &Construction::of(config.version))
 }
@@ -226,7 +238,9 @@ impl Plan<'_> {
         let mut own = seed.rng(("twin-excursion", label, sweep));
         let excursion = self.excursions.draw(label, c.excursion_reach, &mut own);
         let drift = Drift::draw(&mut block_rng);
-        let contact = Contact::draw(&drift, &mut rng);
+        let contact = Contact::draw(&drift, &mut rng)
+            .with_force(self.config.contact_force)
+            .with_speed(self.config.speed);
         let distance = c.distance * self.config.difficulty;
         let latent: Latent = std::array::from_fn(|axis| {
             let own = self.materials[label][axis] / distance;
@@ -467,10 +481,73 @@ mod tests {
                 },
                 "difficulty",
             ),
+            (
+                TwinConfig {
+                    contact_force: -1.0,
+                    ..good.clone()
+                },
+                "contact force",
+            ),
+            (
+                TwinConfig {
+                    speed: f64::INFINITY,
+                    ..good.clone()
+                },
+                "speed",
+            ),
         ] {
             let error = generate(&config).unwrap_err().to_string();
             assert!(error.contains(named), "{error}");
         }
+    }
+
+    /// Levels follow the force; at twice the speed, digits are less like those five steps before.
+    #[test]
+    fn a_sweep_can_be_felt_again_harder_or_faster() {
+        let usual = TwinConfig {
+            materials: 6,
+            sweeps: 10,
+            steps: 600,
+            ..TwinConfig::default()
+        };
+        let harder = TwinConfig {
+            contact_force: 1.5,
+            ..usual.clone()
+        };
+        let faster = TwinConfig {
+            speed: 2.0,
+            ..usual.clone()
+        };
+        let twins = [&usual, &harder, &faster].map(|config| generate(config).unwrap());
+        // The strongest taxel, which stays above the dead zone.
+        let taxel = |dataset: &Dataset, index: usize| -> Vec<f64> {
+            let sweep = dataset.sweep(index);
+            let after = sweep[300 * TAXELS..].chunks_exact(TAXELS);
+            after.map(|frame| f64::from(frame[5])).collect()
+        };
+        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+        let [levels, likeness] = [0, 1].map(|what| {
+            twins.each_ref().map(|twin| {
+                let of_sweep = |index: usize| {
+                    let values = taxel(twin, index);
+                    let level = mean(&values);
+                    if what == 0 {
+                        return level;
+                    }
+                    let (mut products, mut squares) = (0.0, 0.0);
+                    for pair in values.windows(6) {
+                        products += (pair[0] - level) * (pair[5] - level);
+                        squares += (pair[0] - level).powi(2);
+                    }
+                    products / squares
+                };
+                mean(&(0..twin.len()).map(of_sweep).collect::<Vec<_>>())
+            })
+        });
+        assert!((levels[1] / levels[0] - 1.5).abs() < 0.03, "{levels:?}");
+        assert!((levels[2] / levels[0] - 1.0).abs() < 0.03, "{levels:?}");
+        assert!((likeness[1] - likeness[0]).abs() < 0.03, "{likeness:?}");
+        assert!(likeness[2] < likeness[0] - 0.03, "{likeness:?}");
     }
 
     #[test]

@@ -128,6 +128,20 @@ impl Contact {
             onset: std::array::from_fn(|_| first_slip + SLIP_DELAY_STEPS * unit(rng)),
         }
     }
+
+    /// The same with all levels `factor` times as high.
+    pub(super) fn with_force(mut self, factor: f64) -> Self {
+        self.levels
+            .iter_mut()
+            .for_each(|level| *level += factor.ln());
+        self
+    }
+
+    /// The same at `factor` times the speed.
+    pub(super) fn with_speed(mut self, factor: f64) -> Self {
+        self.speed += factor.ln();
+        self
+    }
 }
 
 /// A discrete Ornstein-Uhlenbeck process in its stationary state.

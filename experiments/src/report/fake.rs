@@ -209,6 +209,7 @@ pub(crate) fn row(data: &str, model: &str, method: &str, measure: Measure) -> Ro
         decisions: 600,
         published: None,
         humans: None,
+        cost: None,
     }
 }
 

@@ -188,6 +188,7 @@ fn unit(measure: Measure) -> &'static str {
         Unit::Squared => "0 to 2",
         Unit::Materials => "materials",
         Unit::Sweeps => "sweeps",
+        Unit::Operations => "millions",
     }
 }
 

@@ -1,14 +1,17 @@
 //! A classifier as an ONNX file: digits in, log-probabilities out, for any program that has an ONNX runtime.
 //!
 //! ```text
-//! digits [sweeps, steps, taxels] ─ levels, scaling ─ blocks ─ features ─┬─────────── head ─> log_probability    [sweeps, materials]
+//! digits [sweeps, steps, taxels] ─ levels, scaling ─ trunk ── features ─┬─────────── head ─> log_probability    [sweeps, materials]
 //! masks  [runs, features] ──────────────────────────────────────────────┴─ product ─ head ─> mc_log_probability [sweeps, materials]
 //!                                                                                         └> mutual_information [sweeps], nats
 //! ```
 //!
 //! The second line only with [`OnnxInputs::DigitsAndMasks`]. Masks are those of inverted dropout: `1 / keep_probability` or 0. The mean over runs is that of probabilities (thesis, section 4.5.2).
 
+mod builder;
+mod convolutions;
 mod message;
+mod spectral;
 
 use std::collections::BTreeMap;
 
@@ -17,9 +20,10 @@ use tactnet_models::{Compute, NORM_EPSILON, Weights};
 
 use super::properties::{network_setup, properties};
 use crate::{Calibration, Classifier, ClassifierConfig, PipelineError};
-use message::{
-    Attribute, Graph, IR_VERSION, Model, Node, OPSET, OperatorSet, Property, Size, Tensor, Value,
-};
+use builder::{Builder, Stored};
+use convolutions::convolutions;
+use message::{Attribute, IR_VERSION, Model, OPSET, OperatorSet, Property, Size, Value};
+use spectral::spectral;
 
 /// What an exported network takes. ONNX has no inputs that may be left out: one with a default is a warning of ONNX Runtime's at every load.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,34 +54,7 @@ print(labels[session.run(["mc_log_probability"], {"digits": digits, "masks": mas
 
 A mask has KEPT with probability KEEP in each place, else 0; "mc_log_probability" is that of the mean over runs. "log_probability" is without dropout and takes any masks."#;
 
-/// Writes nodes and keeps count of their names.
-#[derive(Default)]
-struct Builder {
-    graph: Graph,
-}
-
 impl Builder {
-    /// Adds `op`; its result is called `output`.
-    fn node(&mut self, op: &str, inputs: &[&str], output: &str, attributes: Vec<Attribute>) {
-        self.graph.node.push(Node {
-            input: inputs.iter().map(ToString::to_string).collect(),
-            output: vec![output.into()],
-            name: output.into(),
-            op_type: op.into(),
-            attribute: attributes,
-        });
-    }
-
-    fn floats(&mut self, name: &str, shape: &[usize], values: &[f32]) {
-        self.graph
-            .initializer
-            .push(Tensor::floats(name, shape, values));
-    }
-
-    fn integers(&mut self, name: &str, values: &[i64]) {
-        self.graph.initializer.push(Tensor::integers(name, values));
-    }
-
     /// From features `[sweeps, runs, features]` to log-probabilities `[sweeps, runs, materials]`, all names beginning with `prefix`.
     fn head(&mut self, prefix: &str, features: &str) -> String {
         let name = |step: &str| format!("{prefix}_{step}");
@@ -195,7 +172,7 @@ pub fn to_onnx(
     let mut builder = Builder::default();
     let (steps, taxels) = (config.shape.steps, config.shape.taxels());
     let (features, materials) = (network.features(), network.materials());
-    let tensor = |name: &str| -> Result<(&[usize], &[f32]), PipelineError> {
+    let tensor = |name: &str| -> Result<Stored<'_>, PipelineError> {
         let found = weights
             .0
             .get(name)
@@ -225,57 +202,15 @@ pub fn to_onnx(
     builder.integers("channel_axis", &[1]);
     builder.node("Unsqueeze", &["scaled", "channel_axis"], "maps0", vec![]);
 
-    let [along, across] = network.architecture().kernel;
-    for (number, pool) in network.pools().iter().enumerate() {
-        let (before, layer) = (format!("maps{number}"), format!("conv{}", number + 1));
-        let name = |what: &str| format!("{layer}.{what}");
-        for what in [
-            "weight",
-            "gamma",
-            "beta",
-            "running_mean",
-            "running_variance",
-        ] {
-            let (shape, values) = tensor(&name(what))?;
-            builder.floats(&name(what), shape, values);
-        }
-        builder.node(
-            "Conv",
-            &[&before, &name("weight")],
-            &name("convolved"),
-            vec![
-                Attribute::ints("kernel_shape", &[along, across]),
-                Attribute::ints("pads", &[along / 2, across / 2, along / 2, across / 2]),
-            ],
-        );
-        builder.node(
-            "BatchNormalization",
-            &[
-                &name("convolved"),
-                &name("gamma"),
-                &name("beta"),
-                &name("running_mean"),
-                &name("running_variance"),
-            ],
-            &name("normalized"),
-            vec![Attribute::float("epsilon", NORM_EPSILON as f32)],
-        );
-        builder.node("Relu", &[&name("normalized")], &name("rectified"), vec![]);
-        builder.node(
-            "MaxPool",
-            &[&name("rectified")],
-            &format!("maps{}", number + 1),
-            vec![
-                Attribute::ints("kernel_shape", &[*pool, 1]),
-                Attribute::ints("strides", &[*pool, 1]),
-                Attribute::int("ceil_mode", 1),
-            ],
-        );
+    if let Some((kernel, pools)) = network.convolutions() {
+        convolutions(&mut builder, tensor, kernel, pools)?;
     }
-    let last = format!("maps{}", network.pools().len());
+    if let Some(spectra) = network.spectra() {
+        spectral(&mut builder, tensor, spectra, taxels)?;
+    }
     builder.node(
         "Flatten",
-        &[&last],
+        &["trunk"],
         "features",
         vec![Attribute::int("axis", 1)],
     );
@@ -319,7 +254,10 @@ pub fn to_onnx(
     }
 
     let sweeps = || Size::open("sweeps");
-    builder.graph.name = "TactNet-II".into();
+    builder.graph.name = match network.spectra() {
+        Some(_) => "spectra".into(),
+        None => "TactNet-II".into(),
+    };
     builder.graph.input = vec![Value::floats(
         "digits",
         vec![sweeps(), Size::of(steps), Size::of(taxels)],

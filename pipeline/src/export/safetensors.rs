@@ -7,8 +7,8 @@ use tactnet_models::{NamedTensor, Weights};
 use super::properties::{network_setup, properties};
 use crate::{Calibration, ClassifierConfig, PipelineError};
 
-/// The bytes of a safetensors file with weights and scaling: the tensors of a run directory, `input.offset` and `input.gain` `[taxels]`, and
-/// the same properties as an ONNX file.
+/// The bytes of a safetensors file with weights and scaling: the tensors of a run directory, `input.offset` and `input.gain` `[taxels]`, of a
+/// network on spectra `spectra.fourier` and `spectra.bands` (see [`tactnet_models::SpectralTables`]), and the same properties as an ONNX file.
 ///
 /// # Errors
 /// A classifier that is no network.
@@ -32,15 +32,22 @@ pub fn to_safetensors(
     }
     let network = config.network_config(setup)?;
     let mut about = properties(config, setup, calibration, about);
-    about.extend([
-        (
-            "kernel".to_owned(),
-            serde_json::json!(network.architecture().kernel).to_string(),
-        ),
-        (
-            "pools".into(),
-            serde_json::json!(network.pools()).to_string(),
-        ),
-    ]);
+    let json = |value: serde_json::Value| value.to_string();
+    if let Some((kernel, pools)) = network.convolutions() {
+        about.insert("kernel".into(), json(kernel.into()));
+        about.insert("pools".into(), json(pools.into()));
+    }
+    if let Some(spectra) = network.spectra() {
+        let tables = spectra.tables();
+        let mut put = |name: &str, shape: [usize; 2], values| {
+            let shape = shape.to_vec();
+            weights.0.insert(name.into(), NamedTensor { shape, values });
+        };
+        let (window, bins) = (spectra.window(), tables.bins);
+        put("spectra.fourier", [2 * bins, window], tables.fourier);
+        put("spectra.bands", [spectra.bands(), bins], tables.bands);
+        about.insert("window".into(), json(spectra.window().into()));
+        about.insert("hop".into(), json(spectra.hop().into()));
+    }
     Ok(weights.to_safetensors(about)?)
 }

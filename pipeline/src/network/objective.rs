@@ -262,11 +262,7 @@ mod tests {
     }
 
     fn batch() -> Batch {
-        let architecture = Architecture {
-            maps: vec![3, 4],
-            hidden: 8,
-            ..Architecture::default()
-        };
+        let architecture = Architecture::tactnet2(&[3, 4], 8);
         let config = TactNetConfig::new(architecture, SHAPE, 3).unwrap();
         let device = Device::flex();
         let tracked = device.clone().autodiff();

@@ -246,6 +246,17 @@ impl Classifier {
         Ok(scorer.mutual_information(&embedding.convolution, mc_samples))
     }
 
+    /// Returns the multiply-adds of one prediction without dropout; `None` where they are beyond all bounds, and of baselines.
+    ///
+    /// # Errors
+    /// A setting of the network out of range.
+    pub fn multiply_adds(&self) -> Result<Option<u64>, PipelineError> {
+        match &self.config.model {
+            ModelConfig::TactNet2(setup) => Ok(self.config.network_config(setup)?.multiply_adds()),
+            ModelConfig::Baseline(_) => Ok(None),
+        }
+    }
+
     /// The trained network.
     ///
     /// # Errors

@@ -131,6 +131,13 @@ impl ClassifiedSweeps {
         })
     }
 
+    /// Returns the material that the file names for all sweeps; `None` where it names none or several.
+    pub(crate) fn only_name(&self) -> Option<&str> {
+        let mut named = self.sweeps.iter().map(|sweep| sweep.named.as_deref());
+        let first = named.next()??;
+        named.all(|name| name == Some(first)).then_some(first)
+    }
+
     /// Returns what to know about sweeps of materials that the classifier was not taught, in one line; `None` where the file names none.
     pub fn hint(&self) -> Option<String> {
         let known: BTreeSet<&str> = self.materials.names().collect();
@@ -216,18 +223,23 @@ impl fmt::Display for ClassifiedSweeps {
         let named = listed.iter().filter_map(|sweep| sweep.named.as_deref());
         let third = widest(&mut named.clone(), 5);
         let is_labelled = named.clone().next().is_some();
-        write!(f, "{:first$}  {:second$}", "sweep", "material")?;
+        write!(f, "{:first$}", "sweep")?;
         if is_labelled {
             write!(f, "  {:third$}", "named")?;
         }
-        writeln!(f, "  probability  or else")?;
+        writeln!(f, "  {:second$}  probability  or else", "material")?;
         for sweep in listed {
             let (best, next) = two_largest(&sweep.probabilities);
-            write!(f, "{:first$}  {:second$}", sweep.sweep, sweep.material)?;
+            write!(f, "{:first$}", sweep.sweep)?;
             if is_labelled {
                 write!(f, "  {:third$}", sweep.named.as_deref().unwrap_or_default())?;
             }
-            write!(f, "  {:>9.1} %", 100.0 * sweep.probabilities[best])?;
+            write!(
+                f,
+                "  {:second$}  {:>9.1} %",
+                sweep.material,
+                100.0 * sweep.probabilities[best]
+            )?;
             if let Some(next) = next {
                 let probability = 100.0 * sweep.probabilities[next];
                 write!(f, "  {} {probability:.1} %", self.materials.name(next))?;
@@ -273,7 +285,7 @@ impl fmt::Display for ClassifiedSweeps {
             )?;
         }
         if is_labelled {
-            let is_right = |sweep: &&ClassifiedSweep| {
+            let is_right = |sweep: &ClassifiedSweep| {
                 sweep.unknown != Some(true) && sweep.named.as_ref() == Some(&sweep.material)
             };
             let known: BTreeSet<&str> = self.materials.names().collect();
@@ -281,15 +293,32 @@ impl fmt::Display for ClassifiedSweeps {
                 let named = sweep.named.as_deref();
                 named.is_some_and(|named| known.contains(named))
             };
-            write!(
-                f,
-                "\nright: {} of {} whose material the file names",
-                self.sweeps.iter().filter(is_right).count(),
-                self.sweeps.iter().filter(is_known).count()
-            )?;
-            let unknown = self.sweeps.iter().filter(|it| !is_known(it)).count();
-            if unknown > 0 {
-                write!(f, ", and {unknown} of materials that the run does not know")?;
+            let (known, unknown): (Vec<&ClassifiedSweep>, Vec<_>) =
+                self.sweeps.iter().partition(is_known);
+            let called_none =
+                |of: &[&ClassifiedSweep]| of.iter().filter(|it| it.unknown == Some(true)).count();
+            let judges = self.sweeps.iter().any(|sweep| sweep.unknown.is_some());
+            if !known.is_empty() {
+                write!(
+                    f,
+                    "\nof materials that the run knows: {} of {} right",
+                    known.iter().filter(|sweep| is_right(sweep)).count(),
+                    known.len()
+                )?;
+                if judges {
+                    write!(f, ", {} called none of them", called_none(&known))?;
+                }
+            }
+            if !unknown.is_empty() {
+                let judged = match judges {
+                    true => format!(
+                        "{} of {} called none of them",
+                        called_none(&unknown),
+                        unknown.len()
+                    ),
+                    false => unknown.len().to_string(),
+                };
+                write!(f, "\nof materials that it does not know: {judged}")?;
             }
         }
         if let Some(object) = &self.object {

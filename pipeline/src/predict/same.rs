@@ -35,6 +35,8 @@ pub struct SameMaterial {
     pub materials: LabelSet,
     /// Names of the two data sets.
     pub data: [String; 2],
+    /// The material that each data set names, where it names one.
+    pub named: [Option<String>; 2],
     /// What the classifier says of each.
     pub objects: [ClassifiedObject; 2],
     /// Probability that both are of one material, before which same and different are equally likely. It holds for materials that the
@@ -48,6 +50,9 @@ pub struct SameMaterial {
 impl SameMaterial {
     /// Of two sets of sweeps that were classified as one object each, by one classifier; `None` where one was not.
     pub fn of(found: [ClassifiedSweeps; 2]) -> Option<Self> {
+        let named = found
+            .each_ref()
+            .map(|sweeps| sweeps.only_name().map(str::to_owned));
         let [first, second] = found;
         let objects = [first.object?, second.object?];
         let [a, b] = objects.each_ref().map(|object| {
@@ -61,6 +66,7 @@ impl SameMaterial {
             data: [first.data, second.data],
             same: 1.0 - probability_of_different_materials(&a, &b),
             objects,
+            named,
             cautions: [first.caution, second.caution]
                 .into_iter()
                 .flatten()
@@ -91,18 +97,36 @@ impl fmt::Display for SameMaterial {
         } else {
             "different"
         };
+        let unknown = self.data.iter().zip(&self.objects);
+        let unknown: Vec<&String> = unknown
+            .filter(|(_, object)| object.unknown == Some(true))
+            .map(|(name, _)| name)
+            .collect();
+        // The verdict does not stand alone where it means little.
+        let trust = if unknown.is_empty() {
+            ""
+        } else {
+            ", but see below"
+        };
         write!(
             f,
-            "{answer}: of one material with {:.1} % (same and different taken for equally likely beforehand)",
+            "{answer}{trust}: probability of one material {:.1} % (same and different taken for equally likely beforehand)",
             100.0 * self.same
         )?;
-        for (name, object) in self.data.iter().zip(&self.objects) {
-            if object.unknown == Some(true) {
-                write!(
-                    f,
-                    "\nwarning: {name} is most likely none of the materials that the classifier knows, so this says little"
-                )?;
-            }
+        for name in unknown {
+            write!(
+                f,
+                "\nwarning: {name} is most likely none of the materials that the classifier knows, so this says little"
+            )?;
+        }
+        if let [Some(first), Some(second)] = &self.named
+            && (first == second) != (self.same >= 0.5)
+        {
+            let [a, b] = &self.data;
+            write!(
+                f,
+                "\nwarning: the files say otherwise: {a} names `{first}`, {b} `{second}`"
+            )?;
         }
         for caution in &self.cautions {
             write!(f, "\nwarning: {caution}")?;

@@ -205,7 +205,12 @@ impl RuntimeSummary {
 
 impl std::fmt::Display for EvalResult {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        writeln!(f, "{}: {} ({} sweeps)", self.data, self.tested, self.n_test)?;
+        let plural = if self.n_test == 1 { "" } else { "s" };
+        writeln!(
+            f,
+            "{}: {} ({} sweep{plural})",
+            self.data, self.tested, self.n_test
+        )?;
         if self.evaluations.is_empty() {
             f.write_str("no sweep of a material that it knows, so there is no accuracy")?;
         } else {

@@ -71,7 +71,7 @@ function showScore() {
   el("score-cycle").hidden = !view.note; set("score-cycle", view.note || "");
   set("score-taught", (right - new_right) + " of " + (all - new_all) + " right");
   el("score-new-name").hidden = el("score-new").hidden = new_all === 0;
-  set("score-new", new_right + " of " + new_all + " called unknown");
+  set("score-new", view.tells_unknown ? new_right + " of " + new_all + " called unknown" : new_all + "; this network cannot say \"unknown\" (train it with --calibrate)");
   const key = all + "/" + right;
   if (el("marks").dataset.key === key) return;
   el("marks").dataset.key = key;
@@ -105,6 +105,8 @@ function showAge() {
   const silentSkin = view && !old && view.frames_per_s < .5;
   el("state").className = old || !view ? "dead" : silentSkin ? "waiting" : "alive";
   set("state", !view ? "connecting" : lost ? "connection lost, trying again" : dead ? "the classifier is silent" : silentSkin ? "waiting for a skin" : "live");
+  document.body.classList.toggle("skinless", Boolean(silentSkin));
+  set("skin-title", silentSkin ? "Skin, last pressure: no reading comes" : "Skin, pressure now");
   set("age", old && view ? "Old: this was the answer " + ago(view.heard_ms + silent) + " ago." : "");
   el("reset").disabled = Boolean(old) || !view;
   set("rate", view && !old && !silentSkin ? view.frames_per_s.toFixed(0) + " readings a second" : "");

@@ -17,6 +17,7 @@ use crate::{GIT, output};
 #[command(after_help = "Examples:\n  \
     tactnet data twin --out twin.h5                         3600 sweeps of 36 materials\n  \
     tactnet data twin --materials 5 --sweeps 20 --out small.h5\n  \
+    tactnet data twin --contact-force 1.3 --out harder.h5   the same sweeps, pressed harder\n  \
     tactnet data twin --stats                               its signal beside the real one\n  \
     tactnet data twin --twin-version 1 --out twin1.h5       as `--data twin1`")]
 pub struct TwinArgs {
@@ -38,6 +39,12 @@ pub struct TwinArgs {
     /// How close the materials are
     #[arg(long, value_name = "X")]
     difficulty: Option<f64>,
+    /// How hard the finger presses: factor on the usual force
+    #[arg(long, value_name = "X")]
+    contact_force: Option<f64>,
+    /// Speed of the stroke: factor on 3 cm/s
+    #[arg(long, value_name = "X")]
+    speed: Option<f64>,
     /// Which twin
     #[arg(long, value_name = "1|2", value_parser = version)]
     twin_version: Option<TwinVersion>,
@@ -94,6 +101,8 @@ pub fn run(arguments: &TwinArgs) -> anyhow::Result<ExitCode> {
         steps: arguments.steps.unwrap_or(default.steps),
         seed: arguments.seed.unwrap_or(default.seed),
         difficulty: arguments.difficulty.unwrap_or(default.difficulty),
+        contact_force: arguments.contact_force.unwrap_or(default.contact_force),
+        speed: arguments.speed.unwrap_or(default.speed),
     };
     if let Some(out) = &arguments.out {
         output::refuse_to_overwrite(out, arguments.force)?;

@@ -302,6 +302,7 @@ mod tests {
         let device = tactnet_models::Compute::Cpu.open().unwrap();
         let context = StudyContext {
             dataset: &twin,
+            data: "twin",
             recipe: &recipe,
             device: &device,
             seed: Seed(1),

@@ -319,6 +319,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let context = StudyContext {
             dataset: &twin,
+            data: "twin",
             recipe: &recipe,
             device: &tactnet_models::Compute::Cpu.open().unwrap(),
             seed: Seed(1),

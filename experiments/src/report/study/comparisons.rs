@@ -6,7 +6,7 @@ use super::super::results::Heading::{Number, Text};
 use super::super::results::{number, sortable};
 use super::super::text::{ABSENT, decimal, p_value, percent, scroll};
 use super::count;
-use crate::measure::method_name;
+use crate::comparison::name_beside;
 use crate::{SampleEfficiency, Summary};
 
 pub(super) fn comparisons(study: &Summary) -> String {
@@ -21,16 +21,21 @@ pub(super) fn comparisons(study: &Summary) -> String {
                 Some([low, high]) => format!("[{}, {}]", decimal(100.0 * low, 1), decimal(100.0 * high, 1)),
                 _ => ABSENT.to_string(),
             };
+            let data = if first.model == second.model {
+                format!("{}, networks by {}", first.data, first.model)
+            } else {
+                first.data.clone()
+            };
             Some(format!(
                 "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td>{}{}<td>{}</td><td>{}</td>{}{}{}{}{}</tr>\n",
-                escape(&format!("{}, networks by {}", first.data, first.model)),
+                escape(&data),
                 escape(first.levels.name()),
                 escape(first.measure.name()),
                 escape(&first.setting),
                 count(first.shots),
                 count(first.sweeps),
-                escape(method_name(&first.method)),
-                escape(method_name(&second.method)),
+                escape(name_beside(first, second)),
+                escape(name_beside(second, first)),
                 number(Some(points), &decimal(points, 1)),
                 number(comparison.ci95.map(|ends| ends[0]), &ends),
                 number(comparison.p, &comparison.p.map(p_value).unwrap_or_default()),

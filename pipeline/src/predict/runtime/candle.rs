@@ -4,6 +4,7 @@ use candle_core::{D, Device, Tensor};
 use candle_nn::ops::log_softmax;
 use std::collections::HashMap;
 use tactnet_data::SweepShape;
+use tactnet_models::{DEVIATION_EPSILON, ENERGY_FLOOR, LOG_GAIN, LOG_OFFSET};
 
 use super::{ExportedNetwork, RuntimeFailure};
 
@@ -16,11 +17,17 @@ pub struct Candle {
     levels_removed: bool,
     offset: Tensor,
     gain: Tensor,
-    blocks: Vec<Block>,
+    trunk: Trunk,
     hidden: Affine,
     output: Affine,
     /// `[mc_samples, features]`
     masks: Option<Tensor>,
+}
+
+/// What makes features of scaled sweeps.
+enum Trunk {
+    Convolutions(Vec<Block>),
+    Spectra(Box<Spectra>),
 }
 
 /// Convolution with its batch normalisation folded in, and its pool.
@@ -39,6 +46,16 @@ struct Affine {
 }
 
 impl Affine {
+    /// A dense layer with its batch normalisation folded in.
+    fn folded(tensors: &HashMap<String, Tensor>, layer: &str) -> Result<Self, RuntimeFailure> {
+        let (scale, shift) = folded(tensors, layer)?;
+        let weight = named(tensors, &format!("{layer}.weight"))?
+            .broadcast_mul(&scale.unsqueeze(1)?)?
+            .t()?
+            .contiguous()?;
+        Ok(Self { weight, shift })
+    }
+
     fn apply(&self, rows: &Tensor) -> candle_core::Result<Tensor> {
         rows.matmul(&self.weight)?.broadcast_add(&self.shift)
     }
@@ -76,34 +93,17 @@ impl Candle {
                 .get(name)
                 .ok_or_else(|| format!("no property `{name}`"))
         };
-        let pools: Vec<usize> = serde_json::from_str(property("pools")?)?;
-        let kernel: [usize; 2] = serde_json::from_str(property("kernel")?)?;
         let device = Device::Cpu;
         let tensors = candle_core::safetensors::load_buffer(bytes, &device)?;
-        let blocks = pools
-            .into_iter()
-            .enumerate()
-            .map(|(number, pool)| {
-                let layer = format!("conv{}", number + 1);
-                let (scale, shift) = folded(&tensors, &layer)?;
-                let weight = named(&tensors, &format!("{layer}.weight"))?
-                    .broadcast_mul(&scale.reshape(((), 1, 1, 1))?)?;
-                Ok(Block {
-                    weight,
-                    shift: shift.reshape((1, (), 1, 1))?,
-                    padding: [kernel[0] / 2, kernel[1] / 2],
-                    pool,
-                })
-            })
-            .collect::<Result<Vec<_>, RuntimeFailure>>()?;
-        let (scale, shift) = folded(&tensors, "hidden")?;
-        let hidden = Affine {
-            weight: named(&tensors, "hidden.weight")?
-                .broadcast_mul(&scale.unsqueeze(1)?)?
-                .t()?
-                .contiguous()?,
-            shift,
+        let trunk = if about.contains_key("hop") {
+            let hop = serde_json::from_str(property("hop")?)?;
+            Trunk::Spectra(Box::new(Spectra::new(&tensors, hop)?))
+        } else {
+            let pools: Vec<usize> = serde_json::from_str(property("pools")?)?;
+            let kernel: [usize; 2] = serde_json::from_str(property("kernel")?)?;
+            Trunk::Convolutions(blocks(&tensors, &pools, kernel)?)
         };
+        let hidden = Affine::folded(&tensors, "hidden")?;
         let output = Affine {
             weight: named(&tensors, "output.weight")?.t()?.contiguous()?,
             shift: named(&tensors, "output.bias")?,
@@ -125,7 +125,7 @@ impl Candle {
             levels_removed: property("levels")? == "removed",
             offset: named(&tensors, "input.offset")?,
             gain: named(&tensors, "input.gain")?,
-            blocks,
+            trunk,
             hidden,
             output,
             masks,
@@ -142,29 +142,125 @@ impl Candle {
         }
         maps = maps
             .broadcast_sub(&self.offset)?
-            .broadcast_mul(&self.gain)?
-            .unsqueeze(1)?;
-        for block in &self.blocks {
-            // Candle pads both axes alike.
-            let [along, across] = block.padding;
-            let padded = maps
-                .pad_with_zeros(2, along, along)?
-                .pad_with_zeros(3, across, across)?;
-            let convolved = padded.conv2d(&block.weight, 0, 1, 1, 1)?;
-            let rectified = convolved.broadcast_add(&block.shift)?.relu()?;
-            // What is left at the end is a pool of its own; values are not negative.
-            let steps = rectified.dim(2)?;
-            let whole = steps.next_multiple_of(block.pool);
-            maps = rectified
-                .pad_with_zeros(2, 0, whole - steps)?
-                .max_pool2d((block.pool, 1))?;
+            .broadcast_mul(&self.gain)?;
+        match &self.trunk {
+            Trunk::Convolutions(blocks) => convolved(maps, blocks),
+            Trunk::Spectra(spectra) => spectra.features(&maps),
         }
-        maps.flatten_from(1)
     }
 
     fn head(&self, features: &Tensor) -> candle_core::Result<Tensor> {
         let hidden = self.hidden.apply(features)?.relu()?;
         log_softmax(&self.output.apply(&hidden)?, D::Minus1)
+    }
+}
+
+/// - `sweeps`: `[sweeps, steps, taxels]`
+fn convolved(sweeps: Tensor, blocks: &[Block]) -> candle_core::Result<Tensor> {
+    let mut maps = sweeps.unsqueeze(1)?;
+    for block in blocks {
+        // Candle pads both axes alike.
+        let [along, across] = block.padding;
+        let padded = maps
+            .pad_with_zeros(2, along, along)?
+            .pad_with_zeros(3, across, across)?;
+        let convolved = padded.conv2d(&block.weight, 0, 1, 1, 1)?;
+        let rectified = convolved.broadcast_add(&block.shift)?.relu()?;
+        // What is left at the end is a pool of its own; values are not negative.
+        let steps = rectified.dim(2)?;
+        let whole = steps.next_multiple_of(block.pool);
+        maps = rectified
+            .pad_with_zeros(2, 0, whole - steps)?
+            .max_pool2d((block.pool, 1))?;
+    }
+    maps.flatten_from(1)
+}
+
+fn blocks(
+    tensors: &HashMap<String, Tensor>,
+    pools: &[usize],
+    kernel: [usize; 2],
+) -> Result<Vec<Block>, RuntimeFailure> {
+    let block = |(number, pool): (usize, &usize)| {
+        let layer = format!("conv{}", number + 1);
+        let (scale, shift) = folded(tensors, &layer)?;
+        let weight = named(tensors, &format!("{layer}.weight"))?
+            .broadcast_mul(&scale.reshape(((), 1, 1, 1))?)?;
+        Ok(Block {
+            weight,
+            shift: shift.reshape((1, (), 1, 1))?,
+            padding: [kernel[0] / 2, kernel[1] / 2],
+            pool: *pool,
+        })
+    };
+    pools.iter().enumerate().map(block).collect()
+}
+
+/// Spectra of windows, and the layers on them.
+struct Spectra {
+    /// `[2 x bins, 1, window]`
+    fourier: Tensor,
+    /// `[bands, bins]`
+    bands: Tensor,
+    /// `[1, 1, window]`
+    average: Tensor,
+    hop: usize,
+    taxel: Affine,
+    window: Affine,
+}
+
+impl Spectra {
+    fn new(tensors: &HashMap<String, Tensor>, hop: usize) -> Result<Self, RuntimeFailure> {
+        let fourier = named(tensors, "spectra.fourier")?.unsqueeze(1)?;
+        let window = fourier.dim(2)?;
+        let average = Tensor::full(1.0 / window as f32, (1, 1, window), &Device::Cpu)?;
+        Ok(Self {
+            fourier,
+            bands: named(tensors, "spectra.bands")?,
+            average,
+            hop,
+            taxel: Affine::folded(tensors, "taxel")?,
+            window: Affine::folded(tensors, "window")?,
+        })
+    }
+
+    /// `[sweeps, steps, taxels]` to `[sweeps, 2 x units]`
+    fn features(&self, scaled: &Tensor) -> candle_core::Result<Tensor> {
+        let (sweeps, steps, taxels) = scaled.dims3()?;
+        let traces = scaled
+            .transpose(1, 2)?
+            .reshape((sweeps * taxels, 1, steps))?;
+        let parts = traces.conv1d(&self.fourier, 0, self.hop, 1, 1)?;
+        let (bins, windows) = (parts.dim(1)? / 2, parts.dim(2)?);
+        let squares = parts.sqr()?;
+        let powers = (squares.narrow(1, 0, bins)? + squares.narrow(1, bins, bins)?)?;
+        // [traces, windows, bands]
+        let energies = powers
+            .transpose(1, 2)?
+            .contiguous()?
+            .reshape((sweeps * taxels * windows, bins))?
+            .matmul(&self.bands.t()?)?;
+        let logarithms = (energies + f64::from(ENERGY_FLOOR))?
+            .log()?
+            .affine(f64::from(LOG_GAIN), f64::from(LOG_OFFSET))?;
+        let means = traces
+            .conv1d(&self.average, 0, self.hop, 1, 1)?
+            .reshape((sweeps * taxels * windows, 1))?;
+        let spectra = Tensor::cat(&[logarithms, means], 1)?;
+        let of_taxels = self.taxel.apply(&spectra)?.relu()?;
+        let units = of_taxels.dim(1)?;
+        let of_windows = of_taxels
+            .reshape((sweeps, taxels, windows, units))?
+            .transpose(1, 2)?
+            .contiguous()?
+            .reshape((sweeps * windows, taxels * units))?;
+        let of_windows = self.window.apply(&of_windows)?.relu()?;
+        let units = of_windows.dim(1)?;
+        let of_windows = of_windows.reshape((sweeps, windows, units))?;
+        let mean = of_windows.mean_keepdim(1)?;
+        let variance = of_windows.broadcast_sub(&mean)?.sqr()?.mean_keepdim(1)?;
+        let deviation = (variance + DEVIATION_EPSILON)?.sqrt()?;
+        Tensor::cat(&[mean, deviation], 2)?.squeeze(1)
     }
 }
 

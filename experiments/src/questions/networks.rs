@@ -1,0 +1,318 @@
+//! How good is a network under several circumstances, and what does it cost?
+
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+use tactnet_data::twin::{TwinConfig, generate};
+use tactnet_data::{DataSource, Dataset, Fold, Scheme, SweepView};
+use tactnet_pipeline::{Classifier, Evaluation, PredictionMethod};
+
+use super::headline::{Headline, best, in_percent};
+use super::{Ask, Compared, Figure, check_counts, check_folds, five, folds, one};
+use crate::context::{Cancelled, StudyContext};
+use crate::one_or_many::one_or_many;
+use crate::result::Answer;
+use crate::summarise::{FinishedTask, is_one_sweep_accuracy};
+use crate::summary::NetworkCost;
+use crate::tasks::ExperimentDir;
+use crate::{ExperimentError, Measure, Measurement, Part, Row, Summary};
+
+/// Sweeps that are fused into one decision.
+const FUSED: usize = 3;
+/// Passes of Monte Carlo dropout.
+const MC_SAMPLES: usize = 100;
+/// The circumstance of a network that is trained and tested as usual.
+const USUAL: &str = "as trained";
+
+/// How good is a network under several circumstances, and what does it cost?
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Networks {
+    /// Folds of each repeat that are asked about.
+    #[serde(default = "five")]
+    pub folds: usize,
+    /// Repeats of the cross-validation.
+    #[serde(default = "one", alias = "runs")]
+    pub repeats: usize,
+    /// Judge by a fifth of each fold's training sweeps, and leave its test sweeps alone: to choose by.
+    #[serde(default)]
+    pub inner: bool,
+    /// Training sweeps of a material, each a circumstance of its own beside all of them; numbers that a fold does not have are left out.
+    #[serde(
+        default,
+        skip_serializing_if = "Vec::is_empty",
+        deserialize_with = "one_or_many"
+    )]
+    pub sweeps: Vec<usize>,
+    /// Factors on the force of the test sweeps' contact, which no training sweep was felt with. Twins alone.
+    #[serde(
+        default,
+        skip_serializing_if = "Vec::is_empty",
+        deserialize_with = "one_or_many"
+    )]
+    pub forces: Vec<f64>,
+    /// Factors on the speed of the test sweeps. Twins alone.
+    #[serde(
+        default,
+        skip_serializing_if = "Vec::is_empty",
+        deserialize_with = "one_or_many"
+    )]
+    pub speeds: Vec<f64>,
+    /// Also trains and tests with a recording block left out, where the data names blocks.
+    #[serde(default)]
+    pub blocks: bool,
+}
+
+impl Ask for Networks {
+    fn validate(&self) -> Result<(), String> {
+        check_folds(self.folds, self.repeats, None)?;
+        check_counts("sweeps", &self.sweeps)?;
+        for (field, factors) in [("forces", &self.forces), ("speeds", &self.speeds)] {
+            if let Some(factor) = factors.iter().find(|f| !(f.is_finite() && **f > 0.0)) {
+                return Err(format!(
+                    "`{field}`: expected factors above 0, found {factor}"
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    fn parts(&self) -> Vec<Part> {
+        folds(self.folds, self.repeats, None)
+    }
+
+    fn answer(&self, context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
+        networks(self, context)
+    }
+
+    fn test_share(&self) -> f64 {
+        0.25
+    }
+
+    fn compared(&self, measure: Measure) -> Option<Compared> {
+        (measure == Measure::Accuracy).then_some(Compared::Networks { sweeps: 1 })
+    }
+
+    fn complete(
+        &self,
+        _dir: &ExperimentDir,
+        summary: &mut Summary,
+        _finished: &[FinishedTask<'_>],
+    ) -> Result<(), ExperimentError> {
+        let of = |row: &Row, measure: Measure| {
+            let mut same = summary.rows.iter().filter(|other| {
+                (
+                    &other.data,
+                    &other.model,
+                    other.levels,
+                    other.steps,
+                    &other.setting,
+                ) == (&row.data, &row.model, row.levels, row.steps, &row.setting)
+            });
+            same.find(|other| other.measure == measure)
+                .map(|other| other.statistic.mean)
+        };
+        let costs: Vec<Option<NetworkCost>> = summary
+            .rows
+            .iter()
+            .map(|row| {
+                is_one_sweep_accuracy(row).then(|| NetworkCost {
+                    network: row.model.clone(),
+                    condition: row.setting.clone(),
+                    accuracy: row.statistic.mean,
+                    multiply_adds: of(row, Measure::MultiplyAdds).map(|millions| millions * 1e6),
+                    train_seconds: of(row, Measure::TrainSeconds),
+                })
+            })
+            .collect();
+        for (row, cost) in summary.rows.iter_mut().zip(costs) {
+            row.cost = cost;
+        }
+        Ok(())
+    }
+
+    fn headline(&self, rows: &[&Row]) -> Option<Headline> {
+        let accuracies = || {
+            let rows = rows.iter().copied();
+            rows.filter(|row| is_one_sweep_accuracy(row))
+        };
+        let chosen = best(accuracies().filter(|row| row.setting == USUAL))?;
+        let worst = accuracies()
+            .filter(|row| row.method == chosen.method)
+            .min_by(|a, b| a.statistic.mean.total_cmp(&b.statistic.mean))?;
+        let qualifier = if worst.setting == USUAL {
+            String::new()
+        } else {
+            format!(
+                "Under `{}` it is {}.",
+                worst.setting,
+                in_percent(worst.statistic.mean)
+            )
+        };
+        let says = "of single sweeps recognised, trained and tested as usual".into();
+        Some(Headline::of(chosen, says, qualifier))
+    }
+
+    fn figures(&self) -> Vec<Figure> {
+        vec![Figure::Bars(Measure::Accuracy)]
+    }
+
+    fn terms(&self) -> &'static [(&'static str, &'static str)] {
+        &TERMS
+    }
+}
+
+/// Words of the report.
+const TERMS: [(&str, &str); 4] = [
+    (
+        "As trained",
+        "Test sweeps are felt as the training sweeps were: a fold of the data.",
+    ),
+    (
+        "Force, speed \u{d7} 0.7",
+        "The same test sweeps, felt with this share of the usual force or speed; the network was trained at the usual one. Twins alone.",
+    ),
+    (
+        "10 sweeps a material",
+        "The network learnt from so many sweeps of every material instead of all of the fold.",
+    ),
+    (
+        "Multiply-adds",
+        "Of one prediction without dropout, by the layers' definition; biases and normalisation are left out.",
+    ),
+];
+
+fn networks(asked: &Networks, context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
+    let (repeat, number) = context.part.repeat_and_fold();
+    let dealt = |scheme| -> Result<Fold<'_>, Cancelled> {
+        let fold = Fold::new(context.dataset, scheme, context.seed, repeat, number)?;
+        Ok(if asked.inner { fold.nested(0)? } else { fold })
+    };
+    let fold = dealt(Scheme::default())?;
+    let seed = context.seed_for("networks", context.part.stream());
+    let mut measurements = Vec::new();
+
+    let begun = Instant::now();
+    let classifier = context.trained(USUAL, &fold.train, seed)?;
+    let seconds = begun.elapsed().as_secs_f64();
+    context.say("predictions")?;
+    measurements.extend(judged(&classifier, &fold.test, USUAL, context, true)?);
+    measurements.push(measured(Measure::TrainSeconds, seconds, fold.test.len()));
+    if let Some(count) = multiply_adds(&classifier)? {
+        measurements.push(measured(Measure::MultiplyAdds, count, fold.test.len()));
+    }
+
+    for (what, factors) in [("force", &asked.forces), ("speed", &asked.speeds)] {
+        for &factor in factors {
+            let Some(felt) = felt_again(context, what, factor)? else {
+                continue;
+            };
+            let setting = format!("{what} \u{d7} {factor}");
+            context.say(&setting)?;
+            let test = SweepView::new(&felt, fold.test.indices().to_vec());
+            measurements.extend(judged(&classifier, &test, &setting, context, false)?);
+        }
+    }
+    for &sweeps in &asked.sweeps {
+        // A fold that has no more than these is the usual circumstance.
+        let Ok(few) = fold.shots(sweeps) else {
+            continue;
+        };
+        let setting = format!("{sweeps} sweeps a material");
+        let classifier = context.trained(&setting, &few.train, seed)?;
+        measurements.extend(judged(&classifier, &few.test, &setting, context, false)?);
+    }
+    let has_blocks = context.dataset.records().iter().all(|r| r.block.is_some());
+    if asked.blocks && has_blocks {
+        let fold = dealt(Scheme::LeaveBlockOut)?;
+        let setting = "a block left out";
+        let classifier = context.trained(setting, &fold.train, seed)?;
+        measurements.extend(judged(&classifier, &fold.test, setting, context, false)?);
+    }
+
+    // A table for each measure.
+    measurements.sort_by_key(|measurement| measurement.measure);
+    let manifest = fold.manifest();
+    let judged_by = if asked.inner { ", inner part 0" } else { "" };
+    Ok(Answer {
+        measurements,
+        split: format!("repeat {repeat}, fold {number}{judged_by}"),
+        split_content: format!("{}{judged_by}", manifest.sha256),
+        chosen: BTreeMap::new(),
+        maps: Vec::new(),
+    })
+}
+
+/// Returns the twin's same sweeps with a factor on force or speed; `None` where the data is no twin.
+fn felt_again(
+    context: &StudyContext<'_>,
+    what: &str,
+    factor: f64,
+) -> Result<Option<Dataset>, Cancelled> {
+    let DataSource::Twin(version) = DataSource::named(context.data) else {
+        return Ok(None);
+    };
+    let mut config = TwinConfig {
+        version,
+        ..TwinConfig::default()
+    };
+    match what {
+        "force" => config.contact_force = factor,
+        _ => config.speed = factor,
+    }
+    let felt = generate(&config)?.first_steps(context.dataset.shape().steps)?;
+    Ok(Some(felt))
+}
+
+/// A measurement of the usual circumstance.
+fn measured(measure: Measure, value: f64, decisions: usize) -> Measurement {
+    Measurement::new(measure, PredictionMethod::Plain.name(), value, decisions)
+        .setting(USUAL)
+        .sweeps(1)
+}
+
+/// In millions.
+fn multiply_adds(classifier: &Classifier) -> Result<Option<f64>, Cancelled> {
+    Ok(classifier.multiply_adds()?.map(|count| count as f64 / 1e6))
+}
+
+/// What the test sweeps show, without dropout and, if `whole`, with Monte Carlo dropout and by all measures.
+fn judged(
+    classifier: &Classifier,
+    test: &SweepView<'_>,
+    setting: &str,
+    context: &StudyContext<'_>,
+    whole: bool,
+) -> Result<Vec<Measurement>, Cancelled> {
+    let dropout = PredictionMethod::McDropout {
+        mc_samples: MC_SAMPLES,
+    };
+    let mut found = Vec::new();
+    for method in [PredictionMethod::Plain, dropout] {
+        if !whole && method == dropout {
+            continue;
+        }
+        let predictions = classifier.predict(test, method)?;
+        let evaluation = Evaluation::of(&predictions, FUSED, context.seed);
+        let mut values = vec![(Measure::Accuracy, 1, evaluation.one_sweep.mean)];
+        if let Some(fused) = &evaluation.fused {
+            values.push((Measure::Accuracy, FUSED, fused.bayes.mean));
+        }
+        let gap = evaluation.expected_calibration_error;
+        values.extend([
+            (
+                Measure::NegativeLogLikelihood,
+                1,
+                evaluation.negative_log_likelihood,
+            ),
+            (Measure::ExpectedCalibrationError, 1, gap),
+        ]);
+        found.extend(values.into_iter().map(|(measure, sweeps, value)| {
+            Measurement::new(measure, method.name(), value, test.len())
+                .setting(setting)
+                .sweeps(sweeps)
+        }));
+    }
+    Ok(found)
+}

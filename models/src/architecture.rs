@@ -1,0 +1,171 @@
+//! The layers of a network, as a recipe states them.
+
+use serde::{Deserialize, Serialize};
+
+use crate::spectral_shape::Spectra;
+
+/// The layers, as a recipe states them: what makes features of a sweep, and the two layers that read them.
+///
+/// Source of the defaults: Tulbure & Bäuml, Humanoids 2018, figure 4 and table II.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Table", into = "Table")]
+pub struct Architecture {
+    /// What makes features of a sweep.
+    pub trunk: Trunk,
+    /// Units of the fully connected layer.
+    pub hidden: usize,
+    /// Probability to keep a feature in the dropout in front of the fully connected layer, in `(0, 1]`.
+    pub keep_probability: f64,
+}
+
+/// From a sweep to its features.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Trunk {
+    /// TactNet-II's.
+    Convolutions(Convolutions),
+    /// Of the spectra of short windows.
+    Spectra(Spectra),
+}
+
+/// Convolution blocks.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Convolutions {
+    /// Maps of each block.
+    pub maps: Vec<usize>,
+    /// Kernel: time steps by taxels, both odd.
+    pub kernel: [usize; 2],
+    /// Pool of each block in steps; by [`default_pools`] when absent.
+    pub pools: Option<Vec<usize>>,
+}
+
+impl Default for Convolutions {
+    fn default() -> Self {
+        Self {
+            maps: vec![32, 64, 128],
+            kernel: [15, 5],
+            pools: None,
+        }
+    }
+}
+
+impl Default for Architecture {
+    fn default() -> Self {
+        Self {
+            trunk: Trunk::Convolutions(Convolutions::default()),
+            hidden: 512,
+            keep_probability: 0.8,
+        }
+    }
+}
+
+impl Architecture {
+    /// TactNet-II with other numbers of maps and hidden units.
+    pub fn tactnet2(maps: &[usize], hidden: usize) -> Self {
+        Self {
+            trunk: Trunk::Convolutions(Convolutions {
+                maps: maps.to_vec(),
+                ..Convolutions::default()
+            }),
+            hidden,
+            ..Self::default()
+        }
+    }
+}
+
+/// The same as files have it: one table, of which `spectra` excludes what belongs to convolutions.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Table {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    maps: Option<Vec<usize>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    kernel: Option<[usize; 2]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pools: Option<Vec<usize>>,
+    hidden: Option<usize>,
+    keep_probability: Option<f64>,
+    // Last: in TOML a table ends what stands before it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    spectra: Option<Spectra>,
+}
+
+impl TryFrom<Table> for Architecture {
+    type Error = String;
+
+    fn try_from(table: Table) -> Result<Self, String> {
+        let usual = Self::default();
+        let trunk = match table.spectra {
+            Some(spectra) => {
+                let foreign = [
+                    ("maps", table.maps.is_some()),
+                    ("kernel", table.kernel.is_some()),
+                    ("pools", table.pools.is_some()),
+                ];
+                if let Some((name, _)) = foreign.iter().find(|(_, given)| *given) {
+                    return Err(format!(
+                        "`network.{name}` belongs to convolutions: not beside `network.spectra`"
+                    ));
+                }
+                Trunk::Spectra(spectra)
+            }
+            None => {
+                let usual = Convolutions::default();
+                Trunk::Convolutions(Convolutions {
+                    maps: table.maps.unwrap_or(usual.maps),
+                    kernel: table.kernel.unwrap_or(usual.kernel),
+                    pools: table.pools,
+                })
+            }
+        };
+        Ok(Self {
+            trunk,
+            hidden: table.hidden.unwrap_or(usual.hidden),
+            keep_probability: table.keep_probability.unwrap_or(usual.keep_probability),
+        })
+    }
+}
+
+impl From<Architecture> for Table {
+    fn from(architecture: Architecture) -> Self {
+        let (convolutions, spectra) = match architecture.trunk {
+            Trunk::Convolutions(convolutions) => (Some(convolutions), None),
+            Trunk::Spectra(spectra) => (None, Some(spectra)),
+        };
+        let (maps, kernel, pools) = match convolutions {
+            Some(all) => (Some(all.maps), Some(all.kernel), all.pools),
+            None => (None, None, None),
+        };
+        Self {
+            maps,
+            kernel,
+            pools,
+            hidden: Some(architecture.hidden),
+            keep_probability: Some(architecture.keep_probability),
+            spectra,
+        }
+    }
+}
+
+/// Shape of one sweep: `steps` by flattened `taxels`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct InputShape {
+    /// Time steps.
+    pub steps: usize,
+    /// Taxels, rows and columns flattened.
+    pub taxels: usize,
+}
+
+/// Pools for `blocks` blocks over `steps` steps: each takes ten steps, or all that are left where there are fewer.
+///
+/// 1000 steps give 10, 10, 10 as published; 400 steps give 10, 10, 4; 8800 steps give 10, 10, 10 and leave nine pooled
+/// steps to the fully connected layer.
+pub fn default_pools(steps: usize, blocks: usize) -> Vec<usize> {
+    let mut left = steps;
+    (0..blocks)
+        .map(|_| {
+            let pool = left.min(10);
+            left = left.div_ceil(pool);
+            pool
+        })
+        .collect()
+}

@@ -1,0 +1,370 @@
+//! A checked description of one network.
+
+use crate::architecture::{Convolutions, InputShape, Trunk, default_pools};
+use crate::spectral_shape::SpectralShape;
+use crate::{Architecture, ModelError};
+
+/// Parameters of a network, and outputs of one of its layers for one sweep, at most: 8 GiB of 32-bit floats.
+pub const MAX_NUMBERS: u64 = 1 << 31;
+
+/// A checked description of one network.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TactNetConfig {
+    architecture: Architecture,
+    input: InputShape,
+    materials: usize,
+    trunk: TrunkShape,
+}
+
+/// Sizes of what makes features of a sweep.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum TrunkShape {
+    Convolutions(ConvolutionShape),
+    Spectra(SpectralShape),
+}
+
+/// Sizes of convolution blocks.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct ConvolutionShape {
+    pub(crate) maps: Vec<usize>,
+    pub(crate) kernel: [usize; 2],
+    /// Pool of each block, in steps.
+    pub(crate) pools: Vec<usize>,
+    pub(crate) input: InputShape,
+}
+
+/// Succeeds if a setting holds what it must.
+pub(crate) fn require(
+    holds: bool,
+    setting: &'static str,
+    expected: &str,
+    found: String,
+) -> Result<(), ModelError> {
+    if holds {
+        Ok(())
+    } else {
+        Err(ModelError::Setting {
+            setting,
+            expected: expected.into(),
+            found,
+        })
+    }
+}
+
+/// The product, or `None` where it is beyond all bounds.
+pub(crate) fn product(factors: &[usize]) -> Option<u64> {
+    factors
+        .iter()
+        .try_fold(1u64, |all, factor| all.checked_mul(*factor as u64))
+}
+
+impl ConvolutionShape {
+    fn new(settings: &Convolutions, input: InputShape) -> Result<Self, ModelError> {
+        let Convolutions {
+            maps,
+            kernel,
+            pools,
+        } = settings;
+        require(
+            !maps.is_empty() && maps.iter().all(|m| *m > 0),
+            "maps",
+            "at least one block of at least one map",
+            format!("{maps:?}"),
+        )?;
+        require(
+            kernel.iter().all(|k| k % 2 == 1),
+            "kernel",
+            "two odd extents",
+            format!("{kernel:?}"),
+        )?;
+        let pools = pools
+            .clone()
+            .unwrap_or_else(|| default_pools(input.steps, maps.len()));
+        require(
+            pools.len() == maps.len() && pools.iter().all(|p| *p > 0),
+            "pools",
+            "one positive pool for each block",
+            format!("{pools:?} for {} blocks", maps.len()),
+        )?;
+        Ok(Self {
+            maps: maps.clone(),
+            kernel: *kernel,
+            pools,
+            input,
+        })
+    }
+
+    fn parameters(&self) -> Option<u64> {
+        let mut all = 0u64;
+        let mut maps_in = 1;
+        for &maps_out in &self.maps {
+            // Weights; scale and shift of the normalisation.
+            let weights = product(&[maps_in, maps_out, self.kernel[0], self.kernel[1]])?;
+            all = all.checked_add(weights)?;
+            all = all.checked_add(product(&[2, maps_out])?)?;
+            maps_in = maps_out;
+        }
+        Some(all)
+    }
+
+    fn multiply_adds(&self) -> Option<u64> {
+        let mut all = 0u64;
+        let (mut maps_in, mut steps) = (1, self.input.steps);
+        for (&maps_out, pool) in self.maps.iter().zip(&self.pools) {
+            let each = product(&[maps_in, maps_out, self.kernel[0], self.kernel[1]])?;
+            all = all.checked_add(each.checked_mul(product(&[steps, self.input.taxels])?)?)?;
+            (maps_in, steps) = (maps_out, steps.div_ceil(*pool));
+        }
+        Some(all)
+    }
+
+    /// Numbers that the widest block makes of one sweep.
+    fn widest_layer(&self) -> Option<u64> {
+        let maps = self.maps.iter().copied().max()?;
+        product(&[self.input.steps, self.input.taxels, maps])
+    }
+
+    fn pooled_steps(&self) -> usize {
+        self.pools
+            .iter()
+            .fold(self.input.steps, |steps, pool| steps.div_ceil(*pool))
+    }
+
+    fn features(&self) -> Option<u64> {
+        let maps = self.maps.last().copied().unwrap_or(1);
+        product(&[self.pooled_steps(), self.input.taxels, maps])
+    }
+}
+
+impl TactNetConfig {
+    /// Checks `architecture` for sweeps of shape `input` and `materials` output units.
+    ///
+    /// # Errors
+    /// Names the setting that is out of range.
+    pub fn new(
+        architecture: Architecture,
+        input: InputShape,
+        materials: usize,
+    ) -> Result<Self, ModelError> {
+        let Architecture {
+            trunk,
+            hidden,
+            keep_probability,
+        } = &architecture;
+        require(
+            input.steps > 0 && input.taxels > 0,
+            "input",
+            "at least one step of one taxel",
+            format!("{} x {}", input.steps, input.taxels),
+        )?;
+        let trunk = match trunk {
+            Trunk::Convolutions(settings) => {
+                TrunkShape::Convolutions(ConvolutionShape::new(settings, input)?)
+            }
+            Trunk::Spectra(settings) => TrunkShape::Spectra(SpectralShape::new(settings, input)?),
+        };
+        require(
+            *hidden > 0,
+            "hidden",
+            "at least one unit",
+            hidden.to_string(),
+        )?;
+        require(
+            *keep_probability > 0.0 && *keep_probability <= 1.0,
+            "keep_probability",
+            "a probability above 0 and at most 1",
+            keep_probability.to_string(),
+        )?;
+        require(
+            materials > 1,
+            "materials",
+            "at least two materials",
+            materials.to_string(),
+        )?;
+        let config = Self {
+            architecture,
+            input,
+            materials,
+            trunk,
+        };
+        let [all, layer] = match &config.trunk {
+            TrunkShape::Convolutions(_) => ["maps, hidden", "maps, steps, taxels"],
+            TrunkShape::Spectra(_) => ["units, hidden", "bands, steps, taxels"],
+        };
+        for (setting, numbers) in [(all, config.parameters()), (layer, config.widest_layer())] {
+            require(
+                numbers.is_some_and(|numbers| numbers <= MAX_NUMBERS),
+                setting,
+                &format!("parameters, and outputs of each layer, of at most {MAX_NUMBERS} numbers"),
+                numbers.map_or("more than a machine addresses".into(), |n| n.to_string()),
+            )?;
+        }
+        Ok(config)
+    }
+
+    /// Returns the number of parameters; `None` where it is beyond all bounds.
+    pub fn parameters(&self) -> Option<u64> {
+        let trunk = match &self.trunk {
+            TrunkShape::Convolutions(shape) => shape.parameters(),
+            TrunkShape::Spectra(shape) => shape.parameters(),
+        };
+        trunk?
+            .checked_add(self.head_multiply_adds()?)?
+            .checked_add(product(&[2, self.architecture.hidden])?)?
+            .checked_add(self.materials as u64)
+    }
+
+    /// Returns the multiply-adds of one prediction without dropout, biases and normalisation left out; `None` where they are beyond
+    /// all bounds. Convolutions count as what they are by definition, whatever way they are computed in.
+    pub fn multiply_adds(&self) -> Option<u64> {
+        let trunk = match &self.trunk {
+            TrunkShape::Convolutions(shape) => shape.multiply_adds(),
+            TrunkShape::Spectra(shape) => shape.multiply_adds(),
+        };
+        trunk?.checked_add(self.head_multiply_adds()?)
+    }
+
+    /// Those of the dense and the output layer, as many as they have weights.
+    fn head_multiply_adds(&self) -> Option<u64> {
+        let hidden = self.architecture.hidden;
+        let dense = self.trunk_features()?.checked_mul(hidden as u64)?;
+        dense.checked_add(product(&[hidden, self.materials])?)
+    }
+
+    fn widest_layer(&self) -> Option<u64> {
+        match &self.trunk {
+            TrunkShape::Convolutions(shape) => shape.widest_layer(),
+            TrunkShape::Spectra(shape) => shape.widest_layer(),
+        }
+    }
+
+    fn trunk_features(&self) -> Option<u64> {
+        match &self.trunk {
+            TrunkShape::Convolutions(shape) => shape.features(),
+            TrunkShape::Spectra(shape) => shape.features(),
+        }
+    }
+
+    /// The layers.
+    pub fn architecture(&self) -> &Architecture {
+        &self.architecture
+    }
+
+    /// Shape of one sweep.
+    pub fn input(&self) -> InputShape {
+        self.input
+    }
+
+    /// Output units.
+    pub fn materials(&self) -> usize {
+        self.materials
+    }
+
+    pub(crate) fn trunk(&self) -> &TrunkShape {
+        &self.trunk
+    }
+
+    /// Convolution blocks: the kernel, time steps by taxels, and the pool of each block in steps. `None` for other networks.
+    pub fn convolutions(&self) -> Option<([usize; 2], &[usize])> {
+        match &self.trunk {
+            TrunkShape::Convolutions(shape) => Some((shape.kernel, &shape.pools)),
+            TrunkShape::Spectra(_) => None,
+        }
+    }
+
+    /// Windows and bands of a network on spectra; `None` for others.
+    pub fn spectra(&self) -> Option<&SpectralShape> {
+        match &self.trunk {
+            TrunkShape::Convolutions(_) => None,
+            TrunkShape::Spectra(shape) => Some(shape),
+        }
+    }
+
+    /// Features that reach the dropout: of convolutions pooled steps times taxels times maps (16 x 128 = 2048 for TactMat), of spectra
+    /// two of each unit.
+    pub fn features(&self) -> usize {
+        self.trunk_features().unwrap_or(0) as usize
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Spectra;
+
+    const TACTMAT: InputShape = InputShape {
+        steps: 1000,
+        taxels: 16,
+    };
+
+    #[test]
+    fn multiply_adds_are_counted_by_definition() {
+        let count = |architecture| {
+            TactNetConfig::new(architecture, TACTMAT, 36)
+                .unwrap()
+                .multiply_adds()
+                .unwrap()
+        };
+        let blocks = 16 * (1000 * 75 * 32 + 100 * 75 * 32 * 64 + 10 * 75 * 64 * 128);
+        let head = 2048 * 512 + 512 * 36;
+        assert_eq!(count(Architecture::default()), blocks + head);
+        let spectra = Architecture {
+            trunk: Trunk::Spectra(Spectra::default()),
+            ..Architecture::default()
+        };
+        assert!(count(spectra) * 10 < blocks + head);
+    }
+
+    #[test]
+    fn pools_follow_the_documented_rule() {
+        assert_eq!(default_pools(1000, 3), [10, 10, 10]);
+        assert_eq!(default_pools(400, 3), [10, 10, 4]);
+        assert_eq!(default_pools(8800, 3), [10, 10, 10]);
+        assert_eq!(default_pools(100, 3), [10, 10, 1]);
+        assert_eq!(default_pools(7, 3), [7, 1, 1]);
+    }
+
+    #[test]
+    fn settings_out_of_range_are_named() {
+        let input = InputShape {
+            steps: 100,
+            taxels: 4,
+        };
+        let refused = |architecture: Architecture| {
+            TactNetConfig::new(architecture, input, 3)
+                .unwrap_err()
+                .to_string()
+        };
+        let convolutions = |change: fn(&mut Convolutions)| {
+            let mut settings = Convolutions::default();
+            change(&mut settings);
+            refused(Architecture {
+                trunk: Trunk::Convolutions(settings),
+                ..Architecture::default()
+            })
+        };
+        let keep_nothing = Architecture {
+            keep_probability: 0.0,
+            ..Architecture::default()
+        };
+        assert!(refused(keep_nothing).contains("keep_probability"));
+        assert!(convolutions(|c| c.kernel = [14, 5]).contains("kernel"));
+        assert!(
+            convolutions(|c| c.pools = Some(vec![10])).contains("one positive pool for each block")
+        );
+        assert!(convolutions(|c| c.maps.clear()).contains("maps"));
+        let spectra = |change: fn(&mut Spectra)| {
+            let mut settings = Spectra::default();
+            change(&mut settings);
+            refused(Architecture {
+                trunk: Trunk::Spectra(settings),
+                ..Architecture::default()
+            })
+        };
+        assert!(spectra(|s| s.window = Some(7)).contains("spectra.window"));
+        assert!(spectra(|s| s.window = Some(102)).contains("spectra.window"));
+        assert!(spectra(|s| s.hop = Some(0)).contains("spectra.hop"));
+        assert!(spectra(|s| s.bands = 0).contains("spectra.bands"));
+        assert!(spectra(|s| s.units = 0).contains("spectra.units"));
+    }
+}

@@ -1,0 +1,77 @@
+//! Features of TactNet-II's convolution blocks.
+
+use burn::module::Module;
+use burn::tensor::{Device, Tensor};
+use rand::Rng;
+
+use crate::block::{BatchStatistics, BlockConfig, ConvBlock};
+use crate::config::ConvolutionShape;
+
+/// The blocks. Sweeps are `[batch, steps, taxels]`.
+#[derive(Module, Debug)]
+pub struct ConvTrunk {
+    pub(crate) blocks: Vec<ConvBlock>,
+}
+
+impl ConvTrunk {
+    /// Fresh weights; each block takes its ids from `next_id`.
+    pub(crate) fn init(
+        shape: &ConvolutionShape,
+        mut next_id: impl FnMut() -> u64,
+        device: &Device,
+        rng: &mut impl Rng,
+    ) -> Self {
+        let mut maps_in = 1;
+        let mut blocks = Vec::new();
+        for (&maps_out, &pool) in shape.maps.iter().zip(&shape.pools) {
+            let block = BlockConfig {
+                maps_in,
+                maps_out,
+                kernel: shape.kernel,
+                pool,
+            };
+            blocks.push(ConvBlock::init(block, next_id(), device, rng));
+            maps_in = maps_out;
+        }
+        Self { blocks }
+    }
+
+    /// Features `[batch, maps x pooled steps x taxels]`, normalised with the batch's own statistics, which are appended to `statistics`.
+    pub(crate) fn forward_train(
+        &self,
+        sweeps: Tensor<3>,
+        statistics: &mut Vec<BatchStatistics>,
+    ) -> Tensor<2> {
+        let mut maps = sweeps.unsqueeze_dim::<4>(3);
+        for block in &self.blocks {
+            let (pooled, batch) = block.forward_train(maps);
+            maps = pooled;
+            statistics.push(batch);
+        }
+        flat_features(maps)
+    }
+
+    /// The same with frozen statistics.
+    pub(crate) fn forward(&self, sweeps: Tensor<3>) -> Tensor<2> {
+        let maps = sweeps.unsqueeze_dim::<4>(3);
+        let blocks = self.blocks.iter();
+        flat_features(blocks.fold(maps, |maps, block| block.forward(maps)))
+    }
+
+    /// Layers with running statistics.
+    pub(crate) fn normalized_layers(&self) -> usize {
+        self.blocks.len()
+    }
+
+    /// - `statistics`: one entry for each block
+    pub(crate) fn update_running_stats(&mut self, statistics: &[BatchStatistics]) {
+        for (block, batch) in self.blocks.iter_mut().zip(statistics) {
+            block.update_running_stats(batch);
+        }
+    }
+}
+
+/// `[batch, steps, taxels, maps] -> [batch, maps x steps x taxels]`, the order in which weights are stored.
+fn flat_features(maps: Tensor<4>) -> Tensor<2> {
+    maps.permute([0, 3, 1, 2]).flatten(1, 3)
+}

@@ -1,0 +1,736 @@
+//! Short-time log spectra of every taxel, forward and backward, on plain slices.
+//!
+//! A window of `W` steps of one taxel gives `log10(energy + floor) + 1.5` of `bands` frequency bands and, last, its mean. The energy of a band
+//! is a weighted mean of the squared Fourier coefficients of `(x - mean) hann`, with triangular weights between centres that lie
+//! logarithmically from the first bin to the Nyquist frequency, as in a mel filter bank (Davis & Mermelstein, 1980). `hann` has unit
+//! energy, so white noise of variance 1 gives energies around 1 whatever the window.
+
+use std::f64::consts::PI;
+
+use pulp::{Arch, NullaryFnOnce};
+
+/// Added to energies before the logarithm, in squared units of the sweep.
+pub const ENERGY_FLOOR: f32 = 1e-3;
+/// Factor on natural logarithms of energies, which makes them decimal ones.
+pub const LOG_GAIN: f32 = std::f32::consts::LOG10_E;
+/// Added to decimal logarithms: zero is halfway between the floor and the energy 1.
+pub const LOG_OFFSET: f32 = 1.5;
+/// Values that are computed together.
+const LANES: usize = 16;
+/// Outputs of a product that are summed together.
+const TILE: usize = 4;
+/// Lanes of a block of windows, at least: what a block needs stays in a core's own cache.
+const BLOCK: usize = 256;
+
+/// Windows, and the bands of their spectra.
+#[derive(Debug, Clone)]
+pub(crate) struct LogSpectra {
+    window: usize,
+    hop: usize,
+    taxels: usize,
+    /// `[window]`
+    hann: Vec<f32>,
+    /// Of `window / 2 + 1` folded sums and as many differences the real and imaginary parts of bins 1 to `window / 2`.
+    cosine: Matrix,
+    sine: Matrix,
+    /// The same backwards.
+    cosine_back: Matrix,
+    sine_back: Matrix,
+    bands: Vec<Band>,
+}
+
+/// Weights of neighbouring bins; they add up to one.
+#[derive(Debug, Clone, PartialEq)]
+struct Band {
+    /// Counted from bin 1.
+    first: usize,
+    weights: Vec<f32>,
+}
+
+/// `[inputs][outputs rounded up to tiles]`
+#[derive(Debug, Clone)]
+struct Matrix {
+    values: Vec<f32>,
+    inputs: usize,
+    outputs: usize,
+}
+
+impl Matrix {
+    fn new(inputs: usize, outputs: usize, value: impl Fn(usize, usize) -> f64) -> Self {
+        let padded = outputs.next_multiple_of(TILE);
+        let mut values = vec![0.0; inputs * padded];
+        for input in 0..inputs {
+            for output in 0..outputs {
+                values[input * padded + output] = value(input, output) as f32;
+            }
+        }
+        Self {
+            values,
+            inputs,
+            outputs,
+        }
+    }
+
+    /// `y[output] = sum over inputs of matrix x[input]`, for every lane.
+    ///
+    /// - `x`: `[inputs][lanes]`, `y`: `[outputs][lanes]`
+    #[inline(always)]
+    fn times(&self, x: &[f32], y: &mut [f32], lanes: usize) {
+        let padded = self.outputs.next_multiple_of(TILE);
+        for lane in (0..lanes).step_by(LANES) {
+            for tile in (0..self.outputs).step_by(TILE) {
+                let mut sums = [[0.0f32; LANES]; TILE];
+                for input in 0..self.inputs {
+                    let x = chunk(x, input * lanes + lane);
+                    let factors = &self.values[input * padded + tile..][..TILE];
+                    for (sum, factor) in sums.iter_mut().zip(factors) {
+                        for (sum, x) in sum.iter_mut().zip(x) {
+                            *sum = factor.mul_add(*x, *sum);
+                        }
+                    }
+                }
+                let outputs = (self.outputs - tile).min(TILE);
+                for (output, sum) in sums.iter().enumerate().take(outputs) {
+                    y[(tile + output) * lanes + lane..][..LANES].copy_from_slice(sum);
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn chunk(values: &[f32], at: usize) -> &[f32; LANES] {
+    values[at..]
+        .first_chunk()
+        .unwrap_or_else(|| panic!("lanes come in whole chunks"))
+}
+
+/// Memory of one block of windows.
+#[derive(Debug, Clone)]
+pub(crate) struct Scratch {
+    /// Windows of a block.
+    windows: usize,
+    /// Their taxels, rounded up.
+    lanes: usize,
+    /// `[window / 2 + 1][lanes]`: sums of mirrored steps, and their differences.
+    even: Vec<f32>,
+    odd: Vec<f32>,
+    /// `[window / 2][lanes]`
+    real: Vec<f32>,
+    imaginary: Vec<f32>,
+    /// `[lanes]`
+    mean: Vec<f32>,
+    /// `[bands + 1][LANES]`
+    rows: Vec<f32>,
+}
+
+impl LogSpectra {
+    /// - `window`: even, at least 4 steps
+    /// - `bands`: at most `window / 2`
+    pub(crate) fn new(window: usize, hop: usize, bands: usize, taxels: usize) -> Self {
+        debug_assert!(window.is_multiple_of(2) && window >= 4 && hop > 0 && taxels > 0);
+        let half = window / 2;
+        let hann: Vec<f64> = (0..window)
+            .map(|n| 0.5 - 0.5 * (2.0 * PI * n as f64 / window as f64).cos())
+            .collect();
+        let gain = 1.0 / hann.iter().map(|h| h * h).sum::<f64>().sqrt();
+        let angle =
+            |n: usize, bin: usize| 2.0 * PI * ((n * (bin + 1)) % window) as f64 / window as f64;
+        Self {
+            window,
+            hop,
+            taxels,
+            hann: hann.iter().map(|h| (h * gain) as f32).collect(),
+            cosine: Matrix::new(half + 1, half, |n, bin| angle(n, bin).cos()),
+            sine: Matrix::new(half + 1, half, |n, bin| angle(n, bin).sin()),
+            cosine_back: Matrix::new(half, half + 1, |bin, n| angle(n, bin).cos()),
+            sine_back: Matrix::new(half, half + 1, |bin, n| angle(n, bin).sin()),
+            bands: triangles(half, bands),
+        }
+    }
+
+    /// Values that a window gives of each taxel: its bands and its mean.
+    pub(crate) fn values(&self) -> usize {
+        self.bands.len() + 1
+    }
+
+    /// Windows of a sweep; steps behind the last whole one are not read.
+    pub(crate) fn windows(&self, steps: usize) -> usize {
+        windows(steps, self.window, self.hop)
+    }
+
+    /// Taxels of a sweep.
+    pub(crate) fn taxels(&self) -> usize {
+        self.taxels
+    }
+
+    /// Steps of a window.
+    pub(crate) fn window(&self) -> usize {
+        self.window
+    }
+
+    /// Steps from one window to the next.
+    pub(crate) fn hop(&self) -> usize {
+        self.hop
+    }
+
+    /// Memory for blocks of at most `windows` windows.
+    pub(crate) fn scratch(&self, windows: usize) -> Scratch {
+        let windows = BLOCK.div_ceil(self.taxels).clamp(1, windows.max(1));
+        let lanes = (windows * self.taxels).next_multiple_of(LANES);
+        let half = self.window / 2;
+        Scratch {
+            windows,
+            lanes,
+            even: vec![0.0; (half + 1) * lanes],
+            odd: vec![0.0; (half + 1) * lanes],
+            real: vec![0.0; half * lanes],
+            imaginary: vec![0.0; half * lanes],
+            mean: vec![0.0; lanes],
+            rows: vec![0.0; self.values() * LANES],
+        }
+    }
+
+    /// - `sweep`: `[steps][taxels]`
+    /// - `output`: `[windows][taxels][bands + 1]`
+    pub(crate) fn forward(&self, sweep: &[f32], output: &mut [f32], scratch: &mut Scratch) {
+        Arch::new().dispatch(Forward {
+            plan: self,
+            sweep,
+            output,
+            scratch,
+        });
+    }
+
+    /// Fills the Fourier coefficients and means of `windows`.
+    #[inline(always)]
+    fn coefficients(&self, sweep: &[f32], windows: std::ops::Range<usize>, scratch: &mut Scratch) {
+        let (half, taxels, lanes) = (self.window / 2, self.taxels, scratch.lanes);
+        let share = 1.0 / self.window as f32;
+        for (place, window) in windows.enumerate() {
+            let steps = &sweep[window * self.hop * taxels..][..self.window * taxels];
+            let of = |n: usize| &steps[n * taxels..(n + 1) * taxels];
+            let lane = place * taxels..(place + 1) * taxels;
+            let mean = &mut scratch.mean[lane.clone()];
+            mean.fill(0.0);
+            for n in 0..self.window {
+                mean.iter_mut().zip(of(n)).for_each(|(m, x)| *m += x);
+            }
+            mean.iter_mut().for_each(|m| *m *= share);
+            for n in 0..=half {
+                let at = n * lanes + lane.start;
+                let even = &mut scratch.even[at..at + taxels];
+                let odd = &mut scratch.odd[at..at + taxels];
+                let factor = self.hann[n];
+                // The first step and the one in the middle mirror themselves.
+                let mirrored = self.window - n;
+                if n == 0 || n == half {
+                    for ((even, x), mean) in even.iter_mut().zip(of(n)).zip(&*mean) {
+                        *even = (x - mean) * factor;
+                    }
+                    odd.fill(0.0);
+                } else {
+                    let pairs = of(n).iter().zip(of(mirrored)).zip(&*mean);
+                    for (((x, y), mean), (even, odd)) in pairs.zip(even.iter_mut().zip(odd)) {
+                        *even = (x + y - 2.0 * mean) * factor;
+                        *odd = (x - y) * factor;
+                    }
+                }
+            }
+        }
+        self.cosine.times(&scratch.even, &mut scratch.real, lanes);
+        self.sine.times(&scratch.odd, &mut scratch.imaginary, lanes);
+    }
+
+    /// Energy of a band, of sixteen lanes from `lane` on.
+    #[inline(always)]
+    fn energy(band: &Band, scratch: &Scratch, lane: usize) -> [f32; LANES] {
+        let mut energy = [0.0f32; LANES];
+        for (bin, weight) in band.weights.iter().enumerate() {
+            let at = (band.first + bin) * scratch.lanes + lane;
+            let (real, imaginary) = (chunk(&scratch.real, at), chunk(&scratch.imaginary, at));
+            for ((sum, re), im) in energy.iter_mut().zip(real).zip(imaginary) {
+                *sum += weight * (re * re + im * im);
+            }
+        }
+        energy
+    }
+
+    #[inline(always)]
+    fn logarithms(&self, output: &mut [f32], scratch: &mut Scratch) {
+        let values = self.values();
+        for (block, output) in output.chunks_mut(LANES * values).enumerate() {
+            let lane = block * LANES;
+            for (band, number) in self.bands.iter().zip(0..) {
+                let energy = Self::energy(band, scratch, lane);
+                let row = &mut scratch.rows[number * LANES..][..LANES];
+                for (log, energy) in row.iter_mut().zip(energy) {
+                    *log = ln(energy + ENERGY_FLOOR).mul_add(LOG_GAIN, LOG_OFFSET);
+                }
+            }
+            for (lane_in_block, output) in output.chunks_exact_mut(values).enumerate() {
+                for (band, value) in output[..values - 1].iter_mut().enumerate() {
+                    *value = scratch.rows[band * LANES + lane_in_block];
+                }
+                output[values - 1] = scratch.mean[lane + lane_in_block];
+            }
+        }
+    }
+
+    /// Adds to `found` the gradient with respect to the sweep.
+    ///
+    /// - `sweep`, `found`: `[steps][taxels]`
+    /// - `gradient`: of the output, `[windows][taxels][bands + 1]`
+    pub(crate) fn backward(
+        &self,
+        sweep: &[f32],
+        gradient: &[f32],
+        found: &mut [f32],
+        scratch: &mut Scratch,
+    ) {
+        Arch::new().dispatch(Backward {
+            plan: self,
+            sweep,
+            gradient,
+            found,
+            scratch,
+        });
+    }
+
+    /// Replaces coefficients and means by the gradients with respect to them.
+    #[inline(always)]
+    fn of_coefficients(&self, gradient: &[f32], scratch: &mut Scratch) {
+        let (values, bins) = (self.values(), self.window / 2);
+        let mut of_bins = vec![0.0f32; bins * LANES];
+        for (block, gradient) in gradient.chunks(LANES * values).enumerate() {
+            let lane = block * LANES;
+            of_bins.fill(0.0);
+            for (number, band) in self.bands.iter().enumerate() {
+                let energy = Self::energy(band, scratch, lane);
+                let mut own = [0.0f32; LANES];
+                for (own, gradient) in own.iter_mut().zip(gradient.chunks_exact(values)) {
+                    *own = gradient[number];
+                }
+                for (own, energy) in own.iter_mut().zip(energy) {
+                    *own *= 2.0 * LOG_GAIN / (energy + ENERGY_FLOOR);
+                }
+                for (bin, weight) in band.weights.iter().enumerate() {
+                    let bins = &mut of_bins[(band.first + bin) * LANES..][..LANES];
+                    for (bin, own) in bins.iter_mut().zip(own) {
+                        *bin += weight * own;
+                    }
+                }
+            }
+            for (bin, own) in of_bins.chunks_exact(LANES).enumerate() {
+                let at = bin * scratch.lanes + lane;
+                for part in [&mut scratch.real, &mut scratch.imaginary] {
+                    let part = &mut part[at..at + LANES];
+                    part.iter_mut().zip(own).for_each(|(p, own)| *p *= own);
+                }
+            }
+            for (lane_in_block, gradient) in gradient.chunks_exact(values).enumerate() {
+                scratch.mean[lane + lane_in_block] = gradient[values - 1];
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn of_steps(&self, found: &mut [f32], windows: std::ops::Range<usize>, scratch: &mut Scratch) {
+        let (half, taxels, lanes) = (self.window / 2, self.taxels, scratch.lanes);
+        let share = 1.0 / self.window as f32;
+        for (place, window) in windows.enumerate() {
+            let found = &mut found[window * self.hop * taxels..][..self.window * taxels];
+            let lane = place * taxels..(place + 1) * taxels;
+            let mean = &mut scratch.mean[lane.clone()];
+            // The mean is subtracted from every step.
+            for n in 0..=half {
+                let factor = self.hann[n];
+                let even = &scratch.even[n * lanes + lane.start..][..taxels];
+                let both = if n == 0 || n == half { 1.0 } else { 2.0 };
+                for (mean, even) in mean.iter_mut().zip(even) {
+                    *mean -= both * factor * even;
+                }
+            }
+            for n in 0..self.window {
+                let (folded, sign) = if n <= half {
+                    (n, 1.0)
+                } else {
+                    (self.window - n, -1.0)
+                };
+                let at = folded * lanes + lane.start;
+                let even = &scratch.even[at..at + taxels];
+                let odd = &scratch.odd[at..at + taxels];
+                let sign = if folded == 0 || folded == half {
+                    0.0
+                } else {
+                    sign
+                };
+                let factor = self.hann[n];
+                let found = &mut found[n * taxels..(n + 1) * taxels];
+                for (((found, even), odd), mean) in found.iter_mut().zip(even).zip(odd).zip(&*mean)
+                {
+                    *found += factor * (even + sign * odd) + share * mean;
+                }
+            }
+        }
+    }
+
+    /// Returns the same as matrices, for devices and programs that have no operation of their own.
+    pub(crate) fn tables(&self) -> SpectralTables {
+        let bins = self.window / 2;
+        let angle = |n: usize, bin: usize| {
+            2.0 * PI * ((n * (bin + 1)) % self.window) as f64 / self.window as f64
+        };
+        let mut fourier = Vec::with_capacity(2 * bins * self.window);
+        for wave in [f64::cos, f64::sin] {
+            for bin in 0..bins {
+                let of = |n: usize| f64::from(self.hann[n]) * wave(angle(n, bin));
+                let mean = (0..self.window).map(of).sum::<f64>() / self.window as f64;
+                fourier.extend((0..self.window).map(|n| (of(n) - mean) as f32));
+            }
+        }
+        let mut bands = vec![0.0; self.bands.len() * bins];
+        for (band, weights) in self.bands.iter().zip(bands.chunks_exact_mut(bins)) {
+            weights[band.first..][..band.weights.len()].copy_from_slice(&band.weights);
+        }
+        SpectralTables {
+            bins,
+            fourier,
+            bands,
+        }
+    }
+}
+
+/// See [`LogSpectra::forward`].
+struct Forward<'a> {
+    plan: &'a LogSpectra,
+    sweep: &'a [f32],
+    output: &'a mut [f32],
+    scratch: &'a mut Scratch,
+}
+
+impl NullaryFnOnce for Forward<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let (plan, scratch) = (self.plan, self.scratch);
+        let row = plan.taxels * plan.values();
+        let windows = plan.windows(self.sweep.len() / plan.taxels);
+        debug_assert_eq!(self.output.len(), windows * row);
+        for first in (0..windows).step_by(scratch.windows) {
+            let count = (windows - first).min(scratch.windows);
+            plan.coefficients(self.sweep, first..first + count, scratch);
+            let output = &mut self.output[first * row..(first + count) * row];
+            plan.logarithms(output, scratch);
+        }
+    }
+}
+
+/// See [`LogSpectra::backward`].
+struct Backward<'a> {
+    plan: &'a LogSpectra,
+    sweep: &'a [f32],
+    gradient: &'a [f32],
+    found: &'a mut [f32],
+    scratch: &'a mut Scratch,
+}
+
+impl NullaryFnOnce for Backward<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let (plan, scratch) = (self.plan, self.scratch);
+        let row = plan.taxels * plan.values();
+        let windows = plan.windows(self.sweep.len() / plan.taxels);
+        for first in (0..windows).step_by(scratch.windows) {
+            let count = (windows - first).min(scratch.windows);
+            plan.coefficients(self.sweep, first..first + count, scratch);
+            let gradient = &self.gradient[first * row..(first + count) * row];
+            plan.of_coefficients(gradient, scratch);
+            let lanes = scratch.lanes;
+            plan.cosine_back
+                .times(&scratch.real, &mut scratch.even, lanes);
+            plan.sine_back
+                .times(&scratch.imaginary, &mut scratch.odd, lanes);
+            plan.of_steps(self.found, first..first + count, scratch);
+        }
+    }
+}
+
+/// The spectra of a window as matrices: `ln(bands (real^2 + imaginary^2) + ENERGY_FLOOR)` with real and imaginary parts by `fourier` of the
+/// window as it is, times [`LOG_GAIN`], plus [`LOG_OFFSET`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct SpectralTables {
+    /// Frequencies, the constant one left out.
+    pub bins: usize,
+    /// `[2 x bins][window]`: real parts, then imaginary ones; the window's mean and shape are taken into account.
+    pub fourier: Vec<f32>,
+    /// `[bands][bins]`
+    pub bands: Vec<f32>,
+}
+
+/// Windows of `steps` steps, one every `hop`.
+pub(crate) fn windows(steps: usize, window: usize, hop: usize) -> usize {
+    match steps.checked_sub(window) {
+        Some(left) => left / hop + 1,
+        None => 0,
+    }
+}
+
+/// Triangles over bins 1 to `bins`, each from the centre before it to the one behind it, or one bin wide to either side where those
+/// are nearer than a bin.
+fn triangles(bins: usize, bands: usize) -> Vec<Band> {
+    if bands >= bins {
+        let own = |first| Band {
+            first,
+            weights: vec![1.0],
+        };
+        return (0..bins).map(own).collect();
+    }
+    let centre = |band: usize| {
+        if bands == 1 {
+            return (bins as f64).sqrt();
+        }
+        (bins as f64).powf(band as f64 / (bands - 1) as f64)
+    };
+    let triangle = |band: usize| {
+        let middle = centre(band);
+        let below = if band > 0 { centre(band - 1) } else { 0.0 };
+        let above = if band + 1 < bands {
+            centre(band + 1)
+        } else {
+            bins as f64 + 1.0
+        };
+        let (below, above) = if bands == 1 {
+            (0.0, bins as f64 + 1.0)
+        } else {
+            (below.min(middle - 1.0), above.max(middle + 1.0))
+        };
+        let weight = |bin: usize| {
+            let bin = bin as f64;
+            ((bin - below) / (middle - below)).min((above - bin) / (above - middle))
+        };
+        let met: Vec<usize> = (1..=bins).filter(|bin| weight(*bin) > 0.0).collect();
+        let total: f64 = met.iter().map(|bin| weight(*bin)).sum();
+        Band {
+            first: met[0] - 1,
+            weights: met
+                .iter()
+                .map(|bin| (weight(*bin) / total) as f32)
+                .collect(),
+        }
+    };
+    (0..bands).map(triangle).collect()
+}
+
+/// The natural logarithm of a positive normal number, to about an ulp, in operations that vectorise.
+///
+/// Polynomial: S. Moshier, Cephes mathematical library, `logf`.
+#[inline(always)]
+fn ln(x: f32) -> f32 {
+    const HALF_ROOT: u32 = 0x3f35_04f3;
+    let exponent = (x.to_bits().wrapping_sub(HALF_ROOT) as i32) >> 23;
+    let mantissa = f32::from_bits(x.to_bits().wrapping_sub((exponent as u32) << 23));
+    let f = mantissa - 1.0;
+    let square = f * f;
+    let coefficients = [
+        -1.151_461e-1_f32,
+        1.167_699_9e-1,
+        -1.242_014_1e-1,
+        1.424_932_3e-1,
+        -1.666_805_8e-1,
+        2.000_071_5e-1,
+        -2.499_999_4e-1,
+        0.333_333_3,
+    ];
+    let mut sum = 7.037_684e-2_f32;
+    for coefficient in coefficients {
+        sum = sum.mul_add(f, coefficient);
+    }
+    let exponent = exponent as f32;
+    let small = exponent.mul_add(-2.121_944_4e-4, sum * f * square);
+    let result = f + (small - 0.5 * square);
+    exponent.mul_add(0.693_359_4, result)
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+
+    fn noise(len: usize, seed: u64) -> Vec<f32> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        (0..len).map(|_| rng.random_range(-2.0..2.0)).collect()
+    }
+
+    fn forward(plan: &LogSpectra, sweep: &[f32]) -> Vec<f32> {
+        let windows = plan.windows(sweep.len() / plan.taxels);
+        let mut output = vec![f32::NAN; windows * plan.taxels * plan.values()];
+        plan.forward(sweep, &mut output, &mut plan.scratch(windows));
+        output
+    }
+
+    /// By the definition, in double precision.
+    fn by_definition(plan: &LogSpectra, sweep: &[f32]) -> Vec<f64> {
+        let (taxels, window) = (plan.taxels, plan.window);
+        let mut found = Vec::new();
+        for at in 0..plan.windows(sweep.len() / taxels) {
+            for taxel in 0..taxels {
+                let steps: Vec<f64> = (0..window)
+                    .map(|n| f64::from(sweep[(at * plan.hop + n) * taxels + taxel]))
+                    .collect();
+                let mean = steps.iter().sum::<f64>() / window as f64;
+                let hann = |n: usize| (PI * n as f64 / window as f64).sin().powi(2);
+                let power: f64 = (0..window).map(|n| hann(n).powi(2)).sum();
+                let energy = |bin: usize| {
+                    let part = |wave: fn(f64) -> f64| -> f64 {
+                        let angle = |n: usize| 2.0 * PI * (n * bin) as f64 / window as f64;
+                        (0..window)
+                            .map(|n| (steps[n] - mean) * hann(n) * wave(angle(n)))
+                            .sum()
+                    };
+                    (part(f64::cos).powi(2) + part(f64::sin).powi(2)) / power
+                };
+                for band in &plan.bands {
+                    let sum: f64 = band
+                        .weights
+                        .iter()
+                        .enumerate()
+                        .map(|(bin, weight)| f64::from(*weight) * energy(band.first + bin + 1))
+                        .sum();
+                    found.push((sum + f64::from(ENERGY_FLOOR)).log10() + 1.5);
+                }
+                found.push(mean);
+            }
+        }
+        found
+    }
+
+    /// Window, hop, bands, taxels, steps.
+    const CASES: [[usize; 5]; 6] = [
+        [64, 16, 24, 16, 200],
+        [4, 1, 2, 1, 9],
+        [32, 8, 16, 3, 33],
+        [10, 3, 4, 30, 47],
+        [16, 40, 1, 2, 100],
+        [64, 16, 99, 300, 90],
+    ];
+
+    #[test]
+    fn it_is_the_stated_spectrum() {
+        for [window, hop, bands, taxels, steps] in CASES {
+            let plan = LogSpectra::new(window, hop, bands, taxels);
+            let sweep: Vec<f32> = noise(steps * taxels, 1).iter().map(|x| x + 5.0).collect();
+            let found = forward(&plan, &sweep);
+            let expected = by_definition(&plan, &sweep);
+            assert_eq!(found.len(), expected.len());
+            for (found, expected) in found.iter().zip(expected) {
+                let near = (f64::from(*found) - expected).abs() < 2e-3;
+                assert!(near, "{window} {bands} {taxels}: {found} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn white_noise_has_unit_energy() {
+        let plan = LogSpectra::new(64, 16, 24, 4);
+        // Uniform in ±2: variance 4/3.
+        let found = forward(&plan, &noise(40_000 * 4, 2));
+        let windows = found.len() / 4 / plan.values();
+        let top = found.iter().skip(23).step_by(plan.values());
+        let mean: f64 = top
+            .map(|log| 10f64.powf(f64::from(*log) - 1.5))
+            .sum::<f64>()
+            / (4 * windows) as f64;
+        assert!((mean - 4.0 / 3.0).abs() < 0.05, "{mean}");
+    }
+
+    #[test]
+    fn gradients_are_those_of_finite_differences() {
+        for [window, hop, bands, taxels, steps] in CASES {
+            let plan = LogSpectra::new(window, hop, bands, taxels);
+            let sweep = noise(steps * taxels, 3);
+            let windows = plan.windows(steps);
+            let weights = noise(windows * taxels * plan.values(), 4);
+            let mut gradient = vec![0.0; sweep.len()];
+            plan.backward(&sweep, &weights, &mut gradient, &mut plan.scratch(windows));
+            let objective = |sweep: &[f32]| -> f64 {
+                let output = by_definition(&plan, sweep);
+                output
+                    .iter()
+                    .zip(&weights)
+                    .map(|(o, w)| o * f64::from(*w))
+                    .sum()
+            };
+            for at in (0..sweep.len()).step_by(sweep.len() / 7) {
+                let moved = |by: f32| {
+                    let mut sweep = sweep.clone();
+                    sweep[at] += by;
+                    objective(&sweep)
+                };
+                let expected = (moved(1e-2) - moved(-1e-2)) / 2e-2;
+                let near =
+                    (f64::from(gradient[at]) - expected).abs() < 0.02 * (1.0 + expected.abs());
+                assert!(near, "{window} {taxels}: {} {expected}", gradient[at]);
+            }
+        }
+    }
+
+    #[test]
+    fn bands_cover_every_bin_and_weigh_one() {
+        for (bins, bands) in [
+            (32, 24),
+            (32, 32),
+            (32, 99),
+            (16, 5),
+            (2, 1),
+            (256, 24),
+            (9, 8),
+        ] {
+            let found = triangles(bins, bands);
+            assert_eq!(found.len(), bands.min(bins));
+            let mut met = vec![false; bins];
+            for band in &found {
+                assert!((band.weights.iter().sum::<f32>() - 1.0).abs() < 1e-6);
+                met[band.first..][..band.weights.len()].fill(true);
+            }
+            assert!(met.iter().all(|met| *met), "{bins} {bands}: {met:?}");
+        }
+    }
+
+    #[test]
+    fn two_matrix_products_are_the_same() {
+        let plan = LogSpectra::new(16, 5, 6, 1);
+        let sweep = noise(16, 5);
+        let tables = plan.tables();
+        let parts: Vec<f32> = tables
+            .fourier
+            .chunks_exact(16)
+            .map(|row| row.iter().zip(&sweep).map(|(a, x)| a * x).sum())
+            .collect();
+        let found = forward(&plan, &sweep);
+        for (weights, found) in tables.bands.chunks_exact(8).zip(&found) {
+            let power = |bin: usize| parts[bin].powi(2) + parts[8 + bin].powi(2);
+            let energy: f32 = (0..8).map(|bin| power(bin) * weights[bin]).sum();
+            assert!((found - (energy + ENERGY_FLOOR).log10() - LOG_OFFSET).abs() < 1e-4);
+        }
+    }
+
+    #[test]
+    fn the_logarithm_is_exact_to_about_an_ulp() {
+        let mut x = 1e-30_f32;
+        while x < 1e30 {
+            let (found, expected) = (f64::from(ln(x)), f64::from(x).ln());
+            let error = (found - expected).abs();
+            assert!(
+                error < 2.5e-7 * expected.abs().max(0.5),
+                "{x}: {found} {expected}"
+            );
+            x *= 1.0007;
+        }
+    }
+}

@@ -1,0 +1,502 @@
+//! Batch normalisation and ReLU of many rows as one differentiable operation of Burn's Flex backend.
+//!
+//! Composed of Burn's operations it is a dozen passes over memory, forward and backward; here each is two.
+
+use std::fmt;
+
+use burn::backend::Autodiff;
+use burn::backend::autodiff::checkpoint::{base::Checkpointer, strategy::CheckpointStrategy};
+use burn::backend::autodiff::grads::Gradients;
+use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{
+    AutodiffBackend, Backend, Dispatch, ExtensionType, Flex, TensorMetadata, backend_extension,
+};
+use burn::tensor::activation::relu;
+use burn::tensor::module::batch_norm_train;
+use burn::tensor::{Tensor, TensorData};
+use pulp::NullaryFnOnce;
+use rayon::prelude::*;
+use tactnet_conv::spare;
+
+use crate::block::NORM_EPSILON;
+use crate::conv::{in_order, is_cpu, reclaim};
+
+/// Values from which on the operation is taken: a batch of the dense layer behind the features is smaller.
+const LARGE: usize = 1 << 16;
+/// Values that one task reads at a time, which fit into a core's own cache. The sums of tasks are added in order, whatever thread did them.
+const TASK: usize = 1 << 14;
+
+/// Normalised and rectified rows, with the statistics they were normalised with.
+pub(crate) struct Normalized {
+    /// `[rows, channels]`
+    pub(crate) output: Tensor<2>,
+    /// `[channels]`, outside the graph
+    pub(crate) mean: Tensor<1>,
+    /// `[channels]`, biased, outside the graph
+    pub(crate) variance: Tensor<1>,
+}
+
+/// `relu(gamma (x - mean) / sqrt(variance + epsilon) + beta)` with mean and variance of the rows: `[rows, channels]` to the same.
+pub(crate) fn norm_relu(input: Tensor<2>, gamma: Tensor<1>, beta: Tensor<1>) -> Normalized {
+    if is_cpu(&input.device()) && input.shape().num_elements() >= LARGE {
+        return fused(input, gamma, beta);
+    }
+    let found = batch_norm_train(input, gamma, beta, NORM_EPSILON);
+    Normalized {
+        output: relu(found.output),
+        mean: found.mean,
+        variance: found.variance,
+    }
+}
+
+fn fused(input: Tensor<2>, gamma: Tensor<1>, beta: Tensor<1>) -> Normalized {
+    let found = <Dispatch as NormRelu>::norm_relu(
+        input.into_dispatch(),
+        gamma.into_dispatch(),
+        beta.into_dispatch(),
+    );
+    Normalized {
+        output: Tensor::from_dispatch(found.output),
+        mean: Tensor::from_dispatch(found.mean),
+        variance: Tensor::from_dispatch(found.variance),
+    }
+}
+
+/// Result of [`NormRelu::norm_relu`]; shapes as in [`Normalized`].
+#[derive(ExtensionType)]
+pub struct NormReluOutput<B: Backend> {
+    pub(crate) output: FloatTensor<B>,
+    pub(crate) mean: FloatTensor<B>,
+    pub(crate) variance: FloatTensor<B>,
+}
+
+/// Backends that normalise and rectify in one operation.
+#[backend_extension(Flex, Autodiff)]
+pub trait NormRelu: Backend {
+    /// See [`norm_relu`].
+    fn norm_relu(
+        input: FloatTensor<Self>,
+        gamma: FloatTensor<Self>,
+        beta: FloatTensor<Self>,
+    ) -> NormReluOutput<Self>;
+}
+
+type Primitive = FloatTensor<Flex>;
+
+fn tensor<const D: usize>(values: Vec<f32>, extents: [usize; D]) -> Primitive {
+    Primitive::from_data(TensorData::new(values, extents))
+}
+
+fn slice(tensor: &Primitive) -> &[f32] {
+    &tensor.storage()[..tensor.shape().num_elements()]
+}
+
+/// What the backward pass needs.
+#[derive(Clone)]
+struct State {
+    /// `[rows, channels]`, before normalisation
+    input: Primitive,
+    /// `[channels]` each: what is subtracted, what is multiplied with then, and what is added.
+    mean: Vec<f32>,
+    inverse_deviation: Vec<f32>,
+    gamma: Vec<f32>,
+    beta: Vec<f32>,
+}
+
+impl fmt::Debug for State {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("State").field(&self.mean.len()).finish()
+    }
+}
+
+impl State {
+    /// The normalised value, and the gradient where its output is above zero.
+    #[inline(always)]
+    fn at(&self, channel: usize, value: f32, gradient: f32) -> (f32, f32) {
+        let normal = (value - self.mean[channel]) * self.inverse_deviation[channel];
+        let passes = normal * self.gamma[channel] + self.beta[channel] > 0.0;
+        (normal, if passes { gradient } else { 0.0 })
+    }
+}
+
+/// Number of rows, mean of each channel and squares around it.
+struct Moments<'a> {
+    part: &'a [f32],
+    channels: usize,
+}
+
+impl NullaryFnOnce for Moments<'_> {
+    type Output = (usize, Vec<f32>, Vec<f32>);
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        let Self { part, channels } = self;
+        let rows = part.len() / channels;
+        let mut mean = vec![0.0f32; channels];
+        for row in part.chunks_exact(channels) {
+            mean.iter_mut().zip(row).for_each(|(m, x)| *m += x);
+        }
+        let share = 1.0 / rows as f32;
+        mean.iter_mut().for_each(|m| *m *= share);
+        let mut squares = vec![0.0f32; channels];
+        for row in part.chunks_exact(channels) {
+            for ((s, x), m) in squares.iter_mut().zip(row).zip(&mean) {
+                *s += (x - m) * (x - m);
+            }
+        }
+        (rows, mean, squares)
+    }
+}
+
+/// `relu(scale x + shift)`
+struct Affine<'a> {
+    values: &'a [f32],
+    scale: &'a [f32],
+    shift: &'a [f32],
+    output: &'a mut [f32],
+}
+
+impl NullaryFnOnce for Affine<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let channels = self.scale.len();
+        let rows = self.output.chunks_exact_mut(channels);
+        for (output, row) in rows.zip(self.values.chunks_exact(channels)) {
+            let factors = self.scale.iter().zip(self.shift);
+            for ((y, x), (scale, shift)) in output.iter_mut().zip(row).zip(factors) {
+                *y = (x * scale + shift).max(0.0);
+            }
+        }
+    }
+}
+
+/// Gradients of gamma and beta.
+struct Sums<'a> {
+    state: &'a State,
+    gradient: &'a [f32],
+    values: &'a [f32],
+}
+
+impl NullaryFnOnce for Sums<'_> {
+    type Output = [Vec<f32>; 2];
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        let channels = self.state.mean.len();
+        let (mut dgamma, mut dbeta) = (vec![0.0f32; channels], vec![0.0f32; channels]);
+        let rows = self.gradient.chunks_exact(channels);
+        for (gradient, row) in rows.zip(self.values.chunks_exact(channels)) {
+            let sums = dgamma.iter_mut().zip(&mut dbeta);
+            for (c, (dgamma, dbeta)) in sums.enumerate() {
+                let (normal, g) = self.state.at(c, row[c], gradient[c]);
+                *dbeta += g;
+                *dgamma += g * normal;
+            }
+        }
+        [dgamma, dbeta]
+    }
+}
+
+/// Gradient of the input.
+struct OfInput<'a> {
+    state: &'a State,
+    gradient: &'a [f32],
+    values: &'a [f32],
+    sums: [&'a [f32]; 2],
+    share: f32,
+    input: &'a mut [f32],
+}
+
+impl NullaryFnOnce for OfInput<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let channels = self.state.mean.len();
+        let [dgamma, dbeta] = self.sums;
+        let factors = self.state.gamma.iter().zip(&self.state.inverse_deviation);
+        let factors: Vec<f32> = factors.map(|(g, i)| g * i).collect();
+        let rows = self.gradient.chunks_exact(channels);
+        let rows = rows.zip(self.values.chunks_exact(channels));
+        for (input, (gradient, row)) in self.input.chunks_exact_mut(channels).zip(rows) {
+            for (c, input) in input.iter_mut().enumerate() {
+                let (normal, g) = self.state.at(c, row[c], gradient[c]);
+                *input = factors[c] * (g - (dbeta[c] + normal * dgamma[c]) * self.share);
+            }
+        }
+    }
+}
+
+/// Mean and biased variance of each channel.
+fn moments(values: &[f32], channels: usize) -> (Vec<f32>, Vec<f32>) {
+    let run = (TASK / channels).max(1) * channels;
+    // Of each part its own mean, and the squares around that.
+    let parts: Vec<(usize, Vec<f32>, Vec<f32>)> = values
+        .par_chunks(run)
+        .map(|part| pulp::Arch::new().dispatch(Moments { part, channels }))
+        .collect();
+    let all = (values.len() / channels) as f64;
+    let mean: Vec<f64> = (0..channels)
+        .map(|c| {
+            let sums = parts
+                .iter()
+                .map(|(rows, mean, _)| *rows as f64 * f64::from(mean[c]));
+            sums.sum::<f64>() / all
+        })
+        .collect();
+    let variance = (0..channels)
+        .map(|c| {
+            let squares = parts.iter().map(|(rows, own, squares)| {
+                f64::from(squares[c]) + *rows as f64 * (f64::from(own[c]) - mean[c]).powi(2)
+            });
+            (squares.sum::<f64>() / all) as f32
+        })
+        .collect();
+    (mean.into_iter().map(|m| m as f32).collect(), variance)
+}
+
+fn forward(input: Primitive, gamma: Primitive, beta: Primitive) -> (NormReluOutput<Flex>, State) {
+    let [input, gamma, beta] = [input, gamma, beta].map(in_order);
+    let extents: [usize; 2] = input.shape().dims();
+    let channels = extents[1];
+    let (mean, variance) = moments(slice(&input), channels);
+    let inverse_deviation: Vec<f32> = variance
+        .iter()
+        .map(|v| 1.0 / (v + NORM_EPSILON as f32).sqrt())
+        .collect();
+    let (gamma, beta) = (slice(&gamma).to_vec(), slice(&beta).to_vec());
+    let scale: Vec<f32> = gamma
+        .iter()
+        .zip(&inverse_deviation)
+        .map(|(g, i)| g * i)
+        .collect();
+    let shift: Vec<f32> = (0..channels)
+        .map(|c| beta[c] - mean[c] * scale[c])
+        .collect();
+    let values = slice(&input);
+    let mut output = spare::take(values.len());
+    let run = (TASK / channels).max(1) * channels;
+    output
+        .par_chunks_mut(run)
+        .zip(values.par_chunks(run))
+        .for_each(|(output, values)| {
+            pulp::Arch::new().dispatch(Affine {
+                values,
+                scale: &scale,
+                shift: &shift,
+                output,
+            });
+        });
+    let found = NormReluOutput {
+        output: tensor(output, extents),
+        mean: tensor(mean.clone(), [channels]),
+        variance: tensor(variance, [channels]),
+    };
+    let state = State {
+        input,
+        mean,
+        inverse_deviation,
+        gamma,
+        beta,
+    };
+    (found, state)
+}
+
+impl NormRelu for Flex {
+    fn norm_relu(input: Primitive, gamma: Primitive, beta: Primitive) -> NormReluOutput<Self> {
+        let (found, state) = forward(input, gamma, beta);
+        reclaim(state.input);
+        found
+    }
+}
+
+/// Gradients of input, gamma and beta.
+///
+/// With `x'` the normalised input and `g` the gradient where the output is above zero: `dgamma = sum g x'`, `dbeta = sum g`,
+/// `dx = gamma / deviation (g - dbeta / rows - x' dgamma / rows)`.
+fn backward(state: &State, gradient: &[f32]) -> [Vec<f32>; 3] {
+    let channels = state.mean.len();
+    let values = slice(&state.input);
+    let run = (TASK / channels).max(1) * channels;
+    let parts: Vec<[Vec<f32>; 2]> = gradient
+        .par_chunks(run)
+        .zip(values.par_chunks(run))
+        .map(|(gradient, values)| {
+            pulp::Arch::new().dispatch(Sums {
+                state,
+                gradient,
+                values,
+            })
+        })
+        .collect();
+    let [dgamma, dbeta] = [0, 1].map(|which: usize| -> Vec<f32> {
+        (0..channels)
+            .map(|c| {
+                parts
+                    .iter()
+                    .map(|part| f64::from(part[which][c]))
+                    .sum::<f64>() as f32
+            })
+            .collect()
+    });
+    let share = channels as f32 / values.len() as f32;
+    let mut input = spare::take(values.len());
+    input
+        .par_chunks_mut(run)
+        .zip(gradient.par_chunks(run).zip(values.par_chunks(run)))
+        .for_each(|(input, (gradient, values))| {
+            pulp::Arch::new().dispatch(OfInput {
+                state,
+                gradient,
+                values,
+                sums: [&dgamma, &dbeta],
+                share,
+                input,
+            });
+        });
+    [input, dgamma, dbeta]
+}
+
+#[derive(Debug)]
+struct NormReluBackward;
+
+impl Backward<Flex, 3> for NormReluBackward {
+    type State = State;
+
+    fn backward(
+        self,
+        ops: Ops<Self::State, 3>,
+        gradients: &mut Gradients,
+        _checkpointer: &mut Checkpointer,
+    ) {
+        let extents: [usize; 2] = ops.state.input.shape().dims();
+        let gradient = in_order(gradients.consume::<Flex>(&ops.node));
+        let [input, gamma, beta] = backward(&ops.state, slice(&gradient));
+        reclaim(gradient);
+        reclaim(ops.state.input);
+        let found = [
+            tensor(input, extents),
+            tensor(gamma, [extents[1]]),
+            tensor(beta, [extents[1]]),
+        ];
+        for (node, gradient) in ops.parents.into_iter().zip(found) {
+            if let Some(node) = node {
+                gradients.register::<Flex>(node.id, gradient);
+            }
+        }
+    }
+}
+
+impl<C: CheckpointStrategy> NormRelu for Autodiff<Flex, C> {
+    fn norm_relu(
+        input: FloatTensor<Self>,
+        gamma: FloatTensor<Self>,
+        beta: FloatTensor<Self>,
+    ) -> NormReluOutput<Self> {
+        let nodes = [input.node(), gamma.node(), beta.node()];
+        let [input, gamma, beta] = [input, gamma, beta].map(|tensor| tensor.into_primitive());
+        let (found, state) = forward(input, gamma, beta);
+        let output = match NormReluBackward
+            .prepare::<C>(nodes)
+            .compute_bound()
+            .stateful()
+        {
+            OpsKind::Tracked(prepared) => prepared.finish(state, found.output),
+            OpsKind::UnTracked(prepared) => prepared.finish(found.output),
+        };
+        NormReluOutput {
+            output,
+            mean: Self::from_inner(found.mean),
+            variance: Self::from_inner(found.variance),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use burn::tensor::{Device, Distribution};
+
+    use super::*;
+    use crate::values;
+
+    /// Output, statistics and gradients by this operation and by Burn's own.
+    fn both_ways(rows: usize, channels: usize, offset: f64) -> [Vec<Vec<f32>>; 2] {
+        let device = Device::flex().autodiff();
+        let draw = |extents: [usize; 2]| {
+            Tensor::<2>::random(extents, Distribution::Uniform(-1.0, 1.0), &device)
+        };
+        let x = draw([rows, channels]) * 3.0 + offset;
+        let weights = draw([rows, channels]);
+        let (gamma, beta) = (
+            draw([1, channels]).flatten::<1>(0, 1) + 1.0,
+            draw([1, channels]).flatten::<1>(0, 1),
+        );
+        [true, false].map(|ours| {
+            let inputs = (
+                x.clone().require_grad(),
+                gamma.clone().require_grad(),
+                beta.clone().require_grad(),
+            );
+            let (output, mean, variance) = if ours {
+                let found = fused(inputs.0.clone(), inputs.1.clone(), inputs.2.clone());
+                (found.output, found.mean, found.variance)
+            } else {
+                let found = batch_norm_train(
+                    inputs.0.clone(),
+                    inputs.1.clone(),
+                    inputs.2.clone(),
+                    NORM_EPSILON,
+                );
+                (relu(found.output), found.mean, found.variance)
+            };
+            let gradients = (output.clone() * weights.clone()).sum().backward();
+            vec![
+                values(output.inner()),
+                values(mean.without_autodiff()),
+                values(variance.without_autodiff()),
+                values(inputs.0.grad(&gradients).unwrap()),
+                values(inputs.1.grad(&gradients).unwrap()),
+                values(inputs.2.grad(&gradients).unwrap()),
+            ]
+        })
+    }
+
+    #[test]
+    fn output_statistics_and_gradients_are_those_of_burn() {
+        for (rows, channels, offset) in [
+            (36, 512, 0.0),
+            (2, 3, 0.0),
+            (7000, 5, 2.0),
+            (1000, 33, 30.0),
+        ] {
+            let [ours, burns] = both_ways(rows, channels, offset);
+            for (which, (ours, burns)) in ours.iter().zip(&burns).enumerate() {
+                let scale = burns.iter().fold(1e-3_f32, |m, v| m.max(v.abs()));
+                for (a, b) in ours.iter().zip(burns) {
+                    let near = (a - b).abs() < 2e-4 * scale;
+                    assert!(near, "{rows} x {channels}, {which}: {a} {b}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn threads_change_no_bit() {
+        let device = Device::flex();
+        let x = Tensor::<2>::random([5000, 32], Distribution::Uniform(-1.0, 1.0), &device);
+        let on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            let ones = Tensor::ones([32], &device);
+            let found = pool
+                .unwrap()
+                .install(|| fused(x.clone(), ones.clone(), ones.clone()));
+            let bits = values(found.output).into_iter().map(f32::to_bits);
+            bits.collect::<Vec<_>>()
+        };
+        assert_eq!(on(1), on(2));
+        assert_eq!(on(1), on(4));
+    }
+}

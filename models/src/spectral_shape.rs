@@ -1,0 +1,194 @@
+//! Settings of a network on spectra, and the sizes that follow from them for sweeps of one shape.
+
+use serde::{Deserialize, Serialize};
+
+use crate::config::{product, require};
+use crate::log_spectra::{LogSpectra, SpectralTables, windows};
+use crate::{InputShape, ModelError};
+
+/// Features of the spectra of short windows, as a recipe states them.
+///
+/// Sizes in steps are those that the sensor's sweeps ask for unless they are stated: see [`default_window`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Spectra {
+    /// Steps of a window, even; by [`default_window`] when absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub window: Option<usize>,
+    /// Steps from one window to the next; a quarter of a window when absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hop: Option<usize>,
+    /// Frequency bands of each taxel; no more than half the steps of a window are made.
+    pub bands: usize,
+    /// Units that mix the bands of a taxel, the same for all taxels.
+    pub taxel_units: usize,
+    /// Units that mix the taxels of a window.
+    pub units: usize,
+}
+
+impl Default for Spectra {
+    fn default() -> Self {
+        Self {
+            window: None,
+            hop: None,
+            bands: 24,
+            taxel_units: 32,
+            units: 64,
+        }
+    }
+}
+
+/// Steps of a window for sweeps of `steps` steps: the largest power of two of at most a twelfth of the sweep, from 8 to 64, and never more
+/// than the sweep.
+///
+/// 1000 steps give 64, 400 steps give 32, 8800 steps give 64.
+pub fn default_window(steps: usize) -> usize {
+    let twelfth = (steps / 12).clamp(8, 64);
+    let window = 1 << twelfth.ilog2();
+    window.min(steps - steps % 2)
+}
+
+/// Sizes of a network on spectra.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SpectralShape {
+    pub(crate) window: usize,
+    pub(crate) hop: usize,
+    pub(crate) bands: usize,
+    pub(crate) taxel_units: usize,
+    pub(crate) units: usize,
+    pub(crate) windows: usize,
+    pub(crate) taxels: usize,
+}
+
+impl SpectralShape {
+    pub(crate) fn new(settings: &Spectra, input: InputShape) -> Result<Self, ModelError> {
+        let Spectra {
+            window,
+            hop,
+            bands,
+            taxel_units,
+            units,
+        } = *settings;
+        require(
+            input.steps >= 4,
+            "input",
+            "at least 4 steps, the shortest window",
+            input.steps.to_string(),
+        )?;
+        let window = window.unwrap_or_else(|| default_window(input.steps));
+        require(
+            window.is_multiple_of(2) && (4..=input.steps).contains(&window),
+            "spectra.window",
+            &format!(
+                "an even number of steps from 4 to the sweep's {}",
+                input.steps
+            ),
+            window.to_string(),
+        )?;
+        let hop = hop.unwrap_or(window / 4);
+        require(hop > 0, "spectra.hop", "at least one step", hop.to_string())?;
+        for (setting, number) in [
+            ("spectra.bands", bands),
+            ("spectra.taxel_units", taxel_units),
+            ("spectra.units", units),
+        ] {
+            require(number > 0, setting, "at least one", number.to_string())?;
+        }
+        Ok(Self {
+            window,
+            hop,
+            bands: bands.min(window / 2),
+            taxel_units,
+            units,
+            windows: windows(input.steps, window, hop),
+            taxels: input.taxels,
+        })
+    }
+
+    /// Steps of a window.
+    pub fn window(&self) -> usize {
+        self.window
+    }
+
+    /// Steps from one window to the next.
+    pub fn hop(&self) -> usize {
+        self.hop
+    }
+
+    /// Frequency bands of each taxel.
+    pub fn bands(&self) -> usize {
+        self.bands
+    }
+
+    /// Windows of a sweep.
+    pub fn windows(&self) -> usize {
+        self.windows
+    }
+
+    /// Returns the spectra as matrices, for other programs.
+    pub fn tables(&self) -> SpectralTables {
+        LogSpectra::new(self.window, self.hop, self.bands, 1).tables()
+    }
+
+    /// Values of a window and a taxel: its bands and its mean.
+    pub(crate) fn values(&self) -> usize {
+        self.bands + 1
+    }
+
+    pub(crate) fn parameters(&self) -> Option<u64> {
+        let taxel = product(&[self.values() + 2, self.taxel_units])?;
+        let window = product(&[self.taxels, self.taxel_units, self.units])?;
+        taxel
+            .checked_add(window)?
+            .checked_add(product(&[2, self.units])?)
+    }
+
+    /// Of a window and a taxel: the folded Fourier transform, the bands with two weights a bin, the units.
+    pub(crate) fn multiply_adds(&self) -> Option<u64> {
+        let half = self.window / 2;
+        let transform = product(&[2, half + 1, half])?.checked_add(product(&[5, half])?)?;
+        let dense = product(&[self.values(), self.taxel_units])?;
+        let units = product(&[self.taxel_units, self.units])?;
+        let each = transform.checked_add(dense)?.checked_add(units)?;
+        each.checked_mul(product(&[self.windows, self.taxels])?)
+    }
+
+    /// Numbers that the widest layer makes of one sweep.
+    pub(crate) fn widest_layer(&self) -> Option<u64> {
+        let of_taxel = self.values().max(self.taxel_units).max(self.window);
+        let of_window = product(&[self.taxels, of_taxel])?.max(self.units as u64);
+        of_window.checked_mul(self.windows as u64)
+    }
+
+    /// Mean and deviation of each unit.
+    pub(crate) fn features(&self) -> Option<u64> {
+        product(&[2, self.units])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn windows_follow_the_documented_rule() {
+        assert_eq!(default_window(1000), 64);
+        assert_eq!(default_window(400), 32);
+        assert_eq!(default_window(8800), 64);
+        assert_eq!(default_window(100), 8);
+        assert_eq!(default_window(9), 8);
+        assert_eq!(default_window(7), 6);
+        assert_eq!(default_window(4), 4);
+    }
+
+    #[test]
+    fn any_sweep_of_four_steps_or_more_has_a_window() {
+        for steps in 0..300 {
+            let shape = SpectralShape::new(&Spectra::default(), InputShape { steps, taxels: 3 });
+            match shape {
+                Ok(shape) => assert!(shape.windows > 0 && shape.bands > 0, "{steps}"),
+                Err(error) => assert!(steps < 4, "{steps}: {error}"),
+            }
+        }
+    }
+}
