@@ -59,6 +59,14 @@ impl Default for Architecture {
 }
 
 impl Architecture {
+    /// What kind of network it is, for people.
+    pub fn kind(&self) -> &'static str {
+        match self.trunk {
+            Trunk::Convolutions(_) => "TactNet-II",
+            Trunk::Spectra(_) => "network on spectra",
+        }
+    }
+
     /// TactNet-II with other numbers of maps and hidden units.
     pub fn tactnet2(maps: &[usize], hidden: usize) -> Self {
         Self {

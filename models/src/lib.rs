@@ -22,6 +22,7 @@ mod dense;
 mod dense_product;
 mod dropout;
 mod features;
+mod folded_dft;
 mod heads;
 mod initial;
 mod knn;

@@ -9,33 +9,23 @@ use std::f64::consts::PI;
 
 use pulp::{Arch, NullaryFnOnce};
 
+use crate::folded_dft::{Folded, FoldedDft, LANES, chunk};
+
 /// Added to energies before the logarithm, in squared units of the sweep.
 pub const ENERGY_FLOOR: f32 = 1e-3;
 /// Factor on natural logarithms of energies, which makes them decimal ones.
 pub const LOG_GAIN: f32 = std::f32::consts::LOG10_E;
 /// Added to decimal logarithms: zero is halfway between the floor and the energy 1.
 pub const LOG_OFFSET: f32 = 1.5;
-/// Values that are computed together.
-const LANES: usize = 16;
-/// Outputs of a product that are summed together.
-const TILE: usize = 4;
 /// Lanes of a block of windows, at least: what a block needs stays in a core's own cache.
 const BLOCK: usize = 256;
 
 /// Windows, and the bands of their spectra.
 #[derive(Debug, Clone)]
 pub(crate) struct LogSpectra {
-    window: usize,
+    transform: FoldedDft,
     hop: usize,
     taxels: usize,
-    /// `[window]`
-    hann: Vec<f32>,
-    /// Of `window / 2 + 1` folded sums and as many differences the real and imaginary parts of bins 1 to `window / 2`.
-    cosine: Matrix,
-    sine: Matrix,
-    /// The same backwards.
-    cosine_back: Matrix,
-    sine_back: Matrix,
     bands: Vec<Band>,
 }
 
@@ -47,64 +37,6 @@ struct Band {
     weights: Vec<f32>,
 }
 
-/// `[inputs][outputs rounded up to tiles]`
-#[derive(Debug, Clone)]
-struct Matrix {
-    values: Vec<f32>,
-    inputs: usize,
-    outputs: usize,
-}
-
-impl Matrix {
-    fn new(inputs: usize, outputs: usize, value: impl Fn(usize, usize) -> f64) -> Self {
-        let padded = outputs.next_multiple_of(TILE);
-        let mut values = vec![0.0; inputs * padded];
-        for input in 0..inputs {
-            for output in 0..outputs {
-                values[input * padded + output] = value(input, output) as f32;
-            }
-        }
-        Self {
-            values,
-            inputs,
-            outputs,
-        }
-    }
-
-    /// `y[output] = sum over inputs of matrix x[input]`, for every lane.
-    ///
-    /// - `x`: `[inputs][lanes]`, `y`: `[outputs][lanes]`
-    #[inline(always)]
-    fn times(&self, x: &[f32], y: &mut [f32], lanes: usize) {
-        let padded = self.outputs.next_multiple_of(TILE);
-        for lane in (0..lanes).step_by(LANES) {
-            for tile in (0..self.outputs).step_by(TILE) {
-                let mut sums = [[0.0f32; LANES]; TILE];
-                for input in 0..self.inputs {
-                    let x = chunk(x, input * lanes + lane);
-                    let factors = &self.values[input * padded + tile..][..TILE];
-                    for (sum, factor) in sums.iter_mut().zip(factors) {
-                        for (sum, x) in sum.iter_mut().zip(x) {
-                            *sum = factor.mul_add(*x, *sum);
-                        }
-                    }
-                }
-                let outputs = (self.outputs - tile).min(TILE);
-                for (output, sum) in sums.iter().enumerate().take(outputs) {
-                    y[(tile + output) * lanes + lane..][..LANES].copy_from_slice(sum);
-                }
-            }
-        }
-    }
-}
-
-#[inline(always)]
-fn chunk(values: &[f32], at: usize) -> &[f32; LANES] {
-    values[at..]
-        .first_chunk()
-        .unwrap_or_else(|| panic!("lanes come in whole chunks"))
-}
-
 /// Memory of one block of windows.
 #[derive(Debug, Clone)]
 pub(crate) struct Scratch {
@@ -112,9 +44,7 @@ pub(crate) struct Scratch {
     windows: usize,
     /// Their taxels, rounded up.
     lanes: usize,
-    /// `[window / 2 + 1][lanes]`: sums of mirrored steps, and their differences.
-    even: Vec<f32>,
-    odd: Vec<f32>,
+    folded: Folded,
     /// `[window / 2][lanes]`
     real: Vec<f32>,
     imaginary: Vec<f32>,
@@ -125,27 +55,15 @@ pub(crate) struct Scratch {
 }
 
 impl LogSpectra {
-    /// - `window`: even, at least 4 steps
+    /// - `window`: a multiple of 4
     /// - `bands`: at most `window / 2`
     pub(crate) fn new(window: usize, hop: usize, bands: usize, taxels: usize) -> Self {
-        debug_assert!(window.is_multiple_of(2) && window >= 4 && hop > 0 && taxels > 0);
-        let half = window / 2;
-        let hann: Vec<f64> = (0..window)
-            .map(|n| 0.5 - 0.5 * (2.0 * PI * n as f64 / window as f64).cos())
-            .collect();
-        let gain = 1.0 / hann.iter().map(|h| h * h).sum::<f64>().sqrt();
-        let angle =
-            |n: usize, bin: usize| 2.0 * PI * ((n * (bin + 1)) % window) as f64 / window as f64;
+        debug_assert!(hop > 0 && taxels > 0);
         Self {
-            window,
+            transform: FoldedDft::new(window),
             hop,
             taxels,
-            hann: hann.iter().map(|h| (h * gain) as f32).collect(),
-            cosine: Matrix::new(half + 1, half, |n, bin| angle(n, bin).cos()),
-            sine: Matrix::new(half + 1, half, |n, bin| angle(n, bin).sin()),
-            cosine_back: Matrix::new(half, half + 1, |bin, n| angle(n, bin).cos()),
-            sine_back: Matrix::new(half, half + 1, |bin, n| angle(n, bin).sin()),
-            bands: triangles(half, bands),
+            bands: triangles(window / 2, bands),
         }
     }
 
@@ -156,7 +74,7 @@ impl LogSpectra {
 
     /// Windows of a sweep; steps behind the last whole one are not read.
     pub(crate) fn windows(&self, steps: usize) -> usize {
-        windows(steps, self.window, self.hop)
+        windows(steps, self.window(), self.hop)
     }
 
     /// Taxels of a sweep.
@@ -166,7 +84,7 @@ impl LogSpectra {
 
     /// Steps of a window.
     pub(crate) fn window(&self) -> usize {
-        self.window
+        self.transform.window()
     }
 
     /// Steps from one window to the next.
@@ -178,12 +96,11 @@ impl LogSpectra {
     pub(crate) fn scratch(&self, windows: usize) -> Scratch {
         let windows = BLOCK.div_ceil(self.taxels).clamp(1, windows.max(1));
         let lanes = (windows * self.taxels).next_multiple_of(LANES);
-        let half = self.window / 2;
+        let half = self.window() / 2;
         Scratch {
             windows,
             lanes,
-            even: vec![0.0; (half + 1) * lanes],
-            odd: vec![0.0; (half + 1) * lanes],
+            folded: self.transform.folded(lanes),
             real: vec![0.0; half * lanes],
             imaginary: vec![0.0; half * lanes],
             mean: vec![0.0; lanes],
@@ -205,41 +122,23 @@ impl LogSpectra {
     /// Fills the Fourier coefficients and means of `windows`.
     #[inline(always)]
     fn coefficients(&self, sweep: &[f32], windows: std::ops::Range<usize>, scratch: &mut Scratch) {
-        let (half, taxels, lanes) = (self.window / 2, self.taxels, scratch.lanes);
-        let share = 1.0 / self.window as f32;
-        for (place, window) in windows.enumerate() {
-            let steps = &sweep[window * self.hop * taxels..][..self.window * taxels];
-            let of = |n: usize| &steps[n * taxels..(n + 1) * taxels];
-            let lane = place * taxels..(place + 1) * taxels;
-            let mean = &mut scratch.mean[lane.clone()];
+        let (window, taxels, lanes) = (self.window(), self.taxels, scratch.lanes);
+        let share = 1.0 / window as f32;
+        for (place, number) in windows.enumerate() {
+            let steps = &sweep[number * self.hop * taxels..][..window * taxels];
+            let lane = place * taxels;
+            let mean = &mut scratch.mean[lane..lane + taxels];
             mean.fill(0.0);
-            for n in 0..self.window {
-                mean.iter_mut().zip(of(n)).for_each(|(m, x)| *m += x);
+            for frame in steps.chunks_exact(taxels) {
+                mean.iter_mut().zip(frame).for_each(|(m, x)| *m += x);
             }
             mean.iter_mut().for_each(|m| *m *= share);
-            for n in 0..=half {
-                let at = n * lanes + lane.start;
-                let even = &mut scratch.even[at..at + taxels];
-                let odd = &mut scratch.odd[at..at + taxels];
-                let factor = self.hann[n];
-                // The first step and the one in the middle mirror themselves.
-                let mirrored = self.window - n;
-                if n == 0 || n == half {
-                    for ((even, x), mean) in even.iter_mut().zip(of(n)).zip(&*mean) {
-                        *even = (x - mean) * factor;
-                    }
-                    odd.fill(0.0);
-                } else {
-                    let pairs = of(n).iter().zip(of(mirrored)).zip(&*mean);
-                    for (((x, y), mean), (even, odd)) in pairs.zip(even.iter_mut().zip(odd)) {
-                        *even = (x + y - 2.0 * mean) * factor;
-                        *odd = (x - y) * factor;
-                    }
-                }
-            }
+            self.transform
+                .fold(steps, mean, &mut scratch.folded, lane, lanes);
         }
-        self.cosine.times(&scratch.even, &mut scratch.real, lanes);
-        self.sine.times(&scratch.odd, &mut scratch.imaginary, lanes);
+        let (real, imaginary) = (&mut scratch.real, &mut scratch.imaginary);
+        self.transform
+            .transform(&scratch.folded, real, imaginary, lanes);
     }
 
     /// Energy of a band, of sixteen lanes from `lane` on.
@@ -300,7 +199,7 @@ impl LogSpectra {
     /// Replaces coefficients and means by the gradients with respect to them.
     #[inline(always)]
     fn of_coefficients(&self, gradient: &[f32], scratch: &mut Scratch) {
-        let (values, bins) = (self.values(), self.window / 2);
+        let (values, bins) = (self.values(), self.window() / 2);
         let mut of_bins = vec![0.0f32; bins * LANES];
         for (block, gradient) in gradient.chunks(LANES * values).enumerate() {
             let lane = block * LANES;
@@ -336,57 +235,28 @@ impl LogSpectra {
 
     #[inline(always)]
     fn of_steps(&self, found: &mut [f32], windows: std::ops::Range<usize>, scratch: &mut Scratch) {
-        let (half, taxels, lanes) = (self.window / 2, self.taxels, scratch.lanes);
-        let share = 1.0 / self.window as f32;
-        for (place, window) in windows.enumerate() {
-            let found = &mut found[window * self.hop * taxels..][..self.window * taxels];
-            let lane = place * taxels..(place + 1) * taxels;
-            let mean = &mut scratch.mean[lane.clone()];
-            // The mean is subtracted from every step.
-            for n in 0..=half {
-                let factor = self.hann[n];
-                let even = &scratch.even[n * lanes + lane.start..][..taxels];
-                let both = if n == 0 || n == half { 1.0 } else { 2.0 };
-                for (mean, even) in mean.iter_mut().zip(even) {
-                    *mean -= both * factor * even;
-                }
-            }
-            for n in 0..self.window {
-                let (folded, sign) = if n <= half {
-                    (n, 1.0)
-                } else {
-                    (self.window - n, -1.0)
-                };
-                let at = folded * lanes + lane.start;
-                let even = &scratch.even[at..at + taxels];
-                let odd = &scratch.odd[at..at + taxels];
-                let sign = if folded == 0 || folded == half {
-                    0.0
-                } else {
-                    sign
-                };
-                let factor = self.hann[n];
-                let found = &mut found[n * taxels..(n + 1) * taxels];
-                for (((found, even), odd), mean) in found.iter_mut().zip(even).zip(odd).zip(&*mean)
-                {
-                    *found += factor * (even + sign * odd) + share * mean;
-                }
-            }
+        let (window, taxels, lanes) = (self.window(), self.taxels, scratch.lanes);
+        for (place, number) in windows.enumerate() {
+            let found = &mut found[number * self.hop * taxels..][..window * taxels];
+            let lane = place * taxels;
+            let mean = &mut scratch.mean[lane..lane + taxels];
+            self.transform
+                .unfold(&scratch.folded, mean, found, lane, lanes);
         }
     }
 
     /// Returns the same as matrices, for devices and programs that have no operation of their own.
     pub(crate) fn tables(&self) -> SpectralTables {
-        let bins = self.window / 2;
-        let angle = |n: usize, bin: usize| {
-            2.0 * PI * ((n * (bin + 1)) % self.window) as f64 / self.window as f64
-        };
-        let mut fourier = Vec::with_capacity(2 * bins * self.window);
+        let (window, hann) = (self.window(), self.transform.hann());
+        let bins = window / 2;
+        let angle =
+            |n: usize, bin: usize| 2.0 * PI * ((n * (bin + 1)) % window) as f64 / window as f64;
+        let mut fourier = Vec::with_capacity(2 * bins * window);
         for wave in [f64::cos, f64::sin] {
             for bin in 0..bins {
-                let of = |n: usize| f64::from(self.hann[n]) * wave(angle(n, bin));
-                let mean = (0..self.window).map(of).sum::<f64>() / self.window as f64;
-                fourier.extend((0..self.window).map(|n| (of(n) - mean) as f32));
+                let of = |n: usize| f64::from(hann[n]) * wave(angle(n, bin));
+                let mean = (0..window).map(of).sum::<f64>() / window as f64;
+                fourier.extend((0..window).map(|n| (of(n) - mean) as f32));
             }
         }
         let mut bands = vec![0.0; self.bands.len() * bins];
@@ -450,10 +320,9 @@ impl NullaryFnOnce for Backward<'_> {
             let gradient = &self.gradient[first * row..(first + count) * row];
             plan.of_coefficients(gradient, scratch);
             let lanes = scratch.lanes;
-            plan.cosine_back
-                .times(&scratch.real, &mut scratch.even, lanes);
-            plan.sine_back
-                .times(&scratch.imaginary, &mut scratch.odd, lanes);
+            let (real, imaginary) = (&scratch.real, &scratch.imaginary);
+            plan.transform
+                .transform_back(real, imaginary, &mut scratch.folded, lanes);
             plan.of_steps(self.found, first..first + count, scratch);
         }
     }
@@ -576,7 +445,7 @@ mod tests {
 
     /// By the definition, in double precision.
     fn by_definition(plan: &LogSpectra, sweep: &[f32]) -> Vec<f64> {
-        let (taxels, window) = (plan.taxels, plan.window);
+        let (taxels, window) = (plan.taxels, plan.window());
         let mut found = Vec::new();
         for at in 0..plan.windows(sweep.len() / taxels) {
             for taxel in 0..taxels {
@@ -615,7 +484,7 @@ mod tests {
         [64, 16, 24, 16, 200],
         [4, 1, 2, 1, 9],
         [32, 8, 16, 3, 33],
-        [10, 3, 4, 30, 47],
+        [12, 3, 4, 30, 47],
         [16, 40, 1, 2, 100],
         [64, 16, 99, 300, 90],
     ];

@@ -12,7 +12,7 @@ use crate::{InputShape, ModelError};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Spectra {
-    /// Steps of a window, even; by [`default_window`] when absent.
+    /// Steps of a window, a multiple of four; by [`default_window`] when absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub window: Option<usize>,
     /// Steps from one window to the next; a quarter of a window when absent.
@@ -31,21 +31,21 @@ impl Default for Spectra {
         Self {
             window: None,
             hop: None,
-            bands: 24,
+            bands: 12,
             taxel_units: 32,
             units: 64,
         }
     }
 }
 
-/// Steps of a window for sweeps of `steps` steps: the largest power of two of at most a twelfth of the sweep, from 8 to 64, and never more
+/// Steps of a window for sweeps of `steps` steps: the largest power of two of at most a sixth of the sweep, from 8 to 128, and never more
 /// than the sweep.
 ///
-/// 1000 steps give 64, 400 steps give 32, 8800 steps give 64.
+/// 1000 steps give 128, 400 steps give 64, 8800 steps give 128.
 pub fn default_window(steps: usize) -> usize {
-    let twelfth = (steps / 12).clamp(8, 64);
-    let window = 1 << twelfth.ilog2();
-    window.min(steps - steps % 2)
+    let sixth = (steps / 6).clamp(8, 128);
+    let window = 1 << sixth.ilog2();
+    window.min(steps - steps % 4)
 }
 
 /// Sizes of a network on spectra.
@@ -145,8 +145,8 @@ impl SpectralShape {
 
     /// Of a window and a taxel: the folded Fourier transform, the bands with two weights a bin, the units.
     pub(crate) fn multiply_adds(&self) -> Option<u64> {
-        let half = self.window / 2;
-        let transform = product(&[2, half + 1, half])?.checked_add(product(&[5, half])?)?;
+        let (quarter, half) = (self.window / 4, self.window / 2);
+        let transform = product(&[4, quarter + 1, quarter])?.checked_add(product(&[5, half])?)?;
         let dense = product(&[self.values(), self.taxel_units])?;
         let units = product(&[self.taxel_units, self.units])?;
         let each = transform.checked_add(dense)?.checked_add(units)?;
@@ -172,12 +172,12 @@ mod tests {
 
     #[test]
     fn windows_follow_the_documented_rule() {
-        assert_eq!(default_window(1000), 64);
-        assert_eq!(default_window(400), 32);
-        assert_eq!(default_window(8800), 64);
-        assert_eq!(default_window(100), 8);
+        assert_eq!(default_window(1000), 128);
+        assert_eq!(default_window(400), 64);
+        assert_eq!(default_window(8800), 128);
+        assert_eq!(default_window(100), 16);
         assert_eq!(default_window(9), 8);
-        assert_eq!(default_window(7), 6);
+        assert_eq!(default_window(7), 4);
         assert_eq!(default_window(4), 4);
     }
 

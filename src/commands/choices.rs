@@ -11,6 +11,8 @@ use tactnet_pipeline::{MeanRemoval, RuntimeKind, SplitKind};
 pub enum ModelChoice {
     /// TactNet-II, the thesis's convolutional network
     Tactnet2,
+    /// A small network on the spectra of short windows
+    Spectra,
     /// k nearest neighbours on roughness and two spectral centroids
     KnnL,
     /// k nearest neighbours on the short-time spectrum
@@ -36,6 +38,7 @@ impl ModelChoice {
     pub fn recipe(self) -> &'static str {
         match self {
             Self::Tactnet2 => "fast",
+            Self::Spectra => "spectra",
             Self::KnnL => "knn-l",
             Self::KnnH => "knn-h",
             Self::SvmL => "svm-l",

@@ -8,7 +8,7 @@ use std::process::ExitCode;
 use anyhow::bail;
 use tactnet_data::Finding;
 use tactnet_experiments::{advice, next_steps, run_text};
-use tactnet_models::Compute;
+use tactnet_models::{Compute, Trunk};
 use tactnet_pipeline::{
     ModelRecipe, Provenance, RunDir, RunResult, Session, TrainJob, TrainOutcome,
 };
@@ -112,7 +112,10 @@ pub fn train(
 
 fn refuse_other_model(job: &TrainJob, model: ModelChoice) -> anyhow::Result<()> {
     let fits = match job.recipe() {
-        ModelRecipe::TactNet2(_) => model == ModelChoice::Tactnet2,
+        ModelRecipe::TactNet2(recipe) => match recipe.network.trunk {
+            Trunk::Convolutions(_) => model == ModelChoice::Tactnet2,
+            Trunk::Spectra(_) => model == ModelChoice::Spectra,
+        },
         ModelRecipe::Baseline(recipe) => recipe.name == model.recipe(),
     };
     if !fits {

@@ -106,9 +106,9 @@ def counter_weights(described):
     return weights
 
 
-def write(name, tensors, extra):
+def write(name, tensors, extra, generator="tests/golden/tactnet_torch.py"):
     metadata = {
-        "generator": "tests/golden/tactnet_torch.py",
+        "generator": generator,
         "torch": torch.__version__,
         "numpy": np.__version__,
         "python": platform.python_version(),
@@ -120,12 +120,20 @@ def write(name, tensors, extra):
 
 
 def training(name, seed, batch, steps, taxels, maps, kernel, pools, hidden, materials):
-    rng = np.random.default_rng(seed)
     left = steps
     for pool in pools:
         left = -(-left // pool)
     features = left * taxels * maps[-1]
     described = shapes(maps, kernel, hidden, features, materials)
+    extra = {"maps": maps, "kernel": kernel, "pools": pools, "hidden": hidden, "materials": materials}
+    out = trained(lambda w: Network(maps, kernel, pools, w), described, seed, (batch, steps, taxels), features, materials)
+    write(name, out, extra)
+
+
+def trained(network, described, seed, shape, features, materials):
+    """What `network`, made of its weights, gives and becomes in ten adversarial steps on sweeps of `shape`."""
+    rng = np.random.default_rng(seed)
+    batch, steps, taxels = shape
     weights = counter_weights(described)
     as_input = lambda a: torch.tensor(a.astype(np.float32).astype(np.float64))
     sweeps = as_input(rng.normal(size=(batch, 1, steps, taxels)))
@@ -137,7 +145,7 @@ def training(name, seed, batch, steps, taxels, maps, kernel, pools, hidden, mate
     for i, (clean, adversarial) in enumerate(masks):
         out[f"mask.{i}.clean"], out[f"mask.{i}.adversarial"] = clean, adversarial
 
-    net = Network(maps, kernel, pools, weights)
+    net = network(weights)
     out["eval.logits"] = net.forward(sweeps, None, train=False)
     parameters = net.parameters()
     for p in parameters.values():
@@ -165,7 +173,7 @@ def training(name, seed, batch, steps, taxels, maps, kernel, pools, hidden, mate
     out["losses"] = torch.tensor(losses)
     out |= {f"final.{k}": v for k, v in net.w.items()}
     out["final.eval.logits"] = net.forward(sweeps, None, train=False)
-    write(name, out, {"maps": maps, "kernel": kernel, "pools": pools, "hidden": hidden, "materials": materials})
+    return out
 
 
 def full():

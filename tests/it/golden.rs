@@ -1,4 +1,4 @@
-//! TactNet-II against PyTorch: logits, loss, every gradient, ten adversarial training steps, full-size logits.
+//! Networks against PyTorch: logits, loss, every gradient, ten adversarial training steps, full-size logits.
 //!
 //! The values come from `tests/golden/tactnet_torch.py`, which computes in float64; tolerances are what f32 arithmetic
 //! leaves of that (measured 3e-6, allowed 1e-4 as the kernels will be exchanged for others).
@@ -56,13 +56,17 @@ impl Golden {
     fn config(&self) -> TactNetConfig {
         let [_, _, steps, taxels]: [usize; 4] =
             self.tensors["sweeps"].shape.clone().try_into().unwrap();
-        let trunk = Convolutions {
-            maps: self.setting("maps"),
-            kernel: self.setting("kernel"),
-            pools: Some(self.setting("pools")),
+        let trunk = if self.metadata.contains_key("spectra") {
+            Trunk::Spectra(self.setting("spectra"))
+        } else {
+            Trunk::Convolutions(Convolutions {
+                maps: self.setting("maps"),
+                kernel: self.setting("kernel"),
+                pools: Some(self.setting("pools")),
+            })
         };
         let architecture = Architecture {
-            trunk: Trunk::Convolutions(trunk),
+            trunk,
             hidden: self.setting("hidden"),
             keep_probability: 0.8,
         };
@@ -145,8 +149,8 @@ fn check_against_pytorch(name: &str) {
     let named = net.gradients(&gradients);
     assert_eq!(
         named.0.len(),
-        3 * config.convolutions().unwrap().1.len() + 5,
-        "every parameter has a gradient"
+        golden.weights("clean.gradient.").0.len() - 1,
+        "every parameter has a gradient, besides the sweeps"
     );
     assert_weights_close(&named, &golden, "clean.gradient.", 1e-4);
 
@@ -202,6 +206,11 @@ fn reduced_network_matches_pytorch_through_ten_adversarial_steps() {
 #[test]
 fn network_with_uneven_pools_matches_pytorch() {
     check_against_pytorch("tactnet_uneven.safetensors");
+}
+
+#[test]
+fn network_on_spectra_matches_pytorch() {
+    check_against_pytorch("spectra.safetensors");
 }
 
 #[test]

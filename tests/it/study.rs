@@ -8,7 +8,7 @@ use std::time::{Duration, Instant, SystemTime};
 
 use serde_json::Value;
 
-use crate::command::{Lab, RecipeChange, expect, stderr, stdout, tactnet};
+use crate::command::{Lab, RecipeChange, SPECTRA, expect, stderr, stdout, tactnet};
 
 /// A twin of eight materials with thirty sweeps each, and a small recipe.
 fn lab() -> Lab {
@@ -118,6 +118,91 @@ fn n_shot_transfer_measures_every_method_the_same_way_however_many_threads() {
         "{}",
         stderr(&again)
     );
+}
+
+#[test]
+fn networks_are_compared_under_every_circumstance_with_what_they_cost() {
+    let lab = lab();
+    let spectra = lab.recipe(RecipeChange {
+        epochs: Some(8),
+        layers: SPECTRA,
+        ..RecipeChange::default()
+    });
+    std::fs::rename(&spectra, lab.path("spectra.toml")).unwrap();
+    lab.recipe(RecipeChange {
+        epochs: Some(8),
+        ..RecipeChange::default()
+    });
+    let both = format!(
+        "models=[\"{}\", \"{}\"]",
+        lab.path("small.toml").display(),
+        lab.path("spectra.toml").display()
+    );
+    let settings = ["folds=2", "sweeps=[5, 99]", "forces=[0.7]", &both];
+    let found = summary(study(&lab, "networks", &settings, "networks"));
+    let costs: Vec<&Value> = rows(&found)
+        .iter()
+        .filter(|row| row["network"].is_string())
+        .collect();
+    // A file is felt no second time, and no fold has 99 sweeps; as trained with MC dropout, too.
+    let conditions = [
+        "as trained",
+        "as trained",
+        "5 sweeps a material",
+        "a block left out",
+    ];
+    assert_eq!(costs.len(), 2 * conditions.len(), "{costs:?}");
+    for condition in conditions {
+        let own: Vec<&&Value> = costs
+            .iter()
+            .filter(|row| row["condition"] == condition && row["method"] == "plain")
+            .collect();
+        assert_eq!(own.len(), 2, "{condition}");
+        assert!(own.iter().all(|row| row["accuracy"] == row["mean"]));
+    }
+    let cost = |network: &str, what: &str| {
+        let own = costs
+            .iter()
+            .find(|row| row["network"] == network && row["condition"] == "as trained");
+        own.unwrap()[what].as_f64().unwrap()
+    };
+    assert!(cost("spectra", "multiply_adds") < cost("small", "multiply_adds"));
+    assert!(cost("small", "train_seconds") > 0.0);
+    // Each with the other, by the same method: three circumstances, one of them with dropout, too.
+    assert_eq!(found["comparisons"].as_array().unwrap().len(), 4);
+}
+
+#[test]
+fn the_twin_is_felt_again_weaker_and_faster() {
+    let lab = Lab::new();
+    lab.recipe(RecipeChange {
+        layers: SPECTRA,
+        ..RecipeChange::default()
+    });
+    let mut command = tactnet(["experiment", "run", "networks", "--json", "--set"]);
+    command.arg(format!("models=[\"{}\"]", lab.path("small.toml").display()));
+    for setting in [
+        "folds=1",
+        "epochs=1",
+        "steps=100",
+        "sweeps=[]",
+        "blocks=false",
+        "forces=[0.5]",
+        "speeds=[1.5]",
+    ] {
+        command.args(["--set", setting]);
+    }
+    command.arg("--out").arg(lab.path("felt"));
+    let found = summary(command);
+    let accuracy = |condition: &str| {
+        let own = rows(&found)
+            .iter()
+            .find(|row| row["condition"] == condition && row["method"] == "plain");
+        own.unwrap()["accuracy"].as_f64().unwrap()
+    };
+    let usual = accuracy("as trained");
+    assert!(accuracy("force \u{d7} 0.5") < usual, "{usual}");
+    assert!(accuracy("speed \u{d7} 1.5") != usual);
 }
 
 #[test]

@@ -257,6 +257,7 @@ fn add(summary: &mut Summary, data: &str, model: &str, accuracy: f64, materials:
         prediction: PredictionMethod::McDropout { mc_samples: 100 },
         steps: 1000,
         training: None,
+        network: None,
         probe: false,
         materials: materials.to_vec(),
         n_train: 80,

@@ -363,6 +363,7 @@ mod tests {
         let steps = |epochs, batches| Some(TrainingSteps { epochs, batches });
         let mut summary = fake::tactmat();
         summary.contenders[1].training = steps(12, 3);
+        summary.contenders[1].network = Some("TactNet-II".into());
         let beaten = page(&summary);
         assert!(
             beaten.contains(
@@ -373,6 +374,7 @@ mod tests {
         summary.contenders[1].training = steps(12, 80);
         assert!(page(&summary).contains("TactNet-II (knn), MC dropout recognises 60.0\u{a0}%."));
         summary.contenders[0].training = steps(12, 3);
+        summary.contenders[0].network = Some("TactNet-II".into());
         let won = page(&summary);
         assert!(
             won.contains("recognised by TactNet-II (net), MC dropout"),

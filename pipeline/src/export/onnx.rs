@@ -254,10 +254,7 @@ pub fn to_onnx(
     }
 
     let sweeps = || Size::open("sweeps");
-    builder.graph.name = match network.spectra() {
-        Some(_) => "spectra".into(),
-        None => "TactNet-II".into(),
-    };
+    builder.graph.name = setup.network.kind().into();
     builder.graph.input = vec![Value::floats(
         "digits",
         vec![sweeps(), Size::of(steps), Size::of(taxels)],

@@ -12,6 +12,7 @@ use crate::commands::choices::{LevelsChoice, ModelChoice, SplitChoice, TrainDevi
 #[command(after_help = "Examples:\n  \
     tactnet train                                        the twin, about a minute and a half\n  \
     tactnet train --recipe thesis --out runs/thesis      TactNet-II as published\n  \
+    tactnet train --recipe spectra                       a small network on spectra, in ten seconds\n  \
     tactnet train --model minirocket                     a baseline on the same fold\n  \
     tactnet train --data sweeps.h5 --fold 3 --seed 7     the fourth of five folds\n  \
     tactnet train --calibrate                            can say that it does not know a material\n  \
@@ -25,7 +26,7 @@ pub struct TrainArgs {
     /// What to train [default: tactnet2]
     #[arg(long, value_enum, ignore_case = true)]
     pub model: Option<ModelChoice>,
-    /// How to train it: a built-in recipe (fast, thesis) or a TOML file [default: fast, or the model's only one]
+    /// How to train it: a built-in recipe (fast, spectra, thesis) or a TOML file [default: fast, or the model's only one]
     #[arg(long, value_name = "NAME|FILE")]
     recipe: Option<String>,
     /// Whether a taxel's mean over the sweep may be used [default: the recipe's]

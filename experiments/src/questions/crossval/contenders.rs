@@ -44,6 +44,9 @@ pub struct Contender {
     /// How long a network was trained in a fold; absent where the model is none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub training: Option<TrainingSteps>,
+    /// What kind of network it is, for people; absent of baselines.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub network: Option<String>,
     /// True for a probe (means, permuted labels).
     pub probe: bool,
     /// Materials in label order.
@@ -193,6 +196,7 @@ fn contender(key: String, accuracy: f64, folds: &[Fold<'_>], asked: &Crossval) -
         prediction: first.method,
         steps: first.finished.steps.0,
         training: training(first),
+        network: network(first).map(String::from),
         probe: first.finished.task.probe.is_some(),
         sigma_test: (accuracy * (1.0 - accuracy) / n_test as f64).sqrt(),
         n_train: first.result.n_train,
@@ -203,6 +207,14 @@ fn contender(key: String, accuracy: f64, folds: &[Fold<'_>], asked: &Crossval) -
         published: published(first, first.method),
         folds: folds.iter().map(record).collect(),
         materials,
+    }
+}
+
+/// What kind of network it is.
+fn network(fold: &Fold<'_>) -> Option<&'static str> {
+    match &fold.config.recipe {
+        ModelRecipe::TactNet2(recipe) => Some(recipe.network.kind()),
+        ModelRecipe::Baseline(_) => None,
     }
 }
 

@@ -19,6 +19,8 @@ pub(crate) struct Scored<'a> {
     pub(crate) prediction: PredictionMethod,
     pub(crate) steps: usize,
     pub(crate) training: Option<TrainingSteps>,
+    /// What kind of network it is.
+    pub(crate) network: Option<&'a str>,
     pub(crate) probe: bool,
     pub(crate) materials: &'a [String],
     pub(crate) one_sweep: &'a Statistic,
@@ -42,8 +44,8 @@ pub(crate) struct Scored<'a> {
 impl Scored<'_> {
     /// Returns the model's name for people: of a network also what it is, `TactNet-II (fast)`.
     pub(crate) fn model_name(&self) -> String {
-        match self.training {
-            Some(_) => format!("TactNet-II ({})", self.model),
+        match self.network {
+            Some(kind) => format!("{kind} ({})", self.model),
             None => self.model.to_string(),
         }
     }
@@ -115,6 +117,7 @@ fn with_rows<'a>(summary: &'a Summary, contender: &'a Contender) -> Option<Score
         prediction: contender.prediction,
         steps: contender.steps,
         training: contender.training,
+        network: contender.network.as_deref(),
         probe: contender.probe,
         materials: &contender.materials,
         one_sweep: statistic(Measure::Accuracy, 1)?,
