@@ -15,7 +15,7 @@ pub struct Recipe {
 }
 
 impl Recipe {
-    /// Returns a recipe that comes with the library: `fast`, `thesis`, `knn-l`, `knn-h`, `svm-l`, `svm-h`, `minirocket`,
+    /// Returns a recipe that comes with the library: `spectra`, `fast`, `thesis`, `knn-l`, `knn-h`, `svm-l`, `svm-h`, `minirocket`,
     /// `multirocket-hydra`, `lda`, `svm-spectra`, `means`.
     ///
     /// # Errors

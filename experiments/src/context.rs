@@ -1,5 +1,7 @@
 //! What the task of a question works with: data, recipe, device, seeds, and networks that outlive an interruption.
 
+use std::time::Instant;
+
 use burn::tensor::Device;
 use rand::Rng;
 use tactnet_data::{Dataset, Seed, SweepView, TrainSplit};
@@ -66,6 +68,16 @@ impl StudyContext<'_> {
         train: &TrainSplit<'_>,
         seed: Seed,
     ) -> Result<Classifier, Cancelled> {
+        Ok(self.trained_in(what, train, seed)?.0)
+    }
+
+    /// The same, with the seconds that the training took; `None` where the network was read.
+    pub(crate) fn trained_in(
+        &self,
+        what: &str,
+        train: &TrainSplit<'_>,
+        seed: Seed,
+    ) -> Result<(Classifier, Option<f64>), Cancelled> {
         self.finished_or(what, train, seed, |go_on| {
             train_network(self.recipe, train, seed, self.device, go_on)
         })
@@ -78,9 +90,10 @@ impl StudyContext<'_> {
         train: &TrainSplit<'_>,
         seed: Seed,
     ) -> Result<Classifier, Cancelled> {
-        self.finished_or(what, train, seed, |go_on| {
+        let (classifier, _) = self.finished_or(what, train, seed, |go_on| {
             train_siamese(self.recipe, train, seed, self.device, go_on)
-        })
+        })?;
+        Ok(classifier)
     }
 
     fn finished_or(
@@ -89,7 +102,7 @@ impl StudyContext<'_> {
         train: &TrainSplit<'_>,
         seed: Seed,
         fit: impl FnOnce(&dyn Fn(&BatchReport) -> bool) -> Result<Option<Classifier>, PipelineError>,
-    ) -> Result<Classifier, Cancelled> {
+    ) -> Result<(Classifier, Option<f64>), Cancelled> {
         self.say(what)?;
         let network = self.networks.next(&format!(
             "{what}, seed {}, data {}, sweeps {:?}\n{}",
@@ -101,12 +114,14 @@ impl StudyContext<'_> {
         if let Some(weights) = network.read().map_err(Cancelled::Failed)? {
             let setup = TactNetSetup::fit(self.recipe, train);
             let config = ClassifierConfig::new(ModelConfig::TactNet2(setup), train, seed);
-            return Ok(Classifier::new(config, &weights, self.device)?);
+            return Ok((Classifier::new(config, &weights, self.device)?, None));
         }
         let go_on = |batch: &BatchReport| (self.go_on)(what, Some(batch));
+        let begun = Instant::now();
         let classifier = fit(&go_on)?.ok_or(Cancelled::Stopped)?;
+        let seconds = begun.elapsed().as_secs_f64();
         network.write(&classifier).map_err(Cancelled::Failed)?;
-        Ok(classifier)
+        Ok((classifier, Some(seconds)))
     }
 }
 

@@ -5,7 +5,7 @@ use crate::spectral_shape::SpectralShape;
 use crate::{Architecture, ModelError};
 
 /// Parameters of a network, and outputs of one of its layers for one sweep, at most: 8 GiB of 32-bit floats.
-pub const MAX_NUMBERS: u64 = 1 << 31;
+const MAX_NUMBERS: u64 = 1 << 31;
 
 /// A checked description of one network.
 #[derive(Debug, Clone, PartialEq)]
@@ -215,7 +215,7 @@ impl TactNetConfig {
     }
 
     /// Returns the multiply-adds of one prediction without dropout, biases and normalisation left out; `None` where they are beyond
-    /// all bounds. Convolutions count as what they are by definition, whatever way they are computed in.
+    /// all bounds. Convolutions and Fourier transforms count as what they are by definition, whatever way they are computed in.
     pub fn multiply_adds(&self) -> Option<u64> {
         let trunk = match &self.trunk {
             TrunkShape::Convolutions(shape) => shape.multiply_adds(),
@@ -312,7 +312,28 @@ mod tests {
             trunk: Trunk::Spectra(Spectra::default()),
             ..Architecture::default()
         };
-        assert!(count(spectra) * 10 < blocks + head);
+        // 28 windows of 128 steps: transform, squares and bands, 13 values to 32 units, 32 to 64.
+        let of_taxel = 128 * 128 + 4 * 64 + 13 * 32 + 32 * 64;
+        let head = 128 * 512 + 512 * 36;
+        assert_eq!(count(spectra), 28 * 16 * of_taxel + head);
+    }
+
+    #[test]
+    fn tables_larger_than_memory_are_refused() {
+        let input = InputShape {
+            steps: 1_000_000,
+            taxels: 1,
+        };
+        let spectra = Spectra {
+            window: Some(1_000_000),
+            ..Spectra::default()
+        };
+        let architecture = Architecture {
+            trunk: Trunk::Spectra(spectra),
+            ..Architecture::default()
+        };
+        let refused = TactNetConfig::new(architecture, input, 3).unwrap_err();
+        assert!(refused.to_string().contains("numbers"), "{refused}");
     }
 
     #[test]
@@ -362,7 +383,8 @@ mod tests {
             })
         };
         assert!(spectra(|s| s.window = Some(7)).contains("spectra.window"));
-        assert!(spectra(|s| s.window = Some(102)).contains("spectra.window"));
+        assert!(spectra(|s| s.window = Some(10)).contains("a multiple of four"));
+        assert!(spectra(|s| s.window = Some(104)).contains("spectra.window"));
         assert!(spectra(|s| s.hop = Some(0)).contains("spectra.hop"));
         assert!(spectra(|s| s.bands = 0).contains("spectra.bands"));
         assert!(spectra(|s| s.units = 0).contains("spectra.units"));

@@ -131,7 +131,12 @@ pub trait FrozenBlock: Backend {
     ) -> FloatTensor<Self>;
 }
 
-type Primitive = FloatTensor<Flex>;
+pub(crate) type Primitive = FloatTensor<Flex>;
+
+/// Returns the values of a tensor that lie in order from the start of its memory.
+pub(crate) fn slice(tensor: &Primitive) -> &[f32] {
+    &tensor.storage()[..tensor.shape().num_elements()]
+}
 
 /// Returns the tensor with its values in order from the start of its memory, copied if they are not.
 pub(crate) fn in_order(tensor: Primitive) -> Primitive {
@@ -169,7 +174,7 @@ impl Values {
     }
 
     fn slice(&self) -> &[f32] {
-        &self.0.storage()[..self.0.shape().num_elements()]
+        slice(&self.0)
     }
 }
 

@@ -103,23 +103,24 @@ pub(crate) fn chunk(values: &[f32], at: usize) -> &[f32; LANES] {
         .unwrap_or_else(|| panic!("lanes come in whole chunks"))
 }
 
+/// A sine or cosine, and the first of its bins.
+type Wave = (fn(f64) -> f64, usize);
+
 impl FoldedDft {
     /// - `window`: a multiple of four
     pub(crate) fn new(window: usize) -> Self {
-        debug_assert!(window.is_multiple_of(4) && window > 0);
-        let (quarter, half) = (window / 4, window / 2);
+        assert!(window.is_multiple_of(4) && window > 0, "{window} steps");
+        let quarter = window / 4;
         let hann: Vec<f64> = (0..window)
             .map(|n| (PI * n as f64 / window as f64).sin().powi(2))
             .collect();
         let gain = 1.0 / hann.iter().map(|h| h * h).sum::<f64>().sqrt();
-        let waves: [(fn(f64) -> f64, usize); 4] =
-            [(f64::cos, 2), (f64::cos, 1), (f64::sin, 2), (f64::sin, 1)];
-        // Even bins from 2 on, odd ones from 1 on. Step `quarter` mirrors itself and is in two of the foldings.
-        let value = |(wave, first): (fn(f64) -> f64, usize), n: usize, number: usize| {
+        // Even bins from 2 on, odd ones from 1 on.
+        let waves: [Wave; 4] = [(f64::cos, 2), (f64::cos, 1), (f64::sin, 2), (f64::sin, 1)];
+        let value = |(wave, first): Wave, n: usize, number: usize| {
             let bin = first + 2 * number;
             wave(2.0 * PI * ((n * bin) % window) as f64 / window as f64)
         };
-        debug_assert_eq!(2 * quarter, half);
         Self {
             window,
             hann: hann.iter().map(|h| (h * gain) as f32).collect(),

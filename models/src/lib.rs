@@ -1,7 +1,9 @@
-//! TactNet-II and what is built on its scores: numbers in, scores out.
+//! Networks and what is built on their scores: numbers in, scores out.
 //!
 //! ```text
-//! sweeps [batch, 1, steps, taxels] ─> 3 x ConvBlock ─> features ─> dropout mask ─> Dense 512 ─> logits [batch, materials]
+//! sweeps [batch, 1, steps, taxels] ─> trunk ─> features ─> dropout mask ─> Dense ─> logits [batch, materials]
+//!
+//! trunk of TactNet-II: 3 x ConvBlock        trunk on spectra: log spectra of windows ─> 2 x Dense ─> mean and deviation over windows
 //! ```
 //!
 //! No files, no clocks, no data sets, no random generator of its own: dropout masks and initial weights come from a

@@ -6,6 +6,7 @@
 //! energy, so white noise of variance 1 gives energies around 1 whatever the window.
 
 use std::f64::consts::PI;
+use std::sync::OnceLock;
 
 use pulp::{Arch, NullaryFnOnce};
 
@@ -27,6 +28,7 @@ pub(crate) struct LogSpectra {
     hop: usize,
     taxels: usize,
     bands: Vec<Band>,
+    tables: OnceLock<SpectralTables>,
 }
 
 /// Weights of neighbouring bins; they add up to one.
@@ -64,6 +66,7 @@ impl LogSpectra {
             hop,
             taxels,
             bands: triangles(window / 2, bands),
+            tables: OnceLock::new(),
         }
     }
 
@@ -246,7 +249,11 @@ impl LogSpectra {
     }
 
     /// Returns the same as matrices, for devices and programs that have no operation of their own.
-    pub(crate) fn tables(&self) -> SpectralTables {
+    pub(crate) fn tables(&self) -> &SpectralTables {
+        self.tables.get_or_init(|| self.new_tables())
+    }
+
+    fn new_tables(&self) -> SpectralTables {
         let (window, hann) = (self.window(), self.transform.hann());
         let bins = window / 2;
         let angle =
@@ -328,8 +335,8 @@ impl NullaryFnOnce for Backward<'_> {
     }
 }
 
-/// The spectra of a window as matrices: `ln(bands (real^2 + imaginary^2) + ENERGY_FLOOR)` with real and imaginary parts by `fourier` of the
-/// window as it is, times [`LOG_GAIN`], plus [`LOG_OFFSET`].
+/// The spectra of a window as matrices: `LOG_GAIN ln(bands (real^2 + imaginary^2) + ENERGY_FLOOR) + LOG_OFFSET`, with real and imaginary parts
+/// by `fourier` of the window as it is.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpectralTables {
     /// Frequencies, the constant one left out.
@@ -480,7 +487,8 @@ mod tests {
     }
 
     /// Window, hop, bands, taxels, steps.
-    const CASES: [[usize; 5]; 6] = [
+    const CASES: [[usize; 5]; 7] = [
+        [16, 4, 6, 2, 16],
         [64, 16, 24, 16, 200],
         [4, 1, 2, 1, 9],
         [32, 8, 16, 3, 33],

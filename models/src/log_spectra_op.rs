@@ -1,4 +1,4 @@
-//! [`LogSpectra`] as one differentiable operation of Burn's Flex backend; other devices compose it of matrix products.
+//! [`LogSpectra`] as one differentiable operation of Burn's Flex backend; on other devices it is composed of matrix products.
 
 use std::fmt;
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use burn::tensor::{Tensor, TensorData};
 use rayon::prelude::*;
 use tactnet_conv::spare;
 
-use crate::conv::{in_order, is_cpu, reclaim};
+use crate::conv::{Primitive, in_order, is_cpu, reclaim, slice};
 use crate::log_spectra::{ENERGY_FLOOR, LOG_GAIN, LOG_OFFSET, LogSpectra};
 
 /// `[batch, steps, taxels]` to `[batch, windows, taxels, bands + 1]`.
@@ -30,16 +30,16 @@ pub(crate) fn log_spectra(sweeps: Tensor<3>, plan: &Arc<LogSpectra>) -> Tensor<4
     let count = windows.dims()[1];
     let rows = windows.reshape([batch * count * taxels, window]);
     let tables = plan.tables();
-    let constant = |values, extents: [usize; 2]| {
-        Tensor::<2>::from_data(TensorData::new(values, extents), &device).transpose()
+    let constant = |values: &[f32], extents: [usize; 2]| {
+        Tensor::<2>::from_data(TensorData::new(values.to_vec(), extents), &device).transpose()
     };
     let parts = rows
         .clone()
-        .matmul(constant(tables.fourier, [window, window]));
+        .matmul(constant(&tables.fourier, [window, window]));
     let squares = parts.clone() * parts;
     let half = window / 2;
     let powers = squares.clone().narrow(1, 0, half) + squares.narrow(1, half, half);
-    let energies = powers.matmul(constant(tables.bands, [bands, half]));
+    let energies = powers.matmul(constant(&tables.bands, [bands, half]));
     let logarithms = energies
         .add_scalar(ENERGY_FLOOR)
         .log()
@@ -53,12 +53,6 @@ pub(crate) fn log_spectra(sweeps: Tensor<3>, plan: &Arc<LogSpectra>) -> Tensor<4
 pub trait LogSpectraOp: Backend {
     /// `[batch, steps, taxels]` to `[batch, windows, taxels, bands + 1]`.
     fn log_spectra(sweeps: FloatTensor<Self>, plan: Arc<LogSpectra>) -> FloatTensor<Self>;
-}
-
-type Primitive = FloatTensor<Flex>;
-
-fn slice(tensor: &Primitive) -> &[f32] {
-    &tensor.storage()[..tensor.shape().num_elements()]
 }
 
 fn forward(sweeps: &Primitive, plan: &LogSpectra) -> Primitive {

@@ -1,6 +1,6 @@
 //! Batch normalisation and ReLU of many rows as one differentiable operation of Burn's Flex backend.
 //!
-//! Composed of Burn's operations it is a dozen passes over memory, forward and backward; here each is two.
+//! As operations of Burn's it would be a dozen passes over memory, forward and backward; here each is two.
 
 use std::fmt;
 
@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use tactnet_conv::spare;
 
 use crate::block::NORM_EPSILON;
-use crate::conv::{in_order, is_cpu, reclaim};
+use crate::conv::{Primitive, in_order, is_cpu, reclaim, slice};
 
 /// Values from which on the operation is taken: a batch of the dense layer behind the features is smaller.
 const LARGE: usize = 1 << 16;
@@ -82,14 +82,8 @@ pub trait NormRelu: Backend {
     ) -> NormReluOutput<Self>;
 }
 
-type Primitive = FloatTensor<Flex>;
-
 fn tensor<const D: usize>(values: Vec<f32>, extents: [usize; D]) -> Primitive {
     Primitive::from_data(TensorData::new(values, extents))
-}
-
-fn slice(tensor: &Primitive) -> &[f32] {
-    &tensor.storage()[..tensor.shape().num_elements()]
 }
 
 /// What the backward pass needs.
@@ -97,11 +91,12 @@ fn slice(tensor: &Primitive) -> &[f32] {
 struct State {
     /// `[rows, channels]`, before normalisation
     input: Primitive,
-    /// `[channels]` each: what is subtracted, what is multiplied with then, and what is added.
+    /// `[channels]` each: of the rows.
     mean: Vec<f32>,
     inverse_deviation: Vec<f32>,
-    gamma: Vec<f32>,
-    beta: Vec<f32>,
+    /// `[channels]` each: the output is `relu(scale x + shift)`.
+    scale: Vec<f32>,
+    shift: Vec<f32>,
 }
 
 impl fmt::Debug for State {
@@ -115,7 +110,7 @@ impl State {
     #[inline(always)]
     fn at(&self, channel: usize, value: f32, gradient: f32) -> (f32, f32) {
         let normal = (value - self.mean[channel]) * self.inverse_deviation[channel];
-        let passes = normal * self.gamma[channel] + self.beta[channel] > 0.0;
+        let passes = value * self.scale[channel] + self.shift[channel] > 0.0;
         (normal, if passes { gradient } else { 0.0 })
     }
 }
@@ -167,7 +162,9 @@ impl NullaryFnOnce for Affine<'_> {
         for (output, row) in rows.zip(self.values.chunks_exact(channels)) {
             let factors = self.scale.iter().zip(self.shift);
             for ((y, x), (scale, shift)) in output.iter_mut().zip(row).zip(factors) {
-                *y = (x * scale + shift).max(0.0);
+                let value = x * scale + shift;
+                // What is no number stays none.
+                *y = if value < 0.0 { 0.0 } else { value };
             }
         }
     }
@@ -217,14 +214,12 @@ impl NullaryFnOnce for OfInput<'_> {
     fn call(self) {
         let channels = self.state.mean.len();
         let [dgamma, dbeta] = self.sums;
-        let factors = self.state.gamma.iter().zip(&self.state.inverse_deviation);
-        let factors: Vec<f32> = factors.map(|(g, i)| g * i).collect();
         let rows = self.gradient.chunks_exact(channels);
         let rows = rows.zip(self.values.chunks_exact(channels));
         for (input, (gradient, row)) in self.input.chunks_exact_mut(channels).zip(rows) {
             for (c, input) in input.iter_mut().enumerate() {
                 let (normal, g) = self.state.at(c, row[c], gradient[c]);
-                *input = factors[c] * (g - (dbeta[c] + normal * dgamma[c]) * self.share);
+                *input = self.state.scale[c] * (g - (dbeta[c] + normal * dgamma[c]) * self.share);
             }
         }
     }
@@ -267,7 +262,7 @@ fn forward(input: Primitive, gamma: Primitive, beta: Primitive) -> (NormReluOutp
         .iter()
         .map(|v| 1.0 / (v + NORM_EPSILON as f32).sqrt())
         .collect();
-    let (gamma, beta) = (slice(&gamma).to_vec(), slice(&beta).to_vec());
+    let (gamma, beta) = (slice(&gamma), slice(&beta));
     let scale: Vec<f32> = gamma
         .iter()
         .zip(&inverse_deviation)
@@ -299,8 +294,8 @@ fn forward(input: Primitive, gamma: Primitive, beta: Primitive) -> (NormReluOutp
         input,
         mean,
         inverse_deviation,
-        gamma,
-        beta,
+        scale,
+        shift,
     };
     (found, state)
 }

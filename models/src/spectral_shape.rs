@@ -8,7 +8,7 @@ use crate::{InputShape, ModelError};
 
 /// Features of the spectra of short windows, as a recipe states them.
 ///
-/// Sizes in steps are those that the sensor's sweeps ask for unless they are stated: see [`default_window`].
+/// By default, sizes in steps follow from the length of a sweep: see [`default_window`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Spectra {
@@ -77,10 +77,10 @@ impl SpectralShape {
         )?;
         let window = window.unwrap_or_else(|| default_window(input.steps));
         require(
-            window.is_multiple_of(2) && (4..=input.steps).contains(&window),
+            window.is_multiple_of(4) && (4..=input.steps).contains(&window),
             "spectra.window",
             &format!(
-                "an even number of steps from 4 to the sweep's {}",
+                "a multiple of four steps, at most the sweep's {}",
                 input.steps
             ),
             window.to_string(),
@@ -120,14 +120,11 @@ impl SpectralShape {
         self.bands
     }
 
-    /// Windows of a sweep.
-    pub fn windows(&self) -> usize {
-        self.windows
-    }
-
     /// Returns the spectra as matrices, for other programs.
     pub fn tables(&self) -> SpectralTables {
-        LogSpectra::new(self.window, self.hop, self.bands, 1).tables()
+        LogSpectra::new(self.window, self.hop, self.bands, 1)
+            .tables()
+            .clone()
     }
 
     /// Values of a window and a taxel: its bands and its mean.
@@ -143,10 +140,10 @@ impl SpectralShape {
             .checked_add(product(&[2, self.units])?)
     }
 
-    /// Of a window and a taxel: the folded Fourier transform, the bands with two weights a bin, the units.
+    /// Of a window and a taxel: the Fourier transform by its definition, squares and two weights of each bin, the layers.
     pub(crate) fn multiply_adds(&self) -> Option<u64> {
-        let (quarter, half) = (self.window / 4, self.window / 2);
-        let transform = product(&[4, quarter + 1, quarter])?.checked_add(product(&[5, half])?)?;
+        let half = self.window / 2;
+        let transform = product(&[self.window, self.window])?.checked_add(product(&[4, half])?)?;
         let dense = product(&[self.values(), self.taxel_units])?;
         let units = product(&[self.taxel_units, self.units])?;
         let each = transform.checked_add(dense)?.checked_add(units)?;
@@ -157,7 +154,9 @@ impl SpectralShape {
     pub(crate) fn widest_layer(&self) -> Option<u64> {
         let of_taxel = self.values().max(self.taxel_units).max(self.window);
         let of_window = product(&[self.taxels, of_taxel])?.max(self.units as u64);
-        of_window.checked_mul(self.windows as u64)
+        // The Fourier matrices have about a window's square of numbers.
+        let matrices = product(&[self.window, self.window])?;
+        Some(of_window.checked_mul(self.windows as u64)?.max(matrices))
     }
 
     /// Mean and deviation of each unit.

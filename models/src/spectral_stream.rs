@@ -190,6 +190,7 @@ mod tests {
             [8, 11, 70, 16],
             [40, 9, 40, 3],
             [4, 1, 12, 1],
+            [4, 1, 4, 1],
         ] {
             let trunk = Spectra {
                 window: Some(window),

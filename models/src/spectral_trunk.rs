@@ -93,7 +93,7 @@ impl SpectralTrunk {
 
     /// Layers with running statistics.
     pub(crate) fn normalized_layers(&self) -> usize {
-        2
+        [&self.taxel, &self.window].len()
     }
 
     /// - `statistics`: one entry for each layer

@@ -1,7 +1,7 @@
 //! How good is a network under several circumstances, and what does it cost?
 
 use std::collections::BTreeMap;
-use std::time::Instant;
+use std::fmt;
 
 use serde::{Deserialize, Serialize};
 use tactnet_data::twin::{TwinConfig, generate};
@@ -20,8 +20,13 @@ use crate::{ExperimentError, Measure, Measurement, Part, Row, Summary};
 
 /// Sweeps that are fused into one decision.
 const FUSED: usize = 3;
-/// Passes of Monte Carlo dropout.
-const MC_SAMPLES: usize = 100;
+/// How sweeps are predicted under most circumstances.
+const PLAINLY: [PredictionMethod; 1] = [PredictionMethod::Plain];
+/// The same as trained.
+const ALL_WAYS: [PredictionMethod; 2] = [
+    PredictionMethod::Plain,
+    PredictionMethod::McDropout { mc_samples: 100 },
+];
 /// The circumstance of a network that is trained and tested as usual.
 const USUAL: &str = "as trained";
 
@@ -68,6 +73,9 @@ impl Ask for Networks {
     fn validate(&self) -> Result<(), String> {
         check_folds(self.folds, self.repeats, None)?;
         check_counts("sweeps", &self.sweeps)?;
+        if self.inner && self.blocks {
+            return Err("`blocks`: an inner part of a fold leaves no block out; leave out `inner` or `blocks`".into());
+        }
         for (field, factors) in [("forces", &self.forces), ("speeds", &self.speeds)] {
             if let Some(factor) = factors.iter().find(|f| !(f.is_finite() && **f > 0.0)) {
                 return Err(format!(
@@ -179,7 +187,7 @@ const TERMS: [(&str, &str); 4] = [
     ),
     (
         "Multiply-adds",
-        "Of one prediction without dropout, by the layers' definition; biases and normalisation are left out.",
+        "Of one prediction without dropout; convolutions and Fourier transforms by their definition, biases and normalisation left out.",
     ),
 ];
 
@@ -193,42 +201,42 @@ fn networks(asked: &Networks, context: &StudyContext<'_>) -> Result<Answer, Canc
     let seed = context.seed_for("networks", context.part.stream());
     let mut measurements = Vec::new();
 
-    let begun = Instant::now();
-    let classifier = context.trained(USUAL, &fold.train, seed)?;
-    let seconds = begun.elapsed().as_secs_f64();
+    let (classifier, seconds) = context.trained_in(USUAL, &fold.train, seed)?;
     context.say("predictions")?;
-    measurements.extend(judged(&classifier, &fold.test, USUAL, context, true)?);
-    measurements.push(measured(Measure::TrainSeconds, seconds, fold.test.len()));
+    measurements.extend(judged(&classifier, &fold.test, USUAL, &ALL_WAYS, context)?);
+    if let Some(seconds) = seconds {
+        measurements.push(measured(Measure::TrainSeconds, seconds, fold.test.len()));
+    }
     if let Some(count) = multiply_adds(&classifier)? {
         measurements.push(measured(Measure::MultiplyAdds, count, fold.test.len()));
     }
 
-    for (what, factors) in [("force", &asked.forces), ("speed", &asked.speeds)] {
-        for &factor in factors {
-            let Some(felt) = felt_again(context, what, factor)? else {
-                continue;
-            };
-            let setting = format!("{what} \u{d7} {factor}");
-            context.say(&setting)?;
-            let test = SweepView::new(&felt, fold.test.indices().to_vec());
-            measurements.extend(judged(&classifier, &test, &setting, context, false)?);
-        }
+    let forces = asked.forces.iter().copied().map(Contact::Force);
+    let speeds = asked.speeds.iter().copied().map(Contact::Speed);
+    for contact in forces.chain(speeds) {
+        let Some(felt) = felt_again(context, contact)? else {
+            continue;
+        };
+        let setting = contact.to_string();
+        context.say(&setting)?;
+        let test = SweepView::new(&felt, fold.test.indices().to_vec());
+        measurements.extend(judged(&classifier, &test, &setting, &PLAINLY, context)?);
     }
     for &sweeps in &asked.sweeps {
-        // A fold that has no more than these is the usual circumstance.
+        // A fold that has fewer is left out.
         let Ok(few) = fold.shots(sweeps) else {
             continue;
         };
         let setting = format!("{sweeps} sweeps a material");
         let classifier = context.trained(&setting, &few.train, seed)?;
-        measurements.extend(judged(&classifier, &few.test, &setting, context, false)?);
+        measurements.extend(judged(&classifier, &few.test, &setting, &PLAINLY, context)?);
     }
-    let has_blocks = context.dataset.records().iter().all(|r| r.block.is_some());
-    if asked.blocks && has_blocks {
-        let fold = dealt(Scheme::LeaveBlockOut)?;
+    // Data without blocks, or with fewer than folds, has no such circumstance.
+    let without_block = asked.blocks.then(|| dealt(Scheme::LeaveBlockOut).ok());
+    if let Some(fold) = without_block.flatten() {
         let setting = "a block left out";
         let classifier = context.trained(setting, &fold.train, seed)?;
-        measurements.extend(judged(&classifier, &fold.test, setting, context, false)?);
+        measurements.extend(judged(&classifier, &fold.test, setting, &PLAINLY, context)?);
     }
 
     // A table for each measure.
@@ -244,12 +252,24 @@ fn networks(asked: &Networks, context: &StudyContext<'_>) -> Result<Answer, Canc
     })
 }
 
-/// Returns the twin's same sweeps with a factor on force or speed; `None` where the data is no twin.
-fn felt_again(
-    context: &StudyContext<'_>,
-    what: &str,
-    factor: f64,
-) -> Result<Option<Dataset>, Cancelled> {
+/// How sweeps are felt: a factor on the usual force, or on the usual speed.
+#[derive(Clone, Copy)]
+enum Contact {
+    Force(f64),
+    Speed(f64),
+}
+
+impl fmt::Display for Contact {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Force(factor) => write!(f, "force \u{d7} {factor}"),
+            Self::Speed(factor) => write!(f, "speed \u{d7} {factor}"),
+        }
+    }
+}
+
+/// Returns the twin's sweeps, every one at another force or speed; `None` where the data is no twin.
+fn felt_again(context: &StudyContext<'_>, contact: Contact) -> Result<Option<Dataset>, Cancelled> {
     let DataSource::Twin(version) = DataSource::named(context.data) else {
         return Ok(None);
     };
@@ -257,9 +277,9 @@ fn felt_again(
         version,
         ..TwinConfig::default()
     };
-    match what {
-        "force" => config.contact_force = factor,
-        _ => config.speed = factor,
+    match contact {
+        Contact::Force(factor) => config.contact_force = factor,
+        Contact::Speed(factor) => config.speed = factor,
     }
     let felt = generate(&config)?.first_steps(context.dataset.shape().steps)?;
     Ok(Some(felt))
@@ -277,22 +297,16 @@ fn multiply_adds(classifier: &Classifier) -> Result<Option<f64>, Cancelled> {
     Ok(classifier.multiply_adds()?.map(|count| count as f64 / 1e6))
 }
 
-/// What the test sweeps show, without dropout and, if `whole`, with Monte Carlo dropout and by all measures.
+/// What the test sweeps show, by each of the methods.
 fn judged(
     classifier: &Classifier,
     test: &SweepView<'_>,
     setting: &str,
+    methods: &[PredictionMethod],
     context: &StudyContext<'_>,
-    whole: bool,
 ) -> Result<Vec<Measurement>, Cancelled> {
-    let dropout = PredictionMethod::McDropout {
-        mc_samples: MC_SAMPLES,
-    };
     let mut found = Vec::new();
-    for method in [PredictionMethod::Plain, dropout] {
-        if !whole && method == dropout {
-            continue;
-        }
+    for &method in methods {
         let predictions = classifier.predict(test, method)?;
         let evaluation = Evaluation::of(&predictions, FUSED, context.seed);
         let mut values = vec![(Measure::Accuracy, 1, evaluation.one_sweep.mean)];

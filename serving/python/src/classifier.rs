@@ -38,7 +38,7 @@ impl From<tactnet::Classifier> for Classifier {
 impl Classifier {
     /// Fits to all sweeps of `dataset`.
     ///
-    /// - `recipe`: a built-in name (fast, thesis, minirocket, …) or a TOML file
+    /// - `recipe`: a built-in name (spectra, fast, thesis, minirocket, …) or a TOML file
     /// - `levels`: "kept" or "removed"; None: as the recipe says
     /// - `progress`: called as `progress(epoch, batch, batches, loss, accuracy)` after every batch of a network's training
     #[staticmethod]

@@ -12,7 +12,7 @@ use crate::commands::choices::{LevelsChoice, ModelChoice, SplitChoice, TrainDevi
 #[command(after_help = "Examples:\n  \
     tactnet train                                        the twin, about a minute and a half\n  \
     tactnet train --recipe thesis --out runs/thesis      TactNet-II as published\n  \
-    tactnet train --recipe spectra                       a small network on spectra, in ten seconds\n  \
+    tactnet train --recipe spectra                       a small network on spectra, in seconds\n  \
     tactnet train --model minirocket                     a baseline on the same fold\n  \
     tactnet train --data sweeps.h5 --fold 3 --seed 7     the fourth of five folds\n  \
     tactnet train --calibrate                            can say that it does not know a material\n  \

@@ -4,12 +4,9 @@ use candle_core::{D, Device, Tensor};
 use candle_nn::ops::log_softmax;
 use std::collections::HashMap;
 use tactnet_data::SweepShape;
-use tactnet_models::{DEVIATION_EPSILON, ENERGY_FLOOR, LOG_GAIN, LOG_OFFSET};
+use tactnet_models::{DEVIATION_EPSILON, ENERGY_FLOOR, LOG_GAIN, LOG_OFFSET, NORM_EPSILON};
 
 use super::{ExportedNetwork, RuntimeFailure};
-
-/// Added to variances by batch normalisation.
-const EPSILON: f64 = 1e-5;
 
 /// The network, layer by layer.
 pub struct Candle {
@@ -67,7 +64,7 @@ fn folded(
     layer: &str,
 ) -> Result<(Tensor, Tensor), RuntimeFailure> {
     let of = |what: &str| named(tensors, &format!("{layer}.{what}"));
-    let scale = (of("gamma")? / (of("running_variance")? + EPSILON)?.sqrt()?)?;
+    let scale = (of("gamma")? / (of("running_variance")? + NORM_EPSILON)?.sqrt()?)?;
     let shift = (of("beta")? - (of("running_mean")? * &scale)?)?;
     Ok((scale, shift))
 }

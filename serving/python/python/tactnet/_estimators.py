@@ -235,9 +235,9 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
 
 
 class TactNetClassifier(SweepClassifier):
-    """TactNet-II, a convolutional network over time and taxels (Tulbure & Bäuml, Humanoids 2018).
+    """A network: TactNet-II (Tulbure & Bäuml, Humanoids 2018), or a smaller one on the spectra of short windows (``recipe="spectra"``).
 
-    recipe: ``fast``, ``thesis`` (200 adversarial epochs, as published), or a TOML file (``tactnet train --print-recipe fast`` prints one).
+    recipe: ``fast``, ``spectra``, ``thesis`` (200 adversarial epochs, as published), or a TOML file (``tactnet train --print-recipe fast`` prints one).
     epochs: passes over the sweeps instead of the recipe's.
     levels: ``kept`` or ``removed``: whether a taxel's mean over the sweep may be used; None: as the recipe says.
     rate: frames a second; None: not known, and sweeps of any rate are taken.
