@@ -24,6 +24,7 @@ mod dense;
 mod dense_product;
 mod dropout;
 mod features;
+mod filter_bank;
 mod folded_dft;
 mod heads;
 mod initial;

@@ -182,10 +182,30 @@ mod tests {
     }
 
     #[test]
-    fn what_needs_no_gradient_costs_none() {
+    fn threads_change_no_bit() {
         let device = Device::flex().autodiff();
         let plan = Arc::new(LogSpectra::new(16, 4, 6, 3));
-        let found = log_spectra(Tensor::ones([2, 41, 3], &device), &plan);
-        assert!(!found.is_require_grad());
+        let draw = |extents: [usize; 3]| {
+            Tensor::<3>::random(extents, Distribution::Uniform(-1.0, 1.0), &device)
+        };
+        let (sweeps, weights) = (draw([9, 41, 3]), draw([9, 7 * 3, 7]).reshape([9, 7, 3, 7]));
+        let on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            pool.unwrap().install(|| {
+                let sweeps = sweeps.clone().require_grad();
+                let found = log_spectra(sweeps.clone(), &plan);
+                let gradients = (found.clone() * weights.clone()).sum().backward();
+                let both = [
+                    values(found.inner()),
+                    values(sweeps.grad(&gradients).unwrap()),
+                ];
+                both.concat()
+                    .into_iter()
+                    .map(f32::to_bits)
+                    .collect::<Vec<_>>()
+            })
+        };
+        assert_eq!(on(1), on(2));
+        assert_eq!(on(1), on(4));
     }
 }
