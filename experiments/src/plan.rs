@@ -8,7 +8,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use tactnet_data::DataSource;
-use tactnet_data::format::csv::is_folder_of_sweeps;
+use tactnet_data::format::is_folder_of_sweeps;
 use tactnet_pipeline::{ModelRecipe, TrainSpec};
 use toml::{Table, Value};
 

@@ -2,6 +2,7 @@
 
 mod search;
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -157,13 +158,20 @@ impl ExperimentRecipe {
         if let Some((name, text)) = BUILT_IN.iter().find(|(name, _)| *name == name_or_path) {
             return Self::parse(name, text, settings);
         }
-        let path = Path::new(name_or_path);
-        if !path.exists() {
-            return Err(unknown(name_or_path));
+        Self::parse(name_or_path, &text_of_file(name_or_path)?, settings)
+    }
+
+    /// Returns the text of a built-in experiment, or of a file that is one.
+    ///
+    /// # Errors
+    /// As [`ExperimentRecipe::load`].
+    pub fn text(name_or_path: &str) -> Result<Cow<'static, str>, ExperimentError> {
+        if let Ok(text) = Self::built_in_text(name_or_path) {
+            return Ok(text.into());
         }
-        let text = tactnet_data::read_text(path)
-            .map_err(|error| ExperimentError::io(path, "read the experiment", error))?;
-        Self::parse(name_or_path, &text, settings)
+        let text = text_of_file(name_or_path)?;
+        Self::parse(name_or_path, &text, &[])?;
+        Ok(text.into())
     }
 
     /// Parses TOML; `origin` stands in the messages.
@@ -273,6 +281,16 @@ impl ExperimentRecipe {
             )),
         }
     }
+}
+
+/// Reads a file; what is none is taken for a name that nobody knows.
+fn text_of_file(name: &str) -> Result<String, ExperimentError> {
+    let path = Path::new(name);
+    if !path.exists() {
+        return Err(unknown(name));
+    }
+    tactnet_data::read_text(path)
+        .map_err(|error| ExperimentError::io(path, "read the experiment", error))
 }
 
 fn unknown(name: &str) -> ExperimentError {

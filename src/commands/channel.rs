@@ -1,5 +1,6 @@
 //! `tactnet channel`: the hub, and what people need to look at a bus.
 
+mod command;
 mod look;
 mod packets;
 mod put;
@@ -24,6 +25,7 @@ use crate::table;
     tactnet channel put skin/right --table channels.toml       something to look at, 200 packets a second\n  \
     tactnet channel list --table channels.toml                 what is there, who is connected\n  \
     tactnet channel hz skin/right --table channels.toml        rate, latency, losses\n  \
+    tactnet channel command reset --table robot.toml           to the online classifier: the next sweep is of another object\n  \
     tactnet channel stress --against iceoryx2,unix             how fast it is on this machine")]
 pub enum ChannelCommand {
     /// Hold all channels of the table on this host, clean up after dead clients, connect to other hosts
@@ -34,6 +36,8 @@ pub enum ChannelCommand {
     Echo(look::EchoArgs),
     /// Measure rate, latency and losses of a channel
     Hz(look::HzArgs),
+    /// Tell the online classifier that a sweep starts or stops, to forget an object, or to learn a material
+    Command(command::CommandArgs),
     /// Put packets of zeros into a channel at a steady rate
     Put(put::PutArgs),
     /// Print what packets hold, as a page or as code for C, C++, Python and Protocol Buffers
@@ -66,6 +70,7 @@ pub fn run(command: ChannelCommand) -> anyhow::Result<ExitCode> {
         ChannelCommand::List(arguments) => look::list(&arguments),
         ChannelCommand::Echo(arguments) => look::echo(&arguments),
         ChannelCommand::Hz(arguments) => look::hz(&arguments),
+        ChannelCommand::Command(arguments) => command::run(&arguments),
         ChannelCommand::Put(arguments) => put::put(&arguments),
         ChannelCommand::Packets(arguments) => packets::packets(&arguments),
         ChannelCommand::Stress(arguments) => stress::run(arguments),

@@ -63,7 +63,7 @@ pub enum DataCommand {
 
 #[derive(Args)]
 pub struct FileArgs {
-    /// A data set (.h5, .npz, .csv, .parquet, a folder of .csv), or `twin`
+    /// A data set (.h5, .npz, .csv, .parquet, a folder of .csv or .npy), or `twin`
     #[arg(value_name = "FILE|twin")]
     data: String,
     /// Frames per second, for data that does not say
@@ -88,7 +88,7 @@ pub struct CheckArgs {
 
 #[derive(Args)]
 pub struct ConvertArgs {
-    /// What to read: .h5, .npz, .csv, .parquet, a folder of .csv, or `twin`
+    /// What to read: .h5, .npz, .csv, .parquet, a folder of .csv or .npy, or `twin`
     #[arg(value_name = "FILE|twin")]
     data: String,
     /// What to write; the extension decides the format

@@ -40,7 +40,7 @@ pub enum ExperimentCommand {
     /// Experiments that ship with tactnet
     #[command(after_help = "Example:\n  tactnet experiment list")]
     List,
-    /// Print an experiment's recipe, to start one's own from
+    /// Print a built-in experiment's recipe, to start one's own from, or a file that is one
     Show(ShowArgs),
     /// Run one task: what a Slurm job calls
     #[command(hide = true)]
@@ -75,7 +75,7 @@ pub fn run(command: ExperimentCommand) -> anyhow::Result<ExitCode> {
         }
         ExperimentCommand::List => list(),
         ExperimentCommand::Show(arguments) => {
-            output::print(ExperimentRecipe::built_in_text(&arguments.name)?.trim_end())?;
+            output::print(ExperimentRecipe::text(&arguments.name)?.trim_end())?;
             Ok(ExitCode::SUCCESS)
         }
         ExperimentCommand::Task(arguments) => {

@@ -17,13 +17,13 @@ use crate::output::OutputFormat;
 #[command(after_help = "Examples:\n  \
     tactnet predict runs/a --data new.npz                  `X` alone: [n][steps][taxels] or [n][steps][rows][cols]\n  \
     tactnet predict runs/a --data sweep.csv                one sweep: a row per frame, a column per taxel\n  \
-    tactnet predict runs/a --data new/ --one-object        a folder of .csv, all over the same object\n  \
+    tactnet predict runs/a --data new/ --one-object        a folder of .csv or .npy, all over the same object\n  \
     tactnet predict runs/a --data new.npz --out found.csv  every probability, for a spreadsheet; found.json: as --json prints it\n\n\
     `tactnet same` says whether two objects are of one material; `tactnet eval` how often the run is right on sweeps whose materials are named; `tactnet serve` classifies sweeps as they happen.")]
 pub struct PredictArgs {
     #[command(flatten)]
     run: RunChoice,
-    /// Sweeps: .npz or .npy, .csv, .parquet, a folder of .csv, or any data set; materials need not be named. Taxels of a file without rows and
+    /// Sweeps: .npz or .npy, .csv, .parquet, a folder of .csv or .npy, or any data set; materials need not be named. Taxels of a file without rows and
     /// columns (tables, `X` [n][steps][taxels]) are arranged as the run's
     #[arg(long, value_name = "FILE")]
     data: String,

@@ -25,7 +25,7 @@ pub struct SameArgs {
     /// A run directory
     #[arg(value_name = "RUN")]
     run: String,
-    /// Sweeps of one object: .npz or .npy, .csv, .parquet, a folder of .csv, or any data set
+    /// Sweeps of one object: .npz or .npy, .csv, .parquet, a folder of .csv or .npy, or any data set
     #[arg(value_name = "FIRST")]
     first: String,
     /// Sweeps of the other
@@ -70,16 +70,18 @@ impl SameArgs {
     }
 }
 
-/// Warns of a file with sweeps of several materials.
-fn warn_of_several(data: &str, found: &ClassifiedSweeps) {
+/// Refuses a file whose sweeps are of several materials: they are not of one object.
+fn refuse_several(data: &str, found: &ClassifiedSweeps) -> anyhow::Result<()> {
     let named = found.sweeps.iter();
     let materials: BTreeSet<&str> = named.filter_map(|sweep| sweep.named.as_deref()).collect();
     if materials.len() > 1 {
-        say!(
-            "warning: `{data}` names {} materials: taken as one object",
+        bail!(
+            "{data}: expected sweeps of one object, found {} materials; write the sweeps of each object into a file of its own \
+             (`X` alone is enough)",
             materials.len()
         );
     }
+    Ok(())
 }
 
 /// Returns true if both names lead to one file.
@@ -94,7 +96,7 @@ pub fn run(arguments: &SameArgs) -> anyhow::Result<ExitCode> {
     let classifier = RunClassifier::open(run, arguments.mc, arguments.device)?;
     let classify = |data: &str| {
         let found = classifier.classify(data, arguments.rate, arguments.steps, true)?;
-        warn_of_several(data, &found);
+        refuse_several(data, &found)?;
         anyhow::Ok(found)
     };
     let both = [classify(first)?, classify(second)?];

@@ -622,10 +622,11 @@ fn two_objects_are_of_one_material_or_of_two() {
         with(&lab, &["same", "--run"], "run", &[&cup, &cloth, &cup]),
     );
     expect(2, with(&lab, &["same"], "run", &[&cup]));
-    let twice = stderr(&expect(0, with(&lab, &["same"], "run", &[&data, &data])));
+    let several = stderr(&expect(2, with(&lab, &["same"], "run", &[&cup, &data])));
     assert!(
-        twice.contains("names 2 materials: taken as one object"),
-        "{twice}"
+        several.contains("expected sweeps of one object, found 2 materials"),
+        "{several}"
     );
+    let twice = stderr(&expect(0, with(&lab, &["same"], "run", &[&cup, &cup])));
     assert!(twice.contains("are the same sweeps"), "{twice}");
 }

@@ -415,16 +415,23 @@ fn a_material_is_learnt_while_it_serves_and_a_wrong_model_is_refused() {
     assert_eq!((names.version, names.materials), (2, 5));
     assert_eq!(names.names[4].as_str(), "felt");
     assert!(robot.lab.path("models/2/enrolled.json").exists());
-    wish(&commands, Wish::Enroll, "felt", 1);
-    let twice = next(&status, |s| s.event == Event::Refused as u32);
-    assert!(
-        twice
-            .text
-            .as_str()
-            .contains("knows a material of this name"),
-        "{:?}",
-        twice.text
-    );
+    // By hand, on the command line.
+    let by_hand = |code: i32, words: &[&str]| {
+        let mut command = tactnet(["channel", "command"]);
+        command.args(words).arg("--table");
+        expect(code, {
+            command.arg(robot.lab.path("robot.toml"));
+            command
+        })
+    };
+    let twice = ["enroll", "--material", "felt", "--sweeps", "1"];
+    let twice = stderr(&by_hand(2, &twice));
+    assert!(twice.contains("knows a material of this name"), "{twice}");
+    let nowhere = stderr(&by_hand(2, &["reset", "--finger", "7"]));
+    assert!(nowhere.contains("no finger 7; there are 1"), "{nowhere}");
+    let nameless = stderr(&by_hand(2, &["enroll", "--sweeps", "1"]));
+    assert!(nameless.contains("--material"), "{nameless}");
+    next(&status, |s| s.event == Event::Refused as u32);
 
     // A version without the materials that are served.
     copy(&robot.lab.path("models/1"), &robot.lab.path("models/.3"));
@@ -444,9 +451,11 @@ fn a_material_is_learnt_while_it_serves_and_a_wrong_model_is_refused() {
     assert_eq!(classified.model_version, 7);
     assert_eq!(classified.counters.dropped_frames, 0);
     assert_eq!(classified.counters.rejected, 0);
-    wish(&commands, Wish::Reset, "", 0);
-    next(&status, |s| s.event == Event::Reset as u32);
+    let reset = stdout(&by_hand(0, &["reset"]));
+    assert!(reset.starts_with("reset, finger 0"), "{reset}");
     service.end();
+    let nobody = stderr(&by_hand(2, &["stop"]));
+    assert!(nobody.contains("nobody listens"), "{nobody}");
 }
 
 #[test]

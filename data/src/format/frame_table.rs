@@ -153,6 +153,7 @@ impl FrameTable<'_> {
         }
         let firsts: Vec<usize> = order.iter().map(|sweep| frames[sweep][0]).collect();
         Ok(NamedSweeps {
+            patch_known: false,
             name: super::stem(self.path),
             rate_hz: self.rate(&order, &frames)?,
             shape: SweepShape {

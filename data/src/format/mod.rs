@@ -5,7 +5,8 @@
 //! | [`tactmat`] (HDF5) | `.h5`, `.hdf5` | yes | yes | `[materials][sweeps][steps][rows][cols]` |
 //! | [`npz`] (numpy) | `.npz` | yes | yes | the same, or `[sweeps][steps][rows][cols]` with labels |
 //! | [`ts`] (aeon, sktime, UEA archive) | `.ts` | no | yes | one line a sweep, one dimension a taxel |
-//! | [`csv`] (text tables) | a folder, or `.csv` | yes | no | a file a sweep and a table of labels, or a row per frame |
+//! | `csv` (text tables) | `.csv` | yes | no | a row per frame |
+//! | `folder` (files of sweeps) | a folder of `.csv` or `.npy` | yes | no | a file a sweep; folders, or a table of labels, name materials |
 //! | `parquet`, with that feature | `.parquet` | yes | no | a row per frame |
 //!
 //! A file of arrays is recognised by its first bytes, not by its name; a table by its extension, a folder by what it holds. What is written
@@ -13,7 +14,8 @@
 
 mod chunk_grid;
 mod chunks;
-pub mod csv;
+mod csv;
+mod folder;
 mod frame_table;
 mod mismatch;
 mod named_sweeps;
@@ -24,12 +26,15 @@ pub mod npz;
 pub mod parquet;
 #[cfg(feature = "parquet")]
 mod parquet_footer;
+mod sweep_file;
 pub mod tactmat;
 mod tactmat_write;
 mod taxel_names;
 mod tile;
 mod to_classify;
 pub mod ts;
+
+pub use folder::is_folder_of_sweeps;
 
 use crate::{DataError, Dataset, Samples};
 pub(crate) use named_sweeps::UNLABELLED;
@@ -137,22 +142,22 @@ fn table_with_gaps(
     steps: Option<usize>,
     labels: Labels,
 ) -> Option<Result<NamedSweeps, DataError>> {
-    if path.is_dir() && csv::is_folder_of_sweeps(path) {
-        return Some(csv::read_with_gaps(path, steps, labels));
+    if path.is_dir() && folder::is_folder_of_sweeps(path) {
+        return Some(folder::read_with_gaps(path, steps));
     }
     if path.is_dir() {
         if labels == Labels::Optional
-            && let Some(sweeps) = csv::read_flat_folder(path, steps).transpose()
+            && let Some(sweeps) = folder::read_flat_folder(path, steps).transpose()
         {
             return Some(sweeps);
         }
         return Some(Err(DataError::format(
             path,
             "folder",
-            "labels.csv with columns file, material; or a folder of .csv files per material",
-            match csv::holds_arrays(path) {
+            folder::LAYOUT,
+            match folder::holds_arrays(path) {
                 true => {
-                    "arrays (.npy); stack them into one file: np.savez_compressed(\"sweeps.npz\", X=X, y=y) with X [n][steps][taxels] and y [n]"
+                    "arrays (.npy) of no material; sort them into folders, one a material, or stack them into one file: np.savez_compressed(\"sweeps.npz\", X=X, y=y) with X [n][steps][taxels] and y [n]"
                 }
                 false => "neither",
             },
@@ -196,7 +201,7 @@ fn read_arrays(path: &Path, labels: Labels) -> Result<(Dataset, bool), DataError
         Err(DataError::format(
             path,
             "file",
-            "HDF5 (.h5), numpy (.npz), tables (.csv, .parquet) or a folder of .csv",
+            "HDF5 (.h5), numpy (.npz), tables (.csv, .parquet) or a folder of .csv or .npy",
             found,
         ))
     }

@@ -22,6 +22,8 @@ pub(super) struct NamedSweeps {
     /// Frames per second; `None` where the file does not say.
     pub(super) rate_hz: Option<f64>,
     pub(super) shape: SweepShape,
+    /// True if the file says how taxels are arranged in rows and columns.
+    pub(super) patch_known: bool,
     /// `[sweeps]`: numbers or files, as people call them
     pub(super) sweeps: Vec<String>,
     /// `[sweeps]`; `None` where the file does not say
@@ -37,7 +39,7 @@ pub(super) struct NamedSweeps {
 }
 
 impl NamedSweeps {
-    /// Labels the materials in the order of their names, whole numbers by their value. A table does not say how the taxels are arranged.
+    /// Labels the materials in the order of their names, whole numbers by their value.
     ///
     /// # Errors
     /// A sweep without a name of its material; as [`Dataset::new`].
@@ -65,7 +67,12 @@ impl NamedSweeps {
             records,
             self.samples,
         )?;
-        Ok(dataset.with_assumed_patch().leaving_out(self.left_out))
+        let dataset = if self.patch_known {
+            dataset
+        } else {
+            dataset.with_assumed_patch()
+        };
+        Ok(dataset.leaving_out(self.left_out))
     }
 }
 

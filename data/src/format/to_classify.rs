@@ -3,7 +3,7 @@
 //! | file | sweeps |
 //! |---|---|
 //! | `.npz` with `X` or `samples` alone | its entries |
-//! | a folder of `.csv`, a `.csv` of numbers alone | a file each, a row per frame |
+//! | a folder of `.csv` or `.npy`, a `.csv` of numbers alone | a file each |
 //! | a `.csv` or `.parquet` table | by its column `sweep`; without one, all frames are one sweep's |
 //! | any data set with materials | its sweeps |
 

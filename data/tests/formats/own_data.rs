@@ -303,7 +303,7 @@ fn folders_without_sweeps_and_columns_that_are_missing_are_named() {
     }
     assert_eq!(
         not_read(dir.path()),
-        ["folders without a .csv file: `silk`"]
+        ["folders without a .csv or .npy file: `silk`"]
     );
     assert!(format::read(dir.path()).unwrap().is_patch_assumed());
 
@@ -329,10 +329,9 @@ fn folders_without_sweeps_and_columns_that_are_missing_are_named() {
 }
 
 #[test]
-fn a_folder_of_single_arrays_says_how_to_make_one_file_of_them() {
+fn a_folder_of_arrays_without_materials_says_how_to_name_them() {
     let dir = tempfile::tempdir().unwrap();
-    std::fs::create_dir(dir.path().join("felt")).unwrap();
-    std::fs::write(dir.path().join("felt/0.npy"), b"\x93NUMPY").unwrap();
+    std::fs::write(dir.path().join("X.npy"), b"\x93NUMPY").unwrap();
     let refused = format::read(dir.path()).unwrap_err().to_string();
     assert!(refused.contains("np.savez_compressed("), "{refused}");
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use tactnet_data::format;
 
+use crate::hostile::npy;
 use crate::own_data::assert_line;
 use crate::{expected_materials, expected_samples, fixture, names};
 
@@ -111,7 +112,7 @@ fn a_folder_of_tables_is_a_data_set() {
             "1,2\n1\n",
             "line 2: expected 2 values, as in the first line, found 1",
         ),
-        ("1,2\n3,4\n", "columns: expected 2 taxels"),
+        ("1,2\n3,4\n", "taxels: expected 2 taxels"),
         ("a,b\n", "file: expected a row per frame, found no frame"),
     ];
     for (text, complaint) in mistakes {
@@ -124,6 +125,66 @@ fn a_folder_of_tables_is_a_data_set() {
         empty.contains("expected labels.csv with columns file, material"),
         "{empty}"
     );
+}
+
+#[test]
+fn a_folder_of_arrays_is_a_data_set() {
+    let dir = tempfile::tempdir().unwrap();
+    let materials = expected_materials();
+    let samples = expected_samples();
+    let write_all = |to: &Path, shape: &str| {
+        for (sweep, digits) in samples.chunks_exact(60 * 16).enumerate() {
+            let file = to.join(format!("{}/{sweep:02}.npy", materials[sweep / 4]));
+            std::fs::create_dir_all(file.parent().unwrap()).unwrap();
+            std::fs::write(file, npy("|u1", shape, digits)).unwrap();
+        }
+    };
+
+    // Without rows and columns, as a table.
+    let lines = dir.path().join("lines");
+    write_all(&lines, "60, 16");
+    let dataset = format::read(&lines).unwrap();
+    assert_line(&dataset);
+    assert_eq!(names(&dataset), materials);
+    assert!(dataset.is_rate_assumed() && dataset.is_patch_assumed());
+
+    // With them.
+    let grids = dir.path().join("grids");
+    write_all(&grids, "60, 4, 4");
+    let dataset = format::read(&grids).unwrap();
+    assert_eq!((dataset.shape().rows, dataset.shape().cols), (4, 4));
+    assert!(!dataset.is_patch_assumed());
+    let cut = format::read_beginning(&grids, Some(50)).unwrap();
+    assert_eq!((cut.len(), cut.shape().steps), (12, 50));
+
+    // One folder is enough where nobody needs to know materials.
+    let some = grids.join(&materials[1]);
+    let found = format::read_to_classify(&some, None).unwrap();
+    assert_eq!((found.dataset.len(), found.labelled), (4, false));
+    assert_eq!(found.names[0], "04");
+
+    let odd = some.join("04.npy");
+    let mistakes = [
+        (
+            npy("|u1", "60, 16", &samples[..960]),
+            "expected 4x4 taxels, as",
+        ),
+        (
+            npy("|u1", "1, 60, 4, 4", &samples[..960]),
+            "found [1, 60, 4, 4] of u1",
+        ),
+        (npy("|S4", "2, 2", &[65; 16]), "found [2, 2] of text"),
+        (
+            npy("|u1", "60, 4, 4", &samples[..900]),
+            "found 900 bytes for",
+        ),
+    ];
+    for (bytes, complaint) in mistakes {
+        std::fs::write(&odd, bytes).unwrap();
+        let refused = format::read(&grids).unwrap_err().to_string();
+        assert!(refused.contains(complaint), "{complaint}: {refused}");
+        assert!(refused.contains("04.npy"), "{refused}");
+    }
 }
 
 /// What pandas writes beside the taxels, or in place of their names.

@@ -4,11 +4,17 @@ use tactnet_plot::{HeatMap, escape, stand_alone, text_width};
 
 use crate::Predictions;
 
+/// Side of a cell of many materials, user units.
 const CELL: f64 = 18.0;
+/// Side of a cell with its count in it.
+const COUNTED: f64 = 30.0;
+/// Most materials whose cells have their counts in them.
+const MOST_COUNTED: usize = 16;
 const TOP: f64 = 60.0;
 
 impl Predictions {
-    /// Returns a self-contained SVG: rows are true materials, columns predicted ones, darkness the share of the row; counts show on hover.
+    /// Returns a self-contained SVG: rows are true materials, columns predicted ones, darkness the share of the row. Counts stand in the cells of few materials,
+    /// and show on hover of many.
     pub fn confusion_svg(&self, title: &str) -> String {
         let confusion = self.confusion();
         let totals: Vec<usize> = confusion.iter().map(|row| row.iter().sum()).collect();
@@ -19,7 +25,9 @@ impl Predictions {
             .map(|(label, name)| format!("{name} · {label}"))
             .collect();
         let left = 16.0 + 1.2 * text_width(&names).max(text_width(&["true material"]));
-        let side = CELL * names.len() as f64;
+        let counted = names.len() <= MOST_COUNTED;
+        let cell = if counted { COUNTED } else { CELL };
+        let side = cell * names.len() as f64;
         let (right, bottom) = (left + side, TOP + side);
         let shares: Vec<Vec<f64>> = confusion
             .iter()
@@ -33,7 +41,7 @@ impl Predictions {
         let map = HeatMap {
             left,
             top: TOP,
-            cell: CELL,
+            cell,
         };
         let mut content = format!(
             "<text x=\"10\" y=\"20\">{}</text>\n\
@@ -54,8 +62,8 @@ impl Predictions {
             )
         }));
         for (label, name) in names.iter().enumerate() {
-            let start = CELL * label as f64;
-            let middle = start + CELL / 2.0;
+            let start = cell * label as f64;
+            let middle = start + cell / 2.0;
             content.push_str(&format!(
                 "<path class=\"grid\" d=\"M{left:.1} {:.1}H{right:.1}M{:.1} {TOP:.1}V{bottom:.1}\"/>\
                  <text class=\"end\" x=\"{:.1}\" y=\"{:.1}\">{}</text>\
@@ -68,6 +76,17 @@ impl Predictions {
                 left + middle,
                 bottom + 14.0
             ));
+        }
+        if counted {
+            for (truth, row) in confusion.iter().enumerate() {
+                for (predicted, &count) in row.iter().enumerate().filter(|(_, count)| **count > 0) {
+                    content.push_str(&format!(
+                        "<text class=\"middle\" x=\"{:.1}\" y=\"{:.1}\" pointer-events=\"none\">{count}</text>\n",
+                        left + cell * (predicted as f64 + 0.5),
+                        TOP + cell * (truth as f64 + 0.5) + 4.0,
+                    ));
+                }
+            }
         }
         let width = (right + 20.0).max(20.0 + 1.2 * text_width(&[title]));
         stand_alone(width, bottom + 50.0, title, &content)
@@ -103,6 +122,7 @@ mod tests {
             "&lt;b&gt; taken for &lt;b&gt;: 1 of 1",
             "&lt;b&gt; · 1",
             "a &amp; b",
+            "pointer-events=\"none\">1</text>",
         ] {
             assert!(svg.contains(text), "{text} in {svg}");
         }

@@ -196,24 +196,27 @@ fn of_belief(belief: &TactileBelief, network: Option<&ModelNames>) -> Readable {
     }
 }
 
+impl Event {
+    /// Returns the event in words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Alive => "alive",
+            Self::Begun => "begun",
+            Self::Classified => "classified",
+            Self::Rejected => "rejected",
+            Self::Reset => "reset",
+            Self::Refused => "refused",
+            Self::Swapped => "swapped",
+            Self::ModelRejected => "model rejected",
+            Self::Enrolled => "enrolled",
+            Self::Unreachable => "unreachable",
+        }
+    }
+}
+
 fn of_status(status: &TactileStatus) -> Readable {
-    const EVENTS: [(Event, &str); 10] = [
-        (Event::Alive, "alive"),
-        (Event::Begun, "begun"),
-        (Event::Classified, "classified"),
-        (Event::Rejected, "rejected"),
-        (Event::Reset, "reset"),
-        (Event::Refused, "refused"),
-        (Event::Swapped, "swapped"),
-        (Event::ModelRejected, "model rejected"),
-        (Event::Enrolled, "enrolled"),
-        (Event::Unreachable, "unreachable"),
-    ];
-    let event = EVENTS
-        .iter()
-        .find(|(event, _)| *event as u32 == status.event);
     Readable::TactileStatus {
-        event: event.map_or("?", |(_, name)| name),
+        event: Event::of(status.event).map_or("?", Event::name),
         finger: status.finger,
         sweep: status.sweep,
         frames: status.counters.frames,

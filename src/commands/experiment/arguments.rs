@@ -71,7 +71,7 @@ pub struct DirArgs {
 #[derive(Args)]
 #[command(after_help = "Example:\n  tactnet experiment show crossval_baselines > my.toml")]
 pub struct ShowArgs {
-    /// A built-in experiment
+    /// A built-in experiment, or a file
     #[arg(value_name = "NAME")]
     pub name: String,
 }

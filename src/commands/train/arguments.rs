@@ -20,7 +20,7 @@ use crate::commands::choices::{LevelsChoice, ModelChoice, SplitChoice, TrainDevi
     tactnet train --print-recipe fast >my.toml           a copy to change, for --recipe my.toml\n\n\
     Without --fold the file's own `test_flag` decides what is tested, where it has one; else fold 0 of 5 (or of as many as every material has sweeps).")]
 pub struct TrainArgs {
-    /// A data set (.h5, .npz, .csv, .parquet, a folder of .csv), or `twin` [default: twin]
+    /// A data set (.h5, .npz, .csv, .parquet, a folder of .csv or .npy), or `twin` [default: twin]
     #[arg(long, value_name = "FILE|twin")]
     pub data: Option<String>,
     /// What to train [default: tactnet2]

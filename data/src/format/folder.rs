@@ -1,0 +1,271 @@
+//! Folders of sweeps, a file each.
+//!
+//! | layout | material of a sweep |
+//! |---|---|
+//! | `FOLDER/labels.csv` with columns `file`, `material` or `label` (optional `block`, `test`) | as the table says |
+//! | `FOLDER/felt/*.csv`, `FOLDER/cork/*.npy` | the name of its folder |
+//!
+//! What a file holds, see `sweep_file.rs`.
+
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+use super::csv::Rows;
+use super::frame_table::{MATERIAL, common_length, is_one_of, rate_of};
+use super::named_sweeps::{NamedSweeps, some_names};
+use super::narrow::{TooWide, narrow};
+use super::sweep_file::{SweepFile, is_sweep_file};
+use crate::DataError;
+
+/// The table of a folder's labels.
+const LABELS: &str = "labels.csv";
+
+/// What a folder of sweeps with materials is.
+pub(super) const LAYOUT: &str =
+    "labels.csv with columns file, material; or a folder of .csv or .npy files per material";
+
+/// Reads a folder whose sweeps have materials; values may be NaN or infinite.
+///
+/// - `steps`: frames of every sweep that are kept, from its beginning; `None`: all, and all sweeps must be equally long
+///
+/// # Errors
+/// What cannot be read; sweeps of different lengths or numbers of taxels.
+pub(super) fn read_with_gaps(path: &Path, steps: Option<usize>) -> Result<NamedSweeps, DataError> {
+    if path.join(LABELS).is_file() {
+        let entries = listed(&path.join(LABELS))?;
+        let unlisted = unlisted(path, &entries)?;
+        let mut sweeps = read_files(path, entries, steps)?;
+        sweeps.left_out.extend(unlisted);
+        return Ok(sweeps);
+    }
+    let (entries, empty) = files_by_folder(path)?;
+    let mut sweeps = read_files(path, entries, steps)?;
+    if !empty.is_empty() {
+        let names = some_names(empty.iter().map(String::as_str));
+        sweeps
+            .left_out
+            .push(format!("folders without a .csv or .npy file: {names}"));
+    }
+    Ok(sweeps)
+}
+
+/// Reads one file of one sweep.
+///
+/// # Errors
+/// As [`read_with_gaps`].
+pub(super) fn read_one(path: &Path, steps: Option<usize>) -> Result<NamedSweeps, DataError> {
+    read_files(path, vec![Entry::unlabelled(path.into())], steps)
+}
+
+/// Reads the files of sweeps that lie in a folder itself, each a sweep, in the order of their names; `None` where there is none.
+///
+/// # Errors
+/// As [`read_with_gaps`].
+pub(super) fn read_flat_folder(
+    path: &Path,
+    steps: Option<usize>,
+) -> Result<Option<NamedSweeps>, DataError> {
+    let entries: Vec<Entry> = sweeps_in(path)?.map(Entry::unlabelled).collect();
+    if entries.is_empty() {
+        return Ok(None);
+    }
+    read_files(path, entries, steps).map(Some)
+}
+
+/// Returns true if a folder looks like one of sweeps: it has a table of labels or folders with files of sweeps.
+pub fn is_folder_of_sweeps(path: &Path) -> bool {
+    path.join(LABELS).is_file() || files_by_folder(path).is_ok_and(|(files, _)| !files.is_empty())
+}
+
+/// A sweep's file, and what is known of it.
+struct Entry {
+    file: PathBuf,
+    material: Option<String>,
+    block: Option<u32>,
+    test: Option<bool>,
+}
+
+impl Entry {
+    fn unlabelled(file: PathBuf) -> Self {
+        Self {
+            file,
+            material: None,
+            block: None,
+            test: None,
+        }
+    }
+}
+
+/// Reads the files of sweeps.
+///
+/// - `path`: what people named, a folder or one file
+fn read_files(
+    path: &Path,
+    entries: Vec<Entry>,
+    steps: Option<usize>,
+) -> Result<NamedSweeps, DataError> {
+    if entries.is_empty() {
+        return Err(DataError::format(path, "folder", LAYOUT, "neither"));
+    }
+    let sweeps: Vec<SweepFile> = entries
+        .par_iter()
+        .map(|entry| SweepFile::read(&entry.file))
+        .collect::<Result<_, _>>()?;
+    let patch = sweeps[0].patch;
+    let taxels = patch.taxels();
+    if let Some(odd) = sweeps.iter().position(|sweep| sweep.patch != patch) {
+        return Err(DataError::format(
+            &entries[odd].file,
+            "taxels",
+            format!("{patch}, as {}", entries[0].file.display()),
+            sweeps[odd].patch.to_string(),
+        ));
+    }
+    let names: Vec<String> = entries
+        .iter()
+        .map(|entry| entry.file.display().to_string())
+        .collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let lengths: Vec<usize> = sweeps.iter().map(SweepFile::frames).collect();
+    let steps = common_length(path, &names, &lengths, steps)?;
+    let mut values = Vec::with_capacity(sweeps.len() * steps * taxels);
+    for sweep in &sweeps {
+        values.extend_from_slice(&sweep.values[..steps * taxels]);
+    }
+    let timed = || {
+        names
+            .iter()
+            .zip(&sweeps)
+            .filter(|(_, sweep)| !sweep.time.is_empty())
+    };
+    let rate_hz = if timed().next().is_none() {
+        None
+    } else {
+        let times = timed().map(|(name, sweep)| (*name, sweep.time.clone()));
+        Some(rate_of(path, times)?)
+    };
+    // Files of one set have the same columns.
+    let left_out = sweeps[0].left_out.clone();
+    let samples = narrow(&values).map_err(|TooWide(value)| {
+        DataError::format(path, "taxels", "values that a 32-bit float holds", value)
+    })?;
+    Ok(NamedSweeps {
+        name: if path.is_dir() {
+            let name = path.file_name().unwrap_or_default();
+            name.to_string_lossy().into_owned()
+        } else {
+            super::stem(path)
+        },
+        rate_hz,
+        shape: patch.shape(steps),
+        patch_known: patch.is_known(),
+        blocks: entries.iter().map(|entry| entry.block).collect(),
+        test: entries.iter().map(|entry| entry.test).collect(),
+        sweeps: sweep_names(&entries),
+        materials: entries.into_iter().map(|entry| entry.material).collect(),
+        samples,
+        left_out,
+    })
+}
+
+/// The files' names, with those of their folders where some would be the same.
+fn sweep_names(entries: &[Entry]) -> Vec<String> {
+    let names = || entries.iter().map(|entry| super::stem(&entry.file));
+    let different: std::collections::HashSet<String> = names().collect();
+    if different.len() == entries.len() {
+        return names().collect();
+    }
+    let folder = |entry: &Entry| entry.file.parent().map(super::stem);
+    names()
+        .zip(entries)
+        .map(|(name, entry)| format!("{}/{name}", folder(entry).unwrap_or_default()))
+        .collect()
+}
+
+/// The files that a table of labels lists, in its order.
+fn listed(table: &Path) -> Result<Vec<Entry>, DataError> {
+    let folder = table.parent().unwrap_or(Path::new("."));
+    let mut rows = Rows::open(table)?;
+    let header = rows.next()?.unwrap_or_default();
+    let column = |names: &[&str]| header.iter().position(|found| is_one_of(found, names));
+    let (Some(file), Some(material)) = (column(&["file"]), column(MATERIAL)) else {
+        return Err(DataError::format(
+            table,
+            "first line",
+            "the columns file, material",
+            some_names(header.iter().map(String::as_str)),
+        ));
+    };
+    let (block, test) = (column(&["block"]), column(&["test"]));
+    let mut entries = Vec::new();
+    while let Some(row) = rows.next()? {
+        let number = |at: Option<usize>| match at.map(|at| (at, row[at].trim().parse::<u32>())) {
+            None => Ok(None),
+            Some((_, Ok(value))) => Ok(Some(value)),
+            Some((at, Err(_))) => Err(rows.error("a whole number from 0", at, &row[at])),
+        };
+        entries.push(Entry {
+            file: folder.join(row[file].trim()),
+            material: Some(row[material].trim().to_string()),
+            block: number(block)?,
+            test: number(test)?.map(|flag| flag != 0),
+        });
+    }
+    Ok(entries)
+}
+
+/// Says which files of a folder a table of labels does not list.
+fn unlisted(folder: &Path, listed: &[Entry]) -> Result<Option<String>, DataError> {
+    let files: Vec<PathBuf> = sweeps_in(folder)?
+        .filter(|file| listed.iter().all(|entry| entry.file != *file))
+        .collect();
+    if files.is_empty() {
+        return Ok(None);
+    }
+    let names: Vec<String> = files.iter().map(|file| super::stem(file)).collect();
+    let names = some_names(names.iter().map(String::as_str));
+    Ok(Some(format!("files that {LABELS} does not list: {names}")))
+}
+
+/// The files of sweeps of the folders in `path`, folder by folder in the order of their names, and the names of folders without any.
+fn files_by_folder(path: &Path) -> Result<(Vec<Entry>, Vec<String>), DataError> {
+    let (mut entries, mut empty) = (Vec::new(), Vec::new());
+    for folder in list(path)?.into_iter().filter(|path| path.is_dir()) {
+        let material = folder.file_name().unwrap_or_default().to_string_lossy();
+        let before = entries.len();
+        entries.extend(sweeps_in(&folder)?.map(|file| Entry {
+            material: Some(material.to_string()),
+            ..Entry::unlabelled(file)
+        }));
+        // What begins with a dot is a program's own.
+        if entries.len() == before && !material.starts_with('.') {
+            empty.push(material.into_owned());
+        }
+    }
+    Ok((entries, empty))
+}
+
+/// Returns true if there are single arrays of NumPy in a folder.
+pub(super) fn holds_arrays(folder: &Path) -> bool {
+    let is_array = |path: &PathBuf| path.extension().is_some_and(|e| e == "npy");
+    list(folder).is_ok_and(|paths| paths.iter().any(is_array))
+}
+
+/// What lies in a folder, in the order of names.
+fn list(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
+    let io = |error| DataError::io(folder, "list", error);
+    let entries = std::fs::read_dir(folder).map_err(io)?;
+    let mut paths: Vec<PathBuf> = entries
+        .map(|entry| entry.map(|entry| entry.path()))
+        .collect::<Result<_, _>>()
+        .map_err(io)?;
+    paths.sort();
+    Ok(paths)
+}
+
+/// The files of sweeps in a folder.
+fn sweeps_in(folder: &Path) -> Result<impl Iterator<Item = PathBuf>, DataError> {
+    let is_sweep = |file: &PathBuf| is_sweep_file(file) && !file.ends_with(LABELS);
+    Ok(list(folder)?.into_iter().filter(is_sweep))
+}

@@ -1,0 +1,172 @@
+//! `tactnet channel command`: what a motion controller tells the online classifier, by hand.
+
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use anyhow::bail;
+use clap::{Args, ValueEnum};
+use tactnet_channel::{Bus, Domain, Priority, Start, Wait};
+use tactnet_skin::ServeConfig;
+use tactnet_skin::packets::{Command, Event, SweepCommand, TactileStatus, Text};
+
+use super::TableArgs;
+use crate::failure;
+use crate::output;
+use crate::stop::Stop;
+use crate::table;
+
+/// Bytes of a material's name in a command.
+const NAME: usize = 56;
+
+/// Time between looks at the status and at Ctrl-C.
+const LOOK: Wait = Wait::Block {
+    timeout: Duration::from_millis(50),
+};
+
+/// What is commanded.
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum CommandChoice {
+    /// A sweep begins with the next frame
+    Start,
+    /// The sweep has ended
+    Stop,
+    /// The next sweep is of another object: forget what was fused
+    Reset,
+    /// Learn a new material from the newest sweeps
+    Enroll,
+}
+
+impl CommandChoice {
+    fn command(self) -> Command {
+        match self {
+            Self::Start => Command::Start,
+            Self::Stop => Command::Stop,
+            Self::Reset => Command::Reset,
+            Self::Enroll => Command::Enroll,
+        }
+    }
+
+    /// Returns true if the event tells what became of the command.
+    fn is_answered_by(self, event: Event) -> bool {
+        event == Event::Refused
+            || match self {
+                Self::Start => event == Event::Begun,
+                Self::Stop => matches!(event, Event::Classified | Event::Rejected),
+                Self::Reset => event == Event::Reset,
+                Self::Enroll => event == Event::Enrolled,
+            }
+    }
+}
+
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    tactnet channel command start --table robot.toml --motion 1\n  \
+    tactnet channel command stop --table robot.toml --motion 1\n  \
+    tactnet channel command reset --table robot.toml                                       the next sweep is of another object\n  \
+    tactnet channel command enroll --table robot.toml --material felt --sweeps 5           the newest five sweeps were of felt\n\n\
+    Prints what the classifier answers. Ends with 2 where it refuses or nobody listens, with 1 where it does not answer or the sweep is of no use.")]
+pub struct CommandArgs {
+    /// What is commanded
+    #[arg(value_enum, value_name = "COMMAND")]
+    command: CommandChoice,
+    #[command(flatten)]
+    table: TableArgs,
+    /// Number of the finger, from 0, in the order of the table
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    finger: u32,
+    /// Number of the motion; beliefs repeat it
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    motion: u64,
+    /// `enroll`: name of the new material; `start`: what is swept over, for recordings and the page
+    #[arg(long, value_name = "NAME", required_if_eq("command", "enroll"))]
+    material: Option<String>,
+    /// `enroll`: how many of the newest complete sweeps
+    #[arg(long, value_name = "N", required_if_eq("command", "enroll"))]
+    sweeps: Option<u32>,
+    /// How long to wait for the answer, seconds [default: 5; `enroll`: 60]
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    wait: Option<Duration>,
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    text.parse()
+        .ok()
+        .and_then(|seconds: f64| Duration::try_from_secs_f64(seconds).ok())
+        .ok_or_else(|| "expected seconds, 0 or more".into())
+}
+
+impl CommandArgs {
+    fn packet(&self) -> anyhow::Result<SweepCommand> {
+        let material = self.material.as_deref().unwrap_or_default();
+        if material.len() > NAME {
+            bail!(
+                "--material: expected at most {NAME} bytes, found {}",
+                material.len()
+            );
+        }
+        if self.sweeps.is_some() && self.command != CommandChoice::Enroll {
+            bail!("--sweeps: it belongs to `enroll`");
+        }
+        Ok(SweepCommand {
+            kind: self.command.command() as u32,
+            finger: self.finger,
+            motion: self.motion,
+            sweeps: self.sweeps.unwrap_or_default(),
+            reserved: 0,
+            material: Text::new(material),
+        })
+    }
+}
+
+/// Runs the command.
+pub fn run(arguments: &CommandArgs) -> anyhow::Result<ExitCode> {
+    let stop = Stop::listen_saying("stopping")?;
+    let packet = arguments.packet()?;
+    let table = table::load(&arguments.table.table)?;
+    let config = ServeConfig::of(&table)?;
+    let bus = Bus::open(Domain::Host, &table)?;
+    let status = bus.get_port::<TactileStatus>(config.status.as_str(), Start::Now)?;
+    let commands = bus.put_port::<SweepCommand>(config.command.as_str(), Priority::High)?;
+    if commands.put_copy(&[packet])? == 0 {
+        bail!(
+            "nobody listens to `{}`: start `tactnet serve --run RUN --table {}`",
+            config.command,
+            arguments.table.table.display()
+        );
+    }
+    let wait = arguments.wait.unwrap_or(match arguments.command {
+        CommandChoice::Enroll => Duration::from_secs(60),
+        _ => Duration::from_secs(5),
+    });
+    let begun = Instant::now();
+    while begun.elapsed() < wait && !stop.asked() {
+        let Some(packets) = status.get(LOOK)? else {
+            continue;
+        };
+        for said in packets.iter() {
+            let Some(event) = Event::of(said.event) else {
+                continue;
+            };
+            if said.finger != arguments.finger || !arguments.command.is_answered_by(event) {
+                continue;
+            }
+            let text = said.text.as_str();
+            let place = format!("finger {}, sweep {}", said.finger, said.sweep);
+            if event == Event::Refused {
+                bail!("refused, {place}: {text}");
+            }
+            let separator = if text.is_empty() { "" } else { ": " };
+            output::print(format_args!("{}, {place}{separator}{text}", event.name()))?;
+            return Ok(match event {
+                Event::Rejected => ExitCode::from(failure::FAILED),
+                _ => ExitCode::SUCCESS,
+            });
+        }
+    }
+    say!(
+        "no answer on `{}` in {:.1} s; the command was put",
+        config.status,
+        begun.elapsed().as_secs_f64()
+    );
+    Ok(ExitCode::from(failure::FAILED))
+}
