@@ -50,6 +50,9 @@ pub struct TrainSpec {
     /// What a fifth of the training sweeps is set aside for; absent: all are trained on.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub calibration: Option<CalibrationTarget>,
+    /// The accuracy on the test sweeps is noted after every epoch of a network; nothing is chosen by it.
+    #[serde(skip_serializing_if = "is_default")]
+    pub watch_test: bool,
     /// Names every random choice.
     pub seed: Seed,
     /// Passes over the training sweeps; absent: as the recipe says.
@@ -76,6 +79,7 @@ impl Default for TrainSpec {
             repeat: 0,
             inner: None,
             calibration: None,
+            watch_test: false,
             seed: Seed(1),
             epochs: None,
             device: Compute::default(),
@@ -205,6 +209,9 @@ impl fmt::Display for TrainSpec {
                 " --calibrate --false-alarms {alarms} --coverage {coverage}"
             )?;
         }
+        if self.watch_test {
+            write!(f, " --watch-test")?;
+        }
         let device = match self.device {
             Compute::Cpu => "cpu",
             Compute::Vulkan => "vulkan",
@@ -277,6 +284,10 @@ impl TryFrom<TrainSpec> for TrainJob {
                 return Err(refused("epochs", "the recipe of a network", found));
             }
         }
+        if let (ModelRecipe::Baseline(baseline), true) = (&recipe, spec.watch_test) {
+            let found = format!("`{}`, which is fitted at once", baseline.name);
+            return Err(refused("watch-test", "the recipe of a network", found));
+        }
         if let Some(rate) = spec
             .rate_hz
             .filter(|rate| !(rate.is_finite() && *rate > 0.0))
@@ -340,6 +351,7 @@ mod tests {
             repeat: 1,
             inner: Some(2),
             calibration: Some(CalibrationTarget::default()),
+            watch_test: true,
             seed: Seed(7),
             epochs: Some(4),
             device: Compute::Cuda,
@@ -356,7 +368,7 @@ mod tests {
             everything().to_string(),
             "tactnet train --data 'some where/wood, cork.h5' --rate 100 --steps 250 --permute-labels --recipe own.toml --epochs 4 \
              --levels removed --split leave-block-out --folds 4 --repeat 1 --fold 3 --inner 2 --calibrate --false-alarms 0.05 --coverage 0.9 \
-             --seed 7 --device cuda"
+             --watch-test --seed 7 --device cuda"
         );
         assert_eq!(everything().without_folders().data, "wood, cork.h5");
         assert_eq!(quoted("it's"), r"'it'\''s'");

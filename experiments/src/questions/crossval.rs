@@ -42,6 +42,9 @@ pub struct Crossval {
     /// Probes that run beside the models.
     #[serde(default, deserialize_with = "one_or_many")]
     pub probes: Vec<Probe>,
+    /// Networks note their accuracy on the test sweeps after every epoch; nothing is chosen by it.
+    #[serde(default)]
+    pub watch_test: bool,
     /// Groups that materials are sorted into by what they are confused with; 0: none.
     #[serde(default)]
     pub groups: usize,
@@ -54,6 +57,7 @@ impl Default for Crossval {
             folds: five(),
             repeats: one(),
             probes: Vec::new(),
+            watch_test: false,
             groups: 0,
         }
     }
@@ -123,11 +127,11 @@ impl Ask for Crossval {
                         }
                         let place = (split, repeat, fold);
                         tasks.extend(self.probes.iter().map(|probe| point.probe(*probe, place)));
-                        tasks.extend(
-                            grid.models()
-                                .iter()
-                                .map(|model| point.training(model, place)),
-                        );
+                        tasks.extend(grid.models().iter().map(|model| {
+                            let mut task = point.training(model, place);
+                            task.job.spec_mut().watch_test = self.watch_test;
+                            task
+                        }));
                     }
                 }
             }

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use burn::tensor::Device;
-use tactnet_data::{Seed, TrainSplit};
+use tactnet_data::{Seed, SweepView, TrainSplit};
 
 use crate::run::training_record::TrainingRecord;
 use crate::{
@@ -14,10 +14,12 @@ use crate::{
 /// Trains batch by batch to the last epoch. Returns false if `go_on` said no before; a record then has a checkpoint of that moment.
 ///
 /// - `record`: where metrics and checkpoints are kept, if anywhere
+/// - `watched`: sweeps whose accuracy is noted in the record after every epoch
 /// - `go_on`: called after every batch; false stops the training
 pub(crate) fn train_batches(
     training: &mut Training<'_>,
     mut record: Option<&mut TrainingRecord<'_>>,
+    watched: Option<&SweepView<'_>>,
     mut go_on: impl FnMut(&BatchReport) -> bool,
 ) -> Result<bool, PipelineError> {
     loop {
@@ -36,6 +38,9 @@ pub(crate) fn train_batches(
         let wanted = go_on(&batch);
         if let Some(record) = &mut record {
             record.note(&batch, spent);
+            if let (Some(watched), true) = (watched, batch.ends_epoch()) {
+                record.note_watched(training.watch(watched)?);
+            }
             if record.is_due(&batch) || !wanted {
                 record.save(training)?;
             } else if batch.ends_epoch() {
@@ -104,7 +109,7 @@ fn train_whole(
     let network = config.network_config(&setup)?;
     let training = Training::start(recipe, train, &setup.normalizer, &network, seed, device)?;
     let mut training = objective(training);
-    if !train_batches(&mut training, None, go_on)? {
+    if !train_batches(&mut training, None, None, go_on)? {
         return Ok(None);
     }
     let weights = training.state()?.weights;

@@ -4,12 +4,12 @@ use burn::optim::ModuleOptimizer;
 use burn::tensor::{Bytes, Device, Int, Tensor, TensorData};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use tactnet_data::{Seed, TrainSplit, shuffle};
+use tactnet_data::{Seed, SweepView, TrainSplit, shuffle};
 use tactnet_models::{TactNet, TactNetConfig, Weights, dropout_masks, spare_memory};
 
 use crate::network::adam::FusedAdam;
 use crate::network::in_pool::in_pool;
-use crate::network::objective::{Perturbation, adversarial_pass, base_pass};
+use crate::network::objective::{Pass, Perturbation, adversarial_pass, base_pass};
 use crate::network::pairs_pass::pairs_pass;
 use crate::{
     AdversarialMask, AdversarialStatistics, Normalizer, PipelineError, Recipe, TrainingMethod,
@@ -69,6 +69,15 @@ impl BatchReport {
     pub fn ends_epoch(&self) -> bool {
         self.batch + 1 == self.batches
     }
+}
+
+/// How many of the sweeps that nothing is learnt from are recognised in the course of a training.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Watched {
+    /// Share that is recognised.
+    pub accuracy: f64,
+    /// The same of the adversarial sweeps made of them; `None` without adversarial training.
+    pub adversarial_accuracy: Option<f64>,
 }
 
 /// A network on its way. Every random choice is named by epoch and batch, so it does not matter where a run was
@@ -205,34 +214,14 @@ impl<'a> Training<'a> {
         self.last = (epoch, batch);
         let positions = self.batch_positions(epoch, batch);
         let sweeps = self.load(epoch, &positions);
-        let labels = self.labels(&positions);
-        let mask = |stream| self.mask(stream, positions.len());
-
-        let pass = match self.recipe.training.method {
-            _ if self.on_pairs => {
-                let own: Vec<usize> = positions.iter().map(|p| self.train.label(*p)).collect();
-                pairs_pass(self.net(), sweeps, &own, mask("dropout"))
-            }
-            TrainingMethod::Base => base_pass(self.net(), sweeps, labels, mask("dropout")),
-            TrainingMethod::Adversarial {
-                alpha,
-                epsilon,
-                mask: kind,
-                attack,
-                ..
-            } => {
-                let other = match kind {
-                    AdversarialMask::Own => mask("adversarial dropout"),
-                    AdversarialMask::Shared => mask("dropout"),
-                };
-                let perturbation = Perturbation {
-                    alpha,
-                    epsilon: self.normalizer.scaled(epsilon),
-                    attack,
-                };
-                let masks = [mask("dropout"), other];
-                adversarial_pass(self.net(), sweeps, labels, masks, &perturbation)
-            }
+        let pass = if self.on_pairs {
+            let own: Vec<usize> = positions.iter().map(|p| self.train.label(*p)).collect();
+            let mask = self.mask("dropout", (epoch, batch), positions.len());
+            pairs_pass(self.net(), sweeps, &own, mask)
+        } else {
+            self.pass(sweeps, self.labels(self.train, &positions), |stream| {
+                self.mask(stream, (epoch, batch), positions.len())
+            })
         };
         if !pass.loss.is_finite() {
             return Err(self.not_finite("loss"));
@@ -275,6 +264,73 @@ impl<'a> Training<'a> {
         Ok(Some(report))
     }
 
+    /// Forward and backward through the network as it stands, by the recipe's method.
+    ///
+    /// - `mask`: a dropout mask, by the name of its stream
+    fn pass(
+        &self,
+        sweeps: Tensor<4>,
+        labels: Tensor<1, Int>,
+        mask: impl Fn(&'static str) -> Tensor<2>,
+    ) -> Pass {
+        match self.recipe.training.method {
+            TrainingMethod::Base => base_pass(self.net(), sweeps, labels, mask("dropout")),
+            TrainingMethod::Adversarial {
+                alpha,
+                epsilon,
+                mask: kind,
+                attack,
+                ..
+            } => {
+                let other = match kind {
+                    AdversarialMask::Own => mask("adversarial dropout"),
+                    AdversarialMask::Shared => mask("dropout"),
+                };
+                let perturbation = Perturbation {
+                    alpha,
+                    epsilon: self.normalizer.scaled(epsilon),
+                    attack,
+                };
+                let masks = [mask("dropout"), other];
+                adversarial_pass(self.net(), sweeps, labels, masks, &perturbation)
+            }
+        }
+    }
+
+    /// Says how the network, as it stands, does on sweeps under the circumstances of training: statistics of the batch, dropout, and the
+    /// recipe's perturbation. Nothing is learnt from them, and neither weights nor running statistics change.
+    ///
+    /// # Errors
+    /// A loss that is not finite.
+    pub fn watch(&self, watched: &SweepView<'_>) -> Result<Watched, PipelineError> {
+        in_pool(&self.device, || {
+            let (mut correct, mut adversarial) = (0, None);
+            let batches = watched.len().div_ceil(self.recipe.training.batch).max(1);
+            for batch in 0..batches {
+                let from = |batch: usize| batch * watched.len() / batches;
+                let positions: Vec<usize> = (from(batch)..from(batch + 1)).collect();
+                let sweeps = self.loaded(watched, &positions, |_, _| {});
+                let epoch = self.position.epoch;
+                let pass = self.pass(sweeps, self.labels(watched, &positions), |stream| {
+                    let stream = format!("watched {stream}");
+                    self.mask(&stream, (epoch, batch), positions.len())
+                });
+                if !pass.loss.is_finite() {
+                    return Err(self.not_finite("loss of watched sweeps"));
+                }
+                correct += pass.correct;
+                if let Some(found) = pass.adversarial {
+                    *adversarial.get_or_insert(0) += found.correct;
+                }
+            }
+            let share = |correct: usize| correct as f64 / watched.len().max(1) as f64;
+            Ok(Watched {
+                accuracy: share(correct),
+                adversarial_accuracy: adversarial.map(share),
+            })
+        })
+    }
+
     /// True if running statistics follow the adversarial sweeps too.
     fn follows_both(&self) -> bool {
         matches!(
@@ -300,18 +356,31 @@ impl<'a> Training<'a> {
 
     /// `[batch, 1, steps, taxels]`, augmented and normalised, on the device without autodiff.
     fn load(&self, epoch: usize, positions: &[usize]) -> Tensor<4> {
-        let shape = self.train.shape();
-        let mut values = spare_memory(positions.len() * shape.values());
+        let taxels = self.train.shape().taxels();
         let augmentation = self.recipe.training.augmentation;
+        self.loaded(self.train, positions, |position, sweep| {
+            if !augmentation.is_none() {
+                let mut rng = self.seed.rng(("augmentation", epoch, position));
+                augmentation.apply(sweep, taxels, &mut rng);
+            }
+        })
+    }
+
+    /// `[batch, 1, steps, taxels]`, changed by `change` and normalised, on the device without autodiff.
+    fn loaded(
+        &self,
+        from: &SweepView<'_>,
+        positions: &[usize],
+        change: impl Fn(usize, &mut [f32]) + Sync,
+    ) -> Tensor<4> {
+        let shape = from.shape();
+        let mut values = spare_memory(positions.len() * shape.values());
         values
             .par_chunks_exact_mut(shape.values())
             .zip(positions)
             .for_each(|(sweep, &position)| {
-                self.train.copy_batch(&[position], sweep);
-                if !augmentation.is_none() {
-                    let mut rng = self.seed.rng(("augmentation", epoch, position));
-                    augmentation.apply(sweep, shape.taxels(), &mut rng);
-                }
+                from.copy_batch(&[position], sweep);
+                change(position, sweep);
                 self.normalizer.apply(sweep, shape);
             });
         let extents = [positions.len(), 1, shape.steps, shape.taxels()];
@@ -321,17 +390,13 @@ impl<'a> Training<'a> {
         )
     }
 
-    fn labels(&self, positions: &[usize]) -> Tensor<1, Int> {
-        let labels: Vec<i64> = positions
-            .iter()
-            .map(|p| self.train.label(*p) as i64)
-            .collect();
+    fn labels(&self, of: &SweepView<'_>, positions: &[usize]) -> Tensor<1, Int> {
+        let labels: Vec<i64> = positions.iter().map(|p| of.label(*p) as i64).collect();
         let extent = [labels.len()];
         Tensor::from_data(TensorData::new(labels, extent), &self.device)
     }
 
-    fn mask(&self, stream: &str, rows: usize) -> Tensor<2> {
-        let Position { epoch, batch, .. } = self.position;
+    fn mask(&self, stream: &str, (epoch, batch): (usize, usize), rows: usize) -> Tensor<2> {
         dropout_masks(
             rows,
             self.config.features(),
@@ -386,7 +451,7 @@ mod tests {
             .network_config(&setup)
             .unwrap();
         let device = Compute::Cpu.open().unwrap();
-        let mut training = Training::start(
+        let training = Training::start(
             &recipe,
             &fold.train,
             &setup.normalizer,
@@ -397,13 +462,8 @@ mod tests {
         .unwrap();
         let mut drawn: Vec<Vec<f32>> = Vec::new();
         for (epoch, batch) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-            training.position = Position {
-                epoch,
-                batch,
-                ..Position::default()
-            };
             for stream in ["dropout", "adversarial dropout"] {
-                drawn.push(values(training.mask(stream, 8)));
+                drawn.push(values(training.mask(stream, (epoch, batch), 8)));
             }
         }
         for (index, mask) in drawn.iter().enumerate() {

@@ -178,6 +178,12 @@ pub struct EpochMetrics {
     /// The same of the adversarial sweeps made of them, where there were any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub adversarial_accuracy: Option<f64>,
+    /// Share of test sweeps recognised under the circumstances of training (statistics of the batch, dropout), where they were watched.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub test_accuracy: Option<f64>,
+    /// The same of the adversarial sweeps made of them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub adversarial_test_accuracy: Option<f64>,
     /// Learning rate used.
     pub learning_rate: f64,
     /// Time spent in its training steps, seconds.

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use tactnet_data::{
-    DataSource, Dataset, Finding, Fold, TrainSplit, ValidationSplit, refuse_errors,
+    DataSource, Dataset, Finding, Fold, SweepView, TrainSplit, ValidationSplit, refuse_errors,
 };
 
 use super::free_folder::free_folder;
@@ -235,7 +235,9 @@ impl Session {
 
         let trained = match (&config.recipe, &config.classifier.model) {
             (ModelRecipe::TactNet2(recipe), ModelConfig::TactNet2(setup)) => {
-                self.train_network(&config, recipe, setup, &fitted.train, &mut on_event, &stop)?
+                let watched = config.spec.watch_test.then_some(&*fold.test);
+                let trained = (&fitted.train, watched);
+                self.train_network(&config, recipe, setup, trained, &mut on_event, &stop)?
             }
             (ModelRecipe::Baseline(recipe), ModelConfig::Baseline(_)) => {
                 self.fit_baseline(&config, recipe, &fitted.train, &mut on_event, &stop)?
@@ -279,12 +281,14 @@ impl Session {
     }
 
     /// `None` when somebody asked to stop; the training then goes on from a checkpoint.
+    ///
+    /// - `watched`: sweeps whose accuracy is noted after every epoch
     fn train_network(
         &self,
         config: &RunConfig,
         recipe: &Recipe,
         setup: &TactNetSetup,
-        train: &TrainSplit<'_>,
+        (train, watched): (&TrainSplit<'_>, Option<&SweepView<'_>>),
         on_event: &mut impl FnMut(TrainEvent<'_>),
         stop: &impl Fn() -> bool,
     ) -> Result<Option<TrainingSummary>, PipelineError> {
@@ -310,7 +314,7 @@ impl Session {
                 .as_ref()
                 .and_then(|asked| steps.why_more_epochs(asked)),
         });
-        let ended = train_batches(&mut training, Some(&mut record), |batch| {
+        let ended = train_batches(&mut training, Some(&mut record), watched, |batch| {
             on_event(TrainEvent::Batch { batch, epochs });
             !stop()
         })?;

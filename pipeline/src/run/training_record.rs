@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use crate::network::training::Watched;
 use crate::{BatchReport, EpochMetrics, PipelineError, RunDir, Training, TrainingState};
 
 /// A long epoch is saved this often.
@@ -61,10 +62,20 @@ impl<'a> TrainingRecord<'a> {
                 train_loss: batch.mean_loss,
                 train_accuracy: batch.accuracy,
                 adversarial_accuracy: batch.adversarial_accuracy,
+                test_accuracy: None,
+                adversarial_test_accuracy: None,
                 learning_rate: batch.learning_rate,
                 seconds: self.epoch_seconds,
             });
             self.epoch_seconds = 0.0;
+        }
+    }
+
+    /// Notes how the test sweeps do after the epoch that was noted last.
+    pub fn note_watched(&mut self, watched: Watched) {
+        if let Some(epoch) = self.metrics.last_mut() {
+            epoch.test_accuracy = Some(watched.accuracy);
+            epoch.adversarial_test_accuracy = watched.adversarial_accuracy;
         }
     }
 

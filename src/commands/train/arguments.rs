@@ -77,11 +77,14 @@ pub struct TrainArgs {
     /// Train this many epochs instead of the recipe's
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     epochs: Option<usize>,
+    /// Note in metrics.jsonl after every epoch of a network how many test sweeps it recognises, and how many adversarial ones made of them; to look at, nothing is chosen by it
+    #[arg(long)]
+    watch_test: bool,
     /// Where to compute
     #[arg(long, value_enum, default_value_t)]
     pub device: TrainDeviceChoice,
     /// Continue an interrupted run with its own settings; --data says where its data set is now, if it was moved
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["model", "recipe", "levels", "rate", "steps", "permute_labels", "inner", "calibrate", "split", "folds", "fold", "repeat", "out", "seed", "epochs", "device"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["model", "recipe", "levels", "rate", "steps", "permute_labels", "inner", "calibrate", "split", "folds", "fold", "repeat", "out", "seed", "epochs", "watch_test", "device"])]
     pub resume: Option<PathBuf>,
     /// Print a recipe that ships with tactnet, to start one's own from, and train nothing
     #[arg(long, value_name = "NAME", exclusive = true)]
@@ -117,6 +120,7 @@ impl TrainArgs {
                 false_alarms: self.false_alarms.unwrap_or(target.false_alarms),
                 coverage: self.coverage.unwrap_or(target.coverage),
             }),
+            watch_test: self.watch_test,
             seed: Seed(self.seed),
             epochs: self.epochs,
             device: self.device.named(),

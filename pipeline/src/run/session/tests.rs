@@ -5,6 +5,7 @@ use tactnet_data::twin::{self, TwinConfig};
 use tactnet_data::{Samples, Scheme, Seed};
 
 use super::*;
+use crate::EpochMetrics;
 
 const RECIPE: &str = r#"
         name = "small"
@@ -77,6 +78,55 @@ fn a_session_that_is_stopped_after_every_batch_ends_with_the_same_bits() {
     let note = |event: TrainEvent<'_>| ended.set(matches!(event, TrainEvent::AlreadyEnded));
     again.train(note, || false).unwrap();
     assert!(ended.get());
+}
+
+#[test]
+fn watched_test_sweeps_are_noted_and_change_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let asked = spec(folder.path());
+    let trained = |name: &str, method: &str, watch_test: bool| {
+        std::fs::write(
+            &asked.recipe,
+            RECIPE.replace("method = { kind = \"base\" }", method),
+        )
+        .unwrap();
+        let spec = TrainSpec {
+            watch_test,
+            ..asked.clone()
+        };
+        let job = TrainJob::try_from(spec).unwrap();
+        let run = folder.path().join(name);
+        let session = Session::begin(&job, Some(&run), program(), |_| Ok(())).unwrap();
+        session.train(|_| {}, || false).unwrap();
+        let weights = std::fs::read(run.join("weights.safetensors")).unwrap();
+        (weights, session.run().metrics_before(usize::MAX).unwrap())
+    };
+    let method = |epsilon: f64| {
+        format!("method = {{ kind = \"adversarial\", alpha = 0.5, epsilon = {epsilon} }}")
+    };
+    let (unwatched, course) = trained("unwatched", &method(0.1), false);
+    assert!(course.iter().all(|epoch| epoch.test_accuracy.is_none()));
+    let (watched, course) = trained("watched", &method(0.1), true);
+    assert!(watched == unwatched, "nothing is learnt from test sweeps");
+    assert_eq!(course.len(), 3);
+    for epoch in &course {
+        let (clean, adversarial) = (epoch.test_accuracy, epoch.adversarial_test_accuracy);
+        assert!(clean.is_some_and(|share| (0.0..=1.0).contains(&share)));
+        assert!(adversarial.is_some(), "{epoch:?}");
+    }
+    // An attack of 200 digits leaves nothing of the textures; one of none changes nothing but the dropout.
+    let last = |course: Vec<EpochMetrics>| {
+        let last = course.last().unwrap().clone();
+        (
+            last.test_accuracy.unwrap(),
+            last.adversarial_test_accuracy.unwrap(),
+        )
+    };
+    let (clean, attacked) = last(trained("hard", &method(200.0), true).1);
+    assert!(attacked <= clean, "{attacked} {clean}");
+    let (_, course) = trained("base", "method = { kind = \"base\" }", true);
+    let base = course.last().unwrap();
+    assert!(base.test_accuracy.is_some() && base.adversarial_test_accuracy.is_none());
 }
 
 #[test]
