@@ -42,6 +42,9 @@ VARIANTS = {
     "squeeze and excitation of taxels": {"gate": True},
     "attention over taxels with positions": {"attention": True},
     "gain 0.2": {"gain": 0.2},
+    "normalised, gain 0.2": {"gain": 0.2, "normalised": True},
+    "spectra and waveform, gain 0.2": {"gain": 0.2, "branches": ["absolute", "waveform"]},
+    "spectra and waveform, dropped": {"branches": ["absolute", "waveform"], "branch_dropout": 0.2},
 }
 
 
