@@ -13,6 +13,7 @@ pub mod circles;
 pub mod control;
 pub mod coordinate;
 pub mod flight;
+pub mod map;
 pub mod plan;
 pub mod pose;
 pub mod ramp;

@@ -6,11 +6,15 @@
 //!
 //! 1. candidates on a grid of what the equations leave free: time, elbow angle, hand angle, times up to eight closed-form branches;
 //! 2. the minimum near the best of them by sequential quadratic programming ([`qp`] inside).
+//!
+//! With a map of what stands about ([`Planner::plan_among`]) the way there is kept away from it, by a term of the objective and a last check.
 
 mod bodies;
 mod clearance;
 mod nearest;
 mod objective;
+mod obstacles;
+mod passing;
 mod planner;
 mod problem;
 pub mod qp;
@@ -19,6 +23,7 @@ mod sqp;
 
 pub use bodies::{BODIES, Body};
 pub use objective::Objective;
+pub use obstacles::{ChestWay, ObstacleConfig, Surroundings};
 pub use planner::{CatchPlan, Effort, NoPlan, PlanConfig, Planner, RequestError};
 pub use problem::{CatchRequest, EQUALITIES, INEQUALITIES, UNKNOWNS, Violation};
 pub use seeds::Grid;

@@ -59,10 +59,34 @@ impl Robot {
     /// Returns joint angles in which an arm waits: hand half a metre ahead of its shoulder and a little below, open towards the thrower,
     /// as far as can be from all ends of ranges.
     pub fn ready(&self, arm: usize) -> [f64; ARM_JOINTS] {
+        self.held(
+            arm,
+            Vector3::new(0.5, 0.0, -0.25),
+            &Vector3::new(1.0, 0.0, 0.3).normalize(),
+        )
+    }
+
+    /// Returns joint angles in which an arm is held up while the head looks at what stands before the robot: hand above and ahead of the
+    /// shoulder.
+    pub fn raised(&self, arm: usize) -> [f64; ARM_JOINTS] {
+        self.held(
+            arm,
+            Vector3::new(0.3, 0.0, 0.4),
+            &Vector3::new(0.5, 0.0, 1.0).normalize(),
+        )
+    }
+
+    /// Returns joint angles with the hand at `from_shoulder`, its axis along `axis`, as far as can be from all ends of ranges.
+    fn held(
+        &self,
+        arm: usize,
+        from_shoulder: Vector3<f64>,
+        axis: &Vector3<f64>,
+    ) -> [f64; ARM_JOINTS] {
         let arm = &self.arms[arm];
         let pose = HandPose {
-            position: arm.shoulder() + Vector3::new(0.5, 0.0, -0.25),
-            rotation: rotation_towards(&Vector3::new(1.0, 0.0, 0.3).normalize(), 0.0),
+            position: arm.shoulder() + from_shoulder,
+            rotation: rotation_towards(axis, 0.0),
         };
         let mut best = (f64::NEG_INFINITY, [0.0; ARM_JOINTS]);
         let steps = 36;
@@ -185,6 +209,18 @@ impl ArmKinematics {
         [self.shoulder, frames.elbow, frames.wrist, frames.catch]
     }
 
+    /// Returns what moves with the joints, chest's frame.
+    pub(crate) fn chain(&self, q: &[f64; ARM_JOINTS]) -> Chain {
+        let frames = self.frames(q);
+        Chain {
+            axes: frames.axes,
+            shoulder: self.shoulder,
+            elbow: frames.elbow,
+            wrist: frames.wrist,
+            rotation: frames.rotation,
+        }
+    }
+
     /// Returns the catch frame and its geometric Jacobian `[6][7]`: velocity of the middle, then rotation rate, per joint rate.
     pub fn jacobian(&self, q: &[f64; ARM_JOINTS]) -> (HandPose, SMatrix<f64, 6, ARM_JOINTS>) {
         let frames = self.frames(q);
@@ -305,6 +341,29 @@ impl ArmKinematics {
         q.iter()
             .zip(&self.joints)
             .all(|(q, joint)| (joint.range[0]..=joint.range[1]).contains(q))
+    }
+}
+
+/// The joints of an arm and what they move.
+#[derive(Debug, Clone)]
+pub(crate) struct Chain {
+    /// Of the joints.
+    pub axes: [Vector3<f64>; ARM_JOINTS],
+    pub shoulder: Vector3<f64>,
+    pub elbow: Vector3<f64>,
+    pub wrist: Vector3<f64>,
+    /// From the catch frame to the chest's.
+    pub rotation: Matrix3<f64>,
+}
+
+impl Chain {
+    /// Returns a point of a joint's axis.
+    pub fn origin(&self, joint: usize) -> &Vector3<f64> {
+        match joint {
+            0..3 => &self.shoulder,
+            3..5 => &self.elbow,
+            _ => &self.wrist,
+        }
     }
 }
 

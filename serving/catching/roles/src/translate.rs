@@ -106,6 +106,7 @@ pub(crate) fn result_packet(
         Err(NoPlan::OutOfReach) => packet.failure = 2,
         Err(NoPlan::NoCatch) => packet.failure = 3,
         Err(NoPlan::OutOfTime) => packet.failure = 4,
+        Err(NoPlan::Obstructed) => packet.failure = 5,
     }
     packet
 }
@@ -141,6 +142,7 @@ pub(crate) fn planned(packet: &packets::PlanResult) -> Option<Planned> {
         2 => Err(NoPlan::OutOfReach),
         3 => Err(NoPlan::NoCatch),
         4 => Err(NoPlan::OutOfTime),
+        5 => Err(NoPlan::Obstructed),
         _ => return None,
     };
     Some(Planned { request, plan })
@@ -192,7 +194,12 @@ mod tests {
         };
         let packet = request_packet(&asked, origin);
         assert_eq!(request(&packet), Some(asked));
-        for failure in [NoPlan::OutOfReach, NoPlan::NoCatch, NoPlan::OutOfTime] {
+        for failure in [
+            NoPlan::OutOfReach,
+            NoPlan::NoCatch,
+            NoPlan::OutOfTime,
+            NoPlan::Obstructed,
+        ] {
             let answer = planned(&result_packet(&packet, &Err(failure))).unwrap();
             assert_eq!((answer.request, answer.plan), (asked, Err(failure)));
         }

@@ -130,7 +130,7 @@ fn within_limits(problem: &Problem, x: &Point) -> Option<Point> {
     Some(x)
 }
 
-/// True if the motion stays within ranges and outside bodies.
+/// True if the motion stays within ranges, outside bodies and away from obstacles.
 fn is_kept(problem: &Problem, x: &Point) -> bool {
-    problem.violation(x).limits <= 1e-7
+    problem.violation(x).limits <= 1e-7 && problem.is_clear(x)
 }

@@ -6,10 +6,12 @@ use tactnet_catching_packets::ARM_JOINTS;
 use super::bodies::{BODIES, Body};
 use super::clearance::Clearance;
 use super::nearest::approach;
+use super::obstacles::{ObstacleConfig, Obstacles, Surroundings};
 use super::problem::{CatchRequest, Point, Problem, Violation};
 use super::seeds::{Grid, Seeds};
 use super::sqp::{Found, descend};
 use crate::flight::FlightPath;
+use crate::map::ArmSpheres;
 use crate::ramp::Ramp;
 use crate::robot::{ArmKinematics, Robot};
 
@@ -29,6 +31,8 @@ pub struct PlanConfig {
     pub iterations: usize,
     /// At a catch the whole arm is at least so far from trunk and torso, m; 0: only the hand is kept away.
     pub clearance: f64,
+    /// How far plans stay from what a map shows; of no account without one.
+    pub obstacles: ObstacleConfig,
 }
 
 impl Default for PlanConfig {
@@ -40,6 +44,7 @@ impl Default for PlanConfig {
             starts_again: 3,
             iterations: 40,
             clearance: 0.025,
+            obstacles: ObstacleConfig::default(),
         }
     }
 }
@@ -99,6 +104,9 @@ pub enum NoPlan {
     /// The arm cannot be there in time, or only outside its ranges or inside a body.
     #[error("no catch within ranges, speeds and accelerations")]
     NoCatch,
+    /// There are catches, but all that were found come too near to what the map shows.
+    #[error("obstacles are in the way of every catch that was found")]
+    Obstructed,
     /// Time was up before anything was found.
     #[error("time was up")]
     OutOfTime,
@@ -147,6 +155,7 @@ pub struct Planner {
     arm: ArmKinematics,
     bodies: [Body; BODIES],
     clearance: Clearance,
+    spheres: ArmSpheres,
     config: PlanConfig,
 }
 
@@ -157,6 +166,7 @@ impl Planner {
             arm: robot.arm(arm).clone(),
             bodies: Body::around_chest(arm),
             clearance: Clearance::new(robot, arm),
+            spheres: ArmSpheres::new(robot, arm),
             config,
         }
     }
@@ -170,14 +180,39 @@ impl Planner {
         &self,
         request: &CatchRequest,
         last: Option<(&[f64; ARM_JOINTS], f64)>,
+        out_of_time: impl FnMut() -> bool,
+    ) -> Result<CatchPlan, NoPlan> {
+        self.search(request, None, last, out_of_time)
+    }
+
+    /// Returns the best catch that keeps its distance from what stands about, as [`Planner::plan`] does without a map. Does not allocate.
+    ///
+    /// # Errors
+    /// As [`Planner::plan`], and where obstacles are in the way.
+    pub fn plan_among(
+        &self,
+        request: &CatchRequest,
+        surroundings: &Surroundings<'_>,
+        last: Option<(&[f64; ARM_JOINTS], f64)>,
+        out_of_time: impl FnMut() -> bool,
+    ) -> Result<CatchPlan, NoPlan> {
+        self.search(request, Some(surroundings), last, out_of_time)
+    }
+
+    fn search(
+        &self,
+        request: &CatchRequest,
+        surroundings: Option<&Surroundings<'_>>,
+        last: Option<(&[f64; ARM_JOINTS], f64)>,
         mut out_of_time: impl FnMut() -> bool,
     ) -> Result<CatchPlan, NoPlan> {
         self.check(request)?;
         let request = &self.within_limits(request);
-        let problem = self.problem(request);
+        let mut problem = self.problem(request, surroundings);
         if problem.times[0] > problem.times[1] {
             return Err(NoPlan::NoCatch);
         }
+        problem.end_flight_at_obstacles()?;
         let mut best: Option<Found> = None;
         let mut effort = Effort::default();
         let better = |best: &mut Option<Found>, found: Option<Found>| {
@@ -214,7 +249,7 @@ impl Planner {
                     cost: seed.cost,
                     violation: problem.violation(&seed.x),
                 })
-                .filter(|found| found.violation.is_feasible()),
+                .filter(|found| found.violation.is_feasible() && problem.is_clear(&found.x)),
             );
         }
         for seed in seeds.best().iter().take(starts) {
@@ -228,10 +263,15 @@ impl Planner {
             better(&mut best, descent.best);
         }
         let Some(found) = best else {
-            return Err(if !seeds.within_reach {
+            return Err(if problem.times[1] < request.latest {
+                // The ball does not come that far.
+                NoPlan::Obstructed
+            } else if !seeds.within_reach {
                 NoPlan::OutOfReach
             } else if out_of_time() {
                 NoPlan::OutOfTime
+            } else if surroundings.is_some() && seeds.feasible > 0 {
+                NoPlan::Obstructed
             } else {
                 NoPlan::NoCatch
             });
@@ -248,14 +288,39 @@ impl Planner {
         &self,
         request: &CatchRequest,
         last: Option<(&[f64; ARM_JOINTS], f64)>,
+        out_of_time: impl FnMut() -> bool,
+    ) -> Result<CatchPlan, NoPlan> {
+        self.search_near(request, None, last, out_of_time)
+    }
+
+    /// The same among what stands about.
+    ///
+    /// # Errors
+    /// As [`Planner::nearest_miss`].
+    pub fn nearest_miss_among(
+        &self,
+        request: &CatchRequest,
+        surroundings: &Surroundings<'_>,
+        last: Option<(&[f64; ARM_JOINTS], f64)>,
+        out_of_time: impl FnMut() -> bool,
+    ) -> Result<CatchPlan, NoPlan> {
+        self.search_near(request, Some(surroundings), last, out_of_time)
+    }
+
+    fn search_near(
+        &self,
+        request: &CatchRequest,
+        surroundings: Option<&Surroundings<'_>>,
+        last: Option<(&[f64; ARM_JOINTS], f64)>,
         mut out_of_time: impl FnMut() -> bool,
     ) -> Result<CatchPlan, NoPlan> {
         self.check(request)?;
         let request = &self.within_limits(request);
-        let problem = self.problem(request);
+        let mut problem = self.problem(request, surroundings);
         if problem.times[0] > problem.times[1] {
             return Err(NoPlan::NoCatch);
         }
+        problem.end_flight_at_obstacles()?;
         let mut effort = Effort::default();
         let mut best: Option<Found> = None;
         let mut approach_from = |x: &Point, out_of_time: &mut dyn FnMut() -> bool| {
@@ -275,7 +340,11 @@ impl Planner {
             approach_from(&seed.x, &mut out_of_time);
         }
         best.map(|found| CatchPlan::of(&problem, &found, effort))
-            .ok_or(NoPlan::NoCatch)
+            .ok_or(if problem.times[1] < request.latest {
+                NoPlan::Obstructed
+            } else {
+                NoPlan::NoCatch
+            })
     }
 
     /// Returns the best catch on a grid, without descents and without a limit of time: what a planner is compared with.
@@ -285,7 +354,7 @@ impl Planner {
     pub fn best_on_grid(&self, request: &CatchRequest, grid: Grid) -> Result<CatchPlan, NoPlan> {
         self.check(request)?;
         let request = &self.within_limits(request);
-        self.search_grid(&self.problem(request), grid)
+        self.search_grid(&self.problem(request, None), grid)
     }
 
     /// The same for a ball that flies along a given path, whatever model that follows.
@@ -302,14 +371,25 @@ impl Planner {
         let request = &self.within_limits(request);
         let problem = Problem {
             path: path.clone(),
-            ..self.problem(request)
+            ..self.problem(request, None)
         };
         self.search_grid(&problem, grid)
     }
 
-    fn problem<'a>(&'a self, request: &'a CatchRequest) -> Problem<'a> {
+    fn problem<'a>(
+        &'a self,
+        request: &'a CatchRequest,
+        surroundings: Option<&Surroundings<'a>>,
+    ) -> Problem<'a> {
         let apart = self.config.clearance;
-        Problem::new(request, &self.arm, &self.bodies, &self.clearance, apart)
+        Problem {
+            obstacles: surroundings.map(|surroundings| Obstacles {
+                surroundings: *surroundings,
+                spheres: &self.spheres,
+                config: &self.config.obstacles,
+            }),
+            ..Problem::new(request, &self.arm, &self.bodies, &self.clearance, apart)
+        }
     }
 
     fn search_grid(&self, problem: &Problem, grid: Grid) -> Result<CatchPlan, NoPlan> {
@@ -345,7 +425,7 @@ impl Planner {
     ) -> Result<Vec<([f64; ARM_JOINTS], f64)>, RequestError> {
         self.check(request)?;
         let request = &self.within_limits(request);
-        let problem = self.problem(request);
+        let problem = self.problem(request, None);
         let seeds = Seeds::search(&problem, self.config.first, || false);
         let starts = seeds.best().iter().take(self.config.starts);
         Ok(starts

@@ -13,6 +13,8 @@ use tactnet_catching_packets::{ARM_JOINTS, Joint};
 use super::bodies::{BODIES, Body};
 use super::clearance::Clearance;
 use super::objective::Objective;
+use super::obstacles::Obstacles;
+use super::planner::NoPlan;
 use super::qp::Row;
 use crate::flight::{Flight, FlightPath};
 use crate::ramp::{Acceleration, LeastTime, Ramp, Reach};
@@ -76,6 +78,8 @@ pub(crate) struct Problem<'a> {
     pub clearance: &'a Clearance,
     /// Least distance of the arm from trunk and torso at the catch, m; 0: none is asked for.
     pub apart: f64,
+    /// What stands about, if there is a map.
+    pub obstacles: Option<Obstacles<'a>>,
     pub path: FlightPath,
     /// Least and greatest time.
     pub times: [f64; 2],
@@ -109,9 +113,47 @@ impl<'a> Problem<'a> {
             bodies,
             clearance,
             apart,
+            obstacles: None,
             path: FlightPath::new(request.ball),
             times: [least, request.latest],
         }
+    }
+
+    /// Leaves no time for catches after the ball has met an obstacle.
+    ///
+    /// # Errors
+    /// Where it meets one before anything can be caught.
+    pub fn end_flight_at_obstacles(&mut self) -> Result<(), NoPlan> {
+        let Some(obstacles) = &self.obstacles else {
+            return Ok(());
+        };
+        if let Some(stops) = obstacles.ball_stops(&self.path, self.times[1]) {
+            self.times[1] = stops;
+        }
+        if self.times[0] >= self.times[1] {
+            return Err(NoPlan::Obstructed);
+        }
+        Ok(())
+    }
+
+    /// Returns the cost of a point and its gradient: the objective, and what comes near to obstacles.
+    pub fn cost(&self, x: &Point) -> (f64, [f64; UNKNOWNS]) {
+        let (cost, gradient) = self.request.objective.cost(self, x);
+        match &self.obstacles {
+            None => (cost, gradient),
+            Some(obstacles) => {
+                let (near, slope) = obstacles.cost(self, x);
+                let sum = std::array::from_fn(|i| gradient[i] + slope[i]);
+                (cost + near, sum)
+            }
+        }
+    }
+
+    /// Returns true if the way to a point keeps its distance from obstacles, or there is no map.
+    pub fn is_clear(&self, x: &Point) -> bool {
+        self.obstacles
+            .as_ref()
+            .is_none_or(|obstacles| obstacles.clear_along(self, &self.ramps(x)))
     }
 
     /// Returns where joint `i` may be at time `t`: its range, and what it reaches. Empty if the first is the greater.

@@ -177,29 +177,40 @@ impl Seeds {
                 }
             } else {
                 self.feasible += 1;
+                if let Some(obstacles) = &problem.obstacles {
+                    // Obstacles only add to the cost: what is too dear without them need not be looked at.
+                    if self.place_for(&seed).is_none() {
+                        return;
+                    }
+                    seed.cost += obstacles.cost(problem, &x).0;
+                }
             }
         }
-        // In place of a worse one nearby, or else of the worst.
-        let near = self.seeds[..self.count].iter().position(|other| {
-            other.x[..ARM_JOINTS]
-                .iter()
-                .zip(q)
-                .all(|(a, b)| (a - b).abs() < 0.7)
-        });
-        let mut place = match near {
-            Some(place) if seed.is_better_than(&self.seeds[place]) => place,
-            Some(_) => return,
-            None if self.count < MAX_SEEDS => {
-                self.count += 1;
-                self.count - 1
-            }
-            None if seed.is_better_than(&self.seeds[MAX_SEEDS - 1]) => MAX_SEEDS - 1,
-            None => return,
+        let Some(mut place) = self.place_for(&seed) else {
+            return;
         };
+        self.count = self.count.max(place + 1);
         self.seeds[place] = seed;
         while place > 0 && self.seeds[place].is_better_than(&self.seeds[place - 1]) {
             self.seeds.swap(place, place - 1);
             place -= 1;
+        }
+    }
+
+    /// Returns where a candidate goes: in place of a worse one nearby, or else of the worst; `None` if it is not worth a place.
+    fn place_for(&self, seed: &Seed) -> Option<usize> {
+        let near = self.seeds[..self.count].iter().position(|other| {
+            other.x[..ARM_JOINTS]
+                .iter()
+                .zip(&seed.x[..ARM_JOINTS])
+                .all(|(a, b)| (a - b).abs() < 0.7)
+        });
+        match near {
+            Some(place) if seed.is_better_than(&self.seeds[place]) => Some(place),
+            Some(_) => None,
+            None if self.count < MAX_SEEDS => Some(self.count),
+            None if seed.is_better_than(&self.seeds[MAX_SEEDS - 1]) => Some(MAX_SEEDS - 1),
+            None => None,
         }
     }
 }

@@ -40,7 +40,6 @@ pub(crate) fn descend(
     most: usize,
     mut out_of_time: impl FnMut() -> bool,
 ) -> Descent {
-    let objective = problem.request.objective;
     let mut x = problem.retract(start);
     let mut best: Option<Found> = None;
     let mut iterations = 0;
@@ -57,12 +56,15 @@ pub(crate) fn descend(
         }
         (x, here) = (next, linearised);
     }
-    let (mut cost, mut slope) = objective.cost(problem, &x);
+    let (mut cost, mut slope) = problem.cost(&x);
     let mut curvature = initial_curvature(problem, &x, cost);
     let mut penalty: f64 = 1.0;
     let keep = |best: &mut Option<Found>, x: &Point, cost: f64| {
         let violation = problem.violation(x);
-        if violation.is_feasible() && best.is_none_or(|found| cost < found.cost) {
+        if violation.is_feasible()
+            && best.is_none_or(|found| cost < found.cost)
+            && problem.is_clear(x)
+        {
             *best = Some(Found {
                 x: *x,
                 cost,
@@ -92,7 +94,7 @@ pub(crate) fn descend(
         let next = loop {
             let there: Point = std::array::from_fn(|i| x[i] + share * step.x[i]);
             let there = problem.retract(&there);
-            let (next_cost, next_slope) = objective.cost(problem, &there);
+            let (next_cost, next_slope) = problem.cost(&there);
             let linearised = problem.linearise(&there, TRUST);
             if next_cost.is_finite()
                 && next_cost + penalty * linearised.lack

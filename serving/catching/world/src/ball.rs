@@ -89,7 +89,7 @@ pub(crate) struct Aerodynamics {
     lift: Vector3<f64>,
     /// Greatest lift, 1/m.
     lift_limit: f64,
-    radius: f64,
+    pub(crate) radius: f64,
     restitution: f64,
 }
 

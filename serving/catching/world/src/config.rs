@@ -4,9 +4,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::ball::{Aerodynamics, BallConfig};
 use crate::cameras::CamerasConfig;
+use crate::depth::DepthConfig;
 use crate::drives::DrivesConfig;
 use crate::error::WorldError;
 use crate::imu::ImuConfig;
+use crate::obstacles::ObstaclesConfig;
 use crate::pictures::PicturesConfig;
 use crate::planted::PlantedErrors;
 use crate::thrower::ThrowerConfig;
@@ -30,6 +32,10 @@ pub struct WorldConfig {
     pub cameras: CamerasConfig,
     /// Pictures, where they are drawn.
     pub pictures: PicturesConfig,
+    /// What stands about; nothing by default.
+    pub obstacles: ObstaclesConfig,
+    /// The depth camera.
+    pub depth: DepthConfig,
     /// What the robot's description does not say.
     pub errors: PlantedErrors,
 }
@@ -50,6 +56,8 @@ impl WorldConfig {
         self.imu.check()?;
         self.cameras.check()?;
         self.pictures.check()?;
+        self.obstacles.check()?;
+        self.depth.check()?;
         self.errors.check()
     }
 }
@@ -61,7 +69,7 @@ mod tests {
     #[test]
     fn settings_out_of_range_are_named() {
         type Spoil = fn(&mut WorldConfig);
-        let cases: [(&str, Spoil); 16] = [
+        let cases: [(&str, Spoil); 20] = [
             ("pictures.noise", |c| c.pictures.noise = -1.0),
             ("pictures.ball", |c| c.pictures.ball = [0.5, 1.5]),
             ("ball.mass", |c| c.ball.mass = 0.0),
@@ -77,6 +85,16 @@ mod tests {
             ("imu.scale", |c| c.imu.scale = f64::INFINITY),
             ("cameras.detection", |c| c.cameras.detection = 1.1),
             ("cameras.clutter", |c| c.cameras.clutter = 100.0),
+            ("depth.noise", |c| c.depth.noise = f64::NAN),
+            ("depth.width", |c| c.depth.width = 0),
+            ("obstacles.boxes.size", |c| {
+                c.obstacles = crate::ObstaclesConfig::table_and_box();
+                c.obstacles.boxes[1].size[2] = 0.0;
+            }),
+            ("obstacles.boxes", |c| {
+                let shape = crate::ObstaclesConfig::table_and_box().boxes[0];
+                c.obstacles.boxes = vec![shape; 17];
+            }),
             ("errors.arm_mount", |c| c.errors.arm_mount = -0.01),
         ];
         for (named, spoil) in cases {

@@ -13,6 +13,8 @@
 //! | inertial unit | specific force and rate of its place in the true head, with bias, scale, noise | 512 Hz |
 //! | cameras | outline of a sphere, with noise, misses, clutter; both exposed together | 25 Hz |
 //! | hands | close once, 10 ms after they begin to | 1 ms |
+//! | obstacles | boxes: which parts of the robot are in one, whether a ball flies into one | 1 ms |
+//! | depth camera | rays to boxes, floor and the robot itself, with noise and holes | when asked for |
 //! | pictures | [`Pictures`]: a room, people, balls, blur, distortion, noise, from the truth of a moment | when asked for |
 //!
 //! The drives prescribe the motion of their joints, whatever torque it takes; the reaction of arms, neck and platform goes into the
@@ -21,12 +23,14 @@
 //! Frames and joint numbers are those of [`tactnet_catching_packets`]. The numbers that the thesis does not give (springs, damping, noise,
 //! latency, spin) are settings; the defaults are ours, most from the digest of its chapter 3.
 //!
-//! Left out: self-collision, contact of ball with robot and fingers, arms hiding the ball, the delay from exposure to circles (the
+//! Left out: self-collision, forces of contact, contact of ball with robot and fingers, boxes hiding the ball, arms hiding the ball, the delay from exposure to circles (the
 //! runner's), elasticity of arms and neck, torque limits.
 
 mod ball;
 mod cameras;
 mod config;
+mod contact;
+mod depth;
 mod drives;
 mod dynamics;
 mod error;
@@ -34,11 +38,13 @@ mod hand;
 mod imu;
 mod judge;
 mod kinematics;
+mod obstacles;
 mod pictures;
 mod planted;
 #[cfg(test)]
 mod pose;
 mod robot;
+mod shape;
 mod stream;
 mod thrower;
 mod torso;
@@ -47,11 +53,14 @@ mod world;
 pub use ball::{BallConfig, BallState};
 pub use cameras::CamerasConfig;
 pub use config::WorldConfig;
+pub use contact::{Contact, Contacts};
+pub use depth::{DepthConfig, DepthPicture};
 pub use drives::{ACCELERATION_HEADROOM, DrivesConfig};
 pub use error::WorldError;
 pub use hand::{CLOSED_NS, CLOSING_NS};
 pub use imu::ImuConfig;
 pub use judge::{Crossing, MAX_ACROSS, MAX_ALONG_NS, MAX_ANGLE, Miss, NEAR, Verdict};
+pub use obstacles::{BoxConfig, ObstaclesConfig, StandingBox};
 pub use pictures::{Outline, Pictures, PicturesConfig};
 pub use planted::PlantedErrors;
 pub use robot::FrameMotion;

@@ -60,6 +60,8 @@ pub(crate) struct Robot {
     /// In the middle of each substep of the last tick.
     pub(crate) felt: [Felt; SUBSTEPS],
     pub(crate) frames: Frames,
+    /// All bodies at the end of the last tick.
+    pub(crate) places: [Place; BODIES],
 }
 
 impl Robot {
@@ -99,6 +101,7 @@ impl Robot {
             torques: without_passive(&weight.torques),
             felt: [felt; SUBSTEPS],
             frames,
+            places,
             tree,
             torso,
         })
@@ -128,6 +131,7 @@ impl Robot {
         let places = self.tree.places(&deflected(&end.q, &self.torso.e));
         let rates = deflected(&end.dq, &self.torso.de);
         self.frames = frames(&self.tree, &places, &rates);
+        self.places = places;
     }
 
     /// Returns by how much the torso's links stand off their drives, rad: yaw, lower pitch, upper pitch.

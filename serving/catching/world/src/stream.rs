@@ -36,6 +36,10 @@ pub(crate) enum Stream {
     BallBrightness = 14,
     /// Noise of a picture; index: [`picture`].
     PictureNoise = 15,
+    /// Where obstacles stand; index: the rearrangement with the box.
+    Obstacles = 16,
+    /// Noise and holes of depth; index: the picture.
+    Depth = 17,
 }
 
 impl Stream {

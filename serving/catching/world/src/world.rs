@@ -8,12 +8,16 @@ use tactnet_catching_packets::{ARMS, JOINTS, RobotDescription};
 use crate::ball::{Aerodynamics, BALL_STEP, BallState};
 use crate::cameras::{CAMERAS, Cameras};
 use crate::config::WorldConfig;
+use crate::contact::{Contacts, deepest, is_clear_of};
+use crate::depth::DepthPicture;
 use crate::drives::TICK;
 use crate::error::{WorldError, within};
 use crate::hand::Hand;
 use crate::imu::Imu;
 use crate::judge::{Crossings, HandDuring, Verdict};
+use crate::obstacles::StandingBox;
 use crate::robot::{FrameMotion, Robot};
+use crate::shape::{CAPSULES, Capsule, PlacedCapsule, capsules};
 use crate::stream::Stream;
 
 /// A tick, ns.
@@ -24,6 +28,8 @@ const BALL_STEPS: usize = 10;
 const LONGEST_NS: u64 = 3_000_000_000;
 /// m.
 const BEHIND: f64 = -1.5;
+/// Who puts a box somewhere keeps it so far from the robot, m.
+const PUT_APART: f64 = 0.1;
 
 /// What the robot senses in a tick; all at its end but the inertial sample, which carries its own time.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -116,6 +122,10 @@ pub struct World {
     hands: [Hand; ARMS],
     imu: Imu,
     cameras: Cameras,
+    capsules: [Capsule; CAPSULES],
+    boxes: Vec<StandingBox>,
+    rearrangements: u64,
+    contacts: Contacts,
     thrown: Vec<Thrown>,
     verdicts: Vec<Verdict>,
     sensed: Sensed,
@@ -160,6 +170,10 @@ impl World {
             imu: None,
             circles: None,
         };
+        let capsules = capsules(description);
+        let boxes = config.obstacles.place(seed, 0, |standing| {
+            is_clear_of(standing, &capsules, &robot.places, PUT_APART)
+        });
         Ok(Self {
             hands: std::array::from_fn(Hand::new),
             imu: Imu::new(&config.imu, description.imu.rate, seed, robot.felt[0]),
@@ -168,6 +182,10 @@ impl World {
             seed,
             time_ns: 0,
             robot,
+            capsules,
+            boxes,
+            rearrangements: 0,
+            contacts: Contacts::default(),
             thrown: Vec::new(),
             verdicts: Vec::new(),
             sensed,
@@ -231,11 +249,16 @@ impl World {
             closes_ns: self.hands[arm].closes_ns(),
         });
         for ball in &mut self.thrown {
-            if let Some(verdict) = ball.advance([self.time_ns, end_ns], &during) {
+            if let Some(verdict) = ball.advance([self.time_ns, end_ns], &during, &self.boxes) {
                 self.verdicts.push(verdict);
             }
         }
         self.time_ns = end_ns;
+        if !self.boxes.is_empty()
+            && let Some(contact) = deepest(end_ns, &self.capsules, &self.robot.places, &self.boxes)
+        {
+            self.contacts.take(contact);
+        }
         self.sense();
         &self.sensed
     }
@@ -263,6 +286,42 @@ impl World {
                 balls,
             )
         });
+    }
+
+    /// Puts boxes elsewhere, as far as their settings say so, away from the robot.
+    pub fn rearrange(&mut self) {
+        self.rearrangements += 1;
+        let (capsules, places) = (&self.capsules, &self.robot.places);
+        self.boxes = self
+            .config
+            .obstacles
+            .place(self.seed, self.rearrangements, |standing| {
+                is_clear_of(standing, capsules, places, PUT_APART)
+            });
+    }
+
+    /// Returns the boxes where they stand.
+    pub fn boxes(&self) -> &[StandingBox] {
+        &self.boxes
+    }
+
+    /// Returns what the robot has touched so far; a part that is in a box touches it in every tick.
+    pub fn contacts(&self) -> &Contacts {
+        &self.contacts
+    }
+
+    /// Takes a depth picture now; each `number` has noise of its own.
+    pub fn depth_picture(&self, number: u64) -> DepthPicture {
+        let own: Vec<PlacedCapsule> = self
+            .capsules
+            .iter()
+            .filter(|capsule| !capsule.is_head())
+            .map(|capsule| capsule.placed(&self.robot.places))
+            .collect();
+        let head = &self.robot.frames.head;
+        self.config
+            .depth
+            .take(self.seed, number, head, &self.boxes, &own)
     }
 
     /// Returns the time, ns.
@@ -297,7 +356,7 @@ impl World {
     }
 
     /// Returns the whole flight of a thrown ball as if nobody caught it, from its release, every millisecond until it would touch the
-    /// floor. `None`: there is no ball of that number yet.
+    /// floor or a box. `None`: there is no ball of that number yet.
     pub fn true_flight(&self, ball: u64) -> Option<Vec<FlightSample>> {
         let ball = self.thrown.get(usize::try_from(ball).ok()?)?;
         let mut sample = FlightSample {
@@ -305,7 +364,9 @@ impl World {
             state: ball.release,
         };
         let mut flight = Vec::with_capacity(2000);
-        while sample.state.position.z > self.config.ball.radius {
+        while sample.state.position.z > self.config.ball.radius
+            && !touches(&self.boxes, &sample.state, self.config.ball.radius)
+        {
             flight.push(sample);
             for _ in 0..BALL_STEPS {
                 sample.state = ball.air.fly(&sample.state, BALL_STEP);
@@ -334,6 +395,7 @@ impl Thrown {
         &mut self,
         [start_ns, end_ns]: [u64; 2],
         hands: &[HandDuring; ARMS],
+        boxes: &[StandingBox],
     ) -> Option<Verdict> {
         if self.phase == Phase::Held && self.release_ns <= start_ns {
             self.phase = Phase::Flying;
@@ -349,7 +411,11 @@ impl Thrown {
             bounced |= touched;
         }
         self.state = flight[BALL_STEPS];
-        let away = self.state.position.x < BEHIND || end_ns >= self.release_ns + LONGEST_NS;
+        // A ball that meets a box is not followed any more.
+        let stopped = touches(boxes, &self.state, self.air.radius);
+        bounced |= stopped;
+        let away =
+            stopped || self.state.position.x < BEHIND || end_ns >= self.release_ns + LONGEST_NS;
         let mut verdict = None;
         if self.phase == Phase::Flying {
             let caught = !bounced && self.crossings.observe([start_ns, end_ns], &flight, hands);
@@ -363,6 +429,12 @@ impl Thrown {
         }
         verdict
     }
+}
+
+fn touches(boxes: &[StandingBox], ball: &BallState, radius: f64) -> bool {
+    boxes
+        .iter()
+        .any(|standing| standing.distance(&ball.position) < radius)
 }
 
 #[cfg(test)]

@@ -145,7 +145,7 @@ packets! {
         /// The question.
         #[recorded(1)]
         pub request: PlanRequest,
-        /// A plan; 1 the question makes no sense, 2 out of reach, 3 no catch within limits, 4 time was up.
+        /// A plan; 1 the question makes no sense, 2 out of reach, 3 no catch within limits, 4 time was up, 5 obstacles are in the way.
         #[recorded(2)]
         pub failure: u64,
         /// Joint angles at the catch, rad.

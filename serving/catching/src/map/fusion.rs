@@ -1,0 +1,407 @@
+//! Depth pictures become a truncated signed distance function (Curless and Levoy 1996; KinectFusion, Newcombe et al. 2011), cell by cell
+//! a weighted mean over the views.
+//!
+//! Of a cell at depth `z` on a ray that was measured to be `m` long along the camera's axis, a view says `clamp((m - z) / truncation, -1, 1)`
+//! with the weight `1 / z^2`, and nothing if it lies farther behind the surface than the truncation.
+
+use nalgebra::{Isometry3, Point3, Vector3};
+use serde::{Deserialize, Serialize};
+
+use super::error::MapError;
+use super::field::DistanceField;
+use super::grid::VoxelGrid;
+use super::own_body::mask;
+use super::spheres::Sphere;
+
+/// A camera that measures depth: along its axis, m, in the head's frame, whose axes it has (x ahead, y left, z up).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DepthCamera {
+    /// m, head's frame.
+    pub position: [f64; 3],
+    /// Pixels.
+    pub width: usize,
+    /// Pixels.
+    pub height: usize,
+    /// Focal length, pixels.
+    pub focal: f64,
+}
+
+/// 0.5 megapixels, 70 degrees across, between the eyes.
+impl Default for DepthCamera {
+    fn default() -> Self {
+        Self {
+            position: [0.08, 0.0, 0.1],
+            width: 816,
+            height: 612,
+            focal: 582.7,
+        }
+    }
+}
+
+impl DepthCamera {
+    /// Returns where the axis meets the picture, pixels.
+    pub fn middle(&self) -> [f64; 2] {
+        [0.5 * self.width as f64, 0.5 * self.height as f64]
+    }
+}
+
+/// Settings of a [`Fusion`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FusionConfig {
+    /// Where cells lie, in the frame in which the head's pose is given.
+    pub grid: VoxelGrid,
+    /// What takes the pictures.
+    pub camera: DepthCamera,
+    /// Distances are kept up to this, m.
+    pub truncation: f64,
+    /// What earlier looks said counts at most as much as a picture from 1 m with this weight: what moved is forgotten.
+    pub memory: f64,
+    /// Points this near to the robot's own spheres are the robot, m.
+    pub own_margin: f64,
+}
+
+impl Default for FusionConfig {
+    fn default() -> Self {
+        Self {
+            grid: VoxelGrid::default(),
+            camera: DepthCamera::default(),
+            truncation: 0.06,
+            memory: 0.2,
+            own_margin: 0.04,
+        }
+    }
+}
+
+impl FusionConfig {
+    fn check(&self) -> Result<(), MapError> {
+        self.grid.check()?;
+        let positive = |setting, value: f64| {
+            if value.is_finite() && value > 0.0 {
+                return Ok(());
+            }
+            Err(MapError::Setting {
+                setting,
+                expected: "a number greater than 0",
+                found: value.to_string(),
+            })
+        };
+        positive("camera.width", self.camera.width as f64)?;
+        positive("camera.height", self.camera.height as f64)?;
+        positive("camera.focal", self.camera.focal)?;
+        positive("truncation", self.truncation)?;
+        positive("memory", self.memory)?;
+        positive("own_margin", self.own_margin)
+    }
+}
+
+/// Looked at from in front in this look.
+const SEEN: u8 = 1;
+/// In view in this look, far behind a surface.
+const HIDDEN: u8 = 2;
+
+/// What depth pictures say of the cells.
+#[derive(Debug, Clone)]
+pub struct Fusion {
+    config: FusionConfig,
+    /// From -1 (inside) to 1, of the truncation.
+    values: Vec<f32>,
+    weights: Vec<f32>,
+    /// Of this look.
+    views: Vec<u8>,
+    masked: Vec<f32>,
+}
+
+impl Fusion {
+    /// Begins with cells of which nothing is known.
+    ///
+    /// # Errors
+    /// Names the first setting that is out of range.
+    pub fn new(config: FusionConfig) -> Result<Self, MapError> {
+        config.check()?;
+        let count = config.grid.count();
+        Ok(Self {
+            values: vec![0.0; count],
+            weights: vec![0.0; count],
+            views: vec![0; count],
+            masked: Vec::new(),
+            config,
+        })
+    }
+
+    /// Returns its settings.
+    pub fn config(&self) -> &FusionConfig {
+        &self.config
+    }
+
+    /// Begins to look again: what is known from before counts less, so that what has been moved is seen where it is.
+    pub fn look_again(&mut self) {
+        let most = self.config.memory as f32;
+        for weight in &mut self.weights {
+            *weight = weight.min(most);
+        }
+        self.views.fill(0);
+    }
+
+    /// Takes a depth picture, m, row by row from the top left, 0 where nothing was measured.
+    ///
+    /// - `head`: where the head was, in the map's frame
+    /// - `own`: the robot's spheres then, in the map's frame
+    ///
+    /// # Errors
+    /// Where the picture has another size, numbers that are no depths, or no measured pixel. The map remains as it was.
+    pub fn push(
+        &mut self,
+        depth: &[f32],
+        head: &Isometry3<f64>,
+        own: &[Sphere],
+    ) -> Result<(), MapError> {
+        let camera = self.config.camera;
+        check_picture(depth, &camera)?;
+        if !head.translation.vector.iter().all(|x| x.is_finite())
+            || !head.rotation.coords.iter().all(|x| x.is_finite())
+        {
+            return Err(MapError::Pose);
+        }
+        let [x, y, z] = camera.position;
+        let to_camera = (head * nalgebra::Translation3::new(x, y, z)).inverse();
+        let mut masked = std::mem::take(&mut self.masked);
+        masked.clear();
+        masked.extend_from_slice(depth);
+        mask(
+            &mut masked,
+            &camera,
+            &to_camera,
+            own,
+            self.config.own_margin,
+        );
+        self.fuse(&masked, &to_camera);
+        self.masked = masked;
+        Ok(())
+    }
+
+    fn fuse(&mut self, depth: &[f32], to_camera: &Isometry3<f64>) {
+        let (grid, camera) = (self.config.grid, self.config.camera);
+        let [nx, ny, _] = grid.cells;
+        let [middle_u, middle_v] = camera.middle().map(|middle| middle as f32);
+        let (focal, truncation) = (camera.focal as f32, self.config.truncation as f32);
+        let (width, height) = (camera.width as f32, camera.height as f32);
+        let step = (to_camera.rotation * Vector3::x() * grid.voxel).cast::<f32>();
+        for row in 0..self.values.len() / nx {
+            let first = to_camera * Point3::from(grid.middle([0, row % ny, row / ny]));
+            let first = first.coords.cast::<f32>();
+            let cells = row * nx..(row + 1) * nx;
+            let values = &mut self.values[cells.clone()];
+            let weights = &mut self.weights[cells.clone()];
+            let views = &mut self.views[cells];
+            for i in 0..nx {
+                let at = first + step * i as f32;
+                if at.x < 0.1 {
+                    continue;
+                }
+                let u = middle_u - focal * at.y / at.x;
+                let v = middle_v - focal * at.z / at.x;
+                if !(u >= 0.0 && u < width && v >= 0.0 && v < height) {
+                    continue;
+                }
+                let measured = depth[v as usize * camera.width + u as usize];
+                if measured == 0.0 {
+                    continue;
+                }
+                let before = (measured - at.x) / truncation;
+                if before < -1.0 {
+                    views[i] |= HIDDEN;
+                    continue;
+                }
+                views[i] |= SEEN;
+                let weight = 1.0 / (at.x * at.x);
+                let sum = weights[i] + weight;
+                values[i] += (before.min(1.0) - values[i]) * (weight / sum);
+                weights[i] = sum;
+            }
+        }
+    }
+
+    /// Returns which cells are solid: those behind the surface that was seen, and those that this look saw only from far behind one.
+    pub fn solid(&self) -> Vec<bool> {
+        self.values
+            .iter()
+            .zip(&self.weights)
+            .zip(&self.views)
+            .map(|((value, weight), views)| match views & (SEEN | HIDDEN) {
+                HIDDEN => true,
+                _ => *weight > 0.0 && *value < 0.0,
+            })
+            .collect()
+    }
+
+    /// Returns the distances to all that is solid.
+    pub fn field(&self) -> DistanceField {
+        DistanceField::new(self.config.grid, &self.solid())
+    }
+}
+
+fn check_picture(depth: &[f32], camera: &DepthCamera) -> Result<(), MapError> {
+    if depth.len() != camera.width * camera.height {
+        return Err(MapError::Size {
+            found: depth.len(),
+            width: camera.width,
+            height: camera.height,
+        });
+    }
+    let is_none = |depth: &f32| !(depth.is_finite() && *depth >= 0.0);
+    if let Some(pixel) = depth.iter().position(is_none) {
+        return Err(MapError::Depth {
+            pixel,
+            found: depth[pixel],
+        });
+    }
+    if depth.iter().all(|depth| *depth == 0.0) {
+        return Err(MapError::Blind);
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn small() -> FusionConfig {
+        FusionConfig {
+            grid: VoxelGrid {
+                corner: [0.2, -0.5, -0.5],
+                voxel: 0.02,
+                cells: [80, 50, 50],
+            },
+            camera: DepthCamera {
+                position: [0.0; 3],
+                width: 200,
+                height: 160,
+                focal: 150.0,
+            },
+            ..FusionConfig::default()
+        }
+    }
+
+    /// A wall at `wall` m, before which a square of half width `half` stands at `near`, about the camera's axis.
+    fn wall_and_square(camera: &DepthCamera, wall: f32, near: f32, half: f64) -> Vec<f32> {
+        let [u, v] = camera.middle();
+        (0..camera.width * camera.height)
+            .map(|i| {
+                let b = (i % camera.width) as f64 + 0.5 - u;
+                let c = (i / camera.width) as f64 + 0.5 - v;
+                let within = f64::from(near) * b.abs().max(c.abs()) / camera.focal < half;
+                if within { near } else { wall }
+            })
+            .collect()
+    }
+
+    fn sees(fusion: &Fusion, p: [f64; 3]) -> bool {
+        let grid = fusion.config().grid;
+        let cell = grid.cell_at(&Vector3::from(p)).unwrap();
+        fusion.solid()[grid.number(cell)]
+    }
+
+    #[test]
+    fn surfaces_lie_where_they_were_measured_and_what_is_behind_is_solid() {
+        let config = small();
+        let mut fusion = Fusion::new(config).unwrap();
+        let head = Isometry3::identity();
+        fusion
+            .push(&wall_and_square(&config.camera, 1.5, 0.8, 0.1), &head, &[])
+            .unwrap();
+        let field = fusion.field();
+        for (x, y, expected) in [(0.7, 0.0, 0.1), (0.84, 0.0, -0.04), (1.3, 0.42, 0.2)] {
+            let found = field.distance(&Vector3::new(x, y, 0.0));
+            assert!((found - expected).abs() < 0.015, "{x} {y}: {found}");
+        }
+        // The square hides what is behind it, up to the wall; the sides of the picture show nothing.
+        assert!(sees(&fusion, [1.1, 0.0, 0.0]) && sees(&fusion, [1.49, 0.0, 0.0]));
+        assert!(!sees(&fusion, [0.3, 0.45, 0.0]));
+    }
+
+    #[test]
+    fn what_was_moved_is_seen_where_it_is_and_no_longer_where_it_was() {
+        let config = small();
+        let mut fusion = Fusion::new(config).unwrap();
+        let head = Isometry3::identity();
+        let turned = Isometry3::rotation(Vector3::z() * 0.1);
+        for _ in 0..4 {
+            fusion
+                .push(&wall_and_square(&config.camera, 1.5, 0.8, 0.1), &head, &[])
+                .unwrap();
+        }
+        fusion.look_again();
+        for _ in 0..4 {
+            // The same square, seen by a head that is turned: 8 cm to the left.
+            fusion
+                .push(
+                    &wall_and_square(&config.camera, 1.5, 0.8, 0.04),
+                    &turned,
+                    &[],
+                )
+                .unwrap();
+        }
+        assert!(!sees(&fusion, [0.83, -0.07, 0.0]));
+        assert!(sees(&fusion, [0.83, 0.08, 0.0]));
+        // Deep inside, where there was free space before.
+        assert!(sees(&fusion, [1.1, 0.11, 0.0]));
+    }
+
+    #[test]
+    fn the_robot_itself_is_no_obstacle_and_hides_nothing() {
+        let config = small();
+        let mut fusion = Fusion::new(config).unwrap();
+        let own = Sphere {
+            centre: Vector3::new(0.85, 0.0, 0.0),
+            radius: 0.16,
+        };
+        let picture = wall_and_square(&config.camera, 1.5, 0.8, 0.1);
+        fusion
+            .push(&picture, &Isometry3::identity(), &[own])
+            .unwrap();
+        assert!(!sees(&fusion, [0.83, 0.0, 0.0]) && !sees(&fusion, [1.1, 0.0, 0.0]));
+        assert!(sees(&fusion, [1.53, 0.42, 0.0]));
+    }
+
+    #[test]
+    fn pictures_that_are_none_are_refused_and_change_nothing() {
+        let config = small();
+        let mut fusion = Fusion::new(config).unwrap();
+        let head = Isometry3::identity();
+        let good = wall_and_square(&config.camera, 1.5, 0.8, 0.1);
+        fusion.push(&good, &head, &[]).unwrap();
+        let before = fusion.solid();
+        let mut spoilt = good.clone();
+        spoilt[77] = f32::NAN;
+        let says = |fusion: &mut Fusion, picture: &[f32]| {
+            fusion.push(picture, &head, &[]).unwrap_err().to_string()
+        };
+        assert_eq!(
+            says(&mut fusion, &good[1..]),
+            "the depth picture has 31999 pixels, expected 200 x 160"
+        );
+        assert!(says(&mut fusion, &spoilt).starts_with("pixel 77 of the depth picture is NaN m"));
+        spoilt[77] = -1.0;
+        assert!(says(&mut fusion, &spoilt).contains("is -1 m"));
+        assert!(says(&mut fusion, &vec![0.0; good.len()]).contains("no measured pixel"));
+        let nowhere = Isometry3::translation(f64::NAN, 0.0, 0.0);
+        assert_eq!(fusion.push(&good, &nowhere, &[]), Err(MapError::Pose));
+        assert_eq!(fusion.solid(), before);
+        let config = FusionConfig {
+            truncation: 0.0,
+            ..config
+        };
+        let error = Fusion::new(config).unwrap_err().to_string();
+        assert!(error.contains("`truncation`: expected a number greater than 0"));
+        let config = FusionConfig {
+            grid: VoxelGrid {
+                cells: [usize::MAX, 2, 2],
+                ..config.grid
+            },
+            ..FusionConfig::default()
+        };
+        assert!(Fusion::new(config).is_err());
+    }
+}

@@ -1,0 +1,94 @@
+//! Cells of equal size, in rows along x, then y, then z.
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use super::error::MapError;
+
+/// Most cells of a grid: 256 in each direction.
+const MOST_CELLS: usize = 1 << 24;
+
+/// Where cells lie.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct VoxelGrid {
+    /// The corner with the least coordinates, m.
+    pub corner: [f64; 3],
+    /// Edge of a cell, m.
+    pub voxel: f64,
+    /// Cells along x, y and z.
+    pub cells: [usize; 3],
+}
+
+/// 2.56 m in each direction about what the robot can reach, in steps of 2 cm.
+impl Default for VoxelGrid {
+    fn default() -> Self {
+        Self {
+            corner: [-0.78, -1.28, 0.0],
+            voxel: 0.02,
+            cells: [128; 3],
+        }
+    }
+}
+
+impl VoxelGrid {
+    /// # Errors
+    /// Names the first setting that is out of range.
+    pub fn check(&self) -> Result<(), MapError> {
+        let wrong = |setting, expected, found| {
+            Err(MapError::Setting {
+                setting,
+                expected,
+                found,
+            })
+        };
+        if !self.corner.iter().all(|x| x.is_finite()) {
+            return wrong("grid.corner", "numbers", format!("{:?}", self.corner));
+        }
+        if !(1e-3..=1.0).contains(&self.voxel) {
+            return wrong("grid.voxel", "0.001 to 1 m", self.voxel.to_string());
+        }
+        let cells = self
+            .cells
+            .iter()
+            .try_fold(1usize, |product, n| product.checked_mul(*n));
+        if self.cells.iter().any(|n| *n < 2) || cells.is_none_or(|cells| cells > MOST_CELLS) {
+            return wrong(
+                "grid.cells",
+                "at least 2 in each direction, 16777216 at most in all",
+                format!("{:?}", self.cells),
+            );
+        }
+        Ok(())
+    }
+
+    /// Returns how many cells there are.
+    pub fn count(&self) -> usize {
+        self.cells.iter().product()
+    }
+
+    /// Returns the middle of a cell, m.
+    pub fn middle(&self, cell: [usize; 3]) -> Vector3<f64> {
+        Vector3::from(std::array::from_fn(|i| {
+            self.corner[i] + (cell[i] as f64 + 0.5) * self.voxel
+        }))
+    }
+
+    /// Returns the number of a cell.
+    pub fn number(&self, [x, y, z]: [usize; 3]) -> usize {
+        x + self.cells[0] * (y + self.cells[1] * z)
+    }
+
+    /// Returns the cell that a point lies in; `None` outside the grid.
+    pub fn cell_at(&self, p: &Vector3<f64>) -> Option<[usize; 3]> {
+        let mut cell = [0; 3];
+        for i in 0..3 {
+            let along = ((p[i] - self.corner[i]) / self.voxel).floor();
+            if !(along >= 0.0 && along < self.cells[i] as f64) {
+                return None;
+            }
+            cell[i] = along as usize;
+        }
+        Some(cell)
+    }
+}

@@ -1,0 +1,112 @@
+//! Where a joint is on its way, and how that depends on where it goes and how long it takes.
+
+use crate::ramp::Acceleration;
+
+/// A joint at a share of its motion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Passing {
+    /// rad.
+    pub q: f64,
+    /// rad/s.
+    pub rate: f64,
+    /// Derivative of `q` by the distance that the joint goes in all.
+    pub by_distance: f64,
+    /// Derivative of `q`, at the same share, by the time that the motion takes, rad/s.
+    pub by_end: f64,
+}
+
+impl Passing {
+    /// Returns a joint after a `share` of the motion of [`Ramp::between`](crate::ramp::Ramp::between) from `q0`, with `w0`, over a distance
+    /// `d` in `end` > 0 seconds.
+    pub fn new(q0: f64, w0: f64, d: f64, end: f64, speed: f64, share: f64) -> Self {
+        let shape = Acceleration::new(d, end, w0, speed);
+        let a = shape.a;
+        let t = share * end;
+        if a == 0.0 || !a.is_finite() {
+            // At rest: half of the way in half of the time, a parabola each; out of reach, nothing is known.
+            let part = if share < 0.5 {
+                2.0 * share * share
+            } else {
+                1.0 - 2.0 * (1.0 - share) * (1.0 - share)
+            };
+            return Self {
+                q: q0 + part * d,
+                rate: 0.0,
+                by_distance: part,
+                by_end: 0.0,
+            };
+        }
+        // t1 and t2 with their derivatives by `a` and by the end.
+        let ([t1, t1_by_a, t1_by_end], [t2, t2_by_a, t2_by_end]) = if shape.trapezoid {
+            let t1 = (shape.peak - w0) / a;
+            let braking = shape.peak / a;
+            ([t1, -t1 / a, 0.0], [end - braking, braking / a, 1.0])
+        } else {
+            let turn = [(end - w0 / a) / 2.0, w0 / (2.0 * a * a), 0.5];
+            (turn, turn)
+        };
+        let (first, last) = ((t - t1).max(0.0), (t - t2).max(0.0));
+        let by_a =
+            (t * t - first * first - last * last) / 2.0 + a * (first * t1_by_a + last * t2_by_a);
+        let rate = w0 + a * (t - first - last);
+        Self {
+            q: q0 + w0 * t + a / 2.0 * (t * t - first * first - last * last),
+            rate,
+            by_distance: by_a * shape.by_distance,
+            by_end: rate * share
+                + by_a * shape.by_time
+                + a * (first * t1_by_end + last * t2_by_end),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ramp::Ramp;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2000))]
+
+        #[test]
+        fn it_passes_where_the_ramp_does_and_slopes_are_differences(
+            speed in 0.5..3.0f64, w in -0.9..0.9f64, q0 in -2.0..2.0f64, way in -0.9..0.9f64, end in 0.1..1.5f64, share in 0.02..1.0f64,
+        ) {
+            // As far as it can be at that speed, about.
+            let (w0, d) = (w * speed, way * speed * end);
+            let ramp = Ramp::between(q0, w0, q0 + d, end, speed);
+            prop_assume!(ramp.a.is_finite() && ramp.a.abs() < 1e3);
+            let at = |d: f64, end: f64| Passing::new(q0, w0, d, end, speed, share);
+            let here = at(d, end);
+            prop_assert!((here.q - ramp.at(share * end).0).abs() < 1e-9);
+            let h = 1e-6;
+            let by_distance = (at(d + h, end).q - at(d - h, end).q) / (2.0 * h);
+            let by_end = (at(d, end + h).q - at(d, end - h).q) / (2.0 * h);
+            // The second derivative has edges where triangles become trapezoids and where parts begin.
+            let scale = 1.0 + ramp.a.abs();
+            prop_assert!((by_distance - here.by_distance).abs() < 1e-4 * scale, "{by_distance} {}", here.by_distance);
+            prop_assert!((by_end - here.by_end).abs() < 1e-4 * scale, "{by_end} {}", here.by_end);
+        }
+
+        #[test]
+        fn at_the_end_it_is_there(w in -1.0..1.0f64, d in -2.0..2.0f64, end in 0.1..1.5f64) {
+            let there = Passing::new(0.3, w, d, end, 2.0, 1.0);
+            prop_assume!(Acceleration::new(d, end, w, 2.0).a.is_finite());
+            prop_assert!((there.q - 0.3 - d).abs() < 1e-9 && (there.by_distance - 1.0).abs() < 1e-6 && there.by_end.abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn a_joint_that_stays_has_the_slopes_of_one_that_hardly_moves() {
+        for share in [0.2, 0.5, 0.8, 1.0] {
+            let stays = Passing::new(0.1, 0.0, 0.0, 0.6, 2.0, share);
+            let moves = Passing::new(0.1, 0.0, 1e-7, 0.6, 2.0, share);
+            assert!(
+                (stays.by_distance - moves.by_distance).abs() < 1e-6,
+                "{share}"
+            );
+            assert!((stays.by_end - moves.by_end).abs() < 1e-6);
+        }
+    }
+}
