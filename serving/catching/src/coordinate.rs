@@ -12,8 +12,10 @@ mod assign;
 mod body;
 mod coordinator;
 mod neck;
+mod room;
 
 pub use assign::{Assignment, assign};
 pub use body::BodyMotion;
 pub use coordinator::{CatchState, Coordinator, CoordinatorConfig, PlanRequest, Planned};
 pub use neck::{Looked, Neck};
+pub use room::Room;

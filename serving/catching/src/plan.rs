@@ -23,6 +23,7 @@ mod sqp;
 
 pub use bodies::{BODIES, Body};
 pub use objective::Objective;
+pub(crate) use obstacles::TOO_NEAR_ALREADY;
 pub use obstacles::{ChestWay, ObstacleConfig, Surroundings};
 pub use planner::{CatchPlan, Effort, NoPlan, PlanConfig, Planner, RequestError};
 pub use problem::{CatchRequest, EQUALITIES, INEQUALITIES, UNKNOWNS, Violation};

@@ -5,6 +5,11 @@ use std::f64::consts::TAU;
 use nalgebra::{Isometry3, Matrix3, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector3};
 use tactnet_catching_packets::{ARM_JOINTS, ARMS, Arm, JOINTS, Joint, RobotDescription, joint};
 
+/// Where a hand is held up, from the shoulder, m,
+const RAISED: Vector3<f64> = Vector3::new(0.4, 0.0, 0.7);
+/// and how far joints then are from the ends of their ranges, at least, as a share of those.
+const RAISED_MARGIN: f64 = 0.05;
+
 /// Position and orientation of a catch frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HandPose {
@@ -63,25 +68,34 @@ impl Robot {
             arm,
             Vector3::new(0.5, 0.0, -0.25),
             &Vector3::new(1.0, 0.0, 0.3).normalize(),
+            |margin, _| margin,
         )
     }
 
     /// Returns joint angles in which an arm is held up while the head looks at what stands before the robot: hand above and ahead of the
-    /// shoulder.
+    /// shoulder, the shortest way from where the arm waits.
     pub fn raised(&self, arm: usize) -> [f64; ARM_JOINTS] {
-        self.held(
-            arm,
-            Vector3::new(0.3, 0.0, 0.4),
-            &Vector3::new(0.5, 0.0, 1.0).normalize(),
-        )
+        let ready = self.ready(arm);
+        let axis = Vector3::new(0.5, 0.0, 1.0).normalize();
+        self.held(arm, RAISED, &axis, |margin, q| {
+            let ways = q.iter().zip(&ready).map(|(q, ready)| (q - ready).abs());
+            let longest = ways.fold(0.0, f64::max);
+            if margin < RAISED_MARGIN {
+                f64::NEG_INFINITY
+            } else {
+                -longest
+            }
+        })
     }
 
-    /// Returns joint angles with the hand at `from_shoulder`, its axis along `axis`, as far as can be from all ends of ranges.
+    /// Returns joint angles with the hand at `from_shoulder`, its axis along `axis`, that are best by a measure of the least distance to an
+    /// end of a range, as a share of it, and of the angles.
     fn held(
         &self,
         arm: usize,
         from_shoulder: Vector3<f64>,
         axis: &Vector3<f64>,
+        measure: impl Fn(f64, &[f64; ARM_JOINTS]) -> f64,
     ) -> [f64; ARM_JOINTS] {
         let arm = &self.arms[arm];
         let pose = HandPose {
@@ -104,9 +118,9 @@ impl Robot {
                         let [low, high] = joint.range;
                         (q - low).min(high - q) / (high - low)
                     });
-                    let margin = margin.fold(f64::INFINITY, f64::min);
-                    if margin > best.0 {
-                        best = (margin, q);
+                    let worth = measure(margin.fold(f64::INFINITY, f64::min), &q);
+                    if worth > best.0 {
+                        best = (worth, q);
                     }
                 });
             }
@@ -526,6 +540,30 @@ mod tests {
             * about(-y, q[5])
             * about(z, q[6])
             * up(arm.wrist_to_catch)
+    }
+
+    #[test]
+    fn between_held_up_and_waiting_no_bodies_touch() {
+        let robot = robot();
+        let bodies = crate::safety::Bodies::new(robot.description());
+        let waiting = robot.waiting();
+        let mut up = waiting;
+        for arm in 0..ARMS {
+            up[joint::ARM[arm].clone()].copy_from_slice(&robot.raised(arm));
+        }
+        for step in 0..=100 {
+            let share = f64::from(step) / 100.0;
+            let q = std::array::from_fn(|i| up[i] + share * (waiting[i] - up[i]));
+            for pair in 0..crate::safety::PAIRS {
+                let [a, b] = bodies.placed(pair, &q);
+                let distance = crate::safety::nearest(&a, &b).distance;
+                assert!(
+                    distance > 0.02,
+                    "{:?} {distance} at {share}",
+                    bodies.names(pair)
+                );
+            }
+        }
     }
 
     proptest! {

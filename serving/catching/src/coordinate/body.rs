@@ -4,10 +4,11 @@
 //! of the shoulder) is level with the ball's path where that comes nearest, as far as it can and be at rest in time; what is left, the
 //! torso turns.
 
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Vector3};
 use tactnet_catching_packets::{JOINTS, joint};
 
 use crate::flight::FlightPath;
+use crate::plan::ChestWay;
 use crate::ramp::{Ramp, Reach};
 use crate::robot::Robot;
 
@@ -93,6 +94,46 @@ impl BodyMotion {
             start_ns,
             platform: ramp(joint::PLATFORM, roll),
             turn: ramp(joint::TORSO.start, turn),
+        }
+    }
+
+    /// Returns a motion over a share of the way in the same time.
+    pub fn shortened(&self, robot: &Robot, share: f64) -> Self {
+        let limits = robot.joints();
+        let shorter = |ramp: &Ramp, index: usize| {
+            let (there, _) = ramp.at(ramp.end);
+            if ramp.end == 0.0 || there == ramp.q0 {
+                return *ramp;
+            }
+            let there = ramp.q0 + share * (there - ramp.q0);
+            Ramp::between(ramp.q0, 0.0, there, ramp.end, limits[index].speed)
+        };
+        Self {
+            start_ns: self.start_ns,
+            platform: shorter(&self.platform, joint::PLATFORM),
+            turn: shorter(&self.turn, joint::TORSO.start),
+        }
+    }
+
+    /// Returns how the chest moves from a time on.
+    ///
+    /// - `joints`: those of the torso that it does not move
+    /// - `deviation`: from where joints put the chest to where it is
+    pub fn chest_way(
+        &self,
+        robot: &Robot,
+        joints: &[f64; JOINTS],
+        deviation: &Isometry3<f64>,
+        start_ns: u64,
+    ) -> ChestWay {
+        let mut still = *joints;
+        still[joint::PLATFORM] = 0.0;
+        still[joint::TORSO.start] = 0.0;
+        ChestWay {
+            platform: self.platform,
+            turn: self.turn,
+            since: (start_ns as f64 - self.start_ns as f64) * 1e-9,
+            chest: robot.chest(&still) * deviation,
         }
     }
 

@@ -8,8 +8,9 @@ use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, joint};
 use super::assign::assign;
 use super::body::BodyMotion;
 use super::neck::{Looked, Neck};
+use super::room::Room;
 use crate::flight::{Flight, FlightPath};
-use crate::plan::{CatchPlan, CatchRequest, NoPlan, Objective};
+use crate::plan::{CatchPlan, CatchRequest, ChestWay, NoPlan, Objective};
 use crate::ramp::Ramp;
 use crate::robot::Robot;
 
@@ -117,6 +118,10 @@ pub struct Coordinator {
     state: CatchState,
     pending: bool,
     no_plans: u64,
+    /// What platform and torso keep away from, if there is a map.
+    room: Option<Room>,
+    /// From where joints put the chest to where it was measured last.
+    deviation: Isometry3<f64>,
 }
 
 impl Coordinator {
@@ -135,10 +140,23 @@ impl Coordinator {
             state: CatchState::Armed,
             pending: false,
             no_plans: 0,
+            room: None,
+            deviation: Isometry3::identity(),
             robot,
             config,
             ready,
         }
+    }
+
+    /// Keeps platform and torso away from what stands about, from now on. Arms are kept away by whoever plans their paths.
+    pub fn stay_in(&mut self, room: Room) {
+        self.room = Some(room);
+    }
+
+    /// Returns how the chest moves from a time on, as far as it is planned, in the frame in which it is measured.
+    pub fn chest_way(&self, start_ns: u64) -> ChestWay {
+        self.body
+            .chest_way(&self.robot, &self.ready, &self.deviation, start_ns)
     }
 
     /// Returns what the robot is about.
@@ -202,6 +220,7 @@ impl Coordinator {
         let mut requests = [None; MAX_REQUESTS];
         let (q_now, _) = self.command(now_ns);
         let deviation = self.robot.chest(&q_now).inverse() * chest;
+        self.deviation = deviation;
         let CoordinatorConfig {
             existence, frames, ..
         } = self.config;
@@ -220,8 +239,12 @@ impl Coordinator {
             // With two balls only the arms move.
             if self.config.lower_body && predictions.count == 1 {
                 let seen = in_frame(&flight_at(first, now_ns), &(chest.inverse()));
-                self.body =
+                let wanted =
                     BodyMotion::towards(&self.robot, &q_now, &FlightPath::new(seen), now_ns);
+                self.body = match &self.room {
+                    None => wanted,
+                    Some(room) => room.within(&self.robot, &self.ready, &deviation, &wanted),
+                };
             }
         }
         // Where the chest will stand.

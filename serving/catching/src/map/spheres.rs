@@ -3,9 +3,10 @@
 //! Upper arm and forearm are rows of spheres that hold the capsules of the monitor of self-collisions; the hand is three spheres of the
 //! palm and a ring of six about the open fingers.
 
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Point3, Vector3};
 use tactnet_catching_packets::{ARM_JOINTS, ARMS};
 
+use super::field::DistanceField;
 use crate::robot::{Chain, Robot};
 
 /// Spheres of an arm.
@@ -106,6 +107,21 @@ impl ArmSpheres {
             }
             let lever = centre - chain.origin(joint);
             chain.axes[joint].cross(&lever).dot(gradient)
+        })
+    }
+
+    /// Returns the least distance of the spheres from what a map shows, m.
+    ///
+    /// - `chest`: in the map
+    pub(crate) fn distance(
+        &self,
+        chain: &Chain,
+        chest: &Isometry3<f64>,
+        field: &DistanceField,
+    ) -> f64 {
+        (0..ARM_SPHERES).fold(f64::INFINITY, |least, sphere| {
+            let centre = chest * Point3::from(self.centre(sphere, chain));
+            least.min(field.distance(&centre.coords) - self.radius(sphere))
         })
     }
 

@@ -22,6 +22,8 @@ use crate::flight::FlightPath;
 use crate::map::{ARM_SPHERES, ArmSpheres, DistanceField};
 use crate::ramp::{LeastTime, Ramp};
 
+/// An arm that begins too near may come so much nearer, m: a tenth of a voxel.
+pub(crate) const TOO_NEAR_ALREADY: f64 = 2e-3;
 /// Step of the look along the ball's flight, s: 3 cm.
 const FLIGHT_STEP: f64 = 5e-3;
 
@@ -184,16 +186,11 @@ impl Obstacles<'_> {
         let end = ramps.iter().map(|ramp| ramp.end).fold(0.0, f64::max);
         let at = |t: f64| {
             let chain = problem.arm.chain(&ramps.map(|ramp| ramp.at(t).0));
-            let chest = self.surroundings.chest.at(t);
-            (0..ARM_SPHERES).fold(f64::INFINITY, |least, sphere| {
-                let centre = chest * Point3::from(self.spheres.centre(sphere, &chain));
-                let distance = self.surroundings.field.distance(&centre.coords);
-                least.min(distance - self.spheres.radius(sphere))
-            })
+            let Surroundings { field, chest } = &self.surroundings;
+            self.spheres.distance(&chain, &chest.at(t), field)
         };
         let begin = at(0.0);
-        // A tenth of a voxel of rounding where it begins too near.
-        let bound = self.config.hard.min(begin - 2e-3);
+        let bound = self.config.hard.min(begin - TOO_NEAR_ALREADY);
         (1..=self.config.checks).all(|i| at(end * i as f64 / self.config.checks as f64) >= bound)
     }
 }

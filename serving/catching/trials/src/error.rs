@@ -1,5 +1,6 @@
 //! Errors of trials.
 
+use tactnet_catching::map::MapError;
 use tactnet_catching::pose::PoseError;
 use tactnet_catching::track::TrackError;
 use tactnet_catching_world::WorldError;
@@ -10,6 +11,9 @@ pub enum TrialError {
     /// Settings of the world make no sense.
     #[error(transparent)]
     World(#[from] WorldError),
+    /// There is no map.
+    #[error(transparent)]
+    Map(#[from] MapError),
     /// The head's pose cannot be estimated.
     #[error(transparent)]
     Pose(#[from] PoseError),

@@ -12,7 +12,9 @@ use tactnet_catching_world::Miss;
 
 use crate::bound::Bound;
 use crate::error::TrialError;
+use crate::look::Mapping;
 use crate::look_ahead::{Errors, LookAhead};
+use crate::obstacles::{ObstaclesReport, WithoutMap};
 use crate::oracle::Oracle;
 use crate::throw::{BallOutcome, ThrowConfig, ThrowOutcome};
 use crate::timing::{Ablation, Timing};
@@ -87,6 +89,9 @@ pub struct SeriesReport {
     pub braked: Option<usize>,
     /// Of those, throws in which no bodies would have come near each other.
     pub braked_in_vain: Option<usize>,
+    /// Of obstacles, if the robot looked about.
+    #[serde(flatten)]
+    pub obstacles: Option<ObstaclesReport>,
     /// What the curve of errors is made of.
     #[serde(skip)]
     pub outcomes: Vec<ThrowOutcome>,
@@ -132,7 +137,10 @@ impl fmt::Display for SeriesReport {
                 self.throws
             )?;
         }
-        Ok(())
+        match &self.obstacles {
+            Some(obstacles) => write!(f, "{obstacles}"),
+            None => Ok(()),
+        }
     }
 }
 
@@ -171,6 +179,29 @@ impl Series {
             })
             .collect();
         Ok(self.report(outcomes?))
+    }
+
+    /// Runs all throws among obstacles, and then again with a robot that does not look, for comparison; `done` is told after each.
+    ///
+    /// # Errors
+    /// Where the world's settings make no sense, or a depth picture does.
+    pub fn run_with_and_without_map(
+        &self,
+        done: impl Fn() + Sync,
+    ) -> Result<SeriesReport, TrialError> {
+        let with = |mapping| Self {
+            config: ThrowConfig {
+                mapping,
+                ..self.config.clone()
+            },
+            ..*self
+        };
+        let mut report = with(Mapping::Depth).run(&done)?;
+        let blind = with(Mapping::Blind).run(&done)?;
+        if let Some(obstacles) = &mut report.obstacles {
+            obstacles.without_map = Some(WithoutMap::of(&blind.outcomes, blind.rate));
+        }
+        Ok(report)
     }
 
     fn report(&self, outcomes: Vec<ThrowOutcome>) -> SeriesReport {
@@ -250,6 +281,7 @@ impl Series {
                 .config
                 .watch
                 .then(|| brakes().filter(|braked| braked.in_vain).count()),
+            obstacles: ObstaclesReport::of(&outcomes),
             outcomes,
         }
     }

@@ -1,21 +1,24 @@
 //! One throw in stepped time: world and stack tick by tick, every delay as configured.
 
 use std::collections::VecDeque;
+use std::time::Instant;
 
 use nalgebra::Isometry3;
 use tactnet_catching::Robot;
 use tactnet_catching::coordinate::{
-    CatchState, Coordinator, CoordinatorConfig, PlanRequest, Planned,
+    CatchState, Coordinator, CoordinatorConfig, PlanRequest, Planned, Room,
 };
-use tactnet_catching::plan::{PlanConfig, Planner};
+use tactnet_catching::plan::{NoPlan, ObstacleConfig, PlanConfig, Planner, Surroundings};
 use tactnet_catching::safety::{Bodies, Monitor, MonitorConfig};
 use tactnet_catching_packets::packets::JointCommand;
-use tactnet_catching_packets::{ARMS, JOINTS};
+use tactnet_catching_packets::{ARMS, JOINTS, joint};
 use tactnet_catching_world::{FlightSample, TICK_NS, Verdict, World, WorldConfig};
 
 use crate::bound::{Bound, bounds};
 use crate::error::TrialError;
+use crate::look::{Looked, Mapping, look_about, looking};
 use crate::look_ahead::{LookAhead, SAME_BALL, Said, as_flight, true_at};
+use crate::obstacles::AmongObstacles;
 use crate::oracle::Oracle;
 use crate::perception::Perception;
 use crate::series::AHEAD;
@@ -24,6 +27,8 @@ use crate::trace::{Trace, TracePlan};
 
 /// The robot stands this long before the throw, s: its inertial unit finds its bias.
 const REST: f64 = 1.0;
+/// The same after the robot has looked about and moved its arms, s: its torso comes to rest.
+const REST_AFTER_LOOK: f64 = 2.5;
 /// A throw is over this long after it, at the latest, s.
 const LONGEST: f64 = 2.5;
 
@@ -46,6 +51,8 @@ pub struct ThrowConfig {
     pub pixels: bool,
     /// A monitor judges whether the robot would touch itself if it braked; it watches and does not brake.
     pub watch: bool,
+    /// What the robot makes of what stands about.
+    pub mapping: Mapping,
     /// The hands close this much later than the stack says, s: to see that the judge judges.
     pub closing_error: f64,
 }
@@ -85,6 +92,8 @@ pub struct ThrowOutcome {
     pub balls: Vec<BallOutcome>,
     /// Plans that found nothing.
     pub no_plans: u64,
+    /// What the robot touched and how it saw it, if it looked about.
+    pub obstacles: Option<AmongObstacles>,
     /// The first command at which the monitor would have braked, if it watched and there was one.
     pub braked: Option<Braked>,
 }
@@ -168,22 +177,33 @@ impl ThrowConfig {
         mut trace: Option<&mut Trace>,
     ) -> Result<ThrowOutcome, TrialError> {
         let seed = world_seed(seed, number);
-        let mut world = World::new(self.robot.description(), &self.world, seed, ready)?;
+        let (mut world, looked) = self.begin(seed, ready)?;
+        let ready = &looked.joints;
+        let rest = match self.mapping {
+            Mapping::Off => REST,
+            Mapping::Blind | Mapping::Depth => REST_AFTER_LOOK,
+        };
         let mut perception = Perception::new(self, seed)?;
         let planners = self.planners();
         let mut coordinator = Coordinator::new(self.robot.clone(), self.coordination(), *ready);
+        if let Some(field) = &looked.field {
+            let apart = ObstacleConfig::default().hard;
+            coordinator.stay_in(Room::new(&self.robot, field.clone(), apart));
+        }
+        let (mut obstructed, mut first_plan) = (0, None);
         let mut answers: VecDeque<Answers> = VecDeque::new();
         let mut said: Vec<Said> = Vec::new();
-        let (rest_ticks, ticks) = (ticks(REST), ticks(REST + LONGEST));
+        let first_tick = world.time_ns() / TICK_NS;
+        let (rest_ticks, ticks) = (first_tick + ticks(rest), first_tick + ticks(rest + LONGEST));
         let ahead_ns = nanoseconds(self.timing.drives);
         let mut monitor = self.watch.then(|| self.monitor(ready));
         let mut braked = None;
-        for tick in 0..ticks {
+        for tick in first_tick..ticks {
             let now_ns = tick * TICK_NS;
             if tick == rest_ticks {
                 world.throw(self.balls);
             }
-            let since = tick as f64 * 1e-3 - REST;
+            let since = (tick - first_tick) as f64 * 1e-3 - rest;
             while let Some(due) = answers.pop_front_if(|answer| answer.due_ns <= now_ns) {
                 coordinator.planned(&due.answers);
                 if let Some(trace) = &mut trace {
@@ -197,12 +217,23 @@ impl ThrowConfig {
             while let Some(seen) = perception.predictions(now_ns)? {
                 said.extend(seen.said());
                 let requests = coordinator.predictions(now_ns, &seen.predictions, &seen.chest);
+                let begun = Instant::now();
                 let asked: Vec<Planned> = requests
                     .iter()
                     .flatten()
-                    .map(|request| answer(&planners, request, !self.is_without(Ablation::NearMiss)))
+                    .map(|request| {
+                        let among = looked.field.as_deref().map(|field| Surroundings {
+                            field,
+                            chest: coordinator.chest_way(request.start_ns),
+                        });
+                        let near = !self.is_without(Ablation::NearMiss);
+                        answer(&planners, request, among.as_ref(), near)
+                    })
                     .collect();
                 if !asked.is_empty() {
+                    first_plan.get_or_insert_with(|| begun.elapsed().as_secs_f64());
+                    let none = |answer: &&Planned| answer.plan == Err(NoPlan::Obstructed);
+                    obstructed += asked.iter().filter(none).count() as u64;
                     answers.push_back(Answers {
                         due_ns: now_ns + nanoseconds(self.timing.to_path()),
                         answers: asked,
@@ -262,8 +293,37 @@ impl ThrowConfig {
             number,
             balls,
             no_plans: coordinator.no_plans(),
+            obstacles: (self.mapping != Mapping::Off).then(|| AmongObstacles {
+                contacts: *world.contacts(),
+                obstructed,
+                arms_held_up: (0..ARMS)
+                    .filter(|arm| {
+                        let own = joint::ARM[*arm].clone();
+                        ready[own] != self.robot.ready(*arm)
+                    })
+                    .count(),
+                look_seconds: looked.seconds,
+                plan_seconds: first_plan,
+            }),
             braked,
         })
+    }
+
+    /// Returns a world with a robot that waits, having looked about if it is to.
+    fn begin(&self, seed: u64, ready: &[f64; JOINTS]) -> Result<(World, Looked), TrialError> {
+        let description = self.robot.description();
+        if self.mapping == Mapping::Off {
+            let world = World::new(description, &self.world, seed, ready)?;
+            let looked = Looked {
+                joints: *ready,
+                field: None,
+                seconds: 0.0,
+            };
+            return Ok((world, looked));
+        }
+        let mut world = World::new(description, &self.world, seed, &looking(&self.robot))?;
+        let looked = look_about(&self.robot, self.mapping, &self.world.depth, &mut world)?;
+        Ok((world, looked))
     }
 
     fn monitor(&self, ready: &[f64; JOINTS]) -> Monitor {
@@ -393,20 +453,28 @@ fn carried_out(answer: &Planned, coordinator: &Coordinator, since: f64) -> Optio
     })
 }
 
-fn answer(planners: &[Planner; ARMS], request: &PlanRequest, near: bool) -> Planned {
+fn answer(
+    planners: &[Planner; ARMS],
+    request: &PlanRequest,
+    among: Option<&Surroundings<'_>>,
+    near: bool,
+) -> Planned {
     let last = request.last.as_ref().map(|(q, t)| (q, *t));
     let planner = &planners[request.arm];
+    let plan = match among {
+        None => planner.plan(&request.catch, last, || false),
+        Some(among) => planner.plan_among(&request.catch, among, last, || false),
+    };
     Planned {
         request: *request,
-        plan: planner
-            .plan(&request.catch, last, || false)
-            .or_else(|no_plan| {
-                if near {
-                    planner.nearest_miss(&request.catch, last, || false)
-                } else {
-                    Err(no_plan)
-                }
-            }),
+        plan: plan.or_else(|no_plan| match among {
+            _ if !near => Err(no_plan),
+            None => planner.nearest_miss(&request.catch, last, || false),
+            // What is in the way stays the reason.
+            Some(among) => planner
+                .nearest_miss_among(&request.catch, among, last, || false)
+                .map_err(|_| no_plan),
+        }),
     }
 }
 

@@ -3,7 +3,7 @@
 
 use tactnet_catching::Robot;
 use tactnet_catching_packets::RobotDescription;
-use tactnet_catching_trials::{Ablation, Series, SeriesReport, ThrowConfig, Timing};
+use tactnet_catching_trials::{Ablation, Mapping, Series, SeriesReport, ThrowConfig, Timing};
 use tactnet_catching_world::{Stiffness, WorldConfig};
 
 fn series(throws: u64, change: impl FnOnce(&mut ThrowConfig)) -> Series {
@@ -16,6 +16,7 @@ fn series(throws: u64, change: impl FnOnce(&mut ThrowConfig)) -> Series {
         perfect_perception: false,
         pixels: false,
         watch: false,
+        mapping: Mapping::Off,
         closing_error: 0.0,
     };
     change(&mut config);

@@ -1,0 +1,341 @@
+//! Before a throw among obstacles: the robot looks about with its arms held up, a box is put elsewhere, it looks again, and lowers its arms.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use nalgebra::{Isometry3, Point3};
+use tactnet_catching::Robot;
+use tactnet_catching::coordinate::Room;
+use tactnet_catching::map::{
+    ArmSpheres, DepthCamera, DistanceField, Fusion, FusionConfig, Sphere, StillSpheres,
+};
+use tactnet_catching::plan::ObstacleConfig;
+use tactnet_catching::ramp::Ramp;
+use tactnet_catching_packets::packets::JointCommand;
+use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, joint};
+use tactnet_catching_world::{DepthConfig, TICK_NS, World};
+
+use crate::error::TrialError;
+use crate::throw::ticks;
+
+/// Pan and tilt of the head for each picture, rad.
+const VIEWS: [[f64; 2]; 4] = [[1.0, 0.55], [0.35, 0.55], [-0.35, 0.55], [-1.0, 0.55]];
+/// Joints that turn far take so much of their top speed.
+const PACE: f64 = 0.4;
+/// No motion takes less, s,
+const LEAST: f64 = 0.3;
+/// and after each the robot stands so long, s.
+const STAND: f64 = 0.15;
+
+/// What the robot makes of what stands about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Mapping {
+    /// It does not look, and plans as if nothing stood about.
+    #[default]
+    Off,
+    /// It goes through the motions of looking, takes no pictures, and plans as if nothing stood about: what a map is compared with.
+    Blind,
+    /// It maps what its depth camera shows and plans among that.
+    Depth,
+}
+
+/// A robot that has looked about.
+pub(crate) struct Looked {
+    /// Where joints stand now.
+    pub joints: [f64; JOINTS],
+    /// What it has seen.
+    pub field: Option<Arc<DistanceField>>,
+    /// From the pictures of the last look to the map, s.
+    pub seconds: f64,
+}
+
+/// Commands that move a robot through what comes before a throw.
+struct Motions<'a> {
+    robot: &'a Robot,
+    world: &'a mut World,
+    /// As commanded last.
+    joints: [f64; JOINTS],
+    /// As measured last.
+    measured: [f64; JOINTS],
+}
+
+/// Returns joints in which the robot looks about: as it waits, but for the arms, which are held up.
+pub(crate) fn looking(robot: &Robot) -> [f64; JOINTS] {
+    let mut joints = robot.waiting();
+    for arm in 0..ARMS {
+        joints[joint::ARM[arm].clone()].copy_from_slice(&robot.raised(arm));
+    }
+    joints
+}
+
+/// Looks, has boxes put elsewhere, looks again and lowers the arms. An arm whose way down is not clear stays up.
+///
+/// - `world`: in which the robot stands as [`looking`] says
+pub(crate) fn look_about(
+    robot: &Robot,
+    mapping: Mapping,
+    depth: &DepthConfig,
+    world: &mut World,
+) -> Result<Looked, TrialError> {
+    let mut fusion = match mapping {
+        Mapping::Depth => Some(Fusion::new(fusion_config(depth))?),
+        Mapping::Off | Mapping::Blind => None,
+    };
+    let mut motions = Motions {
+        robot,
+        joints: looking(robot),
+        measured: looking(robot),
+        world,
+    };
+    let mut seconds = 0.0;
+    for look in 0..2 {
+        if look > 0 {
+            motions.world.rearrange();
+        }
+        let began = fusion.as_mut().map(Fusion::look_again);
+        debug_assert_eq!(began.is_some(), mapping == Mapping::Depth);
+        seconds = 0.0;
+        for (number, view) in VIEWS.iter().enumerate() {
+            motions.turn_head(*view);
+            if let Some(fusion) = &mut fusion {
+                let picture = motions
+                    .world
+                    .depth_picture((look * VIEWS.len() + number) as u64);
+                let begun = Instant::now();
+                let measured = &motions.measured;
+                let chest = robot.chest(measured);
+                let head = chest * robot.head(measured);
+                fusion.push(&picture.depth, &head, &own_body(robot, measured, &chest))?;
+                seconds += begun.elapsed().as_secs_f64();
+            }
+        }
+    }
+    motions.turn_head([0.0; 2]);
+    let begun = Instant::now();
+    let field = fusion.map(|fusion| Arc::new(fusion.field()));
+    seconds += begun.elapsed().as_secs_f64();
+    motions.lower_arms(field.as_ref());
+    Ok(Looked {
+        joints: motions.joints,
+        field,
+        seconds,
+    })
+}
+
+/// Returns settings of a map for a depth camera.
+fn fusion_config(depth: &DepthConfig) -> FusionConfig {
+    FusionConfig {
+        camera: DepthCamera {
+            position: depth.position,
+            width: depth.width as usize,
+            height: depth.height as usize,
+            focal: depth.focal,
+        },
+        ..FusionConfig::default()
+    }
+}
+
+/// Returns the robot's spheres in the inertial frame.
+fn own_body(robot: &Robot, joints: &[f64; JOINTS], chest: &Isometry3<f64>) -> Vec<Sphere> {
+    let still = StillSpheres::new(robot).spheres;
+    let arms = (0..ARMS).flat_map(|arm| {
+        let own = joint::ARM[arm].start;
+        let q = std::array::from_fn(|i| joints[own + i]);
+        ArmSpheres::new(robot, arm).placed(robot, arm, &q)
+    });
+    still
+        .into_iter()
+        .chain(arms)
+        .map(|sphere| Sphere {
+            centre: (chest * Point3::from(sphere.centre)).coords,
+            ..sphere
+        })
+        .collect()
+}
+
+impl Motions<'_> {
+    /// Moves joints to where they are to be, and stands for a while.
+    fn go_to(&mut self, there: &[f64; JOINTS]) {
+        let seconds = self.seconds_to(there);
+        let ramps: [Ramp; JOINTS] = std::array::from_fn(|i| {
+            let speed = self.robot.joints()[i].speed;
+            Ramp::between(self.joints[i], 0.0, there[i], seconds, speed)
+        });
+        for tick in 1..=ticks(seconds + STAND) {
+            let t = tick as f64 * 1e-3;
+            let at = ramps.map(|ramp| ramp.at(t));
+            let now_ns = self.world.time_ns();
+            let command = JointCommand {
+                number: now_ns / TICK_NS,
+                command_ns: now_ns,
+                q: at.map(|(q, _)| q),
+                dq: at.map(|(_, dq)| dq),
+            };
+            let sensed = self.world.step(&command, &[None; ARMS]);
+            self.measured = sensed.joints.q;
+        }
+        // Where the ramps end but for rounding.
+        self.joints = *there;
+    }
+
+    fn seconds_to(&self, there: &[f64; JOINTS]) -> f64 {
+        let joints = self.robot.joints().iter();
+        let times = joints
+            .zip(there.iter().zip(&self.joints))
+            .map(|(joint, (there, here))| (there - here).abs() / (PACE * joint.speed));
+        times.fold(LEAST, f64::max)
+    }
+
+    fn turn_head(&mut self, view: [f64; 2]) {
+        let mut there = self.joints;
+        there[joint::NECK].copy_from_slice(&view);
+        self.go_to(&there);
+    }
+
+    fn lower_arms(&mut self, field: Option<&Arc<DistanceField>>) {
+        let mut there = self.joints;
+        let chest = self.robot.chest(&self.joints);
+        let apart = ObstacleConfig::default().hard;
+        let room = field.map(|field| Room::new(self.robot, field.clone(), apart));
+        for arm in 0..ARMS {
+            let own = joint::ARM[arm].clone();
+            let down = self.robot.ready(arm);
+            // Straight: all joints begin and end together, at whatever pace.
+            let way: [Ramp; ARM_JOINTS] = std::array::from_fn(|i| {
+                Ramp::between(self.joints[own.start + i], 0.0, down[i], 1.0, f64::INFINITY)
+            });
+            let clear = |room: &Room| room.is_clear(self.robot, arm, &way, &chest);
+            if room.as_ref().is_none_or(clear) {
+                there[own].copy_from_slice(&down);
+            }
+        }
+        self.go_to(&there);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+    use tactnet_catching_packets::RobotDescription;
+    use tactnet_catching_world::{BoxConfig, ObstaclesConfig, WorldConfig};
+
+    use super::*;
+
+    fn looked(config: &WorldConfig, seed: u64, mapping: Mapping) -> (World, Looked) {
+        let robot = Robot::new(RobotDescription::nominal());
+        let mut world = World::new(robot.description(), config, seed, &looking(&robot)).unwrap();
+        let looked = look_about(&robot, mapping, &config.depth, &mut world).unwrap();
+        (world, looked)
+    }
+
+    fn table_and_box() -> WorldConfig {
+        WorldConfig {
+            obstacles: ObstaclesConfig::table_and_box(),
+            ..WorldConfig::default()
+        }
+    }
+
+    /// What the map says of points about the true boxes, where the last look could see them from the front.
+    #[test]
+    fn the_map_shows_boxes_where_they_stand_and_not_where_they_stood() {
+        let config = table_and_box();
+        let robot = Robot::new(RobotDescription::nominal());
+        for seed in 1..4 {
+            let before = World::new(robot.description(), &config, seed, &looking(&robot)).unwrap();
+            let (world, looked) = looked(&config, seed, Mapping::Depth);
+            let field = looked.field.unwrap();
+            let [table, moved] = world.boxes() else {
+                panic!("two boxes")
+            };
+            for standing in [table, moved] {
+                let middle = Vector3::from(standing.middle);
+                let found = field.distance(&middle);
+                assert!(found < 0.01, "middle of a box: {found}");
+                if standing == table {
+                    continue;
+                }
+                // Above it there is as much room as there is; beside it, what it hides counts as solid.
+                for up in [0.05, 0.1, 0.2] {
+                    let over = middle + Vector3::new(0.0, 0.0, 0.5 * standing.size[2] + up);
+                    let truth = world
+                        .boxes()
+                        .iter()
+                        .map(|other| other.distance(&over))
+                        .fold(f64::INFINITY, f64::min);
+                    let found = field.distance(&over);
+                    assert!(
+                        (found - truth).abs() < 0.03 || truth < 0.02,
+                        "{up} above: {found} {truth}"
+                    );
+                }
+            }
+            // Where the box was before, and neither is now nor behind it.
+            let old = Vector3::from(before.boxes()[1].middle);
+            let apart = moved.distance(&old);
+            if apart > 0.15 && moved.middle[0] > before.boxes()[1].middle[0] {
+                assert!(
+                    field.distance(&old) > 0.02,
+                    "{} {apart}",
+                    field.distance(&old)
+                );
+            }
+            assert_eq!(world.contacts().ticks, 0);
+        }
+    }
+
+    #[test]
+    fn the_robots_own_body_is_not_in_the_map() {
+        let far = WorldConfig {
+            obstacles: ObstaclesConfig {
+                boxes: vec![BoxConfig {
+                    middle: [1.5, 0.0, 0.4],
+                    size: [0.2, 0.2, 0.8],
+                    turn: 0.0,
+                    drawn: [0.0; 3],
+                    drawn_turn: 0.0,
+                }],
+            },
+            ..WorldConfig::default()
+        };
+        let (_, looked) = looked(&far, 1, Mapping::Depth);
+        let robot = Robot::new(RobotDescription::nominal());
+        let field = looked.field.unwrap();
+        for joints in [looking(&robot), robot.waiting()] {
+            let chest = robot.chest(&joints);
+            // The torso below is not in view; what is behind what the camera sees of the floor is below the map.
+            let spheres = own_body(&robot, &joints, &chest);
+            let least = spheres
+                .iter()
+                .map(|sphere| field.distance(&sphere.centre) - sphere.radius)
+                .fold(f64::INFINITY, f64::min);
+            assert!(least > 0.1, "{least}");
+        }
+        assert_eq!(looked.joints, robot.waiting());
+    }
+
+    #[test]
+    fn an_arm_whose_way_down_is_not_clear_stays_up() {
+        let robot = Robot::new(RobotDescription::nominal());
+        let hand = robot.chest(&robot.waiting())
+            * Point3::from(robot.arm(0).forward(&robot.ready(0)).position);
+        let under = WorldConfig {
+            obstacles: ObstaclesConfig {
+                boxes: vec![BoxConfig {
+                    middle: [hand.x, hand.y, 0.5 * hand.z],
+                    size: [0.2, 0.2, hand.z],
+                    turn: 0.0,
+                    drawn: [0.0; 3],
+                    drawn_turn: 0.0,
+                }],
+            },
+            ..WorldConfig::default()
+        };
+        let (world, seen) = looked(&under, 1, Mapping::Depth);
+        assert_eq!(world.contacts().ticks, 0);
+        assert_eq!(seen.joints[joint::ARM[0].clone()], robot.raised(0));
+        assert_eq!(seen.joints[joint::ARM[1].clone()], robot.ready(1));
+        // The robot that does not look touches it.
+        let (world, blind) = looked(&under, 1, Mapping::Blind);
+        assert!(world.contacts().ticks > 0 && blind.field.is_none());
+    }
+}
