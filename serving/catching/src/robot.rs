@@ -6,9 +6,11 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, SMatrix, Translation3, UnitQuatern
 use tactnet_catching_packets::{ARM_JOINTS, ARMS, Arm, JOINTS, Joint, RobotDescription, joint};
 
 /// Where a hand is held up, from the shoulder, m,
-const RAISED: Vector3<f64> = Vector3::new(0.4, 0.0, 0.7);
+const RAISED: Vector3<f64> = Vector3::new(0.4, 0.0, 0.6);
 /// and how far joints then are from the ends of their ranges, at least, as a share of those.
-const RAISED_MARGIN: f64 = 0.05;
+const RAISED_MARGIN: f64 = 0.015;
+/// Steps of the way down that are looked at.
+const RAISED_STEPS: u32 = 6;
 
 /// Position and orientation of a catch frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -73,18 +75,23 @@ impl Robot {
     }
 
     /// Returns joint angles in which an arm is held up while the head looks at what stands before the robot: hand above and ahead of the
-    /// shoulder, the shortest way from where the arm waits.
+    /// shoulder, open inwards, from where the straight way to [`Robot::ready`] swings out least.
     pub fn raised(&self, arm: usize) -> [f64; ARM_JOINTS] {
         let ready = self.ready(arm);
-        let axis = Vector3::new(0.5, 0.0, 1.0).normalize();
+        let kinematics = &self.arms[arm];
+        let outwards = kinematics.shoulder.y.signum();
+        let axis = Vector3::new(0.3, -outwards, 0.5).normalize();
         self.held(arm, RAISED, &axis, |margin, q| {
-            let ways = q.iter().zip(&ready).map(|(q, ready)| (q - ready).abs());
-            let longest = ways.fold(0.0, f64::max);
             if margin < RAISED_MARGIN {
-                f64::NEG_INFINITY
-            } else {
-                -longest
+                return f64::NEG_INFINITY;
             }
+            let points = (0..=RAISED_STEPS).flat_map(|step| {
+                let share = f64::from(step) / f64::from(RAISED_STEPS);
+                kinematics.points(&std::array::from_fn(|i| q[i] + share * (ready[i] - q[i])))
+            });
+            -points
+                .map(|point| point.y * outwards)
+                .fold(f64::NEG_INFINITY, f64::max)
         })
     }
 

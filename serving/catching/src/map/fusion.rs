@@ -195,7 +195,15 @@ impl Fusion {
             let values = &mut self.values[cells.clone()];
             let weights = &mut self.weights[cells.clone()];
             let views = &mut self.views[cells];
-            for i in 0..nx {
+            // Behind the camera's eye and outside the picture are linear bounds along the row; a cell more on each side for rounding.
+            let bounds = [
+                Vector3::new(1.0, 0.0, 0.0),
+                Vector3::new(middle_u, -focal, 0.0),
+                Vector3::new(middle_u, focal, 0.0),
+                Vector3::new(middle_v, 0.0, -focal),
+                Vector3::new(middle_v, 0.0, focal),
+            ];
+            for i in where_positive(&first, &step, &bounds, nx) {
                 let at = first + step * i as f32;
                 if at.x < 0.1 {
                     continue;
@@ -240,6 +248,30 @@ impl Fusion {
     pub fn field(&self) -> DistanceField {
         DistanceField::new(self.config.grid, &self.solid())
     }
+}
+
+/// Returns the steps from `first` along `step` at which all `bounds` have a product with the place that is not negative, and one more on
+/// each side.
+fn where_positive(
+    first: &Vector3<f32>,
+    step: &Vector3<f32>,
+    bounds: &[Vector3<f32>],
+    count: usize,
+) -> std::ops::Range<usize> {
+    let (mut low, mut high) = (0.0f32, count as f32);
+    for bound in bounds {
+        let (here, slope) = (bound.dot(first), bound.dot(step));
+        let root = -here / slope;
+        if slope > 0.0 {
+            low = low.max(root - 1.0);
+        } else if slope < 0.0 {
+            high = high.min(root + 2.0);
+        } else if here < 0.0 {
+            return 0..0;
+        }
+    }
+    let low = low.max(0.0).min(count as f32) as usize;
+    low..(high.max(0.0) as usize).max(low).min(count)
 }
 
 fn check_picture(depth: &[f32], camera: &DepthCamera) -> Result<(), MapError> {
@@ -347,6 +379,36 @@ mod tests {
         assert!(sees(&fusion, [0.83, 0.08, 0.0]));
         // Deep inside, where there was free space before.
         assert!(sees(&fusion, [1.1, 0.11, 0.0]));
+    }
+
+    #[test]
+    fn cells_outside_the_picture_are_left_out_and_none_inside() {
+        let config = small();
+        let camera = config.camera;
+        let [middle_u, middle_v] = camera.middle();
+        let turned = Isometry3::new(Vector3::new(0.4, 0.1, 0.05), Vector3::new(0.2, 0.3, -0.5));
+        let mut fusion = Fusion::new(config).unwrap();
+        let far = vec![5.0; camera.width * camera.height];
+        fusion.push(&far, &turned, &[]).unwrap();
+        let grid = config.grid;
+        for number in 0..grid.count() {
+            let [nx, ny, _] = grid.cells;
+            let cell = [number % nx, number / nx % ny, number / nx / ny];
+            let p = turned.inverse() * Point3::from(grid.middle(cell));
+            let (u, v) = (
+                middle_u - camera.focal * p.y / p.x,
+                middle_v - camera.focal * p.z / p.x,
+            );
+            // A thousandth of a pixel is left to rounding.
+            let within = |slack: f64| {
+                p.x >= 0.1 + slack
+                    && (slack..camera.width as f64 - slack).contains(&u)
+                    && (slack..camera.height as f64 - slack).contains(&v)
+            };
+            let seen = fusion.views[number] & SEEN != 0;
+            assert!(seen || !within(1e-3), "{cell:?} {u} {v}");
+            assert!(!seen || within(-1e-3), "{cell:?} {u} {v}");
+        }
     }
 
     #[test]

@@ -18,13 +18,9 @@ pub fn squared_distances(cells: [usize; 3], solid: &[bool]) -> Vec<f32> {
     }
     let mut envelope = Envelope::new(ny.max(nz));
     for slab in squared.chunks_exact_mut(nx * ny) {
-        for x in 0..nx {
-            envelope.replace(slab, x, nx, ny);
-        }
+        envelope.replace_all(slab, nx, ny);
     }
-    for column in 0..nx * ny {
-        envelope.replace(&mut squared, column, nx * ny, nz);
-    }
+    envelope.replace_all(&mut squared, nx * ny, nz);
     squared
 }
 
@@ -43,8 +39,13 @@ fn along_a_row(row: &mut [f32], solid: &[bool]) {
     }
 }
 
+/// Lines that are taken at once: neighbours in memory, so that what is fetched is used.
+const LINES: usize = 16;
+
 /// The lower envelope of parabolas with their vertices at the cells of a line.
 struct Envelope {
+    /// Line by line.
+    block: Vec<f32>,
     values: Vec<f32>,
     /// Cells whose parabolas are part of it, from left to right.
     vertices: Vec<usize>,
@@ -55,18 +56,41 @@ struct Envelope {
 impl Envelope {
     fn new(longest: usize) -> Self {
         Self {
+            block: vec![0.0; longest * LINES],
             values: vec![0.0; longest],
             vertices: vec![0; longest],
             from: vec![0.0; longest],
         }
     }
 
-    /// Replaces the values at `first`, `first + stride`, ... by the least of value and squared distance along the line.
-    fn replace(&mut self, all: &mut [f32], first: usize, stride: usize, count: usize) {
-        let values = &mut self.values[..count];
-        for (i, value) in values.iter_mut().enumerate() {
-            *value = all[first + i * stride];
+    /// Replaces the values of `stride` lines that lie beside each other, each with `count` cells that are `stride` apart.
+    fn replace_all(&mut self, all: &mut [f32], stride: usize, count: usize) {
+        let mut block = std::mem::take(&mut self.block);
+        for first in (0..stride).step_by(LINES) {
+            let lines = LINES.min(stride - first);
+            for i in 0..count {
+                let row = &all[i * stride + first..][..lines];
+                for (line, value) in row.iter().enumerate() {
+                    block[line * count + i] = *value;
+                }
+            }
+            for line in block.chunks_exact_mut(count).take(lines) {
+                self.replace(line);
+            }
+            for i in 0..count {
+                let row = &mut all[i * stride + first..][..lines];
+                for (line, value) in row.iter_mut().enumerate() {
+                    *value = block[line * count + i];
+                }
+            }
         }
+        self.block = block;
+    }
+
+    /// Replaces each value by the least of value and squared distance along the line.
+    fn replace(&mut self, line: &mut [f32]) {
+        let values = &mut self.values[..line.len()];
+        values.copy_from_slice(line);
         let mut parts = 0;
         for (q, value) in values.iter().enumerate() {
             if *value == f32::INFINITY {
@@ -92,13 +116,13 @@ impl Envelope {
             return;
         }
         let mut part = 0;
-        for i in 0..count {
+        for (i, least) in line.iter_mut().enumerate() {
             while part + 1 < parts && self.from[part + 1] < i as f64 {
                 part += 1;
             }
             let v = self.vertices[part];
             let away = i.abs_diff(v);
-            all[first + i * stride] = values[v] + (away * away) as f32;
+            *least = values[v] + (away * away) as f32;
         }
     }
 }

@@ -39,6 +39,7 @@ fn main() {
     };
     config.mapping = Mapping::Depth;
     config.watch = false;
+    if arguments[3] == "blind" { config.mapping = Mapping::Blind; }
     let series = Series {
         config,
         throws: arguments[1].parse().unwrap(),
