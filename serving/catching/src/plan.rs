@@ -12,6 +12,7 @@
 mod bodies;
 mod clearance;
 mod nearest;
+mod no_plan;
 mod objective;
 mod obstacles;
 mod passing;
@@ -22,9 +23,10 @@ mod seeds;
 mod sqp;
 
 pub use bodies::{BODIES, Body};
+pub use no_plan::{NoPlan, RequestError};
 pub use objective::Objective;
 pub(crate) use obstacles::TOO_NEAR_ALREADY;
 pub use obstacles::{ChestWay, ObstacleConfig, Surroundings};
-pub use planner::{CatchPlan, Effort, NoPlan, PlanConfig, Planner, RequestError};
+pub use planner::{CatchPlan, Effort, PlanConfig, Planner};
 pub use problem::{CatchRequest, EQUALITIES, INEQUALITIES, UNKNOWNS, Violation};
 pub use seeds::Grid;

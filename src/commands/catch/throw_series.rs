@@ -7,7 +7,10 @@ use std::time::Instant;
 
 use anyhow::Context;
 use clap::{Args, ValueEnum};
-use tactnet_catching_trials::{Ablation, Series, ThrowConfig, Timing, picture_file, series_page};
+use tactnet_catching_trials::{
+    Ablation, Mapping, Series, ThrowConfig, Timing, picture_file, series_page,
+};
+use tactnet_catching_world::ObstaclesConfig;
 
 use crate::commands::progress_line::about;
 use crate::output;
@@ -20,6 +23,7 @@ use crate::output;
     tactnet catch throw-series --without imu --without replan        what they are worth\n  \
     tactnet catch throw-series --balls 2\n  \
     tactnet catch throw-series --throws 20 --pixels                  from pictures, not from circles\n  \
+    tactnet catch throw-series --throws 50 --obstacles               among a table and a box, mapped by a depth camera\n  \
     tactnet catch throw-series --watch                               would the robot have braked for itself?\n  \
     tactnet catch throw-series --timing thesis                       152 ms from exposure to path instead of 70")]
 pub struct ThrowSeriesArgs {
@@ -44,6 +48,9 @@ pub struct ThrowSeriesArgs {
     /// Draw both cameras' pictures and find the balls in them: some seconds a throw
     #[arg(long, conflicts_with = "perfect_perception")]
     pixels: bool,
+    /// Catch among a table and a box that is moved before each throw, or the boxes of --world: with a map of depth pictures, and again without
+    #[arg(long)]
+    obstacles: bool,
     /// Count throws in which the monitor of self-collisions would have braked
     #[arg(long)]
     watch: bool,
@@ -118,7 +125,10 @@ pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
     if arguments.view.is_some() {
         anyhow::bail!(tactnet_models::left_out("rerun"));
     }
-    let world = super::world(arguments.world.as_deref())?;
+    let mut world = super::world(arguments.world.as_deref())?;
+    if arguments.obstacles && world.obstacles.boxes.is_empty() {
+        world.obstacles = ObstaclesConfig::table_and_box();
+    }
     // Before a series is run in vain.
     for file in arguments.page.iter().chain(&arguments.picture) {
         if let Some(folder) = file.parent()
@@ -152,6 +162,10 @@ pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
             perfect_perception: arguments.perfect_perception,
             pixels: arguments.pixels,
             watch: arguments.watch,
+            mapping: match arguments.obstacles {
+                true => Mapping::Depth,
+                false => Mapping::Off,
+            },
             closing_error: 1e-3 * arguments.closing_error,
         },
         throws: arguments.throws,
@@ -159,7 +173,12 @@ pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
     };
     let begun = Instant::now();
     let (done, said) = (AtomicU64::new(0), AtomicU64::new(2));
-    let report = series.run(|| {
+    // Among obstacles every throw is thrown twice.
+    let runs = match arguments.obstacles {
+        true => 2 * arguments.throws,
+        false => arguments.throws,
+    };
+    let progress = || {
         let done = done.fetch_add(1, Ordering::Relaxed) + 1;
         let (elapsed, next) = (begun.elapsed(), said.load(Ordering::Relaxed));
         if elapsed.as_secs() >= next
@@ -167,14 +186,15 @@ pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
                 .compare_exchange(next, next + 2, Ordering::Relaxed, Ordering::Relaxed)
                 .is_ok()
         {
-            let left = elapsed.mul_f64((arguments.throws - done) as f64 / done as f64);
-            say!(
-                "{done} of {} throws, {} to go",
-                arguments.throws,
-                about(left)
-            );
+            let left = elapsed.mul_f64((runs - done) as f64 / done as f64);
+            say!("{done} of {runs} throws, {} to go", about(left));
         }
-    })?;
+    };
+    let report = if arguments.obstacles {
+        series.run_with_and_without_map(progress)?
+    } else {
+        series.run(progress)?
+    };
     if let Some(path) = &arguments.page {
         std::fs::write(path, series_page(&series, &report)?)
             .with_context(|| path.display().to_string())?;

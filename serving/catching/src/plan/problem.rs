@@ -12,9 +12,9 @@ use tactnet_catching_packets::{ARM_JOINTS, Joint};
 
 use super::bodies::{BODIES, Body};
 use super::clearance::Clearance;
+use super::no_plan::NoPlan;
 use super::objective::Objective;
 use super::obstacles::Obstacles;
-use super::planner::NoPlan;
 use super::qp::Row;
 use crate::flight::{Flight, FlightPath};
 use crate::ramp::{Acceleration, LeastTime, Ramp, Reach};

@@ -16,7 +16,7 @@ use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, joint};
 use tactnet_catching_world::{DepthConfig, TICK_NS, World};
 
 use crate::error::TrialError;
-use crate::throw::ticks;
+use crate::throw::{ThrowConfig, ticks};
 
 /// Pan and tilt of the head for each picture, rad.
 const VIEWS: [[f64; 2]; 4] = [[1.0, 0.55], [0.35, 0.55], [-0.35, 0.55], [-1.0, 0.55]];
@@ -60,7 +60,7 @@ struct Motions<'a> {
 }
 
 /// Returns joints in which the robot looks about: as it waits, but for the arms, which are held up.
-pub(crate) fn looking(robot: &Robot) -> [f64; JOINTS] {
+fn looking(robot: &Robot) -> [f64; JOINTS] {
     let mut joints = robot.waiting();
     for arm in 0..ARMS {
         joints[joint::ARM[arm].clone()].copy_from_slice(&robot.raised(arm));
@@ -68,10 +68,30 @@ pub(crate) fn looking(robot: &Robot) -> [f64; JOINTS] {
     joints
 }
 
+/// Returns a world with a robot that waits, having looked about if it is to; where it does not look, joints begin at `ready`.
+pub(crate) fn begin(
+    config: &ThrowConfig,
+    seed: u64,
+    ready: &[f64; JOINTS],
+) -> Result<(World, Looked), TrialError> {
+    let (robot, description) = (&config.robot, config.robot.description());
+    if config.mapping == Mapping::Off {
+        let looked = Looked {
+            joints: *ready,
+            field: None,
+            seconds: 0.0,
+        };
+        return Ok((World::new(description, &config.world, seed, ready)?, looked));
+    }
+    let mut world = World::new(description, &config.world, seed, &looking(robot))?;
+    let looked = look_about(robot, config.mapping, &config.world.depth, &mut world)?;
+    Ok((world, looked))
+}
+
 /// Looks, has boxes put elsewhere, looks again and lowers the arms. An arm whose way down is not clear stays up.
 ///
 /// - `world`: in which the robot stands as [`looking`] says
-pub(crate) fn look_about(
+fn look_about(
     robot: &Robot,
     mapping: Mapping,
     depth: &DepthConfig,
@@ -92,8 +112,9 @@ pub(crate) fn look_about(
         if look > 0 {
             motions.world.rearrange();
         }
-        let began = fusion.as_mut().map(Fusion::look_again);
-        debug_assert_eq!(began.is_some(), mapping == Mapping::Depth);
+        if let Some(fusion) = &mut fusion {
+            fusion.look_again();
+        }
         seconds = 0.0;
         for (number, view) in VIEWS.iter().enumerate() {
             motions.turn_head(*view);
@@ -297,7 +318,9 @@ mod tests {
             },
             ..WorldConfig::default()
         };
+        let (_, again) = looked(&far, 1, Mapping::Depth);
         let (_, looked) = looked(&far, 1, Mapping::Depth);
+        assert!(again.field == looked.field, "a look repeats to the bit");
         let robot = Robot::new(RobotDescription::nominal());
         let field = looked.field.unwrap();
         for joints in [looking(&robot), robot.waiting()] {

@@ -41,7 +41,7 @@ pub struct ObstaclesReport {
     /// Arms that stayed up because their way down was not clear.
     pub arms_held_up: usize,
     /// Throws in which all balls were caught and nothing was touched.
-    pub caught_without_contact: usize,
+    pub untouched_catches: usize,
     /// From the four depth pictures of a look to the first plan of both arms: fusion, transform, planning; ms. Depends on the machine.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub look_to_plan_ms: Option<Quantiles>,
@@ -49,7 +49,7 @@ pub struct ObstaclesReport {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub look_ms: Option<Quantiles>,
     /// The same throws without a map.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(flatten)]
     pub without_map: Option<WithoutMap>,
 }
 
@@ -61,9 +61,9 @@ pub struct WithoutMap {
     /// Caught of those in the catch space.
     pub rate_without_map: f64,
     /// Throws in which all balls were caught and nothing was touched.
-    pub caught_without_contact: usize,
+    pub untouched_catches_without_map: usize,
     /// The deepest contact, mm.
-    pub contact_mm_max: f64,
+    pub contact_mm_max_without_map: f64,
 }
 
 fn touched(outcome: &ThrowOutcome) -> bool {
@@ -72,7 +72,7 @@ fn touched(outcome: &ThrowOutcome) -> bool {
         .is_some_and(|among| among.contacts.ticks > 0)
 }
 
-fn caught_without_contact(outcomes: &[ThrowOutcome]) -> usize {
+fn untouched_catches(outcomes: &[ThrowOutcome]) -> usize {
     let good = outcomes
         .iter()
         .filter(|outcome| !touched(outcome) && outcome.balls.iter().all(BallOutcome::caught));
@@ -112,7 +112,7 @@ impl ObstaclesReport {
             contact_mm_max: deepest_mm(outcomes),
             obstructed: among.iter().filter(|among| among.obstructed > 0).count(),
             arms_held_up: among.iter().map(|among| among.arms_held_up).sum(),
-            caught_without_contact: caught_without_contact(outcomes),
+            untouched_catches: untouched_catches(outcomes),
             look_to_plan_ms: Quantiles::of(
                 among
                     .iter()
@@ -140,8 +140,8 @@ impl WithoutMap {
         Self {
             contacts_without_map: outcomes.iter().filter(|outcome| touched(outcome)).count(),
             rate_without_map: rate,
-            caught_without_contact: caught_without_contact(outcomes),
-            contact_mm_max: deepest_mm(outcomes),
+            untouched_catches_without_map: untouched_catches(outcomes),
+            contact_mm_max_without_map: deepest_mm(outcomes),
         }
     }
 }
@@ -166,8 +166,8 @@ impl fmt::Display for ObstaclesReport {
                 "\nwithout the map: touched in {} throws, caught {:.1} %; caught and nothing touched: {} throws, with it {}",
                 without.contacts_without_map,
                 100.0 * without.rate_without_map,
-                without.caught_without_contact,
-                self.caught_without_contact
+                without.untouched_catches_without_map,
+                self.untouched_catches
             )?;
         }
         Ok(())

@@ -16,7 +16,7 @@ use tactnet_catching_world::{FlightSample, TICK_NS, Verdict, World, WorldConfig}
 
 use crate::bound::{Bound, bounds};
 use crate::error::TrialError;
-use crate::look::{Looked, Mapping, look_about, looking};
+use crate::look::{Mapping, begin};
 use crate::look_ahead::{LookAhead, SAME_BALL, Said, as_flight, true_at};
 use crate::obstacles::AmongObstacles;
 use crate::oracle::Oracle;
@@ -177,7 +177,7 @@ impl ThrowConfig {
         mut trace: Option<&mut Trace>,
     ) -> Result<ThrowOutcome, TrialError> {
         let seed = world_seed(seed, number);
-        let (mut world, looked) = self.begin(seed, ready)?;
+        let (mut world, looked) = begin(self, seed, ready)?;
         let ready = &looked.joints;
         let rest = match self.mapping {
             Mapping::Off => REST,
@@ -307,23 +307,6 @@ impl ThrowConfig {
             }),
             braked,
         })
-    }
-
-    /// Returns a world with a robot that waits, having looked about if it is to.
-    fn begin(&self, seed: u64, ready: &[f64; JOINTS]) -> Result<(World, Looked), TrialError> {
-        let description = self.robot.description();
-        if self.mapping == Mapping::Off {
-            let world = World::new(description, &self.world, seed, ready)?;
-            let looked = Looked {
-                joints: *ready,
-                field: None,
-                seconds: 0.0,
-            };
-            return Ok((world, looked));
-        }
-        let mut world = World::new(description, &self.world, seed, &looking(&self.robot))?;
-        let looked = look_about(&self.robot, self.mapping, &self.world.depth, &mut world)?;
-        Ok((world, looked))
     }
 
     fn monitor(&self, ready: &[f64; JOINTS]) -> Monitor {

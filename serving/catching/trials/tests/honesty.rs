@@ -4,7 +4,7 @@
 use tactnet_catching::Robot;
 use tactnet_catching_packets::RobotDescription;
 use tactnet_catching_trials::{Ablation, Mapping, Series, SeriesReport, ThrowConfig, Timing};
-use tactnet_catching_world::{Stiffness, WorldConfig};
+use tactnet_catching_world::{ObstaclesConfig, Stiffness, WorldConfig};
 
 fn series(throws: u64, change: impl FnOnce(&mut ThrowConfig)) -> Series {
     let mut config = ThrowConfig {
@@ -117,4 +117,24 @@ fn balls_are_caught_from_pictures() {
     assert_eq!(report.caught, report.in_catch_space, "{report:?}");
     let across = report.across_mm_rms_200ms.unwrap();
     assert!(across < 12.0, "{across}");
+}
+
+/// A table and a box beside the robot: with the map nothing is touched, without it often something is.
+#[test]
+fn without_the_map_the_robot_touches_what_stands_about() {
+    let among = |change: &mut ThrowConfig| {
+        change.world.obstacles = ObstaclesConfig::table_and_box();
+    };
+    let report = series(12, |config| among(config))
+        .run_with_and_without_map(|| ())
+        .unwrap();
+    let obstacles = report.obstacles.unwrap();
+    let without = obstacles.without_map.unwrap();
+    assert_eq!(obstacles.contacts, 0);
+    assert!(without.contacts_without_map > 0);
+    assert!(obstacles.untouched_catches >= without.untouched_catches_without_map);
+    assert!(obstacles.look_to_plan_ms.is_some());
+    // Nobody looks where nothing stands about.
+    let plain = run(1, |_| ());
+    assert!(plain.obstacles.is_none());
 }
