@@ -90,7 +90,21 @@ impl FusionConfig {
         positive("camera.width", self.camera.width as f64)?;
         positive("camera.height", self.camera.height as f64)?;
         positive("camera.focal", self.camera.focal)?;
-        positive("truncation", self.truncation)?;
+        if !self.camera.position.iter().all(|x| x.is_finite()) {
+            return Err(MapError::Setting {
+                setting: "camera.position",
+                expected: "numbers",
+                found: format!("{:?}", self.camera.position),
+            });
+        }
+        // Thinner, and a surface could lie between the cells that know of it.
+        if !(self.truncation >= self.grid.voxel && self.truncation.is_finite()) {
+            return Err(MapError::Setting {
+                setting: "truncation",
+                expected: "at least the edge of a cell",
+                found: self.truncation.to_string(),
+            });
+        }
         positive("memory", self.memory)?;
         positive("own_margin", self.own_margin)
     }
@@ -456,7 +470,7 @@ mod tests {
             ..config
         };
         let error = Fusion::new(config).unwrap_err().to_string();
-        assert!(error.contains("`truncation`: expected a number greater than 0"));
+        assert!(error.contains("`truncation`: expected at least the edge of a cell, found 0"));
         let config = FusionConfig {
             grid: VoxelGrid {
                 cells: [usize::MAX, 2, 2],

@@ -39,9 +39,9 @@ pub struct ObstacleConfig {
     pub weight: f64,
     /// A ball's flight ends where its middle comes so near to an obstacle, m.
     pub ball: f64,
-    /// Shares of the motion at which the cost is computed.
+    /// Shares of the motion at which the cost is computed; at least 1, its end.
     pub samples: usize,
-    /// Shares of the motion at which a plan is checked in the end.
+    /// Shares of the motion at which a plan is checked in the end; at least 1, its end.
     pub checks: usize,
 }
 
@@ -125,10 +125,11 @@ impl Obstacles<'_> {
         if !end.is_finite() || end <= 0.0 {
             return (f64::INFINITY, gradient);
         }
-        let weight = config.weight / config.samples as f64;
+        let samples = config.samples.max(1);
+        let weight = config.weight / samples as f64;
         let mut by_end = 0.0;
-        for sample in 1..=config.samples {
-            let share = sample as f64 / config.samples as f64;
+        for sample in 1..=samples {
+            let share = sample as f64 / samples as f64;
             let joints: [Passing; ARM_JOINTS] = std::array::from_fn(|i| {
                 let (q0, w0) = (problem.request.q0[i], problem.request.w0[i]);
                 Passing::new(q0, w0, x[i] - q0, end, problem.joints[i].speed, share)
@@ -191,7 +192,8 @@ impl Obstacles<'_> {
         };
         let begin = at(0.0);
         let bound = self.config.hard.min(begin - TOO_NEAR_ALREADY);
-        (1..=self.config.checks).all(|i| at(end * i as f64 / self.config.checks as f64) >= bound)
+        let checks = self.config.checks.max(1);
+        (1..=checks).all(|i| at(end * i as f64 / checks as f64) >= bound)
     }
 }
 
