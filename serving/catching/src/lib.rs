@@ -19,6 +19,7 @@ pub mod pose;
 pub mod ramp;
 mod robot;
 pub mod safety;
+pub mod throw;
 pub mod track;
 
 pub use robot::{ArmKinematics, ElbowCircle, HandPose, Robot, angle_between, rotation_towards};

@@ -10,7 +10,7 @@
 //! With a map of what stands about ([`Planner::plan_among`]) the way there is kept away from it, by a term of the objective and a last check.
 
 mod bodies;
-mod clearance;
+pub(crate) mod clearance;
 mod nearest;
 mod no_plan;
 mod objective;

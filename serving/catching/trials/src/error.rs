@@ -2,6 +2,7 @@
 
 use tactnet_catching::map::MapError;
 use tactnet_catching::pose::PoseError;
+use tactnet_catching::throw::NoThrow;
 use tactnet_catching::track::TrackError;
 use tactnet_catching_world::WorldError;
 
@@ -20,4 +21,17 @@ pub enum TrialError {
     /// Balls cannot be tracked.
     #[error(transparent)]
     Track(#[from] TrackError),
+    /// Nothing can be thrown.
+    #[error(transparent)]
+    Throw(#[from] NoThrow),
+    /// A setting out of range.
+    #[error("`{setting}`: expected {expected}, found {found}")]
+    Setting {
+        /// Its name.
+        setting: &'static str,
+        /// What it must be.
+        expected: &'static str,
+        /// What it is.
+        found: String,
+    },
 }

@@ -8,7 +8,7 @@ use serde::Serialize;
 use tactnet_catching::coordinate::assign;
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_packets::packets::MAX_BALLS;
-use tactnet_catching_world::Miss;
+use tactnet_catching_world::{Miss, Verdict};
 
 use crate::bound::Bound;
 use crate::error::TrialError;
@@ -216,7 +216,9 @@ impl Series {
             in_space += 1;
             caught += usize::from(all);
             for ball in outcome.balls.iter().filter(|ball| !ball.caught()) {
-                *misses.entry(cause(ball).to_string()).or_insert(0) += 1;
+                *misses
+                    .entry(cause(ball.verdict.as_ref(), ball.tracked, ball.planned).to_string())
+                    .or_insert(0) += 1;
             }
         }
         let ahead: Vec<LookAhead> = outcomes
@@ -297,10 +299,10 @@ fn both_possible(balls: &[BallOutcome]) -> bool {
 }
 
 /// Returns the cause of a miss in words.
-fn cause(ball: &BallOutcome) -> &'static str {
-    match ball.verdict.and_then(|verdict| verdict.miss) {
-        _ if !ball.tracked => "not tracked",
-        _ if !ball.planned => "no plan",
+pub(crate) fn cause(verdict: Option<&Verdict>, tracked: bool, planned: bool) -> &'static str {
+    match verdict.and_then(|verdict| verdict.miss) {
+        _ if !tracked => "not tracked",
+        _ if !planned => "no plan",
         Some(Miss::Across) => "across",
         Some(Miss::Angle) => "angle",
         Some(Miss::Early) => "closed too early",

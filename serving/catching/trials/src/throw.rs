@@ -109,9 +109,9 @@ pub struct Braked {
     pub in_vain: bool,
 }
 
-struct Answers {
-    due_ns: u64,
-    answers: Vec<Planned>,
+pub(crate) struct Answers {
+    pub due_ns: u64,
+    pub answers: Vec<Planned>,
 }
 
 /// A throw when it is over.
@@ -319,7 +319,7 @@ impl ThrowConfig {
         )
     }
 
-    fn planners(&self) -> [Planner; ARMS] {
+    pub(crate) fn planners(&self) -> [Planner; ARMS] {
         let all = PlanConfig::default();
         let config = PlanConfig {
             starts: if self.is_without(Ablation::Multistart) {
@@ -332,7 +332,7 @@ impl ThrowConfig {
         std::array::from_fn(|arm| Planner::new(&self.robot, arm, config))
     }
 
-    fn coordination(&self) -> CoordinatorConfig {
+    pub(crate) fn coordination(&self) -> CoordinatorConfig {
         CoordinatorConfig {
             plan_delay: self.timing.to_path(),
             replan: !self.is_without(Ablation::Replan),
@@ -436,7 +436,7 @@ fn carried_out(answer: &Planned, coordinator: &Coordinator, since: f64) -> Optio
     })
 }
 
-fn answer(
+pub(crate) fn answer(
     planners: &[Planner; ARMS],
     request: &PlanRequest,
     among: Option<&Surroundings<'_>>,

@@ -83,6 +83,8 @@ pub struct BallState {
 pub(crate) struct Aerodynamics {
     /// Gravity less buoyancy, over the mass with the air taken along, m/s^2.
     gravity: f64,
+    /// Drag coefficient.
+    pub(crate) coefficient: f64,
     /// 1/m.
     drag: f64,
     /// Turns the velocity into an acceleration where lift is not at its limit, 1/s.
@@ -110,6 +112,7 @@ impl Aerodynamics {
         let mass = config.mass + displaced / 2.0;
         let pressure = config.air * area / (2.0 * mass);
         Self {
+            coefficient: drag,
             gravity: GRAVITY * (config.mass - displaced) / mass,
             drag: pressure * drag,
             lift: spin * (pressure * config.lift_slope * config.radius),

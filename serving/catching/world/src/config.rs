@@ -11,6 +11,7 @@ use crate::imu::ImuConfig;
 use crate::obstacles::ObstaclesConfig;
 use crate::pictures::PicturesConfig;
 use crate::planted::PlantedErrors;
+use crate::release::ReleaseConfig;
 use crate::thrower::ThrowerConfig;
 use crate::torso::TorsoConfig;
 
@@ -38,6 +39,8 @@ pub struct WorldConfig {
     pub depth: DepthConfig,
     /// What the robot's description does not say.
     pub errors: PlantedErrors,
+    /// How hands let go.
+    pub release: ReleaseConfig,
 }
 
 impl WorldConfig {
@@ -58,6 +61,7 @@ impl WorldConfig {
         self.pictures.check()?;
         self.obstacles.check()?;
         self.depth.check()?;
+        self.release.check()?;
         self.errors.check()
     }
 }
@@ -69,7 +73,7 @@ mod tests {
     #[test]
     fn settings_out_of_range_are_named() {
         type Spoil = fn(&mut WorldConfig);
-        let cases: [(&str, Spoil); 20] = [
+        let cases: [(&str, Spoil); 21] = [
             ("pictures.noise", |c| c.pictures.noise = -1.0),
             ("pictures.ball", |c| c.pictures.ball = [0.5, 1.5]),
             ("ball.mass", |c| c.ball.mass = 0.0),
@@ -95,6 +99,7 @@ mod tests {
                 let shape = crate::ObstaclesConfig::table_and_box().boxes[0];
                 c.obstacles.boxes = vec![shape; 17];
             }),
+            ("release.jitter", |c| c.release.jitter = -1e-3),
             ("errors.arm_mount", |c| c.errors.arm_mount = -0.01),
         ];
         for (named, spoil) in cases {

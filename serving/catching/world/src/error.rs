@@ -37,6 +37,22 @@ pub enum WorldError {
         /// `thrower.distance`'s least, m.
         distance: f64,
     },
+    /// A hand that is to let go of a ball, or to be given one.
+    #[error("hand {arm} holds {found}, expected {expected}")]
+    Hand {
+        /// 0 left, 1 right.
+        arm: usize,
+        /// What must be in it.
+        expected: &'static str,
+        /// What is.
+        found: &'static str,
+    },
+    /// An arm that there is not.
+    #[error("there is no arm {arm}, expected 0 (left) or 1 (right)")]
+    Arm {
+        /// Its number.
+        arm: usize,
+    },
     /// Torso springs that give way under the robot's own weight.
     #[error("`torso.frequencies`: springs of {frequencies:?} Hz do not carry the robot")]
     Collapses {

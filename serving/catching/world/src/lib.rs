@@ -12,7 +12,7 @@
 //! | platform | true place = drive + slip, `s tanh(way / 0.15 m)` | 0.5 ms |
 //! | inertial unit | specific force and rate of its place in the true head, with bias, scale, noise | 512 Hz |
 //! | cameras | outline of a sphere, with noise, misses, clutter; both exposed together | 25 Hz |
-//! | hands | close once, 10 ms after they begin to | 1 ms |
+//! | hands | close once, 10 ms after they begin to; let go 10 ms after they begin to open | 1 ms |
 //! | obstacles | boxes: which parts of the robot are in one, whether a ball flies into one | 1 ms |
 //! | depth camera | rays to boxes, floor and the robot itself, with noise and holes | when asked for |
 //! | pictures | [`Pictures`]: a room, people, balls, blur, distortion, noise, from the truth of a moment | when asked for |
@@ -43,6 +43,7 @@ mod pictures;
 mod planted;
 #[cfg(test)]
 mod pose;
+mod release;
 mod robot;
 mod shape;
 mod stream;
@@ -63,6 +64,7 @@ pub use judge::{Crossing, MAX_ACROSS, MAX_ALONG_NS, MAX_ANGLE, Miss, NEAR, Verdi
 pub use obstacles::{BoxConfig, ObstaclesConfig, StandingBox};
 pub use pictures::{Outline, Pictures, PicturesConfig};
 pub use planted::PlantedErrors;
+pub use release::{OPENING_NS, OpenCommand, ReleaseConfig, Released};
 pub use robot::FrameMotion;
 pub use thrower::ThrowerConfig;
 pub use torso::{Stiffness, TorsoConfig};

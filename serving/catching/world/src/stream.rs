@@ -40,6 +40,8 @@ pub(crate) enum Stream {
     Obstacles = 16,
     /// Noise and holes of depth; index: the picture.
     Depth = 17,
+    /// When a hand lets go; index: the release.
+    Release = 18,
 }
 
 impl Stream {

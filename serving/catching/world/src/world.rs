@@ -16,6 +16,7 @@ use crate::hand::Hand;
 use crate::imu::Imu;
 use crate::judge::{Crossings, HandDuring, Verdict};
 use crate::obstacles::StandingBox;
+use crate::release::{Held, OpenCommand, Released};
 use crate::robot::{FrameMotion, Robot};
 use crate::shape::{CAPSULES, Capsule, PlacedCapsule, capsules};
 use crate::stream::Stream;
@@ -128,6 +129,10 @@ pub struct World {
     contacts: Contacts,
     thrown: Vec<Thrown>,
     verdicts: Vec<Verdict>,
+    /// Balls in hands.
+    held: [Option<Held>; ARMS],
+    releases: u64,
+    released: Option<Released>,
     sensed: Sensed,
 }
 
@@ -188,6 +193,9 @@ impl World {
             contacts: Contacts::default(),
             thrown: Vec::new(),
             verdicts: Vec::new(),
+            held: [None; ARMS],
+            releases: 0,
+            released: None,
             sensed,
         })
     }
@@ -198,16 +206,7 @@ impl World {
     /// # Panics
     /// If with these there would be more than [`MAX_BALLS`] that have no verdict yet.
     pub fn throw(&mut self, balls: usize) {
-        for ball in &mut self.thrown {
-            if ball.phase == Phase::Missed {
-                ball.phase = Phase::Gone;
-            }
-        }
-        let alive = self.thrown.iter().filter(|ball| ball.phase != Phase::Gone);
-        assert!(
-            alive.count() + balls <= MAX_BALLS,
-            "at most {MAX_BALLS} balls at once"
-        );
+        self.take_away_missed(balls);
         let mut release_ns = self.time_ns;
         for ball in 0..balls {
             let number = self.thrown.len() as u64;
@@ -233,6 +232,106 @@ impl World {
         self.verdicts.reserve(self.thrown.len());
     }
 
+    fn take_away_missed(&mut self, balls: usize) {
+        for ball in &mut self.thrown {
+            if ball.phase == Phase::Missed {
+                ball.phase = Phase::Gone;
+            }
+        }
+        let alive = self.thrown.iter().filter(|ball| ball.phase != Phase::Gone);
+        assert!(
+            alive.count() + balls <= MAX_BALLS,
+            "at most {MAX_BALLS} balls at once"
+        );
+    }
+
+    /// Puts a ball into an empty hand, its drag as drawn for the next ball's number. A ball that a hand catches is in it without that.
+    ///
+    /// # Errors
+    /// Where there is no such arm, and where the hand holds a ball.
+    pub fn give(&mut self, arm: usize) -> Result<(), WorldError> {
+        let number = self.thrown.len() as u64;
+        let air = Aerodynamics::draw(&self.config.ball, &mut Stream::Ball.rng(self.seed, number));
+        let held = self.held.get_mut(arm).ok_or(WorldError::Arm { arm })?;
+        if held.is_some() {
+            return Err(WorldError::Hand {
+                arm,
+                expected: "nothing",
+                found: "a ball",
+            });
+        }
+        *held = Some(Held::new(air.coefficient));
+        Ok(())
+    }
+
+    /// Takes the ball out of a hand, if there is one.
+    pub fn take(&mut self, arm: usize) {
+        if let Some(held) = self.held.get_mut(arm) {
+            *held = None;
+        }
+    }
+
+    /// Returns the arms whose hands hold a ball.
+    pub fn holding(&self) -> [bool; ARMS] {
+        self.held.map(|held| held.is_some())
+    }
+
+    /// Tells a hand when to let go of its ball; the first word counts.
+    ///
+    /// # Errors
+    /// Where there is no such arm, and where the hand holds no ball.
+    pub fn open(&mut self, command: &OpenCommand) -> Result<(), WorldError> {
+        let OpenCommand { arm, open_ns } = *command;
+        let held = self.held.get_mut(arm).ok_or(WorldError::Arm { arm })?;
+        let held = held.as_mut().ok_or(WorldError::Hand {
+            arm,
+            expected: "a ball",
+            found: "nothing",
+        })?;
+        held.open(
+            self.time_ns,
+            open_ns,
+            &self.config.release,
+            self.seed,
+            self.releases,
+        );
+        self.releases += 1;
+        Ok(())
+    }
+
+    /// Returns the ball that left a hand last.
+    pub fn released(&self) -> Option<&Released> {
+        self.released.as_ref()
+    }
+
+    /// Returns how a ball flies that has left a hand, as [`World::true_flight`] does.
+    pub fn flight_of(&self, released: &Released) -> Vec<FlightSample> {
+        let air = Aerodynamics::new(&self.config.ball, released.drag, released.spin);
+        self.flight(released.at_ns, &released.state, &air)
+    }
+
+    /// Lets a ball fly that has left a hand `ago` seconds before, in this world's inertial frame; its number goes on from the last one's.
+    ///
+    /// # Panics
+    /// As [`World::throw`].
+    pub fn launch(&mut self, released: &Released, ago: f64) {
+        self.take_away_missed(1);
+        let air = Aerodynamics::new(&self.config.ball, released.drag, released.spin);
+        let steps = (ago / BALL_STEP).ceil().max(1.0);
+        let release =
+            (0..steps as usize).fold(released.state, |state, _| air.fly(&state, ago / steps));
+        self.thrown.push(Thrown {
+            number: self.thrown.len() as u64,
+            air,
+            release_ns: self.time_ns,
+            release,
+            state: release,
+            crossings: Crossings::default(),
+            phase: Phase::Held,
+        });
+        self.verdicts.reserve(self.thrown.len());
+    }
+
     /// Goes on by a tick: joints and hands are told `command` and `hands` at its begin. Returns what is sensed in it.
     ///
     /// A command that is not all numbers is ignored and counted, see [`World::ignored`]. `None` for a hand leaves it as it was told
@@ -250,7 +349,17 @@ impl World {
         });
         for ball in &mut self.thrown {
             if let Some(verdict) = ball.advance([self.time_ns, end_ns], &during, &self.boxes) {
+                if let Some(crossing) = verdict.crossing.filter(|_| verdict.caught()) {
+                    self.held[crossing.arm] = Some(Held::new(ball.air.coefficient));
+                }
                 self.verdicts.push(verdict);
+            }
+        }
+        for (arm, held) in self.held.iter_mut().enumerate() {
+            let frames = &during[arm].frames;
+            let left = held.and_then(|held| held.leaves(arm, [self.time_ns, end_ns], frames));
+            if left.is_some() {
+                (*held, self.released) = (None, left);
             }
         }
         self.time_ns = end_ns;
@@ -359,9 +468,13 @@ impl World {
     /// floor or a box. `None`: there is no ball of that number yet.
     pub fn true_flight(&self, ball: u64) -> Option<Vec<FlightSample>> {
         let ball = self.thrown.get(usize::try_from(ball).ok()?)?;
+        Some(self.flight(ball.release_ns, &ball.release, &ball.air))
+    }
+
+    fn flight(&self, t_ns: u64, release: &BallState, air: &Aerodynamics) -> Vec<FlightSample> {
         let mut sample = FlightSample {
-            t_ns: ball.release_ns,
-            state: ball.release,
+            t_ns,
+            state: *release,
         };
         let mut flight = Vec::with_capacity(2000);
         while sample.state.position.z > self.config.ball.radius
@@ -369,11 +482,11 @@ impl World {
         {
             flight.push(sample);
             for _ in 0..BALL_STEPS {
-                sample.state = ball.air.fly(&sample.state, BALL_STEP);
+                sample.state = air.fly(&sample.state, BALL_STEP);
             }
             sample.t_ns += TICK_NS;
         }
-        Some(flight)
+        flight
     }
 
     /// Returns how many commands were ignored so far.
@@ -752,5 +865,49 @@ mod tests {
         let tree = String::from_utf8(tree.stdout).unwrap();
         assert!(tree.contains("tactnet-catching-packets v"));
         assert!(!tree.contains("tactnet-catching v"), "{tree}");
+    }
+
+    #[test]
+    fn a_ball_leaves_the_hand_that_it_was_given_to_and_flies_on_in_another_world() {
+        let mut config = WorldConfig::default();
+        config.release.jitter = 0.0;
+        let mut first = world(&config, 5);
+        assert_eq!(first.give(1), Ok(()));
+        assert_eq!(first.holding(), [false, true]);
+        let full = first.give(1).unwrap_err().to_string();
+        assert!(full.contains("hand 1 holds a ball"), "{full}");
+        let mut empty = OpenCommand {
+            arm: 0,
+            open_ns: 50 * TICK_NS,
+        };
+        let error = first.open(&empty).unwrap_err().to_string();
+        assert!(
+            error.contains("hand 0 holds nothing, expected a ball"),
+            "{error}"
+        );
+        empty.arm = 2;
+        assert_eq!(first.open(&empty), Err(WorldError::Arm { arm: 2 }));
+        let open_ns = 50 * TICK_NS + 400_000;
+        first.open(&OpenCommand { arm: 1, open_ns }).unwrap();
+        for _ in 0..50 {
+            first.step(&stay(), &NOBODY);
+            assert_eq!(first.released(), None);
+        }
+        first.step(&stay(), &NOBODY);
+        let released = *first.released().unwrap();
+        assert_eq!((released.at_ns, first.holding()), (open_ns, [false; ARMS]));
+        let hand = first.truth().hands[1].position;
+        assert!((released.state.position - hand).norm() < 1e-9, "it stands");
+        // Let fall elsewhere, 0.6 ms later.
+        let mut second = world(&config, 6);
+        second.launch(&released, 0.0006);
+        let flight = first.flight_of(&released);
+        for _ in 0..100 {
+            second.step(&stay(), &NOBODY);
+        }
+        let ball = second.truth().balls[0].unwrap();
+        let fallen = flight[100].state.position.z - ball.state.position.z;
+        // 100.6 ms against 100 ms, at 0.97 m/s.
+        assert!((fallen - 0.0006 * 0.973).abs() < 1e-5, "{fallen}");
     }
 }

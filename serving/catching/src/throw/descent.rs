@@ -1,0 +1,163 @@
+//! Sequential quadratic programming from one start, as in [`plan`](crate::plan): linearised programmes one after the other, an exact
+//! penalty for what lacks, curvature by Broyden, Fletcher, Goldfarb and Shanno's update.
+
+use super::problem::{Linearised, Point, Problem, ROWS, THROW_UNKNOWNS, ThrowViolation};
+use crate::plan::qp::{self, Row};
+
+/// A point with its cost.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Found {
+    pub x: Point,
+    pub cost: f64,
+    pub violation: ThrowViolation,
+}
+
+/// Half width of the box that a step stays in, at first and at least: rad, shares, s.
+const TRUST: f64 = 0.3;
+const LEAST_TRUST: f64 = 1e-6;
+/// A gain below this ends the search, of the cost's unit (m, or a mean of shares).
+const SMALL_GAIN: f64 = 1e-7;
+
+/// Descends from `start` in at most `most` quadratic programmes; returns the best feasible point on the way, and how many they were.
+pub(crate) fn descend(problem: &Problem, start: &Point, most: usize) -> (Option<Found>, usize) {
+    let mut trust = TRUST;
+    let mut x = *start;
+    let mut best: Option<Found> = None;
+    let mut iterations = 0;
+    let Some(mut here) = problem.linearise(&x, trust) else {
+        return (None, 0);
+    };
+    let mut curvature = [[0.0; THROW_UNKNOWNS]; THROW_UNKNOWNS];
+    for (i, line) in curvature.iter_mut().enumerate() {
+        line[i] = 0.5;
+    }
+    let mut penalty: f64 = 1.0;
+    let mut small_gains = 0;
+    keep(&mut best, &x, &here);
+    while iterations < most && trust > LEAST_TRUST && small_gains < 3 {
+        iterations += 1;
+        let rows = &here.rows[..here.count];
+        let equalities = problem.equalities();
+        let solved = qp::solve::<THROW_UNKNOWNS, ROWS>(&curvature, &here.slope, rows, equalities);
+        let (step, multipliers) = match solved {
+            Ok(step) => (step.x, Some(step.multipliers)),
+            Err(_) => match draw_in(&here, equalities) {
+                Some(step) => (step, None),
+                None => break,
+            },
+        };
+        if let Some(multipliers) = &multipliers {
+            penalty = multipliers[..here.own]
+                .iter()
+                .fold(penalty, |a, u| a.max(1.5 * u.abs()));
+        }
+        let merit = |at: &Linearised| at.cost + penalty * at.lack;
+        let next: Point = std::array::from_fn(|i| x[i] + step[i]);
+        let there = problem.linearise(&next, trust).filter(|there| {
+            merit(there).is_finite() && merit(there) < merit(&here)
+                || multipliers.is_none() && there.lack < 0.98 * here.lack
+        });
+        let Some(there) = there else {
+            trust *= 0.3;
+            here = match problem.linearise(&x, trust) {
+                Some(here) => here,
+                None => break,
+            };
+            continue;
+        };
+        if let Some(multipliers) = &multipliers {
+            let pull = |at: &Linearised| -> Point {
+                std::array::from_fn(|i| {
+                    let rows = at.rows[..equalities].iter().zip(multipliers);
+                    at.slope[i] - rows.map(|(row, u)| u * row.normal[i]).sum::<f64>()
+                })
+            };
+            let (before, after) = (pull(&here), pull(&there));
+            update(
+                &mut curvature,
+                &step,
+                &std::array::from_fn(|i| after[i] - before[i]),
+            );
+        }
+        let gain = merit(&here) - merit(&there);
+        small_gains = if gain < SMALL_GAIN {
+            small_gains + 1
+        } else {
+            0
+        };
+        // The step went well: the next one may go farther.
+        let longest = step.iter().fold(0.0f64, |a, d| a.max(d.abs()));
+        if longest > 0.9 * trust {
+            trust = (trust * 2.0).min(TRUST);
+        }
+        x = next;
+        here = match problem.linearise(&x, trust) {
+            Some(here) => here,
+            None => break,
+        };
+        keep(&mut best, &x, &here);
+    }
+    (best, iterations)
+}
+
+fn keep(best: &mut Option<Found>, x: &Point, here: &Linearised) {
+    if here.violation.is_feasible() && best.is_none_or(|found| here.cost < found.cost) {
+        *best = Some(Found {
+            x: *x,
+            cost: here.cost,
+            violation: here.violation,
+        });
+    }
+}
+
+/// Returns the step that takes away most of what violated rows lack, in the least squares, and violates no other.
+fn draw_in(here: &Linearised, equalities: usize) -> Option<Point> {
+    let mut b = [[0.0; THROW_UNKNOWNS]; THROW_UNKNOWNS];
+    let mut g = [0.0; THROW_UNKNOWNS];
+    for (i, line) in b.iter_mut().enumerate() {
+        line[i] = 1e-3;
+    }
+    let mut rows = [Row {
+        normal: [0.0; THROW_UNKNOWNS],
+        bound: 0.0,
+    }; ROWS];
+    let mut count = 0;
+    for (i, row) in here.rows[..here.count].iter().enumerate() {
+        if i >= equalities && row.bound <= 0.0 {
+            rows[count] = *row;
+            count += 1;
+            continue;
+        }
+        for k in 0..THROW_UNKNOWNS {
+            g[k] -= row.bound * row.normal[k];
+            for m in 0..THROW_UNKNOWNS {
+                b[k][m] += row.normal[k] * row.normal[m];
+            }
+        }
+    }
+    qp::solve::<THROW_UNKNOWNS, ROWS>(&b, &g, &rows[..count], 0)
+        .ok()
+        .map(|step| step.x)
+}
+
+/// The update, damped by Powell so that the matrix stays positive definite.
+fn update(b: &mut [[f64; THROW_UNKNOWNS]; THROW_UNKNOWNS], s: &Point, y: &Point) {
+    let bs: Point = std::array::from_fn(|i| (0..THROW_UNKNOWNS).map(|k| b[i][k] * s[k]).sum());
+    let sbs: f64 = (0..THROW_UNKNOWNS).map(|i| s[i] * bs[i]).sum();
+    let sy: f64 = (0..THROW_UNKNOWNS).map(|i| s[i] * y[i]).sum();
+    if sbs.is_nan() || sbs <= 1e-14 || !sy.is_finite() {
+        return;
+    }
+    let theta = if sy >= 0.2 * sbs {
+        1.0
+    } else {
+        0.8 * sbs / (sbs - sy)
+    };
+    let r: Point = std::array::from_fn(|i| theta * y[i] + (1.0 - theta) * bs[i]);
+    let sr: f64 = (0..THROW_UNKNOWNS).map(|i| s[i] * r[i]).sum();
+    for i in 0..THROW_UNKNOWNS {
+        for k in 0..THROW_UNKNOWNS {
+            b[i][k] += r[i] * r[k] / sr - bs[i] * bs[k] / sbs;
+        }
+    }
+}

@@ -1,0 +1,500 @@
+//! The planner of throws: descents from many starts, the best whose whole motion is free.
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+use tactnet_catching_packets::{ARMS, JOINTS};
+
+use super::descent::{Found, descend};
+use super::landing::Landing;
+use super::motion::ThrowMotion;
+use super::problem::{Aim, Problem, ThrowViolation};
+use super::starts::starts;
+use super::swing::{Swing, ThrowJoints};
+use crate::plan::clearance::Clearance;
+use crate::robot::Robot;
+use crate::safety::Bodies;
+
+/// Settings of a planner of throws.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ThrowPlanConfig {
+    /// Joints keep their speeds so long before the release, and after it, s.
+    pub coast: f64,
+    /// Greatest angle between the hand's axis and the ball's velocity at the release, rad: beyond a right angle it would fly into the palm.
+    pub palm: f64,
+    /// A throw to a place rises no more steeply, rad.
+    pub rise: f64,
+    /// At both ends of the swing and at the release the arm is at least so far from trunk and torso, m.
+    pub clearance: f64,
+    /// All bodies keep this distance on the whole motion, m.
+    pub margin: f64,
+    /// Configurations that are looked at.
+    pub candidates: usize,
+    /// Descents.
+    pub starts: usize,
+    /// Quadratic programmes of a descent, at most.
+    pub iterations: usize,
+}
+
+impl Default for ThrowPlanConfig {
+    fn default() -> Self {
+        Self {
+            coast: 0.008,
+            palm: std::f64::consts::FRAC_PI_2,
+            rise: 0.75,
+            clearance: 0.025,
+            margin: 0.015,
+            candidates: 1000,
+            starts: 24,
+            iterations: 100,
+        }
+    }
+}
+
+/// A throw that is asked for; inertial frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ThrowRequest {
+    /// Where all joints stand, at rest, rad and m.
+    pub q: [f64; JOINTS],
+    /// The arm whose hand holds the ball; `None`: none does.
+    pub holding: Option<usize>,
+    /// What the throw is for.
+    pub aim: Aim,
+    /// The ball's drag, 1/m.
+    pub drag: f64,
+}
+
+/// A throw.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ThrowPlan {
+    /// 0 left, 1 right.
+    pub arm: usize,
+    /// Turn and arm at the release, rad.
+    pub q: ThrowJoints,
+    /// How fast they turn then, rad/s.
+    pub rates: ThrowJoints,
+    /// In which time they get so fast, s.
+    pub time: f64,
+    /// Place of the ball at the release, m.
+    pub p: Vector3<f64>,
+    /// Its velocity, m/s.
+    pub v: Vector3<f64>,
+    /// Where it comes down.
+    pub landing: Landing,
+    /// Minus the flight's length, m, or the effort.
+    pub cost: f64,
+    /// How exactly it is what was asked for.
+    pub violation: ThrowViolation,
+    /// What the robot does.
+    pub motion: ThrowMotion,
+    /// What it took.
+    pub effort: ThrowEffort,
+}
+
+/// What a plan took.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct ThrowEffort {
+    /// Descents.
+    pub starts: usize,
+    /// Descents that ended with a throw.
+    pub found: usize,
+    /// Quadratic programmes of all descents.
+    pub iterations: usize,
+}
+
+/// Why there is no throw.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum NoThrow {
+    /// No hand holds the ball.
+    #[error("no hand holds a ball, expected arm 0 or 1")]
+    NoBall,
+    /// A number that is none, or a negative drag.
+    #[error("the request has numbers that are not finite, or a negative drag")]
+    NotFinite,
+    /// A joint that stands outside its range.
+    #[error("joint {joint} stands at {found}, expected {low} to {high}")]
+    Range {
+        /// Counted from 0, of all joints.
+        joint: usize,
+        /// rad or m.
+        found: f64,
+        /// Least position.
+        low: f64,
+        /// Greatest position.
+        high: f64,
+    },
+    /// The target cannot be reached.
+    #[error(
+        "the target is {wanted:.2} m away: no throw comes down there within the joints' limits"
+    )]
+    OutOfReach {
+        /// From the robot's axis, m.
+        wanted: f64,
+    },
+    /// There are throws, but the robot would touch itself on the way.
+    #[error("{a} and {b} would come nearer than {margin} m in all {throws} throws that were found")]
+    Obstructed {
+        /// A body.
+        a: &'static str,
+        /// The other one.
+        b: &'static str,
+        /// m.
+        margin: f64,
+        /// Throws that were found.
+        throws: usize,
+    },
+}
+
+/// Plans throws.
+#[derive(Debug, Clone)]
+pub struct Thrower {
+    robot: Robot,
+    bodies: Bodies,
+    clearances: [Clearance; ARMS],
+    config: ThrowPlanConfig,
+}
+
+impl Thrower {
+    /// Prepares a planner.
+    pub fn new(robot: &Robot, config: ThrowPlanConfig) -> Self {
+        Self {
+            bodies: Bodies::new(robot.description()),
+            clearances: std::array::from_fn(|arm| Clearance::new(robot, arm)),
+            robot: robot.clone(),
+            config,
+        }
+    }
+
+    /// Returns its settings.
+    pub fn config(&self) -> &ThrowPlanConfig {
+        &self.config
+    }
+
+    /// Plans a throw. The answer depends on nothing but the request.
+    ///
+    /// # Errors
+    /// Says why there is none.
+    pub fn plan(&self, request: &ThrowRequest) -> Result<ThrowPlan, NoThrow> {
+        let arm = self.check(request)?;
+        let posture = self.posture(&request.q);
+        let swing = Swing::new(&self.robot, arm, &posture);
+        let problem = self.problem(&swing, request);
+        let mut effort = ThrowEffort::default();
+        let mut found: Vec<Found> = Vec::new();
+        for start in starts(&problem, self.config.candidates, self.config.starts) {
+            let (best, iterations) = descend(&problem, &start, self.config.iterations);
+            effort.starts += 1;
+            effort.iterations += iterations;
+            found.extend(best);
+        }
+        effort.found = found.len();
+        found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        let mut touching = None;
+        for throw in &found {
+            let ends = [-1.0, 1.0].map(|sign| problem.end(&throw.x, sign));
+            let time = Problem::time(&throw.x);
+            match ThrowMotion::free(
+                &self.robot,
+                &self.bodies,
+                arm,
+                [&request.q, &posture],
+                ends,
+                [time, self.config.coast, self.config.margin],
+            ) {
+                Ok(motion) => return Ok(self.answer(&problem, throw, motion, effort)),
+                Err(pair) => touching = touching.or(Some(pair)),
+            }
+        }
+        Err(match touching {
+            Some(pair) => {
+                let [a, b] = self.bodies.names(pair);
+                NoThrow::Obstructed {
+                    a,
+                    b,
+                    margin: self.config.margin,
+                    throws: found.len(),
+                }
+            }
+            None => NoThrow::OutOfReach {
+                wanted: match request.aim {
+                    Aim::At { target } => target.xy().norm(),
+                    Aim::Farthest { .. } => 0.0,
+                },
+            },
+        })
+    }
+
+    /// Returns where descents begin, `(angles, shares of speeds, time)` one after the other: for other planners.
+    ///
+    /// # Errors
+    /// As [`Thrower::plan`].
+    pub fn starts(&self, request: &ThrowRequest) -> Result<Vec<Vec<f64>>, NoThrow> {
+        let arm = self.check(request)?;
+        let swing = Swing::new(&self.robot, arm, &self.posture(&request.q));
+        let problem = self.problem(&swing, request);
+        let starts = starts(&problem, self.config.candidates, self.config.starts);
+        Ok(starts.into_iter().map(|x| x.to_vec()).collect())
+    }
+
+    /// The robot throws with its platform in the middle, torso upright, head ahead, the other arm where it waits.
+    fn posture(&self, _from: &[f64; JOINTS]) -> [f64; JOINTS] {
+        self.robot.waiting()
+    }
+
+    fn problem<'a>(&'a self, swing: &'a Swing, request: &ThrowRequest) -> Problem<'a> {
+        Problem {
+            clearance: &self.clearances[swing.number()],
+            swing,
+            config: &self.config,
+            aim: request.aim,
+            drag: request.drag,
+        }
+    }
+
+    fn check(&self, request: &ThrowRequest) -> Result<usize, NoThrow> {
+        let arm = request
+            .holding
+            .filter(|arm| *arm < ARMS)
+            .ok_or(NoThrow::NoBall)?;
+        let aim = match request.aim {
+            Aim::Farthest { heading, height } => [heading, height, 0.0],
+            Aim::At { target } => target.into(),
+        };
+        let numbers = request.q.iter().chain(&aim).chain([&request.drag]);
+        if numbers.clone().any(|x| !x.is_finite()) || request.drag < 0.0 {
+            return Err(NoThrow::NotFinite);
+        }
+        for (joint, (limits, q)) in self.robot.joints().iter().zip(&request.q).enumerate() {
+            let [low, high] = limits.range;
+            // Drives stop at ends to rounding.
+            if *q < low - 1e-6 || *q > high + 1e-6 {
+                return Err(NoThrow::Range {
+                    joint,
+                    found: *q,
+                    low,
+                    high,
+                });
+            }
+        }
+        Ok(arm)
+    }
+
+    fn answer(
+        &self,
+        problem: &Problem,
+        throw: &Found,
+        motion: ThrowMotion,
+        effort: ThrowEffort,
+    ) -> ThrowPlan {
+        let (q, rates) = (Problem::angles(&throw.x), problem.rates(&throw.x));
+        let (p, v) = problem.swing.hand(&q, &rates);
+        ThrowPlan {
+            arm: problem.swing.number(),
+            q,
+            rates,
+            time: Problem::time(&throw.x),
+            landing: Landing::of(&p, &v, problem.drag, problem.aim.height())
+                .expect("a throw that was found comes down"),
+            p,
+            v,
+            cost: throw.cost,
+            violation: throw.violation,
+            motion,
+            effort,
+        }
+    }
+}
+
+impl ThrowPlan {
+    /// Returns the flight's length over the ground, m.
+    pub fn distance(&self) -> f64 {
+        (self.landing.p - self.p).xy().norm()
+    }
+
+    /// Returns where the ball comes down if the fingers open `late` seconds late (early, if negative), as the joints are commanded.
+    ///
+    /// - `robot`: the one that was planned for; `drag`, 1/m; `height`, m
+    pub fn released_late(
+        &self,
+        robot: &Robot,
+        late: f64,
+        drag: f64,
+        height: f64,
+    ) -> Option<Landing> {
+        let t = self.motion.release() + late;
+        let (q, rates) = self.motion.at(t);
+        let swing = Swing::new(robot, self.arm, &q);
+        let own = |all: &[f64; JOINTS]| -> ThrowJoints {
+            std::array::from_fn(|i| all[super::swing::index(self.arm, i)])
+        };
+        let (p, v) = swing.hand(&own(&q), &own(&rates));
+        Landing::of(&p, &v, drag, height)
+    }
+
+    /// Returns the joints whose speed is at its limit at the release, as shares: 1 is the greatest speed.
+    pub fn shares_of_speed(&self, robot: &Robot) -> ThrowJoints {
+        std::array::from_fn(|i| {
+            self.rates[i] / robot.joints()[super::swing::index(self.arm, i)].speed
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::flight::DRAG;
+    use tactnet_catching_packets::RobotDescription;
+
+    fn robot() -> Robot {
+        Robot::new(RobotDescription::nominal())
+    }
+
+    fn request(robot: &Robot, aim: Aim) -> ThrowRequest {
+        ThrowRequest {
+            q: robot.waiting(),
+            holding: Some(1),
+            aim,
+            drag: DRAG,
+        }
+    }
+
+    fn farthest() -> Aim {
+        Aim::Farthest {
+            heading: 0.0,
+            height: 1.1,
+        }
+    }
+
+    fn at(x: f64, y: f64) -> Aim {
+        Aim::At {
+            target: Vector3::new(x, y, 1.2),
+        }
+    }
+
+    fn thrower(robot: &Robot) -> Thrower {
+        Thrower::new(robot, ThrowPlanConfig::default())
+    }
+
+    /// Speeds and accelerations of the whole motion, by differences, and ranges.
+    fn keeps_limits(robot: &Robot, plan: &ThrowPlan) {
+        let h = 1e-3;
+        let mut last = plan.motion.at(0.0);
+        for i in 1..=(plan.motion.end() / h) as usize {
+            let now = plan.motion.at(i as f64 * h);
+            for (joint, limits) in robot.joints().iter().enumerate() {
+                let [low, high] = limits.range;
+                assert!(
+                    low - 1e-6 <= now.0[joint] && now.0[joint] <= high + 1e-6,
+                    "{joint}"
+                );
+                assert!(now.1[joint].abs() <= limits.speed * (1.0 + 1e-6), "{joint}");
+                let change = (now.1[joint] - last.1[joint]) / h;
+                assert!(
+                    change.abs() <= limits.acceleration * (1.0 + 1e-6),
+                    "{joint} {change}"
+                );
+                let way = now.0[joint] - last.0[joint] - (now.1[joint] + last.1[joint]) / 2.0 * h;
+                // A jump, or a corner in the velocity within the step.
+                assert!(way.abs() < limits.acceleration * h * h, "{joint} {way}");
+            }
+            last = now;
+        }
+        assert!(last.1.iter().all(|w| w.abs() < 0.1));
+    }
+
+    #[test]
+    fn the_farthest_throw_keeps_its_limits_and_its_direction_and_more_starts_find_none_farther() {
+        let robot = robot();
+        let plan = thrower(&robot).plan(&request(&robot, farthest())).unwrap();
+        assert!(plan.violation.is_feasible() && plan.v.y.abs() < 1e-4 && plan.v.x > 0.0);
+        keeps_limits(&robot, &plan);
+        let more = ThrowPlanConfig {
+            starts: 200,
+            candidates: 4000,
+            ..ThrowPlanConfig::default()
+        };
+        let best = Thrower::new(&robot, more)
+            .plan(&request(&robot, farthest()))
+            .unwrap();
+        println!("{} {}", plan.distance(), best.distance());
+        assert!(plan.distance() > 0.999 * best.distance());
+        // A hand of 7 m/s.
+        assert!(plan.distance() > 4.5, "{}", plan.distance());
+    }
+
+    #[test]
+    fn faster_joints_throw_farther() {
+        let distance = |turn: f64, arm: f64| {
+            let mut description = RobotDescription::nominal();
+            description.torso.joints[0].speed *= turn;
+            for joint in description.arms.iter_mut().flat_map(|arm| &mut arm.joints) {
+                joint.speed *= arm;
+            }
+            let robot = Robot::new(description);
+            thrower(&robot)
+                .plan(&request(&robot, farthest()))
+                .unwrap()
+                .distance()
+        };
+        let nominal = distance(1.0, 1.0);
+        assert!(distance(0.7, 1.0) < nominal && distance(1.0, 0.8) < nominal);
+    }
+
+    #[test]
+    fn a_throw_to_a_place_comes_down_there_from_both_hands_and_repeats_to_the_bit() {
+        let robot = robot();
+        let thrower = thrower(&robot);
+        for (arm, y) in [(0, 0.4), (1, -0.3), (1, 0.5)] {
+            let request = ThrowRequest {
+                holding: Some(arm),
+                ..request(&robot, at(4.0, y))
+            };
+            let plan = thrower.plan(&request).unwrap();
+            assert!((plan.landing.p - Vector3::new(4.0, y, 1.2)).norm() < 1e-3);
+            assert!(plan.v.z.atan2(plan.v.xy().norm()) < ThrowPlanConfig::default().rise + 1e-6);
+            keeps_limits(&robot, &plan);
+            assert_eq!(plan, thrower.plan(&request).unwrap());
+            // The commanded motion at the commanded moment is the throw.
+            let there = plan.released_late(&robot, 0.0, DRAG, 1.2).unwrap();
+            assert!((there.p - plan.landing.p).norm() < 1e-6);
+            let late = plan.released_late(&robot, 2e-3, DRAG, 1.2).unwrap();
+            assert!((1e-3..0.2).contains(&(late.p - plan.landing.p).norm()));
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_thrown_is_refused_with_the_reason() {
+        let robot = robot();
+        let thrower = thrower(&robot);
+        let good = request(&robot, at(4.0, 0.0));
+        let nobody = ThrowRequest {
+            holding: None,
+            ..good
+        };
+        assert_eq!(thrower.plan(&nobody), Err(NoThrow::NoBall));
+        let third = ThrowRequest {
+            holding: Some(2),
+            ..good
+        };
+        assert_eq!(thrower.plan(&third), Err(NoThrow::NoBall));
+        let drag = ThrowRequest {
+            drag: f64::NAN,
+            ..good
+        };
+        assert_eq!(thrower.plan(&drag), Err(NoThrow::NotFinite));
+        let mut outside = good;
+        outside.q[7] = 3.0;
+        let error = thrower.plan(&outside).unwrap_err().to_string();
+        assert!(error.contains("joint 7") && error.contains('3'), "{error}");
+        let far = thrower.plan(&request(&robot, at(9.0, 0.0))).unwrap_err();
+        assert_eq!(far, NoThrow::OutOfReach { wanted: 9.0 });
+        assert!(far.to_string().contains("9.00 m"), "{far}");
+        let timid = ThrowPlanConfig {
+            margin: 1.0,
+            ..ThrowPlanConfig::default()
+        };
+        let error = Thrower::new(&robot, timid).plan(&good).unwrap_err();
+        assert!(matches!(error, NoThrow::Obstructed { .. }), "{error}");
+        assert!(error.to_string().contains("than 1 m"), "{error}");
+    }
+}

@@ -1,0 +1,419 @@
+//! The nonlinear programme of one throw.
+//!
+//! Unknown are the joint angles `q` at the release, the shares `u` of the greatest speeds with which joints turn then, and the time `T` in
+//! which they get so fast from rest, together and evenly: `a_i = w_i u_i / T`. A joint keeps its speed for [`coast`](ThrowPlanConfig::coast)
+//! before and after the release, so that fingers need not open to the microsecond, and slows down as it sped up. So its motion is a
+//! [`Ramp`](crate::ramp::Ramp) from `q - w u (T / 2 + coast)` to `q + w u (T / 2 + coast)`: where the hand swings from is part of the
+//! answer.
+//!
+//! The thesis (section 3.5.4) says "unknowns" of the catch with the catch's equations replaced; it does not print the programme.
+
+use nalgebra::Vector3;
+
+use super::landing::Landing;
+use super::planner::ThrowPlanConfig;
+use super::swing::{HandMotion, Swing, THROW_JOINTS, ThrowJoints};
+use crate::plan::clearance::Clearance;
+use crate::plan::qp::Row;
+
+/// Angles, shares of speeds, time.
+pub const THROW_UNKNOWNS: usize = 2 * THROW_JOINTS + 1;
+const TIME: usize = 2 * THROW_JOINTS;
+/// Rows of the linear form at most: two equations, accelerations and ranges (48), speeds (16), time (2), palm, rise, clearances (3), box.
+pub(crate) const ROWS: usize =
+    2 + 6 * THROW_JOINTS + 2 * THROW_JOINTS + 2 + 2 + 3 + 2 * THROW_UNKNOWNS;
+/// An arm that is so much farther from trunk and torso than it has to be has no row for that, m.
+const FAR: f64 = 0.3;
+/// Shortest and longest time in which joints speed up, s.
+const TIMES: [f64; 2] = [0.05, 0.8];
+
+pub(crate) type Point = [f64; THROW_UNKNOWNS];
+
+/// What a throw is for; inertial frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Aim {
+    /// As far as possible.
+    Farthest {
+        /// Where to, rad about the vertical from straight ahead.
+        heading: f64,
+        /// At which height the ball's flight ends, m.
+        height: f64,
+    },
+    /// To a place, with as little effort as possible.
+    At {
+        /// Where the ball is to come down, m.
+        target: Vector3<f64>,
+    },
+}
+
+impl Aim {
+    /// Returns the height at which flights end, m.
+    pub fn height(&self) -> f64 {
+        match self {
+            Self::Farthest { height, .. } => *height,
+            Self::At { target } => target.z,
+        }
+    }
+
+    /// Returns the horizontal direction from a place.
+    pub(crate) fn heading(&self, from: &Vector3<f64>) -> Vector3<f64> {
+        match self {
+            Self::Farthest { heading, .. } => Vector3::new(heading.cos(), heading.sin(), 0.0),
+            Self::At { target } => {
+                let way = Vector3::new(target.x - from.x, target.y - from.y, 0.0);
+                way / way.norm().max(1e-9)
+            }
+        }
+    }
+
+    /// Returns the number of equations.
+    pub(crate) fn equalities(&self) -> usize {
+        match self {
+            Self::Farthest { .. } => 1,
+            Self::At { .. } => 2,
+        }
+    }
+}
+
+/// How far a point is from a throw.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ThrowViolation {
+    /// The worst equation: m/s aside, or m beside the target.
+    pub aim: f64,
+    /// The worst inequality: rad, m or a share; 0 if all hold.
+    pub limits: f64,
+}
+
+impl ThrowViolation {
+    /// Returns true within a tenth of a millimetre and limits to rounding.
+    pub fn is_feasible(&self) -> bool {
+        self.aim <= 1e-4 && self.limits <= 1e-6
+    }
+}
+
+/// A request with what does not change while it is solved.
+pub(crate) struct Problem<'a> {
+    pub swing: &'a Swing,
+    pub clearance: &'a Clearance,
+    pub config: &'a ThrowPlanConfig,
+    pub aim: Aim,
+    pub drag: f64,
+}
+
+/// The functions at a point, with derivatives.
+pub(crate) struct Linearised {
+    pub cost: f64,
+    pub slope: Point,
+    pub rows: [Row<THROW_UNKNOWNS>; ROWS],
+    pub count: usize,
+    /// Rows that are the programme's own; the others are the box.
+    pub own: usize,
+    /// Sum of what equations and inequalities lack.
+    pub lack: f64,
+    pub violation: ThrowViolation,
+}
+
+impl Problem<'_> {
+    pub fn equalities(&self) -> usize {
+        self.aim.equalities()
+    }
+
+    pub fn angles(x: &Point) -> ThrowJoints {
+        std::array::from_fn(|i| x[i])
+    }
+
+    pub fn time(x: &Point) -> f64 {
+        x[TIME]
+    }
+
+    pub fn rates(&self, x: &Point) -> ThrowJoints {
+        std::array::from_fn(|i| x[THROW_JOINTS + i] * self.swing.joints()[i].speed)
+    }
+
+    /// Returns from where (-1.0) and to where (1.0) joints swing.
+    pub fn end(&self, x: &Point, sign: f64) -> ThrowJoints {
+        let rates = self.rates(x);
+        std::array::from_fn(|i| x[i] + sign * rates[i] * (x[TIME] / 2.0 + self.config.coast))
+    }
+
+    /// Returns all functions at `x` in linear form, and the box of half width `trust` about it; `None` where the ball does not come down to
+    /// the height.
+    pub fn linearise(&self, x: &Point, trust: f64) -> Option<Linearised> {
+        let (q, rates) = (Self::angles(x), self.rates(x));
+        let hand = self.swing.motion(&q, &rates);
+        let landing = Landing::of(&hand.p, &hand.v, self.drag, self.aim.height())?;
+        let mut rows = Rows::new();
+        let (cost, slope) = match self.aim {
+            Aim::Farthest { .. } => self.farthest(&hand, &landing, &mut rows),
+            Aim::At { target } => {
+                self.at(&target, &hand, &landing, &mut rows);
+                self.effort(x)
+            }
+        };
+        self.limit_joints(x, &mut rows);
+        self.limit_hand(&hand, &mut rows);
+        self.keep_clear(x, &mut rows);
+        let (own, lack, violation) = (rows.count, rows.lack, rows.violation);
+        for i in 0..THROW_UNKNOWNS {
+            for sign in [1.0, -1.0] {
+                let mut normal = [0.0; THROW_UNKNOWNS];
+                normal[i] = sign;
+                rows.push(Row {
+                    normal,
+                    bound: -trust,
+                });
+            }
+        }
+        Some(Linearised {
+            cost,
+            slope,
+            rows: rows.rows,
+            count: rows.count,
+            own,
+            lack,
+            violation,
+        })
+    }
+
+    /// Minus the flight's length, m; the velocity has no part aside.
+    fn farthest(&self, hand: &HandMotion, landing: &Landing, rows: &mut Rows) -> (f64, Point) {
+        let heading = self.aim.heading(&hand.p);
+        let aside = Vector3::z().cross(&heading);
+        rows.equation(hand.v.dot(&aside), |i| {
+            self.of_hand(hand, &Vector3::zeros(), &aside, i)
+        });
+        let by_p = landing.by_p.transpose() * heading - heading;
+        let by_v = landing.by_v.transpose() * heading;
+        let slope = std::array::from_fn(|i| -self.of_hand(hand, &by_p, &by_v, i));
+        (-(landing.p - hand.p).dot(&heading), slope)
+    }
+
+    /// The ball comes down at the target.
+    fn at(&self, target: &Vector3<f64>, hand: &HandMotion, landing: &Landing, rows: &mut Rows) {
+        for axis in 0..2 {
+            let by_p: Vector3<f64> = landing.by_p.row(axis).transpose();
+            let by_v: Vector3<f64> = landing.by_v.row(axis).transpose();
+            rows.equation(landing.p[axis] - target[axis], |i| {
+                self.of_hand(hand, &by_p, &by_v, i)
+            });
+        }
+    }
+
+    /// Mean square of the shares of speeds and accelerations.
+    fn effort(&self, x: &Point) -> (f64, Point) {
+        let mut slope = [0.0; THROW_UNKNOWNS];
+        let mut cost = 0.0;
+        let of = 1.0 / THROW_JOINTS as f64;
+        for (i, joint) in self.swing.joints().iter().enumerate() {
+            let u = x[THROW_JOINTS + i];
+            let slow = joint.speed / (joint.acceleration * x[TIME]);
+            cost += of * u * u * (1.0 + slow * slow);
+            slope[THROW_JOINTS + i] = 2.0 * of * u * (1.0 + slow * slow);
+            slope[TIME] -= 2.0 * of * u * u * slow * slow / x[TIME];
+        }
+        (cost, slope)
+    }
+
+    /// Derivative by unknown `i` of a function of place and velocity of the hand.
+    fn of_hand(
+        &self,
+        hand: &HandMotion,
+        by_p: &Vector3<f64>,
+        by_v: &Vector3<f64>,
+        i: usize,
+    ) -> f64 {
+        if i < THROW_JOINTS {
+            by_p.dot(&hand.p_by_q.column(i)) + by_v.dot(&hand.v_by_q.column(i))
+        } else if i < TIME {
+            let joint = i - THROW_JOINTS;
+            by_v.dot(&hand.p_by_q.column(joint)) * self.swing.joints()[joint].speed
+        } else {
+            0.0
+        }
+    }
+
+    fn limit_joints(&self, x: &Point, rows: &mut Rows) {
+        let time = x[TIME];
+        for (i, joint) in self.swing.joints().iter().enumerate() {
+            let (q, u) = (x[i], x[THROW_JOINTS + i]);
+            let way = time / 2.0 + self.config.coast;
+            for sign in [1.0, -1.0] {
+                rows.inequality(1.0 - sign * u, |k| {
+                    if k == THROW_JOINTS + i { -sign } else { 0.0 }
+                });
+                // Speeding up: a T / w - |u|.
+                let quick = joint.acceleration / joint.speed;
+                rows.inequality(quick * time - sign * u, |k| match k {
+                    TIME => quick,
+                    _ if k == THROW_JOINTS + i => -sign,
+                    _ => 0.0,
+                });
+                let end = q + sign * joint.speed * u * way;
+                let by = |k: usize| match k {
+                    TIME => sign * joint.speed * u / 2.0,
+                    _ if k == i => 1.0,
+                    _ if k == THROW_JOINTS + i => sign * joint.speed * way,
+                    _ => 0.0,
+                };
+                rows.inequality(end - joint.range[0], by);
+                rows.inequality(joint.range[1] - end, |k| -by(k));
+            }
+        }
+        rows.inequality(time - TIMES[0], |k| f64::from(k == TIME));
+        rows.inequality(TIMES[1] - time, |k| -f64::from(k == TIME));
+    }
+
+    /// The ball does not leave towards the palm, and rises no more steeply than it may.
+    fn limit_hand(&self, hand: &HandMotion, rows: &mut Rows) {
+        let speed = hand.v.norm().max(1e-3);
+        let along = hand.v / speed;
+        let cos = hand.axis.dot(&along);
+        let by_v = (hand.axis - along * cos) / speed;
+        rows.inequality(cos - self.config.palm.cos(), |i| {
+            let turned = if i < THROW_JOINTS {
+                along.dot(&hand.axis_by_q.column(i))
+            } else {
+                0.0
+            };
+            turned + self.of_hand(hand, &Vector3::zeros(), &by_v, i)
+        });
+        if let Aim::At { target } = self.aim {
+            let steepest = self.config.rise.tan();
+            let heading = self.aim.heading(&hand.p);
+            let by_v = heading * steepest - Vector3::z();
+            let far = (target - hand.p).xy().norm().max(1e-9);
+            let aside = hand.v - heading * hand.v.dot(&heading);
+            let by_p = Vector3::new(aside.x, aside.y, 0.0) * (-steepest / far);
+            rows.inequality(by_v.dot(&hand.v), |i| self.of_hand(hand, &by_p, &by_v, i));
+        }
+    }
+
+    /// The arm is away from trunk and torso at both ends of the swing and at the release.
+    fn keep_clear(&self, x: &Point, rows: &mut Rows) {
+        let apart = self.config.clearance;
+        if apart <= 0.0 {
+            return;
+        }
+        let rates = self.rates(x);
+        let way = x[TIME] / 2.0 + self.config.coast;
+        for sign in [-1.0, 0.0, 1.0] {
+            let q = self.end(x, sign);
+            let arm = std::array::from_fn(|i| q[i + 1]);
+            let (pose, jacobian) = self.swing.arm().jacobian(&arm);
+            let (distance, slope) = self.clearance.nearest(&arm, &pose, &jacobian);
+            if distance >= apart + FAR {
+                continue;
+            }
+            rows.inequality(distance - apart, |k| match k {
+                0 | THROW_JOINTS => 0.0,
+                TIME => (1..THROW_JOINTS)
+                    .map(|i| slope[i - 1] * sign * rates[i] / 2.0)
+                    .sum(),
+                _ if k < THROW_JOINTS => slope[k - 1],
+                _ => {
+                    let i = k - THROW_JOINTS;
+                    slope[i - 1] * sign * self.swing.joints()[i].speed * way
+                }
+            });
+        }
+    }
+}
+
+struct Rows {
+    rows: [Row<THROW_UNKNOWNS>; ROWS],
+    count: usize,
+    lack: f64,
+    violation: ThrowViolation,
+}
+
+impl Rows {
+    fn new() -> Self {
+        Self {
+            rows: [Row {
+                normal: [0.0; THROW_UNKNOWNS],
+                bound: 0.0,
+            }; ROWS],
+            count: 0,
+            lack: 0.0,
+            violation: ThrowViolation::default(),
+        }
+    }
+
+    fn push(&mut self, row: Row<THROW_UNKNOWNS>) {
+        self.rows[self.count] = row;
+        self.count += 1;
+    }
+
+    /// Takes an equation `value = 0`.
+    fn equation(&mut self, value: f64, slope: impl Fn(usize) -> f64) {
+        self.lack += value.abs();
+        self.violation.aim = self.violation.aim.max(value.abs());
+        self.push(Row {
+            normal: std::array::from_fn(slope),
+            bound: -value,
+        });
+    }
+
+    /// Takes an inequality `value >= 0`.
+    fn inequality(&mut self, value: f64, slope: impl Fn(usize) -> f64) {
+        self.lack += (-value).max(0.0);
+        self.violation.limits = self.violation.limits.max(-value);
+        self.push(Row {
+            normal: std::array::from_fn(slope),
+            bound: -value,
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::Robot;
+    use proptest::prelude::*;
+    use tactnet_catching_packets::RobotDescription;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(100))]
+
+        #[test]
+        fn slopes_are_differences(
+            shares in proptest::array::uniform8(0.1..0.9f64), u in proptest::array::uniform8(-1.0..1.0f64), time in 0.1..0.7f64, far in proptest::bool::ANY, arm in 0..2usize,
+        ) {
+            let robot = Robot::new(RobotDescription::nominal());
+            let swing = Swing::new(&robot, arm, &robot.waiting());
+            let (clearance, config) = (Clearance::new(&robot, arm), ThrowPlanConfig::default());
+            let aim = if far {
+                Aim::Farthest { heading: 0.2, height: 0.2 }
+            } else {
+                Aim::At { target: Vector3::new(3.0, 0.4, 0.2) }
+            };
+            let problem = Problem { swing: &swing, clearance: &clearance, config: &config, aim, drag: 0.03 };
+            let mut x = [0.0; THROW_UNKNOWNS];
+            for (i, joint) in swing.joints().iter().enumerate() {
+                let [low, high] = joint.range;
+                x[i] = low + shares[i] * (high - low);
+                x[THROW_JOINTS + i] = u[i];
+            }
+            x[TIME] = time;
+            let Some(here) = problem.linearise(&x, 0.3) else { return Ok(()) };
+            let h = 1e-6;
+            for i in 0..THROW_UNKNOWNS {
+                let moved = |by: f64| {
+                    let mut x = x;
+                    x[i] += by;
+                    problem.linearise(&x, 0.3)
+                };
+                let (Some(more), Some(less)) = (moved(h), moved(-h)) else { return Ok(()) };
+                prop_assume!(more.own == here.own && less.own == here.own);
+                prop_assert!(((more.cost - less.cost) / (2.0 * h) - here.slope[i]).abs() < 1e-5 * (1.0 + here.slope[i].abs()));
+                for row in 0..here.own {
+                    // Values are minus the bounds. Where another pair of bodies becomes the nearest one there is no slope.
+                    let [a, b, c] = [&less, &here, &more].map(|at| -at.rows[row].bound);
+                    prop_assume!((a + c - 2.0 * b).abs() < 1e-8);
+                    let slope = (c - a) / (2.0 * h);
+                    prop_assert!((slope - here.rows[row].normal[i]).abs() < 1e-4 * (1.0 + slope.abs()), "row {row}, unknown {i}: {slope} {}", here.rows[row].normal[i]);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! A slow way from rest to rest on which the robot does not touch itself.
+
+use tactnet_catching_packets::JOINTS;
+
+use crate::ramp::{LeastTime, Ramp};
+use crate::robot::Robot;
+use crate::safety::{Bodies, PAIRS, distance};
+
+/// Share of the greatest speeds; of accelerations, its square.
+const GENTLE: f64 = 0.4;
+/// Moments that are looked at, s apart.
+const DENSE: f64 = 0.01;
+/// Straight legs, at most.
+const LEGS: usize = 2;
+
+/// Joints over time, s from its begin: one or two straight legs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Way {
+    legs: [[Ramp; JOINTS]; LEGS],
+    ends: [f64; LEGS],
+}
+
+impl Way {
+    /// Returns the straight way, or the one over `over`, if all bodies stay `margin` m apart on it, or come no nearer than they are at its
+    /// begin.
+    ///
+    /// # Errors
+    /// With the pair of bodies that comes too near on the straight way.
+    pub fn free(
+        robot: &Robot,
+        bodies: &Bodies,
+        [from, to]: [&[f64; JOINTS]; 2],
+        over: &[f64; JOINTS],
+        margin: f64,
+    ) -> Result<Self, usize> {
+        let straight = Self::through(robot, [from, to, to]);
+        let Some(pair) = touching(bodies, margin, straight.end(), |t| straight.at(t).0) else {
+            return Ok(straight);
+        };
+        let round = Self::through(robot, [from, over, to]);
+        match touching(bodies, margin, round.end(), |t| round.at(t).0) {
+            None => Ok(round),
+            Some(_) => Err(pair),
+        }
+    }
+
+    fn through(robot: &Robot, stops: [&[f64; JOINTS]; LEGS + 1]) -> Self {
+        let gentle = robot.joints().map(|mut joint| {
+            joint.speed *= GENTLE;
+            joint.acceleration *= GENTLE * GENTLE;
+            joint
+        });
+        let mut ends = [0.0; LEGS];
+        let legs = std::array::from_fn(|leg| {
+            let (a, b) = (stops[leg], stops[leg + 1]);
+            let least = (0..JOINTS).map(|i| LeastTime::exact(b[i] - a[i], 0.0, &gentle[i]).t);
+            let end = least.fold(0.0, f64::max);
+            ends[leg] = end;
+            std::array::from_fn(|i| {
+                if end > 0.0 {
+                    Ramp::between(a[i], 0.0, b[i], end, gentle[i].speed)
+                } else {
+                    Ramp::standing(b[i])
+                }
+            })
+        });
+        Self { legs, ends }
+    }
+
+    /// Returns when it ends, s.
+    pub fn end(&self) -> f64 {
+        self.ends.iter().sum()
+    }
+
+    /// Returns positions and velocities of all joints at a time.
+    pub fn at(&self, t: f64) -> ([f64; JOINTS], [f64; JOINTS]) {
+        let (leg, since) = if t < self.ends[0] {
+            (0, t)
+        } else {
+            (1, t - self.ends[0])
+        };
+        let all = self.legs[leg].map(|ramp| ramp.at(since));
+        (all.map(|(q, _)| q), all.map(|(_, w)| w))
+    }
+}
+
+/// Returns the first pair of bodies that comes nearer than `margin`, and nearer than it is at the begin.
+pub(super) fn touching(
+    bodies: &Bodies,
+    margin: f64,
+    end: f64,
+    at: impl Fn(f64) -> [f64; JOINTS],
+) -> Option<usize> {
+    let apart = |pair: usize, q: &[f64; JOINTS]| {
+        let [a, b] = bodies.placed(pair, q);
+        distance(&a, &b)
+    };
+    let first = at(0.0);
+    let least: [f64; PAIRS] = std::array::from_fn(|pair| apart(pair, &first).min(margin));
+    (1..=(end / DENSE).ceil() as usize).find_map(|i| {
+        let q = at(i as f64 * DENSE);
+        (0..PAIRS).find(|pair| apart(*pair, &q) < least[*pair] - 1e-6)
+    })
+}

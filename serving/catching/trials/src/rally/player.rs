@@ -1,0 +1,163 @@
+//! A robot that catches and throws, in a world of its own.
+
+use std::time::Instant;
+
+use nalgebra::{Vector2, Vector3};
+use tactnet_catching::Robot;
+use tactnet_catching::flight::DRAG;
+use tactnet_catching::plan::Planner;
+use tactnet_catching::safety::Bodies;
+use tactnet_catching::throw::{
+    Aim, NoThrow, ThrowMotion, ThrowPlan, ThrowPlanConfig, ThrowRequest, Thrower, Way,
+};
+use tactnet_catching_packets::packets::{HandCommand, JointCommand};
+use tactnet_catching_packets::{ARMS, JOINTS, RobotDescription};
+use tactnet_catching_world::{OpenCommand, Released, Sensed, TICK_NS, World};
+
+use crate::error::TrialError;
+use crate::throw::{ThrowConfig, nanoseconds, ticks};
+
+/// A hand is told so long before when it is to let go, s.
+const TOLD: f64 = 0.05;
+/// The robot stands so long after it has gone back, s: the torso swings on its springs.
+const SETTLES: f64 = 3.0;
+/// Bodies keep this distance on the way back, m.
+const MARGIN: f64 = 0.015;
+
+/// A robot with its world.
+pub(crate) struct Player {
+    /// The stack's settings, with the robot as it catches.
+    pub config: ThrowConfig,
+    pub world: World,
+    pub planners: [Planner; ARMS],
+    thrower: Thrower,
+    throwing: Robot,
+    bodies: Bodies,
+    /// Commanded.
+    pub q: [f64; JOINTS],
+    /// Where the last swing began.
+    begun: [f64; JOINTS],
+    /// What throws of each arm are aimed beside their target, m: what practice says.
+    pub corrections: [Vector2<f64>; ARMS],
+}
+
+/// A ball that was thrown.
+#[derive(Debug, Clone)]
+pub(crate) struct Throw {
+    pub plan: ThrowPlan,
+    pub released: Released,
+    /// How long one core planned, ms.
+    pub plan_ms: f64,
+}
+
+impl Player {
+    /// Stands and waits.
+    ///
+    /// - `description`: with the limits of the turn in throws
+    pub fn new(
+        config: &ThrowConfig,
+        description: &RobotDescription,
+        throws: ThrowPlanConfig,
+        seed: u64,
+    ) -> Result<Self, TrialError> {
+        let throwing = Robot::new(description.clone());
+        let q = config.ready();
+        Ok(Self {
+            world: World::new(description, &config.world, seed, &q)?,
+            planners: config.planners(),
+            thrower: Thrower::new(&throwing, throws),
+            bodies: Bodies::new(description),
+            throwing,
+            begun: q,
+            q,
+            corrections: [Vector2::zeros(); ARMS],
+            config: config.clone(),
+        })
+    }
+
+    /// Throws the ball that hand `arm` holds to `target`, m, in this robot's frame.
+    ///
+    /// - `late`: by how much the hand is told to let go late, s
+    ///
+    /// # Errors
+    /// Where no throw is found, and where the hand holds nothing.
+    pub fn throw(&mut self, arm: usize, aim: Aim, late: f64) -> Result<Throw, TrialError> {
+        let holds = self.world.holding().get(arm) == Some(&true);
+        let aim = match aim {
+            Aim::At { target } => {
+                let beside = self.corrections[arm.min(ARMS - 1)];
+                Aim::At {
+                    target: target + Vector3::new(beside.x, beside.y, 0.0),
+                }
+            }
+            farthest => farthest,
+        };
+        let asked = Instant::now();
+        let plan = self.thrower.plan(&ThrowRequest {
+            q: self.q,
+            holding: holds.then_some(arm),
+            aim,
+            drag: DRAG,
+        })?;
+        let plan_ms = asked.elapsed().as_secs_f64() * 1e3;
+        self.begun = plan.motion.at(plan.motion.swing_begin()).0;
+        self.carry_out(&plan.motion, arm, late)?;
+        let released = *self.world.released().ok_or(NoThrow::NoBall)?;
+        Ok(Throw {
+            plan,
+            released,
+            plan_ms,
+        })
+    }
+
+    fn carry_out(&mut self, motion: &ThrowMotion, arm: usize, late: f64) -> Result<(), TrialError> {
+        let start_ns = self.world.time_ns();
+        let open_ns = start_ns + nanoseconds(motion.release() + late);
+        let ahead = self.config.timing.drives;
+        let mut told = false;
+        for tick in 0..=ticks(motion.end() + ahead) {
+            if !told && self.world.time_ns() + nanoseconds(TOLD) >= open_ns {
+                self.world.open(&OpenCommand { arm, open_ns })?;
+                told = true;
+            }
+            self.step(motion.at(tick as f64 * 1e-3 + ahead), &[None; ARMS]);
+        }
+        Ok(())
+    }
+
+    /// Goes back to where the robot waits, and stands until its torso does. False: it would touch itself on the way.
+    pub fn go_home(&mut self) -> bool {
+        let home = self.config.ready();
+        let ends = [&self.q, &home];
+        let way = Way::free(&self.throwing, &self.bodies, ends, &self.begun, MARGIN);
+        let Ok(way) = way else {
+            return false;
+        };
+        for tick in 0..=ticks(way.end() + SETTLES) {
+            self.step(way.at(tick as f64 * 1e-3), &[None; ARMS]);
+        }
+        true
+    }
+
+    /// Goes on by a tick.
+    pub fn step(
+        &mut self,
+        (q, dq): ([f64; JOINTS], [f64; JOINTS]),
+        hands: &[Option<HandCommand>; ARMS],
+    ) -> Sensed {
+        self.q = q;
+        let now_ns = self.world.time_ns();
+        let command = JointCommand {
+            number: now_ns / TICK_NS,
+            command_ns: now_ns,
+            q,
+            dq,
+        };
+        *self.world.step(&command, hands)
+    }
+
+    /// Returns the robot with its limits in throws.
+    pub fn throwing(&self) -> &Robot {
+        &self.throwing
+    }
+}
