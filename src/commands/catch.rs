@@ -2,11 +2,13 @@
 
 mod detect_bench;
 mod plan_bench;
+mod rally;
 mod recorded;
 mod role;
 mod run;
 mod safety_bench;
 mod skin;
+mod throw;
 mod throw_series;
 mod track_bench;
 #[cfg(feature = "rerun")]
@@ -29,6 +31,7 @@ use tactnet_catching_world::WorldConfig;
     tactnet catch run --throws 10                                  live, every part a process\n  \
     tactnet catch timing run.mcap                                  what takes how long, from a recording of such a run\n  \
     tactnet catch throw-series --throws 100 --page throws.html     how many balls are caught, and one throw drawn\n  \
+    tactnet catch rally --rallies 10                               two robots play catch\n  \
     tactnet catch plan-bench --problems 1000                       how long plans take, how many are missed\n  \
     tactnet catch track-bench --throws 1000                        how exactly balls are predicted, how long that takes\n  \
     tactnet catch detect-bench --throws 50                         how well balls are found in pictures, how long that takes\n  \
@@ -38,6 +41,10 @@ pub enum CatchCommand {
     Run(run::RunArgs),
     /// Throw balls at the simulated robot, in stepped time, and count what it catches
     ThrowSeries(throw_series::ThrowSeriesArgs),
+    /// Let two robots play catch, in stepped time: each throws back what it has caught
+    Rally(rally::RallyArgs),
+    /// Throw as far as possible, as planned and in the simulated world, and say what binds
+    Throw(throw::ThrowArgs),
     /// Measure the planner on random catches, against a dense grid
     PlanBench(plan_bench::PlanBenchArgs),
     /// Measure the tracker on throws that it sees from a head that stands still
@@ -79,6 +86,8 @@ impl From<ObjectiveChoice> for Objective {
 pub fn run(command: CatchCommand) -> anyhow::Result<ExitCode> {
     match command {
         CatchCommand::ThrowSeries(arguments) => throw_series::run(&arguments),
+        CatchCommand::Rally(arguments) => rally::run(&arguments),
+        CatchCommand::Throw(arguments) => throw::run(&arguments),
         CatchCommand::PlanBench(arguments) => plan_bench::run(&arguments),
         CatchCommand::TrackBench(arguments) => track_bench::run(&arguments),
         CatchCommand::SafetyBench(arguments) => safety_bench::run(&arguments),

@@ -23,5 +23,5 @@ pub use landing::Landing;
 pub use motion::ThrowMotion;
 pub use planner::{NoThrow, ThrowEffort, ThrowPlan, ThrowPlanConfig, ThrowRequest, Thrower};
 pub use problem::{Aim, THROW_UNKNOWNS, ThrowViolation};
-pub use swing::{Swing, THROW_JOINTS, ThrowJoints};
+pub use swing::{Swing, THROW_JOINTS, ThrowJoints, throw_joint};
 pub use way::Way;

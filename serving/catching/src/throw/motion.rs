@@ -2,7 +2,7 @@
 
 use tactnet_catching_packets::JOINTS;
 
-use super::swing::{THROW_JOINTS, ThrowJoints, index};
+use super::swing::{THROW_JOINTS, ThrowJoints, throw_joint};
 use super::way::{Way, touching};
 use crate::ramp::Ramp;
 use crate::robot::Robot;
@@ -43,8 +43,8 @@ impl ThrowMotion {
         let stands = 2.0 * (time + coast);
         for i in 0..THROW_JOINTS {
             let (q0, q1) = (ends[0][i], ends[1][i]);
-            begin[index(arm, i)] = q0;
-            swing[index(arm, i)] = Ramp {
+            begin[throw_joint(arm, i)] = q0;
+            swing[throw_joint(arm, i)] = Ramp {
                 q0,
                 w0: 0.0,
                 a: (q1 - q0) / (time + 2.0 * coast) / time,

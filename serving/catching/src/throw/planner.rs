@@ -7,7 +7,7 @@ use tactnet_catching_packets::{ARMS, JOINTS};
 use super::descent::{Found, descend};
 use super::landing::Landing;
 use super::motion::ThrowMotion;
-use super::problem::{Aim, Problem, ThrowViolation};
+use super::problem::{Aim, Point, Problem, THROW_UNKNOWNS, ThrowViolation};
 use super::starts::starts;
 use super::swing::{Swing, ThrowJoints};
 use crate::plan::clearance::Clearance;
@@ -62,6 +62,9 @@ pub struct ThrowRequest {
     pub aim: Aim,
     /// The ball's drag, 1/m.
     pub drag: f64,
+    /// Unknowns of an earlier throw to about the same place: the answer is the throw beside it, if there is one. So what a robot has learnt
+    /// of a throw stays of use.
+    pub last: Option<[f64; THROW_UNKNOWNS]>,
 }
 
 /// A throw.
@@ -85,6 +88,8 @@ pub struct ThrowPlan {
     pub cost: f64,
     /// How exactly it is what was asked for.
     pub violation: ThrowViolation,
+    /// Angles, shares of speeds and time, for [`ThrowRequest::last`].
+    pub unknowns: [f64; THROW_UNKNOWNS],
     /// What the robot does.
     pub motion: ThrowMotion,
     /// What it took.
@@ -170,25 +175,44 @@ impl Thrower {
         &self.config
     }
 
-    /// Plans a throw. The answer depends on nothing but the request.
+    /// Plans a throw: platform in the middle, torso upright, head ahead, the other arm where it waits. The answer depends on nothing but the
+    /// request.
     ///
     /// # Errors
     /// Says why there is none.
     pub fn plan(&self, request: &ThrowRequest) -> Result<ThrowPlan, NoThrow> {
         let arm = self.check(request)?;
-        let posture = self.posture(&request.q);
-        let swing = Swing::new(&self.robot, arm, &posture);
+        let swing = Swing::new(&self.robot, arm, &self.robot.waiting());
         let problem = self.problem(&swing, request);
         let mut effort = ThrowEffort::default();
+        if let Some(plan) = request
+            .last
+            .and_then(|last| self.best(&problem, request, &[last], &mut effort).ok())
+        {
+            return Ok(plan);
+        }
+        let starts = starts(&problem, self.config.candidates, self.config.starts);
+        self.best(&problem, request, &starts, &mut effort)
+    }
+
+    /// Descends from starts, and returns the best throw whose motion is free.
+    fn best(
+        &self,
+        problem: &Problem,
+        request: &ThrowRequest,
+        starts: &[Point],
+        effort: &mut ThrowEffort,
+    ) -> Result<ThrowPlan, NoThrow> {
         let mut found: Vec<Found> = Vec::new();
-        for start in starts(&problem, self.config.candidates, self.config.starts) {
-            let (best, iterations) = descend(&problem, &start, self.config.iterations);
+        for start in starts {
+            let (best, iterations) = descend(problem, start, self.config.iterations);
             effort.starts += 1;
             effort.iterations += iterations;
             found.extend(best);
         }
-        effort.found = found.len();
+        effort.found += found.len();
         found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        let posture = self.robot.waiting();
         let mut touching = None;
         for throw in &found {
             let ends = [-1.0, 1.0].map(|sign| problem.end(&throw.x, sign));
@@ -196,12 +220,12 @@ impl Thrower {
             match ThrowMotion::free(
                 &self.robot,
                 &self.bodies,
-                arm,
+                problem.swing.number(),
                 [&request.q, &posture],
                 ends,
                 [time, self.config.coast, self.config.margin],
             ) {
-                Ok(motion) => return Ok(self.answer(&problem, throw, motion, effort)),
+                Ok(motion) => return Ok(self.answer(problem, throw, motion, *effort)),
                 Err(pair) => touching = touching.or(Some(pair)),
             }
         }
@@ -230,15 +254,10 @@ impl Thrower {
     /// As [`Thrower::plan`].
     pub fn starts(&self, request: &ThrowRequest) -> Result<Vec<Vec<f64>>, NoThrow> {
         let arm = self.check(request)?;
-        let swing = Swing::new(&self.robot, arm, &self.posture(&request.q));
+        let swing = Swing::new(&self.robot, arm, &self.robot.waiting());
         let problem = self.problem(&swing, request);
         let starts = starts(&problem, self.config.candidates, self.config.starts);
         Ok(starts.into_iter().map(|x| x.to_vec()).collect())
-    }
-
-    /// The robot throws with its platform in the middle, torso upright, head ahead, the other arm where it waits.
-    fn posture(&self, _from: &[f64; JOINTS]) -> [f64; JOINTS] {
-        self.robot.waiting()
     }
 
     fn problem<'a>(&'a self, swing: &'a Swing, request: &ThrowRequest) -> Problem<'a> {
@@ -299,6 +318,7 @@ impl Thrower {
             v,
             cost: throw.cost,
             violation: throw.violation,
+            unknowns: throw.x,
             motion,
             effort,
         }
@@ -325,7 +345,7 @@ impl ThrowPlan {
         let (q, rates) = self.motion.at(t);
         let swing = Swing::new(robot, self.arm, &q);
         let own = |all: &[f64; JOINTS]| -> ThrowJoints {
-            std::array::from_fn(|i| all[super::swing::index(self.arm, i)])
+            std::array::from_fn(|i| all[super::swing::throw_joint(self.arm, i)])
         };
         let (p, v) = swing.hand(&own(&q), &own(&rates));
         Landing::of(&p, &v, drag, height)
@@ -334,7 +354,7 @@ impl ThrowPlan {
     /// Returns the joints whose speed is at its limit at the release, as shares: 1 is the greatest speed.
     pub fn shares_of_speed(&self, robot: &Robot) -> ThrowJoints {
         std::array::from_fn(|i| {
-            self.rates[i] / robot.joints()[super::swing::index(self.arm, i)].speed
+            self.rates[i] / robot.joints()[super::swing::throw_joint(self.arm, i)].speed
         })
     }
 }
@@ -355,6 +375,7 @@ mod tests {
             holding: Some(1),
             aim,
             drag: DRAG,
+            last: None,
         }
     }
 
@@ -460,6 +481,27 @@ mod tests {
             let late = plan.released_late(&robot, 2e-3, DRAG, 1.2).unwrap();
             assert!((1e-3..0.2).contains(&(late.p - plan.landing.p).norm()));
         }
+    }
+
+    #[test]
+    fn a_throw_beside_an_earlier_one_is_found_from_it() {
+        let robot = robot();
+        let thrower = thrower(&robot);
+        let first = thrower.plan(&request(&robot, at(4.0, 0.3))).unwrap();
+        let again = ThrowRequest {
+            last: Some(first.unknowns),
+            ..request(&robot, at(4.1, 0.25))
+        };
+        let second = thrower.plan(&again).unwrap();
+        assert_eq!(second.effort.starts, 1);
+        assert!((second.landing.p - Vector3::new(4.1, 0.25, 1.2)).norm() < 1e-3);
+        assert!((0..8).all(|i| (first.q[i] - second.q[i]).abs() < 0.3));
+        // Where there is none beside it, all starts are tried.
+        let far = ThrowRequest {
+            aim: at(9.0, 0.0),
+            ..again
+        };
+        assert_eq!(thrower.plan(&far), Err(NoThrow::OutOfReach { wanted: 9.0 }));
     }
 
     #[test]

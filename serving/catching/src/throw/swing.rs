@@ -53,7 +53,7 @@ impl Swing {
         Self {
             arm: robot.arm(number).clone(),
             number,
-            joints: std::array::from_fn(|i| robot.joints()[index(number, i)]),
+            joints: std::array::from_fn(|i| robot.joints()[throw_joint(number, i)]),
             chest: robot.chest(&ahead).translation.vector - foot,
             foot,
         }
@@ -127,7 +127,7 @@ impl Swing {
 }
 
 /// Returns where joint `i` of a throw with an arm stands in packets.
-pub(crate) fn index(arm: usize, i: usize) -> usize {
+pub fn throw_joint(arm: usize, i: usize) -> usize {
     if i == 0 {
         joint::TORSO.start
     } else {
@@ -152,7 +152,7 @@ mod tests {
             whole[joint::TORSO.start + 1] = 0.2;
             let swing = Swing::new(&robot, arm, &whole);
             for i in 0..THROW_JOINTS {
-                whole[index(arm, i)] = q[i];
+                whole[throw_joint(arm, i)] = q[i];
             }
             let motion = swing.motion(&q, &rates);
             let by_robot = robot.chest(&whole) * nalgebra::Point3::from(robot.arm(arm).forward(&std::array::from_fn(|i| q[i + 1])).position);

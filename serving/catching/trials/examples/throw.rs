@@ -16,6 +16,14 @@ fn main() {
         throws: arg(1).unwrap().parse().unwrap(),
         seed: arg(2).unwrap().parse().unwrap(),
     };
+    if arg(4).is_some() {
+        println!(
+            "{}",
+            serde_json::to_string(&peer_throws(&bench.robot, bench.seed, bench.throws).unwrap())
+                .unwrap()
+        );
+        return;
+    }
     let t = std::time::Instant::now();
     let report = bench.run(|| ()).unwrap();
     println!("{}", serde_json::to_string_pretty(&report).unwrap());

@@ -16,6 +16,7 @@ mod oracle;
 mod page;
 mod peer_circles;
 mod peer_problems;
+mod peer_throws;
 mod perception;
 mod picture;
 mod plan_bench;
@@ -45,6 +46,7 @@ pub use peer_circles::{
     PeerTrack, peer_circles,
 };
 pub use peer_problems::{PeerAnswer, PeerProblem, peer_problems};
+pub use peer_throws::{PeerLaunch, peer_throws};
 pub use picture::picture_file;
 pub use plan_bench::{PlanBench, PlanReport};
 pub use problems::{PlanProblem, plan_problem};

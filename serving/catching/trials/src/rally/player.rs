@@ -8,7 +8,8 @@ use tactnet_catching::flight::DRAG;
 use tactnet_catching::plan::Planner;
 use tactnet_catching::safety::Bodies;
 use tactnet_catching::throw::{
-    Aim, NoThrow, ThrowMotion, ThrowPlan, ThrowPlanConfig, ThrowRequest, Thrower, Way,
+    Aim, NoThrow, THROW_JOINTS, THROW_UNKNOWNS, ThrowJoints, ThrowMotion, ThrowPlan,
+    ThrowPlanConfig, ThrowRequest, Thrower, Way, throw_joint,
 };
 use tactnet_catching_packets::packets::{HandCommand, JointCommand};
 use tactnet_catching_packets::{ARMS, JOINTS, RobotDescription};
@@ -37,8 +38,17 @@ pub(crate) struct Player {
     pub q: [f64; JOINTS],
     /// Where the last swing began.
     begun: [f64; JOINTS],
-    /// What throws of each arm are aimed beside their target, m: what practice says.
-    pub corrections: [Vector2<f64>; ARMS],
+    /// What each arm has learnt.
+    pub learnt: [Learnt; ARMS],
+}
+
+/// What an arm has learnt of its throws.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Learnt {
+    /// How far beside the target they are aimed, m.
+    pub beside: Vector2<f64>,
+    /// The last one.
+    last: Option<[f64; THROW_UNKNOWNS]>,
 }
 
 /// A ball that was thrown.
@@ -48,6 +58,8 @@ pub(crate) struct Throw {
     pub released: Released,
     /// How long one core planned, ms.
     pub plan_ms: f64,
+    /// Greatest torques of turn and arm until the robot stands again, Nm.
+    pub torques: ThrowJoints,
 }
 
 impl Player {
@@ -70,7 +82,7 @@ impl Player {
             throwing,
             begun: q,
             q,
-            corrections: [Vector2::zeros(); ARMS],
+            learnt: [Learnt::default(); ARMS],
             config: config.clone(),
         })
     }
@@ -85,7 +97,7 @@ impl Player {
         let holds = self.world.holding().get(arm) == Some(&true);
         let aim = match aim {
             Aim::At { target } => {
-                let beside = self.corrections[arm.min(ARMS - 1)];
+                let beside = self.learnt[arm.min(ARMS - 1)].beside;
                 Aim::At {
                     target: target + Vector3::new(beside.x, beside.y, 0.0),
                 }
@@ -98,31 +110,44 @@ impl Player {
             holding: holds.then_some(arm),
             aim,
             drag: DRAG,
+            last: self.learnt.get(arm).and_then(|learnt| learnt.last),
         })?;
+        self.learnt[arm].last = Some(plan.unknowns);
         let plan_ms = asked.elapsed().as_secs_f64() * 1e3;
         self.begun = plan.motion.at(plan.motion.swing_begin()).0;
-        self.carry_out(&plan.motion, arm, late)?;
+        let torques = self.carry_out(&plan.motion, arm, late)?;
         let released = *self.world.released().ok_or(NoThrow::NoBall)?;
         Ok(Throw {
             plan,
             released,
             plan_ms,
+            torques,
         })
     }
 
-    fn carry_out(&mut self, motion: &ThrowMotion, arm: usize, late: f64) -> Result<(), TrialError> {
+    fn carry_out(
+        &mut self,
+        motion: &ThrowMotion,
+        arm: usize,
+        late: f64,
+    ) -> Result<ThrowJoints, TrialError> {
         let start_ns = self.world.time_ns();
         let open_ns = start_ns + nanoseconds(motion.release() + late);
         let ahead = self.config.timing.drives;
+        let mut torques = [0.0f64; THROW_JOINTS];
         let mut told = false;
         for tick in 0..=ticks(motion.end() + ahead) {
             if !told && self.world.time_ns() + nanoseconds(TOLD) >= open_ns {
                 self.world.open(&OpenCommand { arm, open_ns })?;
                 told = true;
             }
-            self.step(motion.at(tick as f64 * 1e-3 + ahead), &[None; ARMS]);
+            let sensed = self.step(motion.at(tick as f64 * 1e-3 + ahead), &[None; ARMS]);
+            for (i, greatest) in torques.iter_mut().enumerate() {
+                let torque = sensed.joints.tau[throw_joint(arm, i)];
+                *greatest = greatest.max(torque.abs());
+            }
         }
-        Ok(())
+        Ok(torques)
     }
 
     /// Goes back to where the robot waits, and stands until its torso does. False: it would touch itself on the way.

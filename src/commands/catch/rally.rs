@@ -1,0 +1,131 @@
+//! `tactnet catch rally`: two robots play catch.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+use anyhow::Context;
+use clap::Args;
+use tactnet_catching_trials::{Rally, RallyConfig, RallyReport, Timing};
+
+use crate::commands::progress_line::about;
+use crate::output;
+
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    tactnet catch rally --rallies 10 --seed 1 --json\n  \
+    tactnet catch rally --rallies 4 --distance 5.2 --most 20\n  \
+    tactnet catch rally --rallies 4 --distance 6.6 --wheels 0.4      the platform turns in throws\n  \
+    tactnet catch rally --settings rally.json                        where balls come down, practice, the planner of throws")]
+pub struct RallyArgs {
+    /// Games; each ends with the first ball that is not caught
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    rallies: u32,
+    /// Of noise, balls, everything drawn
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Between the two robots, m [default: 5]
+    #[arg(long, value_name = "M")]
+    distance: Option<f64>,
+    /// In throws the platform turns on wheels so far from its middle, m [default: the torso's vertical axis turns]
+    #[arg(long, value_name = "M")]
+    wheels: Option<f64>,
+    /// A game ends after so many catches, at the latest [default: 100]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    most: Option<u32>,
+    /// Settings of the games, JSON [default: the ones built in]
+    #[arg(long, value_name = "FILE")]
+    settings: Option<PathBuf>,
+    /// Both robots [default: the one that simulations use]
+    #[arg(long, value_name = "FILE")]
+    robot: Option<PathBuf>,
+    /// Settings of their worlds, JSON [default: the ones built in]
+    #[arg(long, value_name = "FILE")]
+    world: Option<PathBuf>,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+pub fn run(arguments: &RallyArgs) -> anyhow::Result<ExitCode> {
+    let mut config = match &arguments.settings {
+        Some(path) => {
+            let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
+            serde_json::from_str(&text).with_context(|| path.display().to_string())?
+        }
+        None => RallyConfig::default(),
+    };
+    config.distance = arguments.distance.unwrap_or(config.distance);
+    config.wheels = arguments.wheels.or(config.wheels);
+    config.most = arguments.most.map_or(config.most, |most| most as usize);
+    let most = config.most as u64;
+    let rally = Rally {
+        config,
+        robot: super::robot(arguments.robot.as_ref())?,
+        world: super::world(arguments.world.as_deref())?,
+        timing: Timing::ours(),
+        rallies: arguments.rallies as usize,
+        seed: arguments.seed,
+    };
+    let begun = Instant::now();
+    let (thrown, said) = (AtomicU64::new(0), AtomicU64::new(2));
+    // Games end when a ball is missed: what is left is known at most.
+    let all = u64::from(arguments.rallies) * most;
+    let report = rally.run(|| {
+        let thrown = thrown.fetch_add(1, Ordering::Relaxed) + 1;
+        let (elapsed, next) = (begun.elapsed(), said.load(Ordering::Relaxed));
+        if elapsed.as_secs() >= next
+            && said
+                .compare_exchange(next, next + 2, Ordering::Relaxed, Ordering::Relaxed)
+                .is_ok()
+        {
+            let left = elapsed.mul_f64(all.saturating_sub(thrown) as f64 / thrown as f64);
+            say!("{thrown} throws, at most {} to go", about(left));
+        }
+    })?;
+    if arguments.json {
+        output::print_json(&report)?;
+    } else {
+        print(&report)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn print(report: &RallyReport) -> anyhow::Result<()> {
+    output::print(format_args!(
+        "{} games at {} m: longest {} catches in a row, mean {:.1}",
+        report.rallies, report.between_m, report.longest, report.mean
+    ))?;
+    output::print(format_args!(
+        "{} of {} throws caught: {:.1} % [{:.1}, {:.1}]; of those that can be: {} of {}",
+        report.catches,
+        report.throws,
+        100.0 * report.rate,
+        100.0 * report.ci95_low,
+        100.0 * report.ci95_high,
+        report.caught_in_catch_space,
+        report.in_catch_space
+    ))?;
+    if let (Some(distance), Some(lost), Some(displaced), Some(beside)) = (
+        report.distance_m,
+        report.distance_lost_mm_at_2ms,
+        report.displaced_mm_at_2ms,
+        report.beside_mm_rms,
+    ) {
+        output::print(format_args!(
+            "flights of {distance:.2} m, {beside:.0} mm beside the target (root mean square)"
+        ))?;
+        output::print(format_args!(
+            "fingers that open 2 ms early or late: {lost:.0} mm nearer, {displaced:.0} mm elsewhere"
+        ))?;
+    }
+    for (cause, times) in &report.causes {
+        output::print(format_args!("missed, {cause}: {times}"))?;
+    }
+    for (cause, times) in &report.no_throw_causes {
+        output::print(format_args!("no throw, {cause}: {times}"))?;
+    }
+    Ok(())
+}

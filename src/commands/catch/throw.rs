@@ -1,0 +1,148 @@
+//! `tactnet catch throw`: how far the robot throws.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+use anyhow::Context;
+use clap::Args;
+use tactnet_catching_trials::{ThrowBench, ThrowBenchConfig, ThrowReport, Timing, peer_throws};
+
+use crate::commands::progress_line::about;
+use crate::output;
+
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    tactnet catch throw --throws 100 --seed 1 --json\n  \
+    tactnet catch throw --wheels 0.36                        the platform turns: 1.4 m/s at its wheels\n  \
+    tactnet catch throw --peer-throws throws.json            for other planners")]
+pub struct ThrowArgs {
+    /// Throws in the simulated world, of both arms in turn
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    throws: u32,
+    /// Of noise, balls, everything drawn
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Flights end at this height, m [default: 1.1]
+    #[arg(long, value_name = "M")]
+    height: Option<f64>,
+    /// The platform turns on wheels so far from its middle, m [default: the torso's vertical axis turns]
+    #[arg(long, value_name = "M")]
+    wheels: Option<f64>,
+    /// The robot [default: the one that simulations use]
+    #[arg(long, value_name = "FILE")]
+    robot: Option<PathBuf>,
+    /// Settings of the world, JSON [default: the ones built in]
+    #[arg(long, value_name = "FILE")]
+    world: Option<PathBuf>,
+    /// Write throws, where descents begin and what ours found, as JSON, and measure nothing else
+    #[arg(long, value_name = "FILE")]
+    peer_throws: Option<PathBuf>,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+pub fn run(arguments: &ThrowArgs) -> anyhow::Result<ExitCode> {
+    let robot = super::robot(arguments.robot.as_ref())?;
+    let throws = arguments.throws as usize;
+    if let Some(path) = &arguments.peer_throws {
+        let throws = peer_throws(&robot, arguments.seed, throws)?;
+        std::fs::write(path, serde_json::to_vec(&throws)?)
+            .with_context(|| path.display().to_string())?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let defaults = ThrowBenchConfig::default();
+    let bench = ThrowBench {
+        config: ThrowBenchConfig {
+            height: arguments.height.unwrap_or(defaults.height),
+            wheels: arguments.wheels,
+            ..defaults
+        },
+        robot,
+        world: super::world(arguments.world.as_deref())?,
+        timing: Timing::ours(),
+        throws,
+        seed: arguments.seed,
+    };
+    let begun = Instant::now();
+    let (done, said) = (AtomicU64::new(0), AtomicU64::new(2));
+    let report = bench.run(|| {
+        let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+        let (elapsed, next) = (begun.elapsed(), said.load(Ordering::Relaxed));
+        if elapsed.as_secs() >= next
+            && said
+                .compare_exchange(next, next + 2, Ordering::Relaxed, Ordering::Relaxed)
+                .is_ok()
+        {
+            let all = u64::from(arguments.throws);
+            let left = elapsed.mul_f64(all.saturating_sub(done) as f64 / done as f64);
+            say!("{done} of {all} throws, {} to go", about(left));
+        }
+    })?;
+    if arguments.json {
+        output::print_json(&report)?;
+    } else {
+        print(&report)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn print(report: &ThrowReport) -> anyhow::Result<()> {
+    let [mean, least, greatest] = report.distance_m;
+    output::print(format_args!(
+        "planned: {:.2} m down to {} m, {:.2} m/s at the release",
+        report.planned_m, report.height_m, report.planned_speed_m_s
+    ))?;
+    output::print(format_args!(
+        "flown:   {mean:.2} m ({least:.2} to {greatest:.2}), {:.2} m/s, {} throws",
+        report.speed_m_s, report.throws
+    ))?;
+    output::print(format_args!(
+        "fingers that open 2 ms early or late: {:.0} mm nearer, {:.0} mm elsewhere",
+        report.distance_lost_mm_at_2ms, report.displaced_mm_at_2ms
+    ))?;
+    let joints: Vec<String> = report.at_limit.iter().map(ToString::to_string).collect();
+    output::print(format_args!(
+        "joints at their greatest speed (0 the turn, 1 to 7 the arm): {}",
+        joints.join(", ")
+    ))?;
+    let torques: Vec<String> = report
+        .torques_nm
+        .iter()
+        .map(|torque| format!("{torque:.0}"))
+        .collect();
+    output::print(format_args!("greatest torques, Nm: {}", torques.join(", ")))?;
+    if let Some(times) = report.plan_ms {
+        output::print(format_args!(
+            "planning: median {:.0} ms, longest {:.0} ms",
+            times.p50, times.max
+        ))?;
+    }
+    output::print("planned with other speeds:")?;
+    for row in &report.speeds {
+        output::print(format_args!(
+            "  arm joints at least {:3.0} deg/s, turn {:3.0} deg/s: {:.2} m, {:.2} m/s",
+            row.arm_deg_s, row.turn_deg_s, row.planned_m, row.speed_m_s
+        ))?;
+    }
+    let goal = &report.goal;
+    let arm = goal
+        .arm_times
+        .map(|times| format!("the arm {times:.2} times as fast"));
+    let turn = goal
+        .turn_deg_s
+        .map(|speed| format!("the turn with {speed:.0} deg/s"));
+    let takes: Vec<String> = arm.into_iter().chain(turn).collect();
+    output::print(format_args!(
+        "planned flights of {} m take {}",
+        goal.goal_m,
+        if takes.is_empty() {
+            "more than three times the speeds".into()
+        } else {
+            takes.join(", or ")
+        }
+    ))
+}
