@@ -104,6 +104,15 @@ fn print(report: &ThrowReport) -> anyhow::Result<()> {
         "fingers that open 2 ms early or late: {:.0} mm nearer, {:.0} mm elsewhere",
         report.distance_lost_mm_at_2ms, report.displaced_mm_at_2ms
     ))?;
+    let speeds: Vec<String> = report
+        .speed_by_joint_m_s
+        .iter()
+        .map(|speed| format!("{speed:.2}"))
+        .collect();
+    output::print(format_args!(
+        "of the planned speed by joint (the turn, then the arm), m/s: {}",
+        speeds.join(", ")
+    ))?;
     let joints: Vec<String> = report.at_limit.iter().map(ToString::to_string).collect();
     output::print(format_args!(
         "joints at their greatest speed (0 the turn, 1 to 7 the arm): {}",

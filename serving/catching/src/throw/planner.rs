@@ -51,6 +51,38 @@ impl Default for ThrowPlanConfig {
     }
 }
 
+impl ThrowPlanConfig {
+    fn check(&self) -> Result<(), NoThrow> {
+        let most = f64::MAX;
+        for (setting, value, [low, high], expected) in [
+            ("coast", self.coast, [0.0, 0.1], "0 to 0.1 s"),
+            (
+                "palm",
+                self.palm,
+                [0.0, std::f64::consts::PI],
+                "0 to pi rad",
+            ),
+            ("rise", self.rise, [0.05, 1.5], "0.05 to 1.5 rad"),
+            ("clearance", self.clearance, [0.0, most], "0 m or more"),
+            (
+                "margin",
+                self.margin,
+                [f64::NEG_INFINITY, most],
+                "a number, m",
+            ),
+        ] {
+            if !(low..=high).contains(&value) {
+                return Err(NoThrow::Setting {
+                    setting,
+                    expected,
+                    found: value,
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
 /// A throw that is asked for; inertial frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ThrowRequest {
@@ -116,6 +148,16 @@ pub enum NoThrow {
     /// A number that is none, or a negative drag.
     #[error("the request has numbers that are not finite, or a negative drag")]
     NotFinite,
+    /// A setting of the planner out of range.
+    #[error("`{setting}`: expected {expected}, found {found}")]
+    Setting {
+        /// Its name.
+        setting: &'static str,
+        /// What it must be.
+        expected: &'static str,
+        /// What it is.
+        found: f64,
+    },
     /// A joint that stands outside its range.
     #[error("joint {joint} stands at {found}, expected {low} to {high}")]
     Range {
@@ -271,6 +313,7 @@ impl Thrower {
     }
 
     fn check(&self, request: &ThrowRequest) -> Result<usize, NoThrow> {
+        self.config.check()?;
         let arm = request
             .holding
             .filter(|arm| *arm < ARMS)
@@ -524,6 +567,12 @@ mod tests {
             ..good
         };
         assert_eq!(thrower.plan(&drag), Err(NoThrow::NotFinite));
+        let hasty = ThrowPlanConfig {
+            coast: -0.1,
+            ..ThrowPlanConfig::default()
+        };
+        let error = Thrower::new(&robot, hasty).plan(&good).unwrap_err();
+        assert!(error.to_string().contains("`coast`"), "{error}");
         let mut outside = good;
         outside.q[7] = 3.0;
         let error = thrower.plan(&outside).unwrap_err().to_string();

@@ -29,7 +29,9 @@ pub struct PeerLaunch {
     pub palm: f64,
     /// Angles of turn and arm, shares of their speeds, time: the best first.
     pub starts: Vec<Vec<f64>>,
-    /// Ours: length of the flight, m.
+    /// Ours, in the same order.
+    pub unknowns: Vec<f64>,
+    /// Length of its flight, m.
     pub distance: f64,
     /// How long one core took, ms, starts and all.
     pub ms: f64,
@@ -70,6 +72,7 @@ pub fn peer_throws(robot: &Robot, seed: u64, count: usize) -> Result<Vec<PeerLau
                 coast: config.coast,
                 palm: config.palm,
                 starts: thrower.starts(&request)?,
+                unknowns: plan.unknowns.to_vec(),
                 distance: plan.distance(),
                 ms,
             })

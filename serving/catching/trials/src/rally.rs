@@ -238,10 +238,19 @@ impl Rally {
                 let seed =
                     |side: usize| world_seed(self.seed, PRACTICE + (2 * number + side) as u64);
                 let mut players = [self.player(seed(0))?, self.player(seed(1))?];
-                for _ in 0..self.config.practice {
+                let mut before = Learnt::default();
+                for number in 0..self.config.practice {
                     let [thrower, catcher] = &mut players;
                     thrower.world.give(arm)?;
-                    let throw = thrower.throw(arm, self.aim(), 0.0)?;
+                    let throw = match thrower.throw(arm, self.aim(), 0.0) {
+                        // Nothing is thrown so far beside the target: the aim before will do.
+                        Err(TrialError::Throw(_)) if number > 0 => {
+                            thrower.learnt[arm] = before;
+                            break;
+                        }
+                        throw => throw?,
+                    };
+                    before = thrower.learnt[arm];
                     let released = self.handed_over(&throw.released);
                     let catch = catcher.catch(&released, &self.config.target, oracle)?;
                     if let Some(beside) = catch.beside {

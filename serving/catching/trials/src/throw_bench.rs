@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use tactnet_catching::Robot;
 use tactnet_catching::flight::DRAG;
 use tactnet_catching::throw::{
-    Aim, ThrowJoints, ThrowPlan, ThrowPlanConfig, ThrowRequest, Thrower,
+    Aim, Swing, THROW_JOINTS, ThrowJoints, ThrowPlan, ThrowPlanConfig, ThrowRequest, Thrower,
 };
 use tactnet_catching_packets::{ARMS, RobotDescription};
 use tactnet_catching_world::{FlightSample, WorldConfig};
@@ -25,6 +25,8 @@ const TURN_SPEEDS: [f64; 4] = [0.0, 120.0, 160.0, 200.0];
 const FASTEST: f64 = 3.0;
 /// A joint this near to its greatest speed is at it.
 const AT_LIMIT: f64 = 0.999;
+/// A joint that gives less than this gives nothing, m/s.
+const GIVES: f64 = 0.05;
 
 /// Throws as far as possible.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -83,7 +85,9 @@ pub struct ThrowReport {
     pub planned_speed_m_s: f64,
     /// Planned height of the release, m.
     pub release_height_m: f64,
-    /// Joints that are at their greatest speed at the release: 0 the turn, 1 to 7 the arm's.
+    /// What turn and arm joints give of that speed, m/s.
+    pub speed_by_joint_m_s: ThrowJoints,
+    /// Joints that give speed and are at their greatest at the release: 0 the turn, 1 to 7 the arm's.
     pub at_limit: Vec<usize>,
     /// Length of the true flights, m, mean, least, greatest.
     pub distance_m: [f64; 3],
@@ -148,7 +152,7 @@ impl ThrowBench {
         let description = with_turn(self.robot.description(), self.config.wheels)?;
         let robot = Robot::new(description.clone());
         let plan = self.plan(&description, ARMS - 1)?;
-        let shares = plan.shares_of_speed(&robot);
+        let (shares, given) = (plan.shares_of_speed(&robot), by_joint(&plan, &robot));
         // The last is told early and the one before late, both without jitter.
         let flown: Result<Vec<Flown>, TrialError> = (0..self.throws + 3)
             .into_par_iter()
@@ -172,8 +176,9 @@ impl ThrowBench {
             planned_m: plan.distance(),
             planned_speed_m_s: plan.v.norm(),
             release_height_m: plan.p.z,
+            speed_by_joint_m_s: given,
             at_limit: (0..shares.len())
-                .filter(|i| shares[*i].abs() >= AT_LIMIT)
+                .filter(|i| shares[*i].abs() >= AT_LIMIT && given[*i] >= GIVES)
                 .collect(),
             distance_m: [
                 mean(&|flown| flown.length),
@@ -333,6 +338,16 @@ pub(crate) fn down_to(flight: &[FlightSample], height: f64) -> Option<nalgebra::
     })
 }
 
+/// Returns what every joint's turning gives of the planned speed.
+fn by_joint(plan: &ThrowPlan, robot: &Robot) -> ThrowJoints {
+    let swing = Swing::new(robot, plan.arm, &robot.waiting());
+    std::array::from_fn(|i| {
+        let mut rates = [0.0; THROW_JOINTS];
+        rates[i] = plan.rates[i];
+        swing.hand(&plan.q, &rates).1.dot(&plan.v.normalize())
+    })
+}
+
 fn faster_arms(description: &RobotDescription, times: f64) -> RobotDescription {
     let mut description = description.clone();
     for joint in description.arms.iter_mut().flat_map(|arm| &mut arm.joints) {
@@ -401,6 +416,8 @@ mod tests {
         {
             assert!(pair[0].planned_m < pair[1].planned_m, "{pair:?}");
         }
+        let sum: f64 = report.speed_by_joint_m_s.iter().sum();
+        assert!((sum - report.planned_speed_m_s).abs() < 1e-9);
         assert!((rows[0].turn_deg_s, rows.len()) == (0.0, ARM_SPEEDS.len() * TURN_SPEEDS.len()));
     }
 
