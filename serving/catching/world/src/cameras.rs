@@ -13,7 +13,7 @@ use tactnet_catching_packets::Cameras as Optics;
 use tactnet_catching_packets::packets::{Circle, Circles, MAX_CIRCLES};
 
 use crate::error::{WorldError, not_negative, probability, range, within};
-use crate::planted::PlantedErrors;
+use crate::planted::{CameraErrors, PlantedErrors};
 use crate::robot::FrameMotion;
 use crate::stream::{Stream, picture};
 
@@ -72,16 +72,25 @@ impl CamerasConfig {
     }
 }
 
+/// Where a camera is.
+#[derive(Debug, Clone, Copy)]
+struct Mount {
+    /// m, head's frame.
+    eye: Vector3<f64>,
+    /// From its directions to the head's.
+    turn: Matrix3<f64>,
+}
+
 /// Both cameras.
 #[derive(Debug, Clone)]
 pub(crate) struct Cameras {
     config: CamerasConfig,
     clutter: Option<Poisson<f64>>,
     optics: Optics,
-    /// Middle between the cameras, m, head's frame.
-    centre: Vector3<f64>,
-    /// From the cameras' directions (x along the optical axis) to the head's.
-    turn: Matrix3<f64>,
+    mounts: [Mount; CAMERAS],
+    errors: [CameraErrors; CAMERAS],
+    /// By how much stamps are late, ns.
+    late_ns: u64,
     seed: u64,
     /// Of the first picture, s.
     phase: f64,
@@ -97,11 +106,22 @@ impl Cameras {
         seed: u64,
     ) -> Self {
         let (shift, turn) = errors.camera_mount(seed);
+        let centre = Vector3::from(optics.centre) + shift;
+        let [late_ns, _] = errors.clocks(seed);
+        let errors = errors.each_camera(seed);
+        let mounts = std::array::from_fn(|camera| {
+            let side = optics.baseline * (0.5 - camera as f64);
+            Mount {
+                eye: centre + turn * Vector3::new(0.0, side, 0.0) + errors[camera].shift,
+                turn: turn * errors[camera].turn,
+            }
+        });
         Self {
+            mounts,
+            errors,
+            late_ns,
             clutter: Poisson::new(config.clutter).ok(),
             config: config.clone(),
-            centre: Vector3::from(optics.centre) + shift,
-            turn,
             optics: *optics,
             seed,
             phase: Stream::CameraPhase.rng(seed, 0).random::<f64>() / optics.rate,
@@ -125,7 +145,7 @@ impl Cameras {
         let pictures = std::array::from_fn(|camera| {
             let mut circles = Circles {
                 frame: self.frame,
-                exposure_ns: now_ns,
+                exposure_ns: now_ns + self.late_ns,
                 camera: camera as u32,
                 count: 0,
                 circles: [Circle {
@@ -160,9 +180,50 @@ impl Cameras {
 
     /// Returns where a camera is, m, and from its directions (x along the optical axis) to the head's, both in the head's frame.
     pub(crate) fn mount(&self, camera: usize) -> (Vector3<f64>, Matrix3<f64>) {
-        let side = self.optics.baseline * (0.5 - camera as f64);
-        let eye = self.centre + self.turn * Vector3::new(0.0, side, 0.0);
-        (eye, self.turn)
+        let Mount { eye, turn } = self.mounts[camera];
+        (eye, turn)
+    }
+
+    /// Returns the number of the last pictures.
+    pub(crate) fn last_frame(&self) -> u64 {
+        self.frame.saturating_sub(1)
+    }
+
+    /// Returns where a point falls, pixels, as detectors say that take out the described lens's distortion; `None` outside of the picture.
+    pub(crate) fn project(
+        &self,
+        camera: usize,
+        head: &FrameMotion,
+        point: &Vector3<f64>,
+    ) -> Option<[f64; 2]> {
+        let (eye, turn) = self.mount(camera);
+        let seen = turn.tr_mul(&(head.rotation.tr_mul(&(point - head.position)) - eye));
+        if seen.x <= 0.0 {
+            return None;
+        }
+        let (right, down) = (-seen.y / seen.x, -seen.z / seen.x);
+        let aside = right.hypot(down).max(f64::MIN_POSITIVE);
+        let away = (self.optics.focal + self.errors[camera].focal) * aside;
+        let pixel = self.on_sensor(camera, away, [right / aside, down / aside]);
+        self.contains(&pixel).then_some(pixel)
+    }
+
+    /// Returns the pixel `away` pixels from the optical axis in a direction (right, down) of length 1, but for the lens's distortion.
+    fn on_sensor(&self, camera: usize, away: f64, [right, down]: [f64; 2]) -> [f64; 2] {
+        let errors = &self.errors[camera];
+        let [k1, k2] = errors.distortion;
+        let s = (away / (self.optics.focal + errors.focal)).powi(2);
+        let stretch = 1.0 + s * (k1 + s * k2);
+        let (width, height) = (f64::from(self.optics.width), f64::from(self.optics.height));
+        [
+            width / 2.0 + errors.centre[0] + away * right * stretch,
+            height / 2.0 + errors.centre[1] + away * down * stretch,
+        ]
+    }
+
+    fn contains(&self, [u, v]: &[f64; 2]) -> bool {
+        (0.0..f64::from(self.optics.width)).contains(u)
+            && (0.0..f64::from(self.optics.height)).contains(v)
     }
 
     /// Returns the outline of a ball, `None` if its centre is not in the picture.
@@ -173,10 +234,8 @@ impl Cameras {
         ball: &Vector3<f64>,
         radius: f64,
     ) -> Option<Circle> {
-        let (eye, _) = self.mount(camera);
-        let seen = self
-            .turn
-            .tr_mul(&(head.rotation.tr_mul(&(ball - head.position)) - eye));
+        let (eye, turn) = self.mount(camera);
+        let seen = turn.tr_mul(&(head.rotation.tr_mul(&(ball - head.position)) - eye));
         // Right, down, ahead.
         let (x, y, z) = (-seen.y, -seen.z, seen.x);
         let aside = x.hypot(y);
@@ -189,7 +248,8 @@ impl Cameras {
         if denominator <= 0.0 {
             return None;
         }
-        let focal = self.optics.focal;
+        let errors = &self.errors[camera];
+        let focal = self.optics.focal + errors.focal;
         let away = focal * double_theta.sin() / denominator;
         let radial = focal * double_beta.sin() / denominator;
         let tangential = focal * radius / (z * z - radius * radius).sqrt();
@@ -198,14 +258,14 @@ impl Cameras {
         } else {
             (0.0, 0.0)
         };
-        let (width, height) = (f64::from(self.optics.width), f64::from(self.optics.height));
+        let [u, v] = self.on_sensor(camera, away, [right, down]);
         let circle = Circle {
-            u: width / 2.0 + away * right,
-            v: height / 2.0 + away * down,
+            u,
+            v,
             r: (radial + tangential) / 2.0,
             response: 1.0,
         };
-        ((0.0..width).contains(&circle.u) && (0.0..height).contains(&circle.v)).then_some(circle)
+        self.contains(&[u, v]).then_some(circle)
     }
 
     fn detect(&self, circle: Circle, rng: &mut ChaCha8Rng) -> Option<Circle> {

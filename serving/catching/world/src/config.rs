@@ -8,6 +8,7 @@ use crate::depth::DepthConfig;
 use crate::drives::DrivesConfig;
 use crate::error::WorldError;
 use crate::imu::ImuConfig;
+use crate::markers::MarkersConfig;
 use crate::obstacles::ObstaclesConfig;
 use crate::pictures::PicturesConfig;
 use crate::planted::PlantedErrors;
@@ -31,6 +32,8 @@ pub struct WorldConfig {
     pub imu: ImuConfig,
     /// Detectors.
     pub cameras: CamerasConfig,
+    /// Markers at the wrists.
+    pub markers: MarkersConfig,
     /// Pictures, where they are drawn.
     pub pictures: PicturesConfig,
     /// What stands about; nothing by default.
@@ -58,6 +61,7 @@ impl WorldConfig {
         self.torso.check()?;
         self.imu.check()?;
         self.cameras.check()?;
+        self.markers.check()?;
         self.pictures.check()?;
         self.obstacles.check()?;
         self.depth.check()?;
@@ -73,7 +77,7 @@ mod tests {
     #[test]
     fn settings_out_of_range_are_named() {
         type Spoil = fn(&mut WorldConfig);
-        let cases: [(&str, Spoil); 21] = [
+        let cases: [(&str, Spoil); 23] = [
             ("pictures.noise", |c| c.pictures.noise = -1.0),
             ("pictures.ball", |c| c.pictures.ball = [0.5, 1.5]),
             ("ball.mass", |c| c.ball.mass = 0.0),
@@ -100,6 +104,8 @@ mod tests {
                 c.obstacles.boxes = vec![shape; 17];
             }),
             ("release.jitter", |c| c.release.jitter = -1e-3),
+            ("markers.detection", |c| c.markers.detection = 2.0),
+            ("errors.imu_clock", |c| c.errors.imu_clock = f64::NAN),
             ("errors.arm_mount", |c| c.errors.arm_mount = -0.01),
         ];
         for (named, spoil) in cases {

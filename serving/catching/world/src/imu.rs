@@ -1,6 +1,6 @@
 //! The head's inertial unit: samples with noise, biases and errors of scale.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
@@ -8,6 +8,7 @@ use tactnet_catching_packets::packets::ImuSample;
 
 use crate::drives::TICK;
 use crate::error::{WorldError, not_negative};
+use crate::planted::PlantedErrors;
 use crate::robot::{Felt, SUBSTEPS};
 use crate::stream::Stream;
 
@@ -81,6 +82,10 @@ pub(crate) struct Imu {
     accelerometer: Axes,
     gyroscope: Axes,
     noise: ChaCha8Rng,
+    /// From its directions to those it is described with.
+    turn: Matrix3<f64>,
+    /// By how much its stamps are late, ns.
+    late_ns: u64,
     /// Samples a second.
     rate: f64,
     /// Samples so far.
@@ -90,7 +95,14 @@ pub(crate) struct Imu {
 }
 
 impl Imu {
-    pub(crate) fn new(config: &ImuConfig, rate: f64, seed: u64, felt: Felt) -> Self {
+    pub(crate) fn new(
+        config: &ImuConfig,
+        errors: &PlantedErrors,
+        rate: f64,
+        seed: u64,
+        felt: Felt,
+    ) -> Self {
+        let [_, late_ns] = errors.clocks(seed);
         let mut rng = Stream::ImuErrors.rng(seed, 0);
         Self {
             accelerometer: Axes::draw(
@@ -106,6 +118,8 @@ impl Imu {
                 &mut rng,
             ),
             noise: Stream::ImuNoise.rng(seed, 0),
+            turn: errors.imu_turn(seed),
+            late_ns,
             rate,
             count: 0,
             before: felt,
@@ -130,11 +144,12 @@ impl Imu {
             };
             let part = since - after as f64;
             let between = |a: &Vector3<f64>, b: &Vector3<f64>| a + (b - a) * part;
-            let force = between(&first.specific_force, &felt[after].specific_force);
-            let rate = between(&first.rate, &felt[after].rate);
+            let turned = |a: &Vector3<f64>, b: &Vector3<f64>| self.turn.tr_mul(&between(a, b));
+            let force = turned(&first.specific_force, &felt[after].specific_force);
+            let rate = turned(&first.rate, &felt[after].rate);
             ImuSample {
                 number: self.count,
-                sensor_ns,
+                sensor_ns: sensor_ns + self.late_ns,
                 acceleration: self.accelerometer.measure(&force, &mut self.noise),
                 rate: self.gyroscope.measure(&rate, &mut self.noise),
             }
@@ -169,7 +184,7 @@ mod tests {
         let middle = |tick: i32, substep: i32| {
             felt(f64::from(tick) * 1e-3 + (f64::from(substep) + 0.5) * 5e-4)
         };
-        let mut imu = Imu::new(&exact, 512.0, 1, middle(-1, 1));
+        let mut imu = Imu::new(&exact, &PlantedErrors::default(), 512.0, 1, middle(-1, 1));
         let samples: Vec<ImuSample> = (0..1000)
             .filter_map(|tick| {
                 imu.sample(
@@ -196,7 +211,7 @@ mod tests {
         let mut biases = 0.0;
         let runs = 300;
         for seed in 0..runs {
-            let mut imu = Imu::new(&config, 1000.0, seed, felt(0.0));
+            let mut imu = Imu::new(&config, &PlantedErrors::default(), 1000.0, seed, felt(0.0));
             let samples: Vec<f64> = (1..=400)
                 .filter_map(|tick| imu.sample(tick * 1_000_000, &[felt(0.0); SUBSTEPS]))
                 .map(|sample| sample.acceleration[0])

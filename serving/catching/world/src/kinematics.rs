@@ -235,6 +235,11 @@ impl Tree {
         velocities
     }
 
+    /// Returns from an arm's wrist to its catch frame, m.
+    pub(crate) fn wrist_to_catch(&self, arm: usize) -> f64 {
+        self.to_catch[arm]
+    }
+
     /// Returns the middle of an arm's catch frame, m; its rotation is that of the arm's last body.
     pub(crate) fn catch_position(&self, places: &[Place; BODIES], arm: usize) -> Vector3<f64> {
         let hand = &places[HAND[arm]];

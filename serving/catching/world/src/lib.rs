@@ -15,16 +15,18 @@
 //! | hands | close once, 10 ms after they begin to; let go 10 ms after they begin to open | 1 ms |
 //! | obstacles | boxes: which parts of the robot are in one, whether a ball flies into one | 1 ms |
 //! | depth camera | rays to boxes, floor and the robot itself, with noise and holes | when asked for |
+//! | markers | [`MarkersConfig`]: features of a calibration session, with noise, misses, outlying ones | when asked for |
 //! | pictures | [`Pictures`]: a room, people, balls, blur, distortion, noise, from the truth of a moment | when asked for |
 //!
 //! The drives prescribe the motion of their joints, whatever torque it takes; the reaction of arms, neck and platform goes into the
-//! torso's springs, and so shakes chest and head. Arms and neck are stiff.
+//! torso's springs, and so shakes chest and head. The neck is stiff; arms are, or sag under their
+//! weight ([`PlantedErrors::arm_compliance`]).
 //!
 //! Frames and joint numbers are those of [`tactnet_catching_packets`]. The numbers that the thesis does not give (springs, damping, noise,
 //! latency, spin) are settings; the defaults are ours, most from the digest of its chapter 3.
 //!
-//! Left out: self-collision, forces of contact, contact of ball with robot and fingers, boxes hiding the ball, arms hiding the ball, the delay from exposure to circles (the
-//! runner's), elasticity of arms and neck, torque limits.
+//! Left out: self-collision, forces of contact, contact of ball with robot and fingers, boxes and arms hiding the ball, the delay from
+//! exposure to circles (the runner's), elasticity of the neck, what motion adds to the sag of the arms, torque limits.
 
 mod ball;
 mod cameras;
@@ -38,6 +40,7 @@ mod hand;
 mod imu;
 mod judge;
 mod kinematics;
+mod markers;
 mod obstacles;
 mod pictures;
 mod planted;
@@ -61,6 +64,7 @@ pub use error::WorldError;
 pub use hand::{CLOSED_NS, CLOSING_NS};
 pub use imu::ImuConfig;
 pub use judge::{Crossing, MAX_ACROSS, MAX_ALONG_NS, MAX_ANGLE, Miss, NEAR, Verdict};
+pub use markers::MarkersConfig;
 pub use obstacles::{BoxConfig, ObstaclesConfig, StandingBox};
 pub use pictures::{Outline, Pictures, PicturesConfig};
 pub use planted::PlantedErrors;

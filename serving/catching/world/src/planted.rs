@@ -2,9 +2,12 @@
 
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, UnitSphere};
 use serde::{Deserialize, Serialize};
-use tactnet_catching_packets::ARMS;
+use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, joint};
+
+use crate::cameras::CAMERAS;
 
 use crate::error::{WorldError, not_negative};
 use crate::stream::Stream;
@@ -12,7 +15,8 @@ use crate::stream::Stream;
 /// Way of the platform after which its slip comes near its greatest, m; assumed.
 const SLIP_WAY: f64 = 0.15;
 
-/// Planted errors. Those of geometry have the given size and a direction drawn for the run.
+/// Planted errors. Those of geometry have the given size and a direction drawn for the run, or for the robot of [`PlantedErrors::robot`].
+/// "Up to" means drawn evenly, either way.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlantedErrors {
@@ -24,6 +28,35 @@ pub struct PlantedErrors {
     pub camera_mount: f64,
     /// Cameras turned by this, rad.
     pub camera_turn: f64,
+    /// Each camera moved by this on its own, m.
+    pub each_camera_mount: f64,
+    /// Each camera turned by this on its own, rad.
+    pub each_camera_turn: f64,
+    /// Focal length of each camera off by up to this, pixels.
+    pub focal: f64,
+    /// Middle of each picture off by up to this, each way, pixels.
+    pub centre: f64,
+    /// What is left of each lens's distortion, k1 up to this and k2 up to half of it, in the form of the description's `distortion`.
+    /// Circles and markers have it; drawn pictures have the description's lens.
+    pub distortion: f64,
+    /// Zeros of the arms' joints off by up to this, rad.
+    pub arm_offset: f64,
+    /// Compliance of the arms' joints, rad/Nm; each is drawn from half to one and a half times of it. Arms sag under their weight alone:
+    /// what motion adds to the torque bends nothing.
+    pub arm_compliance: f64,
+    /// Zeros of the neck's joints off by up to this, rad.
+    pub neck_offset: f64,
+    /// Markers this far from where they were to be glued, m.
+    pub marker: f64,
+    /// Inertial unit turned by this, rad.
+    pub imu_turn: f64,
+    /// Stamps of pictures late by up to this, s, never early.
+    pub camera_clock: f64,
+    /// Stamps of the inertial unit late by up to this, s, never early.
+    pub imu_clock: f64,
+    /// The robot whose errors these are: all runs with the same number have the same ones, whatever their seed. Slip of the wheels is
+    /// drawn for each run all the same.
+    pub robot: Option<u64>,
 }
 
 impl Default for PlantedErrors {
@@ -33,8 +66,45 @@ impl Default for PlantedErrors {
             arm_mount: 0.0,
             camera_mount: 0.0,
             camera_turn: 0.0,
+            each_camera_mount: 0.0,
+            each_camera_turn: 0.0,
+            focal: 0.0,
+            centre: 0.0,
+            distortion: 0.0,
+            arm_offset: 0.0,
+            arm_compliance: 0.0,
+            neck_offset: 0.0,
+            marker: 0.0,
+            imu_turn: 0.0,
+            camera_clock: 0.0,
+            imu_clock: 0.0,
+            robot: None,
         }
     }
+}
+
+/// A camera that is not as described.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct CameraErrors {
+    /// m, head's frame.
+    pub(crate) shift: Vector3<f64>,
+    /// From its directions to those of a camera mounted as described.
+    pub(crate) turn: Matrix3<f64>,
+    /// Pixels.
+    pub(crate) focal: f64,
+    /// Pixels.
+    pub(crate) centre: [f64; 2],
+    /// k1, k2.
+    pub(crate) distortion: [f64; 2],
+}
+
+/// Joints that are not where their sensors say: `q_link = q + offset + compliance * load`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct JointErrors {
+    /// rad.
+    pub(crate) offsets: [f64; JOINTS],
+    /// rad/Nm.
+    pub(crate) compliances: [f64; JOINTS],
 }
 
 impl PlantedErrors {
@@ -42,21 +112,64 @@ impl PlantedErrors {
         not_negative("errors.platform_slip", self.platform_slip)?;
         not_negative("errors.arm_mount", self.arm_mount)?;
         not_negative("errors.camera_mount", self.camera_mount)?;
-        not_negative("errors.camera_turn", self.camera_turn)
+        for (setting, value) in [
+            ("errors.camera_turn", self.camera_turn),
+            ("errors.each_camera_mount", self.each_camera_mount),
+            ("errors.each_camera_turn", self.each_camera_turn),
+            ("errors.focal", self.focal),
+            ("errors.centre", self.centre),
+            ("errors.distortion", self.distortion),
+            ("errors.arm_offset", self.arm_offset),
+            ("errors.arm_compliance", self.arm_compliance),
+            ("errors.neck_offset", self.neck_offset),
+            ("errors.marker", self.marker),
+            ("errors.imu_turn", self.imu_turn),
+            ("errors.camera_clock", self.camera_clock),
+            ("errors.imu_clock", self.imu_clock),
+        ] {
+            not_negative(setting, value)?;
+        }
+        Ok(())
+    }
+
+    /// Returns the errors of a robot that was put together and never calibrated: its hands are up to about 60 mm from where they are
+    /// thought to be, seen from a camera (Agile Justin: 61 mm, arXiv 2311.08338).
+    ///
+    /// - `robot`: which one
+    pub fn uncalibrated(robot: u64) -> Self {
+        Self {
+            arm_mount: 0.005,
+            camera_mount: 0.004,
+            camera_turn: 0.012,
+            each_camera_mount: 0.001,
+            each_camera_turn: 0.004,
+            focal: 8.0,
+            centre: 6.0,
+            distortion: 0.01,
+            arm_offset: 0.017,
+            arm_compliance: 1e-4,
+            neck_offset: 0.012,
+            marker: 0.01,
+            imu_turn: 0.02,
+            camera_clock: 0.006,
+            imu_clock: 0.004,
+            robot: Some(robot),
+            ..Self::default()
+        }
     }
 
     /// Draws where the arms are mounted wrongly, m, chest's frame.
     pub(crate) fn arm_mounts(&self, seed: u64) -> [Vector3<f64>; ARMS] {
         std::array::from_fn(|arm| {
             let direction: [f64; 3] =
-                UnitSphere.sample(&mut Stream::ArmMount.rng(seed, arm as u64));
+                UnitSphere.sample(&mut Stream::ArmMount.rng(self.of(seed), arm as u64));
             Vector3::from(direction) * self.arm_mount
         })
     }
 
     /// Draws how the cameras are mounted wrongly: moved, m, and turned, in the head's frame.
     pub(crate) fn camera_mount(&self, seed: u64) -> (Vector3<f64>, Matrix3<f64>) {
-        let mut rng = Stream::CameraMount.rng(seed, 0);
+        let mut rng = Stream::CameraMount.rng(self.of(seed), 0);
         let direction: [f64; 3] = UnitSphere.sample(&mut rng);
         let axis: [f64; 3] = UnitSphere.sample(&mut rng);
         let axis = Unit::new_normalize(Vector3::from(axis));
@@ -64,6 +177,70 @@ impl PlantedErrors {
             Vector3::from(direction) * self.camera_mount,
             Rotation3::from_axis_angle(&axis, self.camera_turn).into_inner(),
         )
+    }
+
+    /// Draws how each camera is wrong, beyond what both share.
+    pub(crate) fn each_camera(&self, seed: u64) -> [CameraErrors; CAMERAS] {
+        std::array::from_fn(|camera| {
+            let mut rng = Stream::EachCamera.rng(self.of(seed), camera as u64);
+            let shift = direction(&mut rng) * self.each_camera_mount;
+            let turn = turned(self.each_camera_turn, &mut rng);
+            CameraErrors {
+                shift,
+                turn,
+                focal: up_to(self.focal, &mut rng),
+                centre: std::array::from_fn(|_| up_to(self.centre, &mut rng)),
+                distortion: [1.0, 0.5].map(|part| up_to(part * self.distortion, &mut rng)),
+            }
+        })
+    }
+
+    /// Draws how joints are wrong; `None` if none is.
+    pub(crate) fn joints(&self, seed: u64) -> Option<JointErrors> {
+        if [self.arm_offset, self.arm_compliance, self.neck_offset] == [0.0; 3] {
+            return None;
+        }
+        let mut errors = JointErrors {
+            offsets: [0.0; JOINTS],
+            compliances: [0.0; JOINTS],
+        };
+        for (arm, own) in joint::ARM.iter().enumerate() {
+            let mut rng = Stream::ArmJoints.rng(self.of(seed), arm as u64);
+            for i in 0..ARM_JOINTS {
+                errors.offsets[own.start + i] = up_to(self.arm_offset, &mut rng);
+                errors.compliances[own.start + i] =
+                    self.arm_compliance * (0.5 + rng.random::<f64>());
+            }
+        }
+        let mut rng = Stream::NeckJoints.rng(self.of(seed), 0);
+        for offset in &mut errors.offsets[joint::NECK] {
+            *offset = up_to(self.neck_offset, &mut rng);
+        }
+        Some(errors)
+    }
+
+    /// Draws by how much markers are away from their places, m, frame of the arm's last link.
+    pub(crate) fn markers(&self, seed: u64) -> [Vector3<f64>; ARMS] {
+        std::array::from_fn(|arm| {
+            direction(&mut Stream::MarkerPlace.rng(self.of(seed), arm as u64)) * self.marker
+        })
+    }
+
+    /// Draws how the inertial unit is turned: from its directions to the head's.
+    pub(crate) fn imu_turn(&self, seed: u64) -> Matrix3<f64> {
+        turned(self.imu_turn, &mut Stream::ImuTurn.rng(self.of(seed), 0))
+    }
+
+    /// Draws by how much stamps are late, ns: of pictures, of the inertial unit.
+    pub(crate) fn clocks(&self, seed: u64) -> [u64; 2] {
+        let mut rng = Stream::Clocks.rng(self.of(seed), 0);
+        [self.camera_clock, self.imu_clock]
+            .map(|most| (rng.random::<f64>() * most * 1e9).round() as u64)
+    }
+
+    /// The seed that geometry is drawn from.
+    fn of(&self, seed: u64) -> u64 {
+        self.robot.unwrap_or(seed)
     }
 
     /// Draws the platform's slip; it starts at `start`, m.
@@ -74,6 +251,20 @@ impl PlantedErrors {
             most: self.platform_slip * part,
         }
     }
+}
+
+fn up_to(most: f64, rng: &mut ChaCha8Rng) -> f64 {
+    most * (2.0 * rng.random::<f64>() - 1.0)
+}
+
+fn direction(rng: &mut ChaCha8Rng) -> Vector3<f64> {
+    let direction: [f64; 3] = UnitSphere.sample(rng);
+    direction.into()
+}
+
+fn turned(angle: f64, rng: &mut ChaCha8Rng) -> Matrix3<f64> {
+    let axis = Unit::new_normalize(direction(rng));
+    Rotation3::from_axis_angle(&axis, angle).into_inner()
 }
 
 /// Position, velocity and acceleration of a joint.
@@ -113,6 +304,47 @@ impl Slip {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn errors_of_a_robot_do_not_depend_on_the_run_and_those_of_a_run_do() {
+        let errors = PlantedErrors::uncalibrated(3);
+        assert_eq!(errors.check(), Ok(()));
+        assert_eq!(errors.arm_mounts(1), errors.arm_mounts(2));
+        assert_eq!(errors.joints(1), errors.joints(2));
+        assert_eq!(errors.each_camera(1), errors.each_camera(2));
+        let other = PlantedErrors::uncalibrated(4);
+        assert_ne!(errors.joints(1), other.joints(1));
+        let of_the_run = PlantedErrors {
+            robot: None,
+            ..errors
+        };
+        assert_ne!(of_the_run.joints(1), of_the_run.joints(2));
+        assert_eq!(PlantedErrors::default().joints(1), None);
+    }
+
+    #[test]
+    fn errors_stay_within_their_sizes() {
+        for robot in 0..50 {
+            let errors = PlantedErrors::uncalibrated(robot);
+            let joints = errors.joints(0).unwrap();
+            for own in joint::ARM {
+                assert!(
+                    joints.offsets[own.clone()]
+                        .iter()
+                        .all(|x| x.abs() <= errors.arm_offset)
+                );
+                assert!(joints.compliances[own].iter().all(|x| {
+                    (0.5 * errors.arm_compliance..=1.5 * errors.arm_compliance).contains(x)
+                }));
+            }
+            for camera in errors.each_camera(0) {
+                assert!((camera.shift.norm() - errors.each_camera_mount).abs() < 1e-12);
+                assert!(camera.focal.abs() <= errors.focal);
+            }
+            let [camera, imu] = errors.clocks(0);
+            assert!(camera <= 6_000_000 && imu <= 4_000_000);
+        }
+    }
 
     #[test]
     fn slip_grows_with_the_way_up_to_its_greatest() {

@@ -9,10 +9,12 @@ use crate::config::WorldConfig;
 use crate::drives::{Drives, TICK};
 use crate::dynamics::Acceleration;
 use crate::error::WorldError;
-use crate::kinematics::{BODIES, CHEST, HAND, HEAD, Place, Tree, without_passive};
-use crate::planted::{Moving, Slip};
+use crate::kinematics::{BODIES, CHEST, HAND, HEAD, Place, Tree, with_passive, without_passive};
+use crate::planted::{JointErrors, Moving, Slip};
 use crate::torso::{Prescribed, Torso, deflected};
 
+/// Steps in which arms find their sag at the start; each is a thousandth of the one before.
+const SETTLING: usize = 8;
 /// Substeps of a tick.
 pub(crate) const SUBSTEPS: usize = 2;
 
@@ -46,6 +48,33 @@ pub(crate) struct Frames {
     pub(crate) hands: [FrameMotion; ARMS],
 }
 
+/// Joints with offsets and elasticity: `q_link = q + offset + sag`, `sag = compliance * load`. Arms sag under their weight, as if they moved
+/// slowly; the sag is of the tick before.
+#[derive(Debug, Clone)]
+struct Links {
+    errors: JointErrors,
+    /// rad.
+    sag: [f64; JOINTS],
+}
+
+impl Links {
+    fn of(&self, q: &[f64; JOINTS]) -> [f64; JOINTS] {
+        std::array::from_fn(|i| q[i] + self.errors.offsets[i] + self.sag[i])
+    }
+
+    /// Lets arms sag under their weight with sensors at `q`.
+    fn sag(&mut self, tree: &Tree, q: &[f64; JOINTS]) {
+        if self.errors.compliances == [0.0; JOINTS] {
+            return;
+        }
+        // The chest stays upright, so that the torso's springs do not matter.
+        let places = tree.places(&with_passive(&self.of(q)));
+        let weight = tree.inverse_dynamics(&places, &[0.0; BODIES], &[0.0; BODIES], GRAVITY);
+        let carried = without_passive(&weight.torques);
+        self.sag = std::array::from_fn(|i| -self.errors.compliances[i] * carried[i]);
+    }
+}
+
 /// All of the robot but its hands.
 #[derive(Debug, Clone)]
 pub(crate) struct Robot {
@@ -53,6 +82,8 @@ pub(crate) struct Robot {
     pub(crate) drives: Drives,
     torso: Torso,
     slip: Slip,
+    /// Where links stand off their sensors.
+    links: Option<Links>,
     /// Of the inertial unit, m, head's frame.
     imu: Vector3<f64>,
     /// Torques and forces that the links carry.
@@ -85,8 +116,18 @@ impl Robot {
             }
         }
         let tree = Tree::new(description, &config.errors.arm_mounts(seed));
-        let torso = Torso::new(&tree, &config.torso, GRAVITY, start)?;
-        let still = deflected(start, &torso.e);
+        let mut links = config.errors.joints(seed).map(|errors| Links {
+            errors,
+            sag: [0.0; JOINTS],
+        });
+        if let Some(links) = &mut links {
+            for _ in 0..SETTLING {
+                links.sag(&tree, start);
+            }
+        }
+        let placed = links.as_ref().map_or(*start, |links| links.of(start));
+        let torso = Torso::new(&tree, &config.torso, GRAVITY, &placed)?;
+        let still = deflected(&placed, &torso.e);
         let places = tree.places(&still);
         let weight = tree.inverse_dynamics(&places, &[0.0; BODIES], &[0.0; BODIES], GRAVITY);
         let frames = frames(&tree, &places, &[0.0; BODIES]);
@@ -96,6 +137,7 @@ impl Robot {
         };
         Ok(Self {
             slip: config.errors.slip(seed, start[joint::PLATFORM]),
+            links,
             drives: Drives::new(limits, &config.drives, *start),
             imu: description.imu.position.into(),
             torques: without_passive(&weight.torques),
@@ -110,6 +152,9 @@ impl Robot {
     /// Moves on by a tick.
     pub(crate) fn advance(&mut self, command: &JointCommand) {
         self.drives.receive(command);
+        if let Some(links) = &mut self.links {
+            links.sag(&self.tree, &self.drives.q);
+        }
         let h = TICK / SUBSTEPS as f64;
         for substep in 0..SUBSTEPS {
             let (q, dq) = (self.drives.q, self.drives.dq);
@@ -144,6 +189,19 @@ impl Robot {
         self.slip.at(self.drives.q[joint::PLATFORM])
     }
 
+    /// Returns the frames of the arms' last links, whose origins are the wrists.
+    pub(crate) fn wrists(&self) -> [FrameMotion; ARMS] {
+        std::array::from_fn(|arm| {
+            let hand = &self.frames.hands[arm];
+            let back = hand.rotation.column(2) * -self.tree.wrist_to_catch(arm);
+            FrameMotion {
+                position: hand.position + back,
+                velocity: hand.velocity + hand.rate.cross(&back),
+                ..*hand
+            }
+        })
+    }
+
     fn feel(&self, head: &Place, acceleration: &Acceleration) -> Felt {
         let arm = head.rotation * self.imu;
         let there = acceleration.specific_force
@@ -161,6 +219,9 @@ impl Robot {
             dq: motion.dq[joint::PLATFORM],
             ddq: motion.ddq[joint::PLATFORM],
         });
+        if let Some(links) = &self.links {
+            motion.q = links.of(&motion.q);
+        }
         motion.q[joint::PLATFORM] = platform.q;
         motion.dq[joint::PLATFORM] = platform.dq;
         motion.ddq[joint::PLATFORM] = platform.ddq;
@@ -267,6 +328,44 @@ mod tests {
             yaw.to_degrees()
         );
         assert!((5e-4..0.05).contains(&head), "{head}");
+    }
+
+    /// Commands say where sensors are to be, and sensors say that they are there.
+    #[test]
+    fn links_stand_off_their_sensors_by_offset_and_sag() {
+        let config = WorldConfig {
+            errors: crate::PlantedErrors {
+                arm_offset: 0.02,
+                arm_compliance: 1e-4,
+                neck_offset: 0.01,
+                ..crate::PlantedErrors::default()
+            },
+            ..WorldConfig::default()
+        };
+        let mut robot = robot(&config);
+        let links = robot.links.clone().unwrap();
+        let before = robot.frames;
+        for _ in 0..200 {
+            robot.advance(&command(ready(), [0.0; JOINTS]));
+        }
+        assert_eq!(robot.drives.q, ready());
+        assert!((robot.frames.hands[0].position - before.hands[0].position).norm() < 1e-9);
+        for own in joint::ARM {
+            for i in own {
+                // What the joint carries pulls it down.
+                let expected = -links.errors.compliances[i] * robot.torques[i];
+                assert!((robot.links.as_ref().unwrap().sag[i] - expected).abs() < 1e-9);
+            }
+        }
+        // The shoulders carry some 30 Nm.
+        let most = links
+            .sag
+            .iter()
+            .fold(0.0f64, |most, sag| most.max(sag.abs()));
+        assert!((1e-3..2e-2).contains(&most), "{most}");
+        let aside = before.hands[0].position
+            - self::robot(&WorldConfig::default()).frames.hands[0].position;
+        assert!((0.002..0.1).contains(&aside.norm()), "{}", aside.norm());
     }
 
     #[test]

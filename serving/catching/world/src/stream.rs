@@ -42,6 +42,20 @@ pub(crate) enum Stream {
     Depth = 17,
     /// When a hand lets go; index: the release.
     Release = 18,
+    /// What is wrong with a camera on its own; index: the camera.
+    EachCamera = 19,
+    /// Offsets and compliances of an arm's joints; index: the arm.
+    ArmJoints = 20,
+    /// Offsets of the neck's joints.
+    NeckJoints = 21,
+    /// Where markers are glued; index: the arm.
+    MarkerPlace = 22,
+    /// How the inertial unit is turned.
+    ImuTurn = 23,
+    /// By how much stamps are late.
+    Clocks = 24,
+    /// Noise and chance of a marker in a picture; index: [`picture`] with the arm.
+    Marker = 25,
 }
 
 impl Stream {

@@ -1,5 +1,6 @@
 //! The world: everything put together, tick by tick.
 
+use nalgebra::{Matrix3, Vector3};
 use tactnet_catching_packets::packets::{
     Circles, HandCommand, ImuSample, JointCommand, JointState, MAX_BALLS,
 };
@@ -127,6 +128,8 @@ pub struct World {
     boxes: Vec<StandingBox>,
     rearrangements: u64,
     contacts: Contacts,
+    /// From where markers were to be to where they are, m, frames of the arms' last links.
+    markers: [Vector3<f64>; ARMS],
     thrown: Vec<Thrown>,
     verdicts: Vec<Verdict>,
     /// Balls in hands.
@@ -181,7 +184,14 @@ impl World {
         });
         Ok(Self {
             hands: std::array::from_fn(Hand::new),
-            imu: Imu::new(&config.imu, description.imu.rate, seed, robot.felt[0]),
+            imu: Imu::new(
+                &config.imu,
+                &config.errors,
+                description.imu.rate,
+                seed,
+                robot.felt[0],
+            ),
+            markers: config.errors.markers(seed),
             cameras: Cameras::new(&config.cameras, &config.errors, &description.cameras, seed),
             config: config.clone(),
             seed,
@@ -431,6 +441,27 @@ impl World {
         self.config
             .depth
             .take(self.seed, number, head, &self.boxes, &own)
+    }
+
+    /// Returns where detectors find the markers in the last pictures, pixels: of the left and the right wrist, in the left and the right
+    /// picture. To be asked in the tick of the pictures, when [`Sensed::circles`] says that there are some.
+    pub fn marker_features(&self) -> [[Option<[f64; 2]>; CAMERAS]; ARMS] {
+        self.config.markers.find(
+            &self.cameras,
+            &self.robot.frames.head,
+            &self.robot.wrists(),
+            &self.markers,
+            self.seed,
+        )
+    }
+
+    /// Returns where the cameras are, inertial frame: middle of the lens, m, and from its directions (x along the optical axis).
+    pub fn true_cameras(&self) -> [(Vector3<f64>, Matrix3<f64>); CAMERAS] {
+        let head = &self.robot.frames.head;
+        std::array::from_fn(|camera| {
+            let (eye, turn) = self.cameras.mount(camera);
+            (head.position + head.rotation * eye, head.rotation * turn)
+        })
     }
 
     /// Returns the time, ns.

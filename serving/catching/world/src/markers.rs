@@ -1,0 +1,156 @@
+//! Markers at the wrists, which calibration looks at: where detectors find them in both pictures.
+//!
+//! A marker is a small ball on a stalk, so that it is seen from every side; what hides it is not simulated.
+
+use nalgebra::Vector3;
+use rand::RngExt;
+use rand_distr::{Distribution, StandardNormal};
+use serde::{Deserialize, Serialize};
+use tactnet_catching_packets::ARMS;
+
+use crate::cameras::{CAMERAS, Cameras};
+use crate::error::{WorldError, not_negative, probability};
+use crate::robot::FrameMotion;
+use crate::stream::{Stream, picture};
+
+/// Where markers were to be glued, and what detectors make of them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MarkersConfig {
+    /// Left and right, m, in the frame of the arm's last link, whose origin is the wrist; `errors.marker` moves them.
+    pub places: [[f64; 3]; ARMS],
+    /// Standard deviation of a feature, each way, pixels.
+    pub noise: f64,
+    /// Probability that a marker in a picture is found, each camera on its own.
+    pub detection: f64,
+    /// Probability that what is found is something else.
+    pub outlying: f64,
+    /// How far that may be away, each way, pixels.
+    pub away: f64,
+}
+
+impl Default for MarkersConfig {
+    fn default() -> Self {
+        Self {
+            places: [[0.05, 0.04, 0.06], [0.05, -0.04, 0.06]],
+            noise: 0.25,
+            detection: 0.97,
+            outlying: 0.03,
+            away: 60.0,
+        }
+    }
+}
+
+impl MarkersConfig {
+    pub(crate) fn check(&self) -> Result<(), WorldError> {
+        for x in self.places.as_flattened() {
+            not_negative("markers.places", x.abs())?;
+        }
+        not_negative("markers.noise", self.noise)?;
+        probability("markers.detection", self.detection)?;
+        probability("markers.outlying", self.outlying)?;
+        not_negative("markers.away", self.away)
+    }
+
+    /// Returns what is found in the last pictures, pixels: of the left and the right marker, in the left and the right picture.
+    ///
+    /// - `wrists`: frames of the arms' last links
+    /// - `moved`: from where markers were to be to where they are, m
+    pub(crate) fn find(
+        &self,
+        cameras: &Cameras,
+        head: &FrameMotion,
+        wrists: &[FrameMotion; ARMS],
+        moved: &[Vector3<f64>; ARMS],
+        seed: u64,
+    ) -> [[Option<[f64; 2]>; CAMERAS]; ARMS] {
+        std::array::from_fn(|arm| {
+            let wrist = &wrists[arm];
+            let place = Vector3::from(self.places[arm]) + moved[arm];
+            let point = wrist.position + wrist.rotation * place;
+            std::array::from_fn(|camera| {
+                let index = picture(cameras.last_frame(), camera, arm as u64);
+                let mut rng = Stream::Marker.rng(seed, index);
+                let [found, outlying] = [rng.random::<f64>(), rng.random::<f64>()];
+                let away: [f64; 2] =
+                    std::array::from_fn(|_| self.away * (2.0 * rng.random::<f64>() - 1.0));
+                let noise: [f64; 2] = std::array::from_fn(|_| {
+                    let noise: f64 = StandardNormal.sample(&mut rng);
+                    noise * self.noise
+                });
+                let pixel = cameras.project(camera, head, &point)?;
+                let aside = if outlying < self.outlying {
+                    away
+                } else {
+                    noise
+                };
+                (found < self.detection).then(|| [pixel[0] + aside[0], pixel[1] + aside[1]])
+            })
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Matrix3;
+    use tactnet_catching_packets::RobotDescription;
+
+    use super::*;
+    use crate::cameras::CamerasConfig;
+    use crate::planted::PlantedErrors;
+
+    fn frame(position: Vector3<f64>) -> FrameMotion {
+        FrameMotion {
+            position,
+            rotation: Matrix3::identity(),
+            velocity: Vector3::zeros(),
+            rate: Vector3::zeros(),
+        }
+    }
+
+    /// 2000 markers straight ahead, 0.8 m before the middle between the cameras.
+    #[test]
+    fn features_have_the_given_noise_and_shares() {
+        let config = MarkersConfig {
+            places: [[0.0; 3]; ARMS],
+            ..MarkersConfig::default()
+        };
+        let optics = RobotDescription::nominal().cameras;
+        let head = frame(Vector3::zeros());
+        let wrist = frame(Vector3::from(optics.centre) + Vector3::new(0.8, 0.0, 0.0));
+        let (mut found, mut outlying, mut squares) = (0.0, 0.0, 0.0);
+        let runs = 1000u64;
+        for seed in 0..runs {
+            let cameras = Cameras::new(
+                &CamerasConfig::default(),
+                &PlantedErrors::default(),
+                &optics,
+                seed,
+            );
+            let [left, _] = config.find(
+                &cameras,
+                &head,
+                &[wrist; ARMS],
+                &[Vector3::zeros(); ARMS],
+                seed,
+            );
+            // Half the baseline at 0.8 m, to the right in the left picture.
+            let expected = [800.0 + 1386.0 * 0.1 / 0.8, 800.0 - 1386.0 * 0.1 / 0.8];
+            for (pixel, expected) in left.iter().zip(expected) {
+                let Some([u, v]) = pixel else { continue };
+                found += 1.0;
+                if (u - expected).abs() < 1.5 && (v - 625.0).abs() < 1.5 {
+                    squares += (u - expected).powi(2);
+                } else {
+                    outlying += 1.0;
+                }
+            }
+        }
+        let of = 2.0 * runs as f64;
+        // Five standard deviations each; outlying ones fall next to the marker once in 1600.
+        assert!((found / of - 0.97f64).abs() < 0.02, "{}", found / of);
+        assert!((outlying / found - 0.03f64).abs() < 0.02, "{outlying}");
+        let noise = f64::sqrt(squares / (found - outlying));
+        assert!((noise / 0.25 - 1.0).abs() < 0.09, "{noise}");
+    }
+}
