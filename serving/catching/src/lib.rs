@@ -9,6 +9,7 @@
 // Formulas of joints and states index several arrays at once.
 #![allow(clippy::needless_range_loop)]
 
+pub mod calibrate;
 pub mod circles;
 pub mod control;
 pub mod coordinate;
@@ -22,4 +23,6 @@ pub mod safety;
 pub mod throw;
 pub mod track;
 
-pub use robot::{ArmKinematics, ElbowCircle, HandPose, Robot, angle_between, rotation_towards};
+pub use robot::{
+    ArmKinematics, ElbowCircle, HandPose, LinkFrame, Robot, angle_between, rotation_towards,
+};

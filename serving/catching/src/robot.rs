@@ -167,6 +167,17 @@ impl Robot {
     }
 }
 
+/// The frame of an arm's link, in the chest's frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LinkFrame {
+    /// On the axis of the joint that moves it, m.
+    pub origin: Vector3<f64>,
+    /// From it to the chest's frame.
+    pub rotation: Matrix3<f64>,
+    /// That axis.
+    pub axis: Vector3<f64>,
+}
+
 /// An arm with spherical shoulder and wrist: axes z -y z y z -y z.
 #[derive(Debug, Clone)]
 pub struct ArmKinematics {
@@ -267,6 +278,42 @@ impl ArmKinematics {
             rotation: frames.rotation,
         };
         (pose, jacobian)
+    }
+
+    /// Returns the frames of the links behind the joints, in the chest's frame; the last one's origin is the wrist.
+    pub fn links(&self, q: &[f64; ARM_JOINTS]) -> [LinkFrame; ARM_JOINTS] {
+        let mut rotation = self.base_rotation;
+        let mut origin = self.shoulder;
+        std::array::from_fn(|i| {
+            match i {
+                3 => origin += rotation.column(2) * self.upper,
+                5 => origin += rotation.column(2) * self.fore,
+                _ => {}
+            }
+            let (sin, cos) = q[i].sin_cos();
+            let axis = match i {
+                1 | 5 => {
+                    let axis = -rotation.column(1);
+                    turn_y(&mut rotation, -sin, cos);
+                    axis
+                }
+                3 => {
+                    let axis = rotation.column(1).into_owned();
+                    turn_y(&mut rotation, sin, cos);
+                    axis
+                }
+                _ => {
+                    let axis = rotation.column(2).into_owned();
+                    turn_z(&mut rotation, sin, cos);
+                    axis
+                }
+            };
+            LinkFrame {
+                origin,
+                rotation,
+                axis,
+            }
+        })
     }
 
     fn frames(&self, q: &[f64; ARM_JOINTS]) -> Frames {

@@ -25,7 +25,7 @@ mod tracker;
 mod triangular;
 mod ukf;
 
-pub use camera::{Camera, View};
+pub use camera::{CAMERAS, Camera, View};
 pub use config::{CLUTTER_OF_PICTURES, ThrowPrior, TrackConfig, TrackError};
 pub use head::Head;
 pub use tracker::BallTracker;

@@ -108,6 +108,9 @@ pub struct Cameras {
     /// `s = a^2 + b^2`.
     #[serde(default)]
     pub distortion: [f64; 2],
+    /// From where `centre` and `baseline` put the left and the right camera to where they are, m, head's frame.
+    #[serde(default)]
+    pub shifts: [[f64; 3]; 2],
 }
 
 /// The head's inertial unit, its axes parallel to the head's.
@@ -265,6 +268,9 @@ impl Cameras {
         for x in self.centre {
             finite("cameras.centre", x)?;
         }
+        for x in self.shifts.as_flattened() {
+            finite("cameras.shifts", *x)?;
+        }
         for (name, value) in [
             ("cameras.baseline", self.baseline),
             ("cameras.width", f64::from(self.width)),
@@ -374,6 +380,11 @@ mod tests {
                 "distortion = [-0.08,",
                 "distortion = [nan,",
                 "`cameras.distortion`",
+            ),
+            (
+                "rate = 25.0",
+                "rate = 25.0\nshifts = [[0.0, 0.0, nan], [0.0, 0.0, 0.0]]",
+                "`cameras.shifts`",
             ),
             ("height = 0.25", "hight = 0.25", "hight"),
         ];

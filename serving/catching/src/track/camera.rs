@@ -12,7 +12,7 @@ use super::head::Head;
 use crate::flight::BALL_RADIUS;
 
 /// Cameras of the head: left, right.
-pub(crate) const CAMERAS: usize = 2;
+pub const CAMERAS: usize = 2;
 
 /// A camera in the head, which looks along the head's x axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,8 +29,10 @@ impl Camera {
     /// Returns the left and the right one.
     pub fn pair(cameras: &Cameras) -> [Self; CAMERAS] {
         let centre = Vector3::from(cameras.centre);
-        [0.5, -0.5].map(|side| Self {
-            offset: centre + Vector3::y() * (side * cameras.baseline),
+        std::array::from_fn(|camera| Self {
+            offset: centre
+                + Vector3::y() * ([0.5, -0.5][camera] * cameras.baseline)
+                + Vector3::from(cameras.shifts[camera]),
             focal: cameras.focal,
             size: [f64::from(cameras.width), f64::from(cameras.height)],
         })

@@ -112,7 +112,10 @@ impl Cameras {
         let mounts = std::array::from_fn(|camera| {
             let side = optics.baseline * (0.5 - camera as f64);
             Mount {
-                eye: centre + turn * Vector3::new(0.0, side, 0.0) + errors[camera].shift,
+                eye: centre
+                    + turn * Vector3::new(0.0, side, 0.0)
+                    + Vector3::from(optics.shifts[camera])
+                    + errors[camera].shift,
                 turn: turn * errors[camera].turn,
             }
         });

@@ -1,0 +1,331 @@
+//! Which configurations tell most: greedy D-optimal choice.
+//!
+//! What is known is the matrix `M = I + sum J^T J` of the normal equations, in standard deviations of the priors. A configuration with rows `J`
+//! adds `log det(I + J M^-1 J^T)` to `log det M`; the one that adds most is taken, again and again. What one adds never grows when others
+//! are taken, so values from before are upper bounds, and few have to be computed anew.
+
+use nalgebra::{DMatrix, Point3, Vector3};
+use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, joint};
+
+use super::error::CalibrationError;
+use super::gravity::loads;
+use super::model::Model;
+use super::problem::CalibrationConfig;
+use super::session::{NeckMotion, Picture};
+use super::unknowns::{UNKNOWNS, Unknowns, at};
+use crate::robot::Robot;
+use crate::safety::{Bodies, PAIRS, distance};
+use crate::track::CAMERAS;
+
+/// Part of the arms' ranges that is used.
+const OF_RANGE: f64 = 0.9;
+/// Nearest that a marker may come to the head's axes, and the farthest, m.
+const AWAY: [f64; 2] = [0.35, 1.2];
+/// Room that the neck keeps to the ends of its ranges, for the sweep and wrong offsets, rad.
+const ROOM: [f64; 2] = [0.32, 0.24];
+/// Least distance of bodies on the way, m: more than the errors of a robot that was not calibrated.
+const CLEAR: f64 = 0.04;
+/// Places on the way from the waiting pose that are looked at.
+const PLACES: usize = 12;
+/// Parts of a picture's width and height at its edges in which markers are not relied upon.
+const EDGE: f64 = 0.02;
+
+/// A configuration of an arm, and where the head looks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Candidate {
+    /// 0 left, 1 right.
+    pub arm: usize,
+    /// Of the arm, rad.
+    pub q: [f64; ARM_JOINTS],
+    /// Pan and tilt towards the marker, rad.
+    pub gaze: [f64; 2],
+}
+
+/// Configurations that were chosen.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Chosen {
+    /// Their numbers among the candidates, as they were taken.
+    pub numbers: Vec<usize>,
+    /// `log det M` with them.
+    pub log_det: f64,
+}
+
+/// Draws a configuration in which the marker is before the cameras and the way from the waiting pose is free; `None` if this draw is none.
+///
+/// - `uniform`: numbers evenly from 0 to 1
+pub fn draw_candidate(
+    model: &Model,
+    bodies: &Bodies,
+    guess: &Unknowns,
+    arm: usize,
+    mut uniform: impl FnMut() -> f64,
+) -> Option<Candidate> {
+    let robot = model.robot();
+    let own = robot.arm(arm);
+    let q: [f64; ARM_JOINTS] = std::array::from_fn(|i| {
+        let [low, high] = own.joints()[i].range;
+        (low + high) / 2.0 + (uniform() - 0.5) * OF_RANGE * (high - low)
+    });
+    let last = own.links(&q)[ARM_JOINTS - 1];
+    let marker: Vector3<f64> = guess.fixed_rows::<3>(at::marker(arm)).into_owned();
+    let point = last.origin + last.rotation * marker;
+    let gaze = robot.look_at(&point);
+    for (i, joint) in robot.joints()[joint::NECK].iter().enumerate() {
+        let [low, high] = joint.range;
+        if !(low + ROOM[i]..=high - ROOM[i]).contains(&gaze[i]) {
+            return None;
+        }
+    }
+    let mut neck = [0.0; JOINTS];
+    neck[joint::NECK].copy_from_slice(&gaze);
+    let away = (robot.head(&neck).inverse() * Point3::from(point)).x;
+    let candidate = Candidate { arm, q, gaze };
+    let seen = (AWAY[0]..=AWAY[1]).contains(&away)
+        && (0..CAMERAS).all(|camera| {
+            let picture = candidate.picture(robot, NeckMotion::standing(gaze));
+            in_picture(model, guess, &picture, camera)
+        });
+    (seen && is_free(robot, bodies, &candidate)).then_some(candidate)
+}
+
+impl Candidate {
+    fn picture(&self, robot: &Robot, neck: NeckMotion) -> Picture {
+        Picture {
+            configuration: 0,
+            arm: self.arm,
+            features: [None; CAMERAS],
+            q: self.q,
+            loads: loads(robot, self.arm, &self.q),
+            neck,
+        }
+    }
+}
+
+fn in_picture(model: &Model, x: &Unknowns, picture: &Picture, camera: usize) -> bool {
+    let cameras = &model.robot().description().cameras;
+    let size = [f64::from(cameras.width), f64::from(cameras.height)];
+    model.feature(x, picture, camera).is_some_and(|pixel| {
+        (0..2).all(|i| (EDGE * size[i]..(1.0 - EDGE) * size[i]).contains(&pixel[i]))
+    })
+}
+
+/// Returns true if no bodies come near each other on the straight way from the waiting pose.
+fn is_free(robot: &Robot, bodies: &Bodies, candidate: &Candidate) -> bool {
+    let waiting = robot.waiting();
+    let own = joint::ARM[candidate.arm].start;
+    (1..=PLACES).rev().all(|place| {
+        let part = place as f64 / PLACES as f64;
+        let mut q = waiting;
+        for (i, end) in candidate.q.iter().enumerate() {
+            q[own + i] += part * (end - waiting[own + i]);
+        }
+        (0..PAIRS).all(|pair| {
+            let [a, b] = bodies.placed(pair, &q);
+            distance(&a, &b) > CLEAR
+        })
+    })
+}
+
+/// Takes `of_each_arm` configurations of each arm from candidates.
+///
+/// - `views`: how the neck moves away from a gaze while pictures are taken
+///
+/// # Errors
+/// Where a setting makes no sense, and where there are fewer candidates of an arm.
+pub fn choose(
+    model: &Model,
+    config: &CalibrationConfig,
+    candidates: &[Candidate],
+    views: &[NeckMotion],
+    of_each_arm: usize,
+) -> Result<Chosen, CalibrationError> {
+    for arm in 0..ARMS {
+        let found = candidates.iter().filter(|c| c.arm == arm).count();
+        if found < of_each_arm {
+            return Err(CalibrationError::TooFew {
+                arm,
+                expected: of_each_arm,
+                found,
+            });
+        }
+    }
+    let rows: Vec<DMatrix<f64>> = candidates
+        .iter()
+        .map(|candidate| rows(model, config, candidate, views))
+        .collect::<Result<_, _>>()?;
+    let mut known = DMatrix::<f64>::identity(UNKNOWNS, UNKNOWNS);
+    let mut bounds = vec![f64::INFINITY; candidates.len()];
+    let mut left = [of_each_arm; ARMS];
+    let mut chosen = Chosen {
+        numbers: Vec::with_capacity(ARMS * of_each_arm),
+        log_det: 0.0,
+    };
+    while left != [0; ARMS] {
+        let lower = lower_factor(&known);
+        let mut fresh = vec![false; candidates.len()];
+        // Until the greatest bound is one of now.
+        let best = loop {
+            let best = (0..candidates.len())
+                .filter(|i| left[candidates[*i].arm] > 0 && !chosen.numbers.contains(i))
+                .max_by(|a, b| bounds[*a].total_cmp(&bounds[*b]))
+                .expect("as many candidates as are taken");
+            if fresh[best] {
+                break best;
+            }
+            bounds[best] = added(&lower, &rows[best]);
+            fresh[best] = true;
+        };
+        known += &rows[best] * rows[best].transpose();
+        chosen.log_det += bounds[best];
+        chosen.numbers.push(best);
+        left[candidates[best].arm] -= 1;
+    }
+    Ok(chosen)
+}
+
+/// Returns `log det M` with some candidates.
+///
+/// # Errors
+/// Where a setting makes no sense.
+pub fn gain(
+    model: &Model,
+    config: &CalibrationConfig,
+    candidates: &[Candidate],
+    views: &[NeckMotion],
+) -> Result<f64, CalibrationError> {
+    let mut known = DMatrix::<f64>::identity(UNKNOWNS, UNKNOWNS);
+    for candidate in candidates {
+        let rows = rows(model, config, candidate, views)?;
+        known += &rows * rows.transpose();
+    }
+    Ok(log_det(&lower_factor(&known)))
+}
+
+fn lower_factor(known: &DMatrix<f64>) -> DMatrix<f64> {
+    known
+        .clone()
+        .cholesky()
+        .expect("the identity and squares are positive definite")
+        .unpack()
+}
+
+fn log_det(lower: &DMatrix<f64>) -> f64 {
+    2.0 * lower.diagonal().iter().map(|x| x.ln()).sum::<f64>()
+}
+
+/// Returns `log det(I + J M^-1 J^T)`; `rows` are the columns of `J^T`.
+fn added(lower: &DMatrix<f64>, rows: &DMatrix<f64>) -> f64 {
+    let mut reduced = rows.clone();
+    lower.solve_lower_triangular_mut(&mut reduced);
+    let square = reduced.tr_mul(&reduced) + DMatrix::identity(rows.ncols(), rows.ncols());
+    log_det(&lower_factor(&square))
+}
+
+/// Returns the transposed derivatives of a candidate's features: `[UNKNOWNS][rows]`.
+fn rows(
+    model: &Model,
+    config: &CalibrationConfig,
+    candidate: &Candidate,
+    views: &[NeckMotion],
+) -> Result<DMatrix<f64>, CalibrationError> {
+    let guess = config.priors.guess();
+    let sigmas = config.priors.sigmas()?;
+    let mut columns = Vec::new();
+    for view in views {
+        let neck = NeckMotion {
+            q: std::array::from_fn(|i| candidate.gaze[i] + view.q[i]),
+            ..*view
+        };
+        let picture = candidate.picture(model.robot(), neck);
+        for camera in 0..CAMERAS {
+            if !in_picture(model, &guess, &picture, camera) {
+                continue;
+            }
+            let Some(block) = model.feature_with_slope(&guess, &picture, camera) else {
+                continue;
+            };
+            for row in 0..block.rows {
+                let mut column = Unknowns::zeros(UNKNOWNS);
+                for (i, &unknown) in block.columns.iter().enumerate() {
+                    column[unknown] =
+                        block.jacobian[row][i] * sigmas[unknown] / config.noise.feature;
+                }
+                columns.push(column);
+            }
+        }
+    }
+    Ok(if columns.is_empty() {
+        DMatrix::zeros(UNKNOWNS, 0)
+    } else {
+        DMatrix::from_columns(&columns)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+    use tactnet_catching_packets::RobotDescription;
+
+    use super::*;
+
+    fn candidates(model: &Model, count: usize) -> Vec<Candidate> {
+        let bodies = Bodies::new(model.robot().description());
+        let guess = CalibrationConfig::default().priors.guess();
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let mut found = Vec::new();
+        while found.len() < count {
+            let arm = found.len() % ARMS;
+            let drawn = draw_candidate(model, &bodies, &guess, arm, || rng.random::<f64>());
+            found.extend(drawn);
+        }
+        found
+    }
+
+    /// Values from before are bounds: the lazy choice is the greedy one.
+    #[test]
+    fn the_choice_is_the_greedy_one_and_beats_the_first_candidates() {
+        let model = Model::new(&Robot::new(RobotDescription::nominal()));
+        let config = CalibrationConfig::default();
+        let candidates = candidates(&model, 24);
+        let views = [
+            NeckMotion::standing([0.0; 2]),
+            NeckMotion::standing([0.2, -0.15]),
+        ];
+        let chosen = choose(&model, &config, &candidates, &views, 3).unwrap();
+        assert_eq!(chosen.numbers.len(), 6);
+        let pick = |numbers: &[usize]| -> Vec<Candidate> {
+            numbers.iter().map(|i| candidates[*i]).collect()
+        };
+        let all = gain(&model, &config, &pick(&chosen.numbers), &views).unwrap();
+        // Sums of logarithms against one determinant.
+        assert!((all - chosen.log_det).abs() < 1e-6, "{all}");
+        let first = gain(&model, &config, &candidates[..6], &views).unwrap();
+        assert!(all > first, "{all} {first}");
+        let mut taken: Vec<usize> = Vec::new();
+        for &next in &chosen.numbers {
+            let with = |i: usize| {
+                let mut numbers = taken.clone();
+                numbers.push(i);
+                gain(&model, &config, &pick(&numbers), &views).unwrap()
+            };
+            let room = |arm| taken.iter().filter(|i| candidates[**i].arm == arm).count() < 3;
+            let best = (0..candidates.len())
+                .filter(|i| !taken.contains(i) && room(candidates[*i].arm))
+                .map(with)
+                .fold(f64::NEG_INFINITY, f64::max);
+            assert!(with(next) > best - 1e-6);
+            taken.push(next);
+        }
+    }
+
+    #[test]
+    fn too_few_candidates_are_an_error() {
+        let model = Model::new(&Robot::new(RobotDescription::nominal()));
+        let error = choose(&model, &CalibrationConfig::default(), &[], &[], 4).unwrap_err();
+        assert!(
+            error.to_string().contains("at least 4 configurations"),
+            "{error}"
+        );
+    }
+}

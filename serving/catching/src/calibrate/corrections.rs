@@ -1,0 +1,304 @@
+//! What a calibration does to measurements and commands, at the stack's border: behind it, joints are where links are, and cameras and
+//! inertial unit stand as described.
+
+use nalgebra::{Matrix3, Vector2, Vector3};
+use tactnet_catching_packets::packets::{Circles, ImuSample, JointCommand, JointState};
+use tactnet_catching_packets::{ARM_JOINTS, Cameras, JOINTS, joint};
+
+use super::gravity::loads;
+use super::model::exponential;
+use super::parameters::{Calibration, CameraCalibration};
+use crate::robot::Robot;
+use crate::track::CAMERAS;
+
+/// Steps in which a ray is found to a distorted pixel; each is about a hundredth of the one before.
+const STEPS: usize = 6;
+
+/// Corrections, or none.
+#[derive(Debug, Clone)]
+pub struct Corrections {
+    /// The robot with cameras and arms where they are.
+    robot: Robot,
+    known: Option<Known>,
+}
+
+#[derive(Debug, Clone)]
+struct Known {
+    calibration: Calibration,
+    optics: Cameras,
+    turns: [Matrix3<f64>; CAMERAS],
+    imu: Matrix3<f64>,
+    camera_late: f64,
+    imu_late: f64,
+}
+
+impl Corrections {
+    /// Prepares the corrections of a calibration; without one, everything stays as it is.
+    pub fn new(robot: &Robot, calibration: Option<&Calibration>) -> Self {
+        let Some(calibration) = calibration else {
+            return Self {
+                robot: robot.clone(),
+                known: None,
+            };
+        };
+        let clocks = &calibration.clocks;
+        Self {
+            robot: Robot::new(calibration.describe(robot.description())),
+            known: Some(Known {
+                optics: robot.description().cameras,
+                turns: std::array::from_fn(|camera| {
+                    exponential(&calibration.cameras[camera].turn.into())
+                }),
+                imu: exponential(&calibration.imu.turn.into()),
+                camera_late: clocks.camera_joints,
+                imu_late: clocks.camera_joints - clocks.camera_imu,
+                calibration: calibration.clone(),
+            }),
+        }
+    }
+
+    /// Returns the robot that the stack knows behind the corrections.
+    pub fn robot(&self) -> &Robot {
+        &self.robot
+    }
+
+    /// Returns joints where the links are.
+    pub fn joints(&self, sensed: &JointState) -> JointState {
+        let Some(known) = &self.known else {
+            return *sensed;
+        };
+        let mut links = *sensed;
+        for (arm, own) in joint::ARM.into_iter().enumerate() {
+            let parameters = &known.calibration.arms[arm];
+            for (i, place) in own.enumerate() {
+                // Sensors say what drives carry; the load turns the other way.
+                links.q[place] +=
+                    parameters.offsets[i] - parameters.compliances[i] * sensed.tau[place];
+            }
+        }
+        for (place, offset) in joint::NECK.zip(known.calibration.neck.offsets) {
+            links.q[place] += offset;
+        }
+        links
+    }
+
+    /// Returns the sensors' angles at which links stand at `q` under the weight of the arms.
+    pub fn sensors(&self, q: &[f64; JOINTS]) -> [f64; JOINTS] {
+        let mut sensors = *q;
+        let Some(known) = &self.known else {
+            return sensors;
+        };
+        for (arm, own) in joint::ARM.into_iter().enumerate() {
+            let parameters = &known.calibration.arms[arm];
+            let links: [f64; ARM_JOINTS] = std::array::from_fn(|i| q[own.start + i]);
+            let loads = loads(&self.robot, arm, &links);
+            for (i, place) in own.enumerate() {
+                sensors[place] -= parameters.offsets[i] + parameters.compliances[i] * loads[i];
+            }
+        }
+        for (place, offset) in joint::NECK.zip(known.calibration.neck.offsets) {
+            sensors[place] -= offset;
+        }
+        sensors
+    }
+
+    /// Returns the command with which links go where `command` says.
+    pub fn command(&self, command: &JointCommand) -> JointCommand {
+        JointCommand {
+            q: self.sensors(&command.q),
+            ..*command
+        }
+    }
+
+    /// Returns circles as described cameras would have seen them.
+    pub fn circles(&self, seen: &Circles) -> Circles {
+        let Some(known) = &self.known else {
+            return *seen;
+        };
+        let mut rectified = *seen;
+        rectified.exposure_ns = earlier(seen.exposure_ns, known.camera_late);
+        let camera = (seen.camera as usize).min(CAMERAS - 1);
+        for circle in rectified.circles.iter_mut().take(seen.count as usize) {
+            let [u, v, r] = known.rectify(camera, [circle.u, circle.v, circle.r]);
+            (circle.u, circle.v, circle.r) = (u, v, r);
+        }
+        rectified
+    }
+
+    /// Returns a sample in the head's directions. Biases are left to the estimator of the head's pose, which finds them anew.
+    pub fn sample(&self, sample: &ImuSample) -> ImuSample {
+        let Some(known) = &self.known else {
+            return *sample;
+        };
+        let turned = |v: [f64; 3]| (known.imu * Vector3::from(v)).into();
+        ImuSample {
+            sensor_ns: earlier(sample.sensor_ns, known.imu_late),
+            acceleration: turned(sample.acceleration),
+            rate: turned(sample.rate),
+            ..*sample
+        }
+    }
+}
+
+impl Known {
+    fn rectify(&self, camera: usize, [u, v, r]: [f64; 3]) -> [f64; 3] {
+        let own: &CameraCalibration = &self.calibration.cameras[camera];
+        let focal = self.optics.focal + own.focal;
+        let middle = Vector2::new(
+            f64::from(self.optics.width) / 2.0,
+            f64::from(self.optics.height) / 2.0,
+        );
+        let distorted = (Vector2::new(u, v) - middle - Vector2::from(own.centre)) / focal;
+        let [k1, k2] = own.distortion;
+        let mut ray = distorted;
+        let mut stretch = 1.0;
+        for _ in 0..STEPS {
+            let s = ray.norm_squared();
+            stretch = 1.0 + s * (k1 + s * k2);
+            ray = distorted / stretch;
+        }
+        let ahead = self.turns[camera] * Vector3::new(1.0, -ray.x, -ray.y);
+        let seen = middle - Vector2::new(ahead.y, ahead.z) * (self.optics.focal / ahead.x);
+        [
+            seen.x,
+            seen.y,
+            r * self.optics.focal / (focal * stretch * ahead.x),
+        ]
+    }
+}
+
+fn earlier(stamp_ns: u64, late: f64) -> u64 {
+    stamp_ns.saturating_add_signed(-(late * 1e9).round() as i64)
+}
+
+#[cfg(test)]
+mod tests {
+    use bytemuck::Zeroable;
+    use proptest::prelude::*;
+    use tactnet_catching_packets::RobotDescription;
+    use tactnet_catching_packets::packets::Circle;
+
+    use super::super::model::Model;
+    use super::super::session::{NeckMotion, Picture};
+    use super::super::unknowns::{Priors, UNKNOWNS, Unknowns};
+    use super::*;
+
+    fn robot() -> Robot {
+        Robot::new(RobotDescription::nominal())
+    }
+
+    fn calibration(parts: &[f64]) -> Calibration {
+        let priors = Priors::default();
+        let sigmas = priors.sigmas().unwrap();
+        let parts = Unknowns::from_column_slice(parts);
+        Calibration::of(&(priors.guess() + sigmas.component_mul(&parts)))
+    }
+
+    proptest! {
+        /// A marker's feature, rectified, is where the corrected robot sees the marker with a described camera.
+        #[test]
+        fn rectified_features_are_those_of_described_cameras(
+            camera in 0..2usize,
+            arm in 0..2usize,
+            parts in proptest::collection::vec(-1.0..1.0f64, UNKNOWNS),
+            neck in proptest::array::uniform2(-0.3..0.3f64),
+        ) {
+            let robot = robot();
+            let mut calibration = calibration(&parts);
+            calibration.clocks.camera_joints = 0.0;
+            let corrections = Corrections::new(&robot, Some(&calibration));
+            let mut sensed = JointState::zeroed();
+            sensed.q = robot.waiting();
+            // Towards the hand, so that it is in the picture.
+            let gaze = robot.look_at(&robot.arm(arm).forward(&robot.ready(arm)).position);
+            let neck: [f64; 2] = std::array::from_fn(|i| gaze[i] + neck[i]);
+            sensed.q[joint::NECK].copy_from_slice(&neck);
+            sensed.tau = std::array::from_fn(|i| i as f64 - 9.0);
+            let own = joint::ARM[arm].start;
+            let picture = Picture {
+                configuration: 0,
+                arm,
+                features: [None; CAMERAS],
+                q: std::array::from_fn(|i| sensed.q[own + i]),
+                loads: std::array::from_fn(|i| -sensed.tau[own + i]),
+                neck: NeckMotion::standing(neck),
+            };
+            let model = Model::new(&robot);
+            let Some(pixel) = model.feature(&calibration.unknowns(), &picture, camera) else {
+                return Ok(());
+            };
+            prop_assume!((0.0..1600.0).contains(&pixel.x) && (0.0..1250.0).contains(&pixel.y));
+            let mut circles = Circles::zeroed();
+            (circles.count, circles.camera) = (1, camera as u32);
+            circles.circles[0] = Circle { u: pixel.x, v: pixel.y, r: 10.0, response: 0.9 };
+            let rectified = corrections.circles(&circles).circles[0];
+            // The same with nothing but the description, of the corrected robot.
+            let links = corrections.joints(&sensed);
+            let described = corrections.robot();
+            let last = described
+                .arm(arm)
+                .links(&std::array::from_fn(|i| links.q[own + i]))[ARM_JOINTS - 1];
+            let marker = last.origin + last.rotation * Vector3::from(calibration.arms[arm].marker);
+            let in_head = described.head(&links.q).inverse() * nalgebra::Point3::from(marker);
+            let eye = crate::track::Camera::pair(&described.description().cameras)[camera];
+            let seen = in_head.coords - eye.offset;
+            let expected = [
+                800.0 - eye.focal * seen.y / seen.x,
+                625.0 - eye.focal * seen.z / seen.x,
+            ];
+            // Far outside of the picture, distortion folds it.
+            prop_assume!((-100.0..1700.0).contains(&expected[0]) && (-100.0..1350.0).contains(&expected[1]));
+            // What is left of the fixed point of the distortion.
+            prop_assert!((rectified.u - expected[0]).abs() < 1e-3, "{rectified:?} {expected:?}");
+            prop_assert!((rectified.v - expected[1]).abs() < 1e-3, "{rectified:?} {expected:?}");
+            prop_assert!((rectified.r / 10.0 - 1.0).abs() < 0.1);
+        }
+
+        /// Sensors at which links stand somewhere say, corrected, that they stand there.
+        #[test]
+        fn commands_and_measurements_agree(parts in proptest::collection::vec(-2.0..2.0f64, UNKNOWNS)) {
+            let robot = robot();
+            let corrections = Corrections::new(&robot, Some(&calibration(&parts)));
+            let links = robot.waiting();
+            let mut sensed = JointState::zeroed();
+            sensed.q = corrections.sensors(&links);
+            for (arm, own) in joint::ARM.into_iter().enumerate() {
+                let q = std::array::from_fn(|i| links[own.start + i]);
+                for (place, load) in own.zip(loads(&robot, arm, &q)) {
+                    sensed.tau[place] = -load;
+                }
+            }
+            for (found, expected) in corrections.joints(&sensed).q.iter().zip(links) {
+                prop_assert!((found - expected).abs() < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn without_a_calibration_nothing_changes() {
+        let corrections = Corrections::new(&robot(), None);
+        let mut sensed = JointState::zeroed();
+        sensed.q = robot().waiting();
+        assert_eq!(corrections.joints(&sensed), sensed);
+        assert_eq!(corrections.sensors(&sensed.q), sensed.q);
+        let mut sample = ImuSample::zeroed();
+        sample.acceleration = [0.1, 0.2, 9.8];
+        assert_eq!(corrections.sample(&sample), sample);
+    }
+
+    #[test]
+    fn late_stamps_are_put_back() {
+        let mut calibration = calibration(&[0.0; UNKNOWNS]);
+        calibration.clocks = super::super::parameters::ClockCalibration {
+            camera_joints: 0.005,
+            camera_imu: 0.002,
+        };
+        let corrections = Corrections::new(&robot(), Some(&calibration));
+        let mut circles = Circles::zeroed();
+        circles.exposure_ns = 1_005_000_000;
+        assert_eq!(corrections.circles(&circles).exposure_ns, 1_000_000_000);
+        let mut sample = ImuSample::zeroed();
+        sample.sensor_ns = 1_003_000_000;
+        assert_eq!(corrections.sample(&sample).sensor_ns, 1_000_000_000);
+    }
+}

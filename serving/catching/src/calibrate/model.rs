@@ -1,0 +1,455 @@
+//! What is measured for given unknowns, and how it changes with them.
+
+use nalgebra::{Matrix3, SMatrix, Vector2, Vector3};
+use tactnet_catching_packets::{ARM_JOINTS, ARMS};
+
+use super::gravity::GRAVITY;
+use super::session::{NeckMotion, Picture, Rest, Turn};
+use super::unknowns::{Unknowns, at};
+use crate::robot::Robot;
+use crate::track::CAMERAS;
+
+/// Most unknowns that one measurement depends on.
+const MOST: usize = 36;
+/// Least distance of a marker before a camera, m.
+const NEAREST: f64 = 0.02;
+
+/// A measurement as predicted, with its derivatives by those unknowns that it depends on.
+#[derive(Debug, Clone)]
+pub struct Block {
+    /// Rows.
+    pub value: [f64; 3],
+    /// How many rows there are.
+    pub rows: usize,
+    /// Of the unknowns.
+    pub columns: Vec<usize>,
+    /// `[rows][columns]`.
+    pub jacobian: [[f64; MOST]; 3],
+}
+
+impl Block {
+    fn new<const R: usize>(value: &SMatrix<f64, R, 1>) -> Self {
+        let mut block = Self {
+            value: [0.0; 3],
+            rows: R,
+            columns: Vec::with_capacity(MOST),
+            jacobian: [[0.0; MOST]; 3],
+        };
+        block.value[..R].copy_from_slice(value.as_slice());
+        block
+    }
+
+    /// Returns a row that depends on nothing.
+    pub(crate) fn constant(value: f64) -> Self {
+        Self::new(&SMatrix::<f64, 1, 1>::new(value))
+    }
+
+    /// Adds derivatives by unknown `first` and those after it.
+    fn by<const R: usize, const C: usize>(&mut self, first: usize, slope: &SMatrix<f64, R, C>) {
+        for column in 0..C {
+            for row in 0..R {
+                self.jacobian[row][self.columns.len()] = slope[(row, column)];
+            }
+            self.columns.push(first + column);
+        }
+    }
+}
+
+/// The model of a robot.
+#[derive(Debug, Clone)]
+pub struct Model {
+    robot: Robot,
+    /// Where cameras are described, head's frame, m.
+    eyes: [Vector3<f64>; CAMERAS],
+    /// Middle of the neck's axes, chest's frame, m.
+    neck: Vector3<f64>,
+}
+
+/// A marker on its way into a camera.
+struct Way {
+    /// In the chest's frame, from the neck, m.
+    from_neck: Vector3<f64>,
+    /// By link angles.
+    by_joints: SMatrix<f64, 3, ARM_JOINTS>,
+    /// From the last link's directions to the chest's.
+    hand: Matrix3<f64>,
+    head: HeadTurn,
+    /// In the head's frame, from the camera, m.
+    from_camera: Vector3<f64>,
+    /// From the camera's directions to the head's.
+    camera: Matrix3<f64>,
+    /// In the camera's frame: ahead, left, up, m.
+    seen: Vector3<f64>,
+}
+
+/// How the head stands in the chest's frame.
+struct HeadTurn {
+    /// From the head's directions to the chest's.
+    rotation: Matrix3<f64>,
+}
+
+impl HeadTurn {
+    fn new([pan, tilt]: [f64; 2]) -> Self {
+        let ((sp, cp), (st, ct)) = (pan.sin_cos(), tilt.sin_cos());
+        Self {
+            rotation: Matrix3::new(cp * ct, -sp, cp * st, sp * ct, cp, sp * st, -st, 0.0, ct),
+        }
+    }
+
+    /// Returns a vector of the chest's directions in the head's, with its derivatives by pan and tilt.
+    fn inverse(&self, v: &Vector3<f64>) -> (Vector3<f64>, SMatrix<f64, 3, 2>) {
+        let there = self.rotation.tr_mul(v);
+        let by_pan = -self.rotation.tr_mul(&Vector3::z().cross(v));
+        let by_tilt = -Vector3::y().cross(&there);
+        (
+            there,
+            SMatrix::<f64, 3, 2>::from_columns(&[by_pan, by_tilt]),
+        )
+    }
+}
+
+impl Model {
+    /// Prepares a robot as described.
+    pub fn new(robot: &Robot) -> Self {
+        let description = robot.description();
+        let cameras = &description.cameras;
+        let centre = Vector3::from(cameras.centre);
+        Self {
+            eyes: [0.5, -0.5].map(|side| centre + Vector3::new(0.0, side * cameras.baseline, 0.0)),
+            neck: Vector3::new(0.0, 0.0, description.neck.height),
+            robot: robot.clone(),
+        }
+    }
+
+    /// Returns the robot as described.
+    pub fn robot(&self) -> &Robot {
+        &self.robot
+    }
+
+    /// Returns a marker's feature, pixels; `None` if it is not before the camera.
+    pub fn feature(&self, x: &Unknowns, picture: &Picture, camera: usize) -> Option<Vector2<f64>> {
+        let marker = three(x, at::marker(picture.arm));
+        let seen = self.way(x, picture, camera, &marker).seen;
+        (seen.x > NEAREST).then(|| self.lens(x, camera, &seen).0)
+    }
+
+    /// The same with its derivatives.
+    pub fn feature_with_slope(
+        &self,
+        x: &Unknowns,
+        picture: &Picture,
+        camera: usize,
+    ) -> Option<Block> {
+        let arm = picture.arm;
+        let marker = three(x, at::marker(arm));
+        let way = self.way(x, picture, camera, &marker);
+        if way.seen.x <= NEAREST {
+            return None;
+        }
+        let (pixel, by_seen, by_lens) = self.lens(x, camera, &way.seen);
+        let mut block = Block::new(&pixel);
+        let own = at::camera(camera);
+        block.by(own, &by_lens);
+        let turn = three(x, own + at::TURN);
+        let by_turn = way.camera.tr_mul(&way.from_camera.cross_matrix()) * left_jacobian(&turn);
+        block.by(own + at::TURN, &(by_seen * by_turn));
+        let by_head = by_seen * way.camera.transpose();
+        block.by(own + at::SHIFT, &-by_head);
+        let by_chest = by_head * way.head.rotation.transpose();
+        block.by(at::marker(arm), &(by_chest * way.hand));
+        let by_joints = by_chest * way.by_joints;
+        block.by(at::offsets(arm), &by_joints);
+        let mut by_compliances = by_joints;
+        for (mut column, load) in by_compliances.column_iter_mut().zip(picture.loads) {
+            column *= load;
+        }
+        block.by(at::compliances(arm), &by_compliances);
+        block.by(at::mount(arm), &by_chest);
+        let (_, by_neck) = way.head.inverse(&way.from_neck);
+        let by_neck = by_head * by_neck;
+        block.by(at::NECK, &by_neck);
+        let neck = picture.neck.before(x[at::CAMERA_JOINTS]);
+        block.by(at::CAMERA_JOINTS, &-(by_neck * Vector2::from(neck.dq)));
+        Some(block)
+    }
+
+    /// Returns the accelerometer at rest, m/s^2, with derivatives.
+    pub fn rest(&self, x: &Unknowns, rest: &Rest) -> Block {
+        let neck = std::array::from_fn(|i| rest.neck[i] + x[at::NECK + i]);
+        let up = Vector3::new(0.0, 0.0, GRAVITY);
+        let (felt, by_neck) = HeadTurn::new(neck).inverse(&up);
+        let bias = three(x, at::ACCELEROMETER_BIAS);
+        self.inertial(x, at::ACCELEROMETER_BIAS, &felt, &by_neck, &bias)
+    }
+
+    /// Returns the gyroscope while the head turns, rad/s, with derivatives.
+    pub fn turn(&self, x: &Unknowns, turn: &Turn) -> Block {
+        let late = x[at::CAMERA_JOINTS] - x[at::CAMERA_IMU];
+        let neck = turn.neck.before(late);
+        let head = HeadTurn::new([0.0, neck.q[1] + x[at::NECK + 1]]);
+        let (pan, by_tilt) = head.inverse(&Vector3::new(0.0, 0.0, neck.dq[0]));
+        let rate = pan + Vector3::y() * neck.dq[1];
+        // Turning about the vertical by another pan changes nothing.
+        let by_neck =
+            SMatrix::<f64, 3, 2>::from_columns(&[Vector3::zeros(), by_tilt.column(1).into_owned()]);
+        let bias = three(x, at::GYROSCOPE_BIAS);
+        let mut block = self.inertial(x, at::GYROSCOPE_BIAS, &rate, &by_neck, &bias);
+        let (by_pan_rate, _) = head.inverse(&Vector3::z());
+        let [pan_slope, tilt_slope] = neck.ddq;
+        let by_late =
+            by_neck.column(1) * -neck.dq[1] - by_pan_rate * pan_slope - Vector3::y() * tilt_slope;
+        let by_late = exponential(&three(x, at::IMU_TURN)).tr_mul(&by_late);
+        block.by(at::CAMERA_JOINTS, &by_late);
+        block.by(at::CAMERA_IMU, &-by_late);
+        block
+    }
+
+    fn inertial(
+        &self,
+        x: &Unknowns,
+        bias_at: usize,
+        felt: &Vector3<f64>,
+        by_neck: &SMatrix<f64, 3, 2>,
+        bias: &Vector3<f64>,
+    ) -> Block {
+        let turn = three(x, at::IMU_TURN);
+        let rotation = exponential(&turn);
+        let mut block = Block::new(&(rotation.tr_mul(felt) + bias));
+        let by_turn = rotation.tr_mul(&felt.cross_matrix()) * left_jacobian(&turn);
+        block.by(at::IMU_TURN, &by_turn);
+        block.by(bias_at, &Matrix3::identity());
+        block.by(at::NECK, &rotation.tr_mul(by_neck));
+        block
+    }
+
+    /// Follows a point of the last link, `offset` from the wrist, into a camera.
+    fn way(&self, x: &Unknowns, picture: &Picture, camera: usize, offset: &Vector3<f64>) -> Way {
+        let arm = picture.arm;
+        let (offsets, compliances) = (at::offsets(arm), at::compliances(arm));
+        let q: [f64; ARM_JOINTS] = std::array::from_fn(|i| {
+            picture.q[i] + x[offsets + i] + x[compliances + i] * picture.loads[i]
+        });
+        let links = self.robot.arm(arm).links(&q);
+        let last = &links[ARM_JOINTS - 1];
+        let point = last.origin + last.rotation * offset;
+        let by_joints = SMatrix::<f64, 3, ARM_JOINTS>::from_fn(|row, i| {
+            links[i].axis.cross(&(point - links[i].origin))[row]
+        });
+        let from_neck = point + three(x, at::mount(arm)) - self.neck;
+        let neck = picture.neck.before(x[at::CAMERA_JOINTS]);
+        let head = HeadTurn::new(std::array::from_fn(|i| neck.q[i] + x[at::NECK + i]));
+        let own = at::camera(camera);
+        let eye = self.eyes[camera] + three(x, own + at::SHIFT);
+        let from_camera = head.rotation.tr_mul(&from_neck) - eye;
+        let camera = exponential(&three(x, own + at::TURN));
+        Way {
+            from_neck,
+            by_joints,
+            hand: last.rotation,
+            head,
+            seen: camera.tr_mul(&from_camera),
+            from_camera,
+            camera,
+        }
+    }
+
+    /// Returns the pixel of a point in a camera's frame, its derivatives by the point, and by focal length, middle and distortion.
+    fn lens(
+        &self,
+        x: &Unknowns,
+        camera: usize,
+        seen: &Vector3<f64>,
+    ) -> (Vector2<f64>, SMatrix<f64, 2, 3>, SMatrix<f64, 2, 5>) {
+        let described = &self.robot.description().cameras;
+        let own = at::camera(camera);
+        let focal = described.focal + x[own];
+        let middle = Vector2::new(
+            f64::from(described.width) / 2.0 + x[own + at::CENTRE],
+            f64::from(described.height) / 2.0 + x[own + at::CENTRE + 1],
+        );
+        let [k1, k2] = [x[own + at::DISTORTION], x[own + at::DISTORTION + 1]];
+        let ray = Vector2::new(-seen.y, -seen.z) / seen.x;
+        let by_point = SMatrix::<f64, 2, 3>::new(
+            -ray.x / seen.x,
+            -1.0 / seen.x,
+            0.0,
+            -ray.y / seen.x,
+            0.0,
+            -1.0 / seen.x,
+        );
+        let s = ray.norm_squared();
+        let stretch = 1.0 + s * (k1 + s * k2);
+        let slope = 2.0 * (k1 + 2.0 * s * k2);
+        let by_ray =
+            (SMatrix::<f64, 2, 2>::identity() * stretch + ray * ray.transpose() * slope) * focal;
+        let mut by_lens = SMatrix::<f64, 2, 5>::zeros();
+        by_lens.set_column(0, &(ray * stretch));
+        by_lens[(0, 1)] = 1.0;
+        by_lens[(1, 2)] = 1.0;
+        by_lens.set_column(3, &(ray * (focal * s)));
+        by_lens.set_column(4, &(ray * (focal * s * s)));
+        (middle + ray * (focal * stretch), by_ray * by_point, by_lens)
+    }
+}
+
+/// Returns the middle of an arm's catch frame in a camera's frame (ahead, left, up), m, for measured joints and loads.
+pub fn seen_from_camera(
+    model: &Model,
+    x: &Unknowns,
+    camera: usize,
+    arm: usize,
+    q: &[f64; ARM_JOINTS],
+    loads: &[f64; ARM_JOINTS],
+    neck: [f64; 2],
+) -> Vector3<f64> {
+    assert!(arm < ARMS && camera < CAMERAS, "two arms, two cameras");
+    let still = Picture {
+        configuration: 0,
+        arm,
+        features: [None; CAMERAS],
+        q: *q,
+        loads: *loads,
+        neck: NeckMotion::standing(neck),
+    };
+    let ahead = model.robot.description().arms[arm].wrist_to_catch;
+    model
+        .way(x, &still, camera, &Vector3::new(0.0, 0.0, ahead))
+        .seen
+}
+
+fn three(x: &Unknowns, first: usize) -> Vector3<f64> {
+    x.fixed_rows::<3>(first).into_owned()
+}
+
+/// Returns the rotation of a rotation vector.
+pub(crate) fn exponential(w: &Vector3<f64>) -> Matrix3<f64> {
+    nalgebra::Rotation3::new(*w).into_inner()
+}
+
+/// Returns how a rotation vector's change turns its rotation: `exp(w + dw) = exp(J dw) exp(w)`.
+fn left_jacobian(w: &Vector3<f64>) -> Matrix3<f64> {
+    let angle = w.norm();
+    let cross = w.cross_matrix();
+    let (first, second) = if angle < 1e-4 {
+        (0.5, 1.0 / 6.0)
+    } else {
+        let squared = angle * angle;
+        (
+            (1.0 - angle.cos()) / squared,
+            (angle - angle.sin()) / (squared * angle),
+        )
+    };
+    Matrix3::identity() + cross * first + cross * cross * second
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use tactnet_catching_packets::RobotDescription;
+
+    use super::super::unknowns::{Priors, UNKNOWNS, name};
+
+    fn model() -> Model {
+        Model::new(&Robot::new(RobotDescription::nominal()))
+    }
+
+    /// A hand before the head, and unknowns some standard deviations off.
+    fn moved(parts: &[f64]) -> Unknowns {
+        let priors = Priors::default();
+        let sigmas = priors.sigmas().unwrap();
+        priors.guess() + sigmas.component_mul(&Unknowns::from_column_slice(parts))
+    }
+
+    fn check(x: &Unknowns, at: impl Fn(&Unknowns) -> Option<Block>) -> Result<(), TestCaseError> {
+        let sigmas = Priors::default().sigmas().unwrap();
+        let Some(block) = at(x) else { return Ok(()) };
+        // Just before the lens pixels grow beyond all bounds.
+        prop_assume!(block.value.iter().all(|value| value.abs() < 1e4));
+        for unknown in 0..UNKNOWNS {
+            let h = 1e-4 * sigmas[unknown];
+            let shifted = |step: f64| {
+                let mut x = x.clone();
+                x[unknown] += step;
+                at(&x)
+            };
+            let (Some(after), Some(before)) = (shifted(h), shifted(-h)) else {
+                return Ok(());
+            };
+            let column = block.columns.iter().position(|column| *column == unknown);
+            for row in 0..block.rows {
+                let slope = column.map_or(0.0, |column| block.jacobian[row][column]);
+                let difference = (after.value[row] - before.value[row]) / (2.0 * h);
+                // Pixels of 1e3: rounding 1e-13 / h, times h as below; third derivatives h^2.
+                prop_assert!(
+                    (slope - difference).abs() * sigmas[unknown] < 2e-6,
+                    "{}: {slope} {difference}",
+                    name(unknown)
+                );
+            }
+        }
+        Ok(())
+    }
+
+    proptest! {
+        #[test]
+        fn features_have_the_derivatives_of_differences(
+            arm in 0..2usize,
+            camera in 0..2usize,
+            parts in proptest::collection::vec(-2.0..2.0f64, UNKNOWNS),
+            around in proptest::array::uniform7(-0.4..0.4f64),
+            loads in proptest::array::uniform7(-30.0..30.0f64),
+            neck in proptest::array::uniform6(-0.5..0.5f64),
+        ) {
+            let model = model();
+            let ready = model.robot().ready(arm);
+            let picture = Picture {
+                configuration: 0,
+                arm,
+                features: [None; CAMERAS],
+                q: std::array::from_fn(|i| ready[i] + around[i]),
+                loads,
+                neck: NeckMotion { q: [neck[0], neck[1]], dq: [neck[2], neck[3]], ddq: [neck[4], neck[5]] },
+            };
+            check(&moved(&parts), |x| model.feature_with_slope(x, &picture, camera))?;
+            let x = moved(&parts);
+            if let Some(block) = model.feature_with_slope(&x, &picture, camera) {
+                let plain = model.feature(&x, &picture, camera).unwrap();
+                prop_assert_eq!(plain.as_slice(), &block.value[..2]);
+            }
+        }
+
+        #[test]
+        fn inertial_samples_have_the_derivatives_of_differences(
+            parts in proptest::collection::vec(-2.0..2.0f64, UNKNOWNS),
+            neck in proptest::array::uniform6(-0.9..0.9f64),
+        ) {
+            let model = model();
+            let rest = Rest { neck: [neck[0], neck[1]], acceleration: [0.0; 3], rate: [0.0; 3], samples: 1 };
+            check(&moved(&parts), |x| Some(model.rest(x, &rest)))?;
+            let turn = Turn {
+                neck: NeckMotion { q: [neck[0], neck[1]], dq: [neck[2], neck[3]], ddq: [neck[4], neck[5]] },
+                rate: [0.0; 3],
+            };
+            check(&moved(&parts), |x| Some(model.turn(x, &turn)))?;
+        }
+    }
+
+    /// The catch frame as the kinematics of the stack have it.
+    #[test]
+    fn without_errors_a_hand_is_seen_where_kinematics_put_it() {
+        let model = model();
+        let robot = model.robot();
+        let x = Unknowns::zeros(UNKNOWNS);
+        let mut q = robot.waiting();
+        (q[4], q[5]) = (0.2, 0.3);
+        for arm in 0..ARMS {
+            let own = robot.ready(arm);
+            let hand = robot.arm(arm).forward(&own).position;
+            let in_head = robot.head(&q).inverse() * nalgebra::Point3::from(hand);
+            let seen = seen_from_camera(&model, &x, 0, arm, &own, &[5.0; 7], [q[4], q[5]]);
+            let expected = in_head.coords - Vector3::new(0.08, 0.1, 0.1);
+            assert!((seen - expected).norm() < 1e-12);
+        }
+    }
+}

@@ -1,0 +1,253 @@
+//! All residuals of a session as one problem.
+//!
+//! `cost = 1/2 sum z^2 + sum rho(r)`: `z` are the unknowns' distances from their priors and `r` the residuals, both in standard deviations,
+//! `rho` is Huber's loss, `r^2 / 2` up to its edge `d` and `d |r| - d^2 / 2` beyond.
+
+use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
+
+use super::error::CalibrationError;
+use super::model::{Block, Model};
+use super::session::{NeckMotion, Picture, Rest, Session, Turn};
+use super::unknowns::{Priors, UNKNOWNS, Unknowns};
+use crate::track::CAMERAS;
+
+/// Residual of a feature that the model does not see, pixels: no slope leads away from it.
+const UNSEEN: f64 = 1000.0;
+
+/// Standard deviations of what is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Noise {
+    /// Of a feature, each way, pixels.
+    pub feature: f64,
+    /// Of an accelerometer's mean at rest, errors of scale included, m/s^2.
+    pub acceleration: f64,
+    /// Of a gyroscope's sample in motion, rad/s.
+    pub rate: f64,
+    /// Of a gyroscope's mean at rest, rad/s.
+    pub rest_rate: f64,
+}
+
+impl Default for Noise {
+    fn default() -> Self {
+        Self {
+            feature: 0.3,
+            acceleration: 0.02,
+            rate: 0.004,
+            rest_rate: 0.0005,
+        }
+    }
+}
+
+/// Settings of a calibration.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CalibrationConfig {
+    /// What is known before.
+    pub priors: Priors,
+    /// Of measurements.
+    pub noise: Noise,
+    /// Edge of Huber's loss, standard deviations.
+    pub huber: f64,
+    /// Least number of configurations of each arm.
+    pub configurations: usize,
+    /// Most iterations.
+    pub iterations: usize,
+    /// Most that the median residual of features may be, in that of the noise alone.
+    pub fit: f64,
+    /// Most that an unknown may be away from its prior, standard deviations.
+    pub plausible: f64,
+}
+
+impl Default for CalibrationConfig {
+    fn default() -> Self {
+        Self {
+            priors: Priors::default(),
+            noise: Noise::default(),
+            huber: 1.5,
+            configurations: 5,
+            iterations: 100,
+            fit: 1.5,
+            plausible: 6.0,
+        }
+    }
+}
+
+/// Normal equations in standard deviations of the priors.
+#[derive(Debug, Clone)]
+pub struct Normal {
+    /// Cost.
+    pub cost: f64,
+    /// `[UNKNOWNS]`.
+    pub gradient: DVector<f64>,
+    /// `[UNKNOWNS][UNKNOWNS]`.
+    pub hessian: DMatrix<f64>,
+}
+
+/// A session to be explained.
+#[derive(Debug, Clone)]
+pub struct Problem<'a> {
+    model: &'a Model,
+    session: &'a Session,
+    config: &'a CalibrationConfig,
+    guess: Unknowns,
+    sigmas: Unknowns,
+}
+
+impl<'a> Problem<'a> {
+    /// Puts a problem together.
+    ///
+    /// # Errors
+    /// Where a setting makes no sense.
+    pub fn new(
+        model: &'a Model,
+        session: &'a Session,
+        config: &'a CalibrationConfig,
+    ) -> Result<Self, CalibrationError> {
+        for (setting, found) in [
+            ("noise.feature", config.noise.feature),
+            ("noise.acceleration", config.noise.acceleration),
+            ("noise.rate", config.noise.rate),
+            ("noise.rest_rate", config.noise.rest_rate),
+            ("huber", config.huber),
+            ("fit", config.fit),
+            ("plausible", config.plausible),
+        ] {
+            if !(found.is_finite() && found > 0.0) {
+                return Err(CalibrationError::Setting { setting, found });
+            }
+        }
+        Ok(Self {
+            model,
+            session,
+            config,
+            guess: config.priors.guess(),
+            sigmas: config.priors.sigmas()?,
+        })
+    }
+
+    /// Returns the settings.
+    pub fn config(&self) -> &CalibrationConfig {
+        self.config
+    }
+
+    /// Returns the priors' standard deviations.
+    pub fn sigmas(&self) -> &Unknowns {
+        &self.sigmas
+    }
+
+    /// Returns unknowns that stand `z` standard deviations off their priors.
+    pub fn unknowns(&self, z: &DVector<f64>) -> Unknowns {
+        &self.guess + self.sigmas.component_mul(z)
+    }
+
+    /// Returns how far unknowns are from their priors, standard deviations.
+    pub fn deviations(&self, x: &Unknowns) -> DVector<f64> {
+        (x - &self.guess).component_div(&self.sigmas)
+    }
+
+    /// Returns the cost alone.
+    pub fn cost(&self, z: &DVector<f64>) -> f64 {
+        let x = self.unknowns(z);
+        let mut cost = z.norm_squared() / 2.0;
+        self.each(&x, |residuals, sigma| {
+            let rows = residuals.value[..residuals.rows].iter();
+            cost += rows.map(|value| self.rho(value / sigma)).sum::<f64>();
+        });
+        cost
+    }
+
+    /// Returns cost, gradient and the matrix of the normal equations. Rows beyond Huber's edge count less.
+    pub fn normal(&self, z: &DVector<f64>) -> Normal {
+        let x = self.unknowns(z);
+        let mut normal = Normal {
+            cost: z.norm_squared() / 2.0,
+            gradient: z.clone(),
+            hessian: DMatrix::identity(UNKNOWNS, UNKNOWNS),
+        };
+        self.each(&x, |residuals, sigma| {
+            for row in 0..residuals.rows {
+                let r = residuals.value[row] / sigma;
+                normal.cost += self.rho(r);
+                let weight = (self.config.huber / r.abs()).min(1.0);
+                let slope = &residuals.jacobian[row];
+                for (i, &a) in residuals.columns.iter().enumerate() {
+                    let by_a = slope[i] * self.sigmas[a] / sigma;
+                    normal.gradient[a] += weight * r * by_a;
+                    for (j, &b) in residuals.columns.iter().enumerate().take(i + 1) {
+                        let product = weight * by_a * slope[j] * self.sigmas[b] / sigma;
+                        normal.hessian[(a.max(b), a.min(b))] += product;
+                    }
+                }
+            }
+        });
+        normal.hessian.fill_upper_triangle_with_lower_triangle();
+        normal
+    }
+
+    /// Returns the lengths of features' residuals, pixels, in the order of the pictures.
+    pub fn feature_residuals(&self, x: &Unknowns) -> Vec<f64> {
+        self.features()
+            .map(|(picture, camera, found)| {
+                self.model
+                    .feature(x, picture, camera)
+                    .map_or(UNSEEN, |pixel| {
+                        (pixel[0] - found[0]).hypot(pixel[1] - found[1])
+                    })
+            })
+            .collect()
+    }
+
+    fn features(&self) -> impl Iterator<Item = (&'a Picture, usize, [f64; 2])> + use<'a> {
+        self.session.pictures.iter().flat_map(|picture| {
+            (0..CAMERAS)
+                .filter_map(move |camera| Some((picture, camera, picture.features[camera]?)))
+        })
+    }
+
+    /// Calls `take` with all residuals, not scaled, and their standard deviations.
+    fn each(&self, x: &Unknowns, mut take: impl FnMut(&Block, f64)) {
+        let noise = &self.config.noise;
+        for (picture, camera, found) in self.features() {
+            match self.model.feature_with_slope(x, picture, camera) {
+                Some(block) => take(&less(block, &found), noise.feature),
+                None => take(&Block::constant(UNSEEN), noise.feature),
+            }
+        }
+        for rest in &self.session.rests {
+            let Rest {
+                neck,
+                acceleration,
+                rate,
+                ..
+            } = rest;
+            let felt = self.model.rest(x, rest);
+            take(&less(felt, acceleration), noise.acceleration);
+            let still = Turn {
+                neck: NeckMotion::standing(*neck),
+                rate: *rate,
+            };
+            take(&less(self.model.turn(x, &still), rate), noise.rest_rate);
+        }
+        for turn in &self.session.turns {
+            take(&less(self.model.turn(x, turn), &turn.rate), noise.rate);
+        }
+    }
+
+    fn rho(&self, r: f64) -> f64 {
+        let edge = self.config.huber;
+        if r.abs() <= edge {
+            r * r / 2.0
+        } else {
+            edge * (r.abs() - edge / 2.0)
+        }
+    }
+}
+
+fn less(mut block: Block, found: &[f64]) -> Block {
+    for (value, found) in block.value.iter_mut().zip(found) {
+        *value -= found;
+    }
+    block
+}

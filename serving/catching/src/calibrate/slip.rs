@@ -1,0 +1,176 @@
+//! Does the calibration still hold? Tendons slip and stretch (thesis, section 3.3.2): a joint's zero jumps, and features no longer fall where
+//! they should.
+//!
+//! Every innovation is a feature (or a ball's circle) less its prediction, with the covariance that calibration and noise give it. Its normalised square
+//! is chi-square of 2 degrees; one that is beyond `clip` counts as `clip`, so that a few wrong features ask for nothing. Errors of a
+//! calibration are the same in picture after picture, so single squares are not independent and their mean over a window need not be near
+//! 2: the limit is a multiple of it.
+
+use std::collections::VecDeque;
+
+use nalgebra::{Matrix2, SMatrix, Vector2};
+use serde::{Deserialize, Serialize};
+
+use super::error::CalibrationError;
+use super::model::Model;
+use super::problem::CalibrationConfig;
+use super::session::Picture;
+use super::solve::Solved;
+
+/// How a watch works.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SlipConfig {
+    /// Innovations that are judged together.
+    pub window: usize,
+    /// Greatest normalised square that counts.
+    pub clip: f64,
+    /// Mean of the window that asks for calibration.
+    pub limit: f64,
+}
+
+impl Default for SlipConfig {
+    fn default() -> Self {
+        Self {
+            window: 50,
+            clip: 30.0,
+            limit: 10.0,
+        }
+    }
+}
+
+/// A calibration is asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Slip {
+    /// Mean of the normalised squares; 2 if the calibration holds.
+    pub mean: f64,
+}
+
+/// Watches innovations.
+#[derive(Debug, Clone)]
+pub struct SlipWatch {
+    config: SlipConfig,
+    squares: VecDeque<f64>,
+}
+
+impl SlipWatch {
+    /// Returns a watch that has seen nothing.
+    ///
+    /// # Errors
+    /// Where a setting makes no sense.
+    pub fn new(config: SlipConfig) -> Result<Self, CalibrationError> {
+        for (setting, found) in [
+            ("slip.window", config.window as f64),
+            ("slip.clip", config.clip),
+            ("slip.limit", config.limit),
+        ] {
+            if !(found.is_finite() && found > 0.0) {
+                return Err(CalibrationError::Setting { setting, found });
+            }
+        }
+        Ok(Self {
+            config,
+            squares: VecDeque::with_capacity(config.window),
+        })
+    }
+
+    /// Takes an innovation, pixels, with its covariance; says whether to calibrate anew. One that is no number counts as nothing.
+    pub fn push(&mut self, innovation: &Vector2<f64>, covariance: &Matrix2<f64>) -> Option<Slip> {
+        let square = covariance
+            .cholesky()
+            .map(|factor| innovation.dot(&factor.solve(innovation)))
+            .filter(|square| square.is_finite())?;
+        if self.squares.len() == self.config.window {
+            self.squares.pop_front();
+        }
+        self.squares.push_back(square.min(self.config.clip));
+        let mean = self.squares.iter().sum::<f64>() / self.squares.len() as f64;
+        (self.squares.len() == self.config.window && mean > self.config.limit)
+            .then_some(Slip { mean })
+    }
+
+    /// Takes a marker's features of a pair of pictures.
+    pub fn picture(
+        &mut self,
+        model: &Model,
+        config: &CalibrationConfig,
+        solved: &Solved,
+        picture: &Picture,
+    ) -> Option<Slip> {
+        let mut slip = None;
+        for (camera, found) in picture.features.iter().enumerate() {
+            let Some(found) = found else { continue };
+            let Some(block) = model.feature_with_slope(&solved.unknowns, picture, camera) else {
+                continue;
+            };
+            let n = block.columns.len();
+            let slope = SMatrix::<f64, 2, 36>::from_fn(|row, column| {
+                if column < n {
+                    block.jacobian[row][column]
+                } else {
+                    0.0
+                }
+            });
+            let covariance = SMatrix::<f64, 36, 36>::from_fn(|a, b| {
+                if a < n && b < n {
+                    solved.covariance[(block.columns[a], block.columns[b])]
+                } else {
+                    0.0
+                }
+            });
+            let noise = Matrix2::identity() * config.noise.feature.powi(2);
+            let spread = slope * covariance * slope.transpose() + noise;
+            let innovation = Vector2::new(found[0] - block.value[0], found[1] - block.value[1]);
+            slip = self.push(&innovation, &spread).or(slip);
+        }
+        slip
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+
+    /// Sums of twelve uniform numbers are near enough to normal.
+    fn normal(rng: &mut ChaCha8Rng) -> f64 {
+        (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0
+    }
+
+    #[test]
+    fn noise_and_a_few_wrong_features_ask_for_nothing_and_a_jump_does() {
+        let mut watch = SlipWatch::new(SlipConfig::default()).unwrap();
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let covariance = Matrix2::identity() * 0.09;
+        let mut innovation = |jump: f64| {
+            let wrong = if rng.random::<f64>() < 0.05 {
+                40.0
+            } else {
+                0.0
+            };
+            Vector2::new(
+                0.3 * normal(&mut rng) + jump + wrong,
+                0.3 * normal(&mut rng),
+            )
+        };
+        for _ in 0..20_000 {
+            assert_eq!(watch.push(&innovation(0.0), &covariance), None);
+        }
+        let after = (1..).find(|_| watch.push(&innovation(3.0), &covariance).is_some());
+        assert!(after.unwrap() <= 50, "{after:?}");
+        let none = Vector2::new(f64::NAN, 0.0);
+        assert_eq!(watch.push(&none, &covariance), None);
+    }
+
+    #[test]
+    fn a_window_of_nothing_is_refused() {
+        let config = SlipConfig {
+            window: 0,
+            ..SlipConfig::default()
+        };
+        let error = SlipWatch::new(config).unwrap_err().to_string();
+        assert!(error.contains("slip.window"), "{error}");
+    }
+}

@@ -1,0 +1,179 @@
+//! Levenberg-Marquardt, and what its end is worth.
+
+use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
+
+use super::error::CalibrationError;
+use super::model::Model;
+use super::parameters::Calibration;
+use super::problem::{CalibrationConfig, Problem};
+use super::session::Session;
+use super::unknowns::{UNKNOWNS, Unknowns, name};
+
+/// Damping at the start, part of the diagonal.
+const DAMPING: f64 = 1e-3;
+/// A step that would lessen the cost by less than this part of it is the last.
+const LEAST_GAIN: f64 = 1e-11;
+/// Components of a direction that are named.
+const NAMED: f64 = 0.25;
+/// Median length of two-dimensional noise of standard deviation 1.
+const RAYLEIGH_MEDIAN: f64 = 1.177_410;
+
+/// A minimum.
+#[derive(Debug, Clone)]
+pub struct Solved {
+    /// All unknowns.
+    pub unknowns: Unknowns,
+    /// Of the minimum.
+    pub cost: f64,
+    /// Steps that were tried.
+    pub iterations: usize,
+    /// Of the unknowns, `[UNKNOWNS][UNKNOWNS]`.
+    pub covariance: DMatrix<f64>,
+    /// Directions of which the session says least, the least determined first.
+    pub worst: Vec<Determined>,
+    /// Median length of a feature's residual, in that of the noise alone.
+    pub fit: f64,
+    /// Share of features more than five standard deviations off.
+    pub outlying: f64,
+}
+
+/// A direction in the space of unknowns, measured in standard deviations of their priors.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Determined {
+    /// Standard deviation along it after the session, of that before: 1 says that the session told nothing.
+    pub left: f64,
+    /// Its greatest components: unknowns and their parts of a vector of length 1.
+    pub unknowns: Vec<(String, f64)>,
+}
+
+impl Solved {
+    /// Returns the parameters.
+    pub fn calibration(&self) -> Calibration {
+        Calibration::of(&self.unknowns)
+    }
+
+    /// Returns the standard deviation of each unknown.
+    pub fn sigmas(&self) -> Unknowns {
+        self.covariance.diagonal().map(f64::sqrt)
+    }
+}
+
+/// Calibrates a robot from a session, or says why not; what was known before is not touched.
+///
+/// - `last`: the last good calibration, to begin from
+///
+/// # Errors
+/// Where the session cannot determine a calibration, where the solver finds none, and where what it finds explains the session badly or is
+/// implausible.
+pub fn calibrate(
+    model: &Model,
+    session: &Session,
+    config: &CalibrationConfig,
+    last: Option<&Calibration>,
+) -> Result<Solved, CalibrationError> {
+    let problem = Problem::new(model, session, config)?;
+    session.check(config.configurations)?;
+    let solved = solve(&problem, last.map(Calibration::unknowns).as_ref())?;
+    if solved.fit > config.fit {
+        return Err(CalibrationError::Fit {
+            found: solved.fit,
+            expected: config.fit,
+        });
+    }
+    let deviations = problem.deviations(&solved.unknowns);
+    let farthest = deviations.iamax();
+    if deviations[farthest].abs() > config.plausible {
+        return Err(CalibrationError::Implausible {
+            unknown: name(farthest),
+            found: solved.unknowns[farthest],
+            sigmas: deviations[farthest].abs(),
+            expected: config.plausible,
+        });
+    }
+    Ok(solved)
+}
+
+/// Finds the minimum from `start`, or from the priors.
+///
+/// # Errors
+/// After too many iterations.
+pub fn solve(problem: &Problem<'_>, start: Option<&Unknowns>) -> Result<Solved, CalibrationError> {
+    let mut z = start.map_or_else(|| DVector::zeros(UNKNOWNS), |x| problem.deviations(x));
+    let mut normal = problem.normal(&z);
+    let mut damping = DAMPING;
+    let most = problem.config().iterations;
+    for iterations in 1..=most {
+        let mut damped = normal.hessian.clone();
+        for i in 0..UNKNOWNS {
+            damped[(i, i)] *= 1.0 + damping;
+        }
+        // The priors keep it positive definite.
+        let Some(factor) = damped.cholesky() else {
+            damping *= 10.0;
+            continue;
+        };
+        let step = -factor.solve(&normal.gradient);
+        let gain = -step.dot(&normal.gradient) - step.dot(&(&normal.hessian * &step)) / 2.0;
+        if gain < LEAST_GAIN * normal.cost {
+            return Ok(ended(problem, &z, &normal.hessian, normal.cost, iterations));
+        }
+        let there = &z + &step;
+        let cost = problem.cost(&there);
+        if cost < normal.cost {
+            z = there;
+            normal = problem.normal(&z);
+            damping = (damping / 10.0).max(1e-12);
+        } else {
+            damping *= 10.0;
+        }
+    }
+    Err(CalibrationError::NoMinimum { iterations: most })
+}
+
+fn ended(
+    problem: &Problem<'_>,
+    z: &DVector<f64>,
+    hessian: &DMatrix<f64>,
+    cost: f64,
+    iterations: usize,
+) -> Solved {
+    let eigen = hessian.clone().symmetric_eigen();
+    let mut order: Vec<usize> = (0..UNKNOWNS).collect();
+    order.sort_by(|a, b| eigen.eigenvalues[*a].total_cmp(&eigen.eigenvalues[*b]));
+    let worst = order
+        .iter()
+        .take(5)
+        .map(|&i| {
+            let direction = eigen.eigenvectors.column(i);
+            let mut parts: Vec<(String, f64)> = (0..UNKNOWNS)
+                .filter(|unknown| direction[*unknown].abs() >= NAMED)
+                .map(|unknown| (name(unknown), direction[unknown]))
+                .collect();
+            parts.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+            Determined {
+                left: eigen.eigenvalues[i].max(1.0).sqrt().recip(),
+                unknowns: parts,
+            }
+        })
+        .collect();
+    let scale = DMatrix::from_diagonal(problem.sigmas());
+    let inverse = &eigen.eigenvectors
+        * DMatrix::from_diagonal(&eigen.eigenvalues.map(f64::recip))
+        * eigen.eigenvectors.transpose();
+    let unknowns = problem.unknowns(z);
+    let mut residuals = problem.feature_residuals(&unknowns);
+    residuals.sort_by(f64::total_cmp);
+    let noise = problem.config().noise.feature;
+    let median = residuals.get(residuals.len() / 2).copied();
+    let outlying = residuals.iter().filter(|r| **r > 5.0 * noise).count();
+    Solved {
+        cost,
+        iterations,
+        covariance: &scale * inverse * &scale,
+        worst,
+        fit: median.unwrap_or(0.0) / (RAYLEIGH_MEDIAN * noise),
+        outlying: outlying as f64 / residuals.len().max(1) as f64,
+        unknowns,
+    }
+}

@@ -1,0 +1,259 @@
+//! The unknowns, their order, names and priors.
+
+use nalgebra::{DVector, Vector3};
+use serde::{Deserialize, Serialize};
+use tactnet_catching_packets::ARMS;
+
+use super::error::CalibrationError;
+use crate::track::CAMERAS;
+
+/// How many there are.
+pub const UNKNOWNS: usize = 75;
+/// Of arms and cameras, in messages.
+pub(crate) const ARM_NAMES: [&str; 2] = ["left", "right"];
+
+/// Values of all unknowns, in the order of [`at`].
+pub type Unknowns = DVector<f64>;
+
+/// Where unknowns stand.
+pub mod at {
+    /// Focal length, pixels; then the others of the camera.
+    pub const fn camera(camera: usize) -> usize {
+        11 * camera
+    }
+    /// Within a camera: middle of the picture (2), pixels.
+    pub const CENTRE: usize = 1;
+    /// Within a camera: what is left of distortion, k1 and k2.
+    pub const DISTORTION: usize = 3;
+    /// Within a camera: rotation vector from its directions to the head's, rad.
+    pub const TURN: usize = 5;
+    /// Within a camera: from where it is described to where it is, m, head's frame.
+    pub const SHIFT: usize = 8;
+    /// Unknowns of a camera.
+    pub const OF_CAMERA: usize = 11;
+    /// The marker in the frame of the arm's last link (3), m.
+    pub const fn marker(arm: usize) -> usize {
+        22 + 3 * arm
+    }
+    /// Offsets of the arm's joints (7), rad.
+    pub const fn offsets(arm: usize) -> usize {
+        28 + 7 * arm
+    }
+    /// Compliances of the arm's joints (7), rad/Nm.
+    pub const fn compliances(arm: usize) -> usize {
+        42 + 7 * arm
+    }
+    /// From where the arm is described to where it is mounted (3), m, chest's frame.
+    pub const fn mount(arm: usize) -> usize {
+        56 + 3 * arm
+    }
+    /// Offsets of pan and tilt, rad.
+    pub const NECK: usize = 62;
+    /// Rotation vector from the inertial unit's directions to the head's (3), rad.
+    pub const IMU_TURN: usize = 64;
+    /// Of the accelerometer (3), m/s^2.
+    pub const ACCELEROMETER_BIAS: usize = 67;
+    /// Of the gyroscope (3), rad/s.
+    pub const GYROSCOPE_BIAS: usize = 70;
+    /// By how much pictures' stamps are later than those of joints, s.
+    pub const CAMERA_JOINTS: usize = 73;
+    /// By how much pictures' stamps are later than those of the inertial unit, s.
+    pub const CAMERA_IMU: usize = 74;
+}
+
+/// Returns an unknown's name with its unit.
+///
+/// # Panics
+/// Unless `unknown` is less than [`UNKNOWNS`].
+pub fn name(unknown: usize) -> String {
+    assert!(unknown < UNKNOWNS, "there are {UNKNOWNS} unknowns");
+    let axis = |i: usize| ["x", "y", "z"][i % 3];
+    let camera = |place: usize| match place {
+        0 => "focal length, px".to_string(),
+        1 | 2 => format!("picture's middle {}, px", ["u", "v"][place - 1]),
+        3 | 4 => format!("distortion k{}", place - 2),
+        5..8 => format!("turn {}, rad", axis(place - 5)),
+        _ => format!("shift {}, m", axis(place - 8)),
+    };
+    let of_arm = |first: usize, size: usize, what: &str| {
+        let (arm, place) = ((unknown - first) / size, (unknown - first) % size);
+        let place = if size == 3 {
+            axis(place).to_string()
+        } else {
+            (place + 1).to_string()
+        };
+        let (what, unit) = what.split_once(", ").unwrap_or((what, ""));
+        format!("{} arm {what} {place}, {unit}", ARM_NAMES[arm])
+    };
+    match unknown {
+        0..22 => format!(
+            "{} camera {}",
+            ARM_NAMES[unknown / 11],
+            camera(unknown % 11)
+        ),
+        22..28 => of_arm(22, 3, "marker, m"),
+        28..42 => of_arm(28, 7, "offset, rad"),
+        42..56 => of_arm(42, 7, "compliance, rad/Nm"),
+        56..62 => of_arm(56, 3, "mount, m"),
+        62..64 => format!("neck offset {}, rad", ["pan", "tilt"][unknown - 62]),
+        64..67 => format!("inertial unit turn {}, rad", axis(unknown - 64)),
+        67..70 => format!("accelerometer bias {}, m/s^2", axis(unknown - 67)),
+        70..73 => format!("gyroscope bias {}, rad/s", axis(unknown - 70)),
+        73 => "clock of cameras after joints, s".into(),
+        _ => "clock of cameras after inertial unit, s".into(),
+    }
+}
+
+/// What is known before a session: a guess of each unknown and its standard deviation.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Priors {
+    /// Where markers were glued, m, frame of the arm's last link.
+    pub markers: [[f64; 3]; ARMS],
+    /// How exactly, m.
+    pub marker: f64,
+    /// Compliance of an arm's joint, rad/Nm.
+    pub compliance_guess: f64,
+    /// How exactly, rad/Nm.
+    pub compliance: f64,
+    /// Pixels.
+    pub focal: f64,
+    /// Pixels.
+    pub centre: f64,
+    /// k1, k2 alike.
+    pub distortion: f64,
+    /// rad.
+    pub camera_turn: f64,
+    /// m.
+    pub camera_shift: f64,
+    /// rad.
+    pub arm_offset: f64,
+    /// m.
+    pub arm_mount: f64,
+    /// rad.
+    pub neck_offset: f64,
+    /// rad.
+    pub imu_turn: f64,
+    /// m/s^2.
+    pub accelerometer_bias: f64,
+    /// rad/s.
+    pub gyroscope_bias: f64,
+    /// s.
+    pub clock: f64,
+}
+
+impl Default for Priors {
+    fn default() -> Self {
+        Self {
+            markers: [[0.05, 0.04, 0.06], [0.05, -0.04, 0.06]],
+            marker: 0.01,
+            compliance_guess: 1e-4,
+            compliance: 5e-5,
+            focal: 10.0,
+            centre: 6.0,
+            distortion: 0.02,
+            camera_turn: 0.015,
+            camera_shift: 0.005,
+            arm_offset: 0.02,
+            arm_mount: 0.005,
+            neck_offset: 0.02,
+            imu_turn: 0.03,
+            accelerometer_bias: 0.1,
+            gyroscope_bias: 0.01,
+            clock: 0.01,
+        }
+    }
+}
+
+impl Priors {
+    /// Returns guesses of all unknowns: those of the description, but for markers and compliances.
+    pub fn guess(&self) -> Unknowns {
+        let mut guess = Unknowns::zeros(UNKNOWNS);
+        for arm in 0..ARMS {
+            let marker = Vector3::from(self.markers[arm]);
+            guess
+                .fixed_rows_mut::<3>(at::marker(arm))
+                .copy_from(&marker);
+            guess
+                .fixed_rows_mut::<7>(at::compliances(arm))
+                .fill(self.compliance_guess);
+        }
+        guess
+    }
+
+    /// Returns the standard deviations of the guesses.
+    ///
+    /// # Errors
+    /// Where one is not greater than 0.
+    pub fn sigmas(&self) -> Result<Unknowns, CalibrationError> {
+        for (setting, found) in [
+            ("priors.marker", self.marker),
+            ("priors.compliance", self.compliance),
+            ("priors.focal", self.focal),
+            ("priors.centre", self.centre),
+            ("priors.distortion", self.distortion),
+            ("priors.camera_turn", self.camera_turn),
+            ("priors.camera_shift", self.camera_shift),
+            ("priors.arm_offset", self.arm_offset),
+            ("priors.arm_mount", self.arm_mount),
+            ("priors.neck_offset", self.neck_offset),
+            ("priors.imu_turn", self.imu_turn),
+            ("priors.accelerometer_bias", self.accelerometer_bias),
+            ("priors.gyroscope_bias", self.gyroscope_bias),
+            ("priors.clock", self.clock),
+        ] {
+            if !(found.is_finite() && found > 0.0) {
+                return Err(CalibrationError::Setting { setting, found });
+            }
+        }
+        let mut sigmas = Unknowns::zeros(UNKNOWNS);
+        let mut fill = |first: usize, count: usize, sigma: f64| {
+            sigmas.rows_mut(first, count).fill(sigma);
+        };
+        for camera in 0..CAMERAS {
+            let first = at::camera(camera);
+            fill(first, 1, self.focal);
+            fill(first + at::CENTRE, 2, self.centre);
+            fill(first + at::DISTORTION, 2, self.distortion);
+            fill(first + at::TURN, 3, self.camera_turn);
+            fill(first + at::SHIFT, 3, self.camera_shift);
+        }
+        for arm in 0..ARMS {
+            fill(at::marker(arm), 3, self.marker);
+            fill(at::offsets(arm), 7, self.arm_offset);
+            fill(at::compliances(arm), 7, self.compliance);
+            fill(at::mount(arm), 3, self.arm_mount);
+        }
+        fill(at::NECK, 2, self.neck_offset);
+        fill(at::IMU_TURN, 3, self.imu_turn);
+        fill(at::ACCELEROMETER_BIAS, 3, self.accelerometer_bias);
+        fill(at::GYROSCOPE_BIAS, 3, self.gyroscope_bias);
+        fill(at::CAMERA_JOINTS, 2, self.clock);
+        Ok(sigmas)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_unknown_has_a_name_of_its_own_and_a_prior() {
+        let names: std::collections::BTreeSet<String> = (0..UNKNOWNS).map(name).collect();
+        assert_eq!(names.len(), UNKNOWNS);
+        assert!(names.contains("right arm offset 7, rad"));
+        assert!(names.contains("left camera shift z, m"));
+        let sigmas = Priors::default().sigmas().unwrap();
+        assert!(sigmas.iter().all(|sigma| *sigma > 0.0));
+    }
+
+    #[test]
+    fn a_prior_that_is_none_is_named() {
+        let priors = Priors {
+            clock: 0.0,
+            ..Priors::default()
+        };
+        let error = priors.sigmas().unwrap_err().to_string();
+        assert!(error.contains("priors.clock"), "{error}");
+    }
+}
