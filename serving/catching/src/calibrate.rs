@@ -10,10 +10,11 @@
 //! | module | what |
 //! |---|---|
 //! | `session` | what was recorded: pictures, rests, turns |
-//! | `unknowns` | the 75 unknowns, their names and priors |
+//! | `unknowns` | the 79 unknowns, their names and priors |
 //! | `model` | residuals and their analytic derivatives |
 //! | `problem` | all residuals of a session, Huber loss, normal equations |
 //! | `solve` | Levenberg-Marquardt, covariance, the worst-determined direction |
+//! | `routine`, `recorder` | how the robot moves in a session, and what is kept of it |
 //! | `choose` | configurations by greedy D-optimal choice |
 //! | `parameters` | the result, a TOML file |
 //! | `corrections` | what the result does to measurements and commands |
@@ -29,6 +30,8 @@ mod gravity;
 mod model;
 mod parameters;
 mod problem;
+mod recorder;
+mod routine;
 mod session;
 mod slip;
 mod solve;
@@ -44,6 +47,8 @@ pub use parameters::{
     NeckCalibration,
 };
 pub use problem::{CalibrationConfig, Noise, Problem};
+pub use recorder::Recorder;
+pub use routine::{Phase, Routine, RoutineConfig, Sweep};
 pub use session::{NeckMotion, Picture, Rest, Session, Turn};
 pub use slip::{Slip, SlipConfig, SlipWatch};
 pub use solve::{Determined, Solved, calibrate, solve};

@@ -71,6 +71,8 @@ struct Way {
     from_neck: Vector3<f64>,
     /// By link angles.
     by_joints: SMatrix<f64, 3, ARM_JOINTS>,
+    /// By the lengths from shoulder to elbow and from elbow to wrist.
+    by_lengths: SMatrix<f64, 3, 2>,
     /// From the last link's directions to the chest's.
     hand: Matrix3<f64>,
     head: HeadTurn,
@@ -165,6 +167,7 @@ impl Model {
         }
         block.by(at::compliances(arm), &by_compliances);
         block.by(at::mount(arm), &by_chest);
+        block.by(at::lengths(arm), &(by_chest * way.by_lengths));
         let (_, by_neck) = way.head.inverse(&way.from_neck);
         let by_neck = by_head * by_neck;
         block.by(at::NECK, &by_neck);
@@ -229,7 +232,14 @@ impl Model {
         let q: [f64; ARM_JOINTS] = std::array::from_fn(|i| {
             picture.q[i] + x[offsets + i] + x[compliances + i] * picture.loads[i]
         });
-        let links = self.robot.arm(arm).links(&q);
+        let mut links = self.robot.arm(arm).links(&q);
+        // Upper arm and forearm point along the axes of the third and the fifth joint.
+        let by_lengths = SMatrix::<f64, 3, 2>::from_columns(&[links[2].axis, links[4].axis]);
+        let lengths = x.fixed_rows::<2>(at::lengths(arm)).into_owned();
+        let (elbow, wrist) = (links[2].axis * lengths[0], by_lengths * lengths);
+        for (i, link) in links.iter_mut().enumerate().skip(3) {
+            link.origin += if i < 5 { elbow } else { wrist };
+        }
         let last = &links[ARM_JOINTS - 1];
         let point = last.origin + last.rotation * offset;
         let by_joints = SMatrix::<f64, 3, ARM_JOINTS>::from_fn(|row, i| {
@@ -245,6 +255,7 @@ impl Model {
         Way {
             from_neck,
             by_joints,
+            by_lengths,
             hand: last.rotation,
             head,
             seen: camera.tr_mul(&from_camera),

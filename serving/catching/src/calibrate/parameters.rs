@@ -49,6 +49,8 @@ pub struct ArmCalibration {
     pub compliances: [f64; ARM_JOINTS],
     /// From where it is described to where it is mounted, m, chest's frame.
     pub mount: [f64; 3],
+    /// Shoulder to elbow and elbow to wrist less the described lengths, m.
+    pub lengths: [f64; 2],
     /// The marker in the frame of its last link, m.
     pub marker: [f64; 3],
 }
@@ -108,6 +110,7 @@ impl Calibration {
                 offsets: array(x, at::offsets(arm)),
                 compliances: array(x, at::compliances(arm)),
                 mount: array(x, at::mount(arm)),
+                lengths: array(x, at::lengths(arm)),
                 marker: array(x, at::marker(arm)),
             }),
             neck: NeckCalibration {
@@ -143,6 +146,7 @@ impl Calibration {
             put(at::offsets(arm), &own.offsets);
             put(at::compliances(arm), &own.compliances);
             put(at::mount(arm), &own.mount);
+            put(at::lengths(arm), &own.lengths);
             put(at::marker(arm), &own.marker);
         }
         put(at::NECK, &self.neck.offsets);
@@ -186,6 +190,8 @@ impl Calibration {
         }
         for (arm, own) in described.arms.iter_mut().zip(&self.arms) {
             arm.position = (Vector3::from(arm.position) + Vector3::from(own.mount)).into();
+            arm.shoulder_to_elbow += own.lengths[0];
+            arm.elbow_to_wrist += own.lengths[1];
         }
         described
     }

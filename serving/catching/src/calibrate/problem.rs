@@ -34,7 +34,7 @@ impl Default for Noise {
         Self {
             feature: 0.3,
             acceleration: 0.02,
-            rate: 0.004,
+            rate: 0.002,
             rest_rate: 0.0005,
         }
     }

@@ -8,7 +8,7 @@ use super::error::CalibrationError;
 use crate::track::CAMERAS;
 
 /// How many there are.
-pub const UNKNOWNS: usize = 75;
+pub const UNKNOWNS: usize = 79;
 /// Of arms and cameras, in messages.
 pub(crate) const ARM_NAMES: [&str; 2] = ["left", "right"];
 
@@ -55,6 +55,10 @@ pub mod at {
     pub const ACCELEROMETER_BIAS: usize = 67;
     /// Of the gyroscope (3), rad/s.
     pub const GYROSCOPE_BIAS: usize = 70;
+    /// By how much the arm's lengths from shoulder to elbow and from elbow to wrist are greater than described (2), m.
+    pub const fn lengths(arm: usize) -> usize {
+        75 + 2 * arm
+    }
     /// By how much pictures' stamps are later than those of joints, s.
     pub const CAMERA_JOINTS: usize = 73;
     /// By how much pictures' stamps are later than those of the inertial unit, s.
@@ -100,7 +104,8 @@ pub fn name(unknown: usize) -> String {
         67..70 => format!("accelerometer bias {}, m/s^2", axis(unknown - 67)),
         70..73 => format!("gyroscope bias {}, rad/s", axis(unknown - 70)),
         73 => "clock of cameras after joints, s".into(),
-        _ => "clock of cameras after inertial unit, s".into(),
+        74 => "clock of cameras after inertial unit, s".into(),
+        _ => of_arm(75, 2, "length, m"),
     }
 }
 
@@ -130,6 +135,8 @@ pub struct Priors {
     pub arm_offset: f64,
     /// m.
     pub arm_mount: f64,
+    /// m.
+    pub arm_length: f64,
     /// rad.
     pub neck_offset: f64,
     /// rad.
@@ -146,16 +153,17 @@ impl Default for Priors {
     fn default() -> Self {
         Self {
             markers: [[0.05, 0.04, 0.06], [0.05, -0.04, 0.06]],
-            marker: 0.01,
+            marker: 0.015,
             compliance_guess: 1e-4,
             compliance: 5e-5,
             focal: 10.0,
-            centre: 6.0,
+            centre: 8.0,
             distortion: 0.02,
-            camera_turn: 0.015,
-            camera_shift: 0.005,
-            arm_offset: 0.02,
-            arm_mount: 0.005,
+            camera_turn: 0.02,
+            camera_shift: 0.006,
+            arm_offset: 0.03,
+            arm_mount: 0.008,
+            arm_length: 0.002,
             neck_offset: 0.02,
             imu_turn: 0.03,
             accelerometer_bias: 0.1,
@@ -196,6 +204,7 @@ impl Priors {
             ("priors.camera_shift", self.camera_shift),
             ("priors.arm_offset", self.arm_offset),
             ("priors.arm_mount", self.arm_mount),
+            ("priors.arm_length", self.arm_length),
             ("priors.neck_offset", self.neck_offset),
             ("priors.imu_turn", self.imu_turn),
             ("priors.accelerometer_bias", self.accelerometer_bias),
@@ -223,6 +232,7 @@ impl Priors {
             fill(at::offsets(arm), 7, self.arm_offset);
             fill(at::compliances(arm), 7, self.compliance);
             fill(at::mount(arm), 3, self.arm_mount);
+            fill(at::lengths(arm), 2, self.arm_length);
         }
         fill(at::NECK, 2, self.neck_offset);
         fill(at::IMU_TURN, 3, self.imu_turn);

@@ -1,5 +1,6 @@
 //! Errors of trials.
 
+use tactnet_catching::calibrate::CalibrationError;
 use tactnet_catching::map::MapError;
 use tactnet_catching::pose::PoseError;
 use tactnet_catching::throw::NoThrow;
@@ -33,5 +34,18 @@ pub enum TrialError {
         expected: &'static str,
         /// What it is.
         found: String,
+    },
+    /// There is no calibration; the last one stays.
+    #[error(transparent)]
+    Calibration(#[from] CalibrationError),
+    /// A robot whose markers its cameras hardly ever see.
+    #[error(
+        "expected {expected} configurations in which a marker is seen and the way is free, found {found}"
+    )]
+    NoConfigurations {
+        /// So many were asked for.
+        expected: usize,
+        /// So many were found.
+        found: usize,
     },
 }

@@ -5,6 +5,7 @@
 //! which balls could have been.
 
 mod bound;
+mod calibration;
 mod chi_square;
 mod detect_bench;
 mod error;
@@ -34,6 +35,10 @@ mod track_bench;
 mod wilson;
 
 pub use bound::{Bound, bounds};
+pub use calibration::{
+    CalibrationReport, CalibrationTrial, Distances, PeerSession, Progress, RandomFigures,
+    SessionFileError, SolveReport, keep_calibration, peer_session, read_session, write_session,
+};
 pub use detect_bench::{DetectBench, DetectFigures, DetectReport, RadiusClass, Taken, is_ball};
 pub use error::TrialError;
 pub use look::Mapping;

@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use bytemuck::Zeroable;
 use nalgebra::{Isometry3, Quaternion, Rotation3, Translation3, UnitQuaternion};
 use tactnet_catching::Robot;
+use tactnet_catching::calibrate::Corrections;
 use tactnet_catching::flight::DRAG;
 use tactnet_catching::pose::{PoseConfig, PoseError, PoseEstimator};
 use tactnet_catching::track::{BallTracker, CLUTTER_OF_PICTURES, TrackConfig};
@@ -24,7 +25,9 @@ const KINEMATIC_VARIANCE: f64 = 1e-8;
 
 /// Sensors, pose estimator and tracker with their delays.
 pub(crate) struct Perception {
+    /// The robot as the stack knows it.
     robot: Robot,
+    corrections: Corrections,
     source: Source,
     to_prediction_ns: u64,
     drag: bool,
@@ -56,6 +59,8 @@ enum Source {
 
 struct Exposure {
     due_ns: u64,
+    /// By the cameras' clock, corrected; drawn pictures are stamped rightly.
+    stamp_ns: u64,
     circles: [Circles; 2],
     truth: Truth,
     kinematic: HeadPose,
@@ -96,7 +101,9 @@ impl Perception {
         if config.pixels {
             track.clutter = CLUTTER_OF_PICTURES;
         }
-        let description = config.robot.description();
+        let corrections = config.corrections();
+        let robot = corrections.robot().clone();
+        let description = robot.description();
         Ok(Self {
             source: match (config.perfect_perception, config.is_without(Ablation::Imu)) {
                 (true, _) => Source::Truth,
@@ -112,7 +119,8 @@ impl Perception {
                 false => None,
             },
             last: BallPredictions::zeroed(),
-            robot: config.robot.clone(),
+            robot,
+            corrections,
             exposures: VecDeque::new(),
             joints: JointState::zeroed(),
             chest: Isometry3::identity(),
@@ -129,7 +137,7 @@ impl Perception {
         truth: &Truth,
         at_rest: bool,
     ) -> Result<(), TrialError> {
-        self.joints = sensed.joints;
+        self.joints = self.corrections.joints(&sensed.joints);
         if self.source == Source::Sensors {
             self.heads.push_back((truth.time_ns, isometry(&truth.head)));
         }
@@ -137,6 +145,7 @@ impl Perception {
         let neck = self.robot.head(&q);
         let kinematic = self.robot.chest(&q) * neck;
         if let Some(sample) = &sensed.imu {
+            let sample = &self.corrections.sample(sample);
             let head = self.pose.push(sample, at_rest.then_some(kinematic))?;
             if self.source == Source::Sensors {
                 self.chest = as_isometry(&head) * neck.inverse();
@@ -158,11 +167,19 @@ impl Perception {
             } else {
                 0
             };
+            let circles = circles
+                .each_ref()
+                .map(|seen| self.corrections.circles(seen));
+            let stamp_ns = match self.eyes {
+                Some(_) => truth.time_ns,
+                None => circles[0].exposure_ns,
+            };
             self.exposures.push_back(Exposure {
                 due_ns: truth.time_ns + self.to_prediction_ns,
-                circles: *circles,
+                circles,
+                stamp_ns,
                 truth: *truth,
-                kinematic: as_pose(&kinematic, truth.time_ns),
+                kinematic: as_pose(&kinematic, stamp_ns),
                 pictures: self.pictures,
             });
         }
@@ -200,10 +217,11 @@ impl Perception {
             return Ok(None);
         };
         let exposure_ns = exposure.truth.time_ns;
+        let stamp_ns = exposure.stamp_ns;
         let head = match self.source {
-            Source::Sensors => match self.pose.at(exposure_ns) {
+            Source::Sensors => match self.pose.at(stamp_ns) {
                 // Pictures from before the first sample of the inertial unit are of no use.
-                Err(PoseError::NotKept { first_ns, .. }) if exposure_ns < first_ns => {
+                Err(PoseError::NotKept { first_ns, .. }) if stamp_ns < first_ns => {
                     return Ok(None);
                 }
                 pose => pose?,

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use nalgebra::Isometry3;
 use tactnet_catching::Robot;
+use tactnet_catching::calibrate::{Calibration, Corrections};
 use tactnet_catching::coordinate::{
     CatchState, Coordinator, CoordinatorConfig, PlanRequest, Planned, Room,
 };
@@ -35,8 +36,10 @@ const LONGEST: f64 = 2.5;
 /// What is the same for all throws of a series.
 #[derive(Debug, Clone)]
 pub struct ThrowConfig {
-    /// The robot as the stack knows it.
+    /// The robot as described.
     pub robot: Robot,
+    /// What the stack knows of the robot besides.
+    pub calibration: Option<Calibration>,
     /// The world.
     pub world: WorldConfig,
     /// Delays.
@@ -177,18 +180,24 @@ impl ThrowConfig {
         mut trace: Option<&mut Trace>,
     ) -> Result<ThrowOutcome, TrialError> {
         let seed = world_seed(seed, number);
-        let (mut world, looked) = begin(self, seed, ready)?;
-        let ready = &looked.joints;
+        let corrections = self.corrections();
+        let known = corrections.robot();
+        let start = corrections.sensors(ready);
+        let (mut world, looked) = begin(self, seed, &start)?;
+        let ready = &match self.mapping {
+            Mapping::Off => *ready,
+            Mapping::Blind | Mapping::Depth => looked.joints,
+        };
         let rest = match self.mapping {
             Mapping::Off => REST,
             Mapping::Blind | Mapping::Depth => REST_AFTER_LOOK,
         };
         let mut perception = Perception::new(self, seed)?;
-        let planners = self.planners();
-        let mut coordinator = Coordinator::new(self.robot.clone(), self.coordination(), *ready);
+        let planners = self.planners(known);
+        let mut coordinator = Coordinator::new(known.clone(), self.coordination(), *ready);
         if let Some(field) = &looked.field {
             let apart = ObstacleConfig::default().hard;
-            coordinator.stay_in(Room::new(&self.robot, field.clone(), apart));
+            coordinator.stay_in(Room::new(known, field.clone(), apart));
         }
         let (mut obstructed, mut first_plan) = (0, None);
         let mut answers: VecDeque<Answers> = VecDeque::new();
@@ -265,7 +274,7 @@ impl ThrowConfig {
                     .catch_ns
                     .saturating_add_signed((self.closing_error * 1e9) as i64);
             }
-            let sensed = *world.step(&command, &hands);
+            let sensed = *world.step(&corrections.command(&command), &hands);
             if let Some(trace) = trace.as_mut().filter(|_| tick >= rest_ticks) {
                 trace.tick(since, &self.robot, &world.truth(), &command, &sensed);
             }
@@ -319,7 +328,12 @@ impl ThrowConfig {
         )
     }
 
-    pub(crate) fn planners(&self) -> [Planner; ARMS] {
+    /// Returns what the calibration does to measurements and commands.
+    pub(crate) fn corrections(&self) -> Corrections {
+        Corrections::new(&self.robot, self.calibration.as_ref())
+    }
+
+    pub(crate) fn planners(&self, robot: &Robot) -> [Planner; ARMS] {
         let all = PlanConfig::default();
         let config = PlanConfig {
             starts: if self.is_without(Ablation::Multistart) {
@@ -329,7 +343,7 @@ impl ThrowConfig {
             },
             ..all
         };
-        std::array::from_fn(|arm| Planner::new(&self.robot, arm, config))
+        std::array::from_fn(|arm| Planner::new(robot, arm, config))
     }
 
     pub(crate) fn coordination(&self) -> CoordinatorConfig {

@@ -9,6 +9,7 @@ use tactnet_catching_world::{ObstaclesConfig, Stiffness, WorldConfig};
 fn series(throws: u64, change: impl FnOnce(&mut ThrowConfig)) -> Series {
     let mut config = ThrowConfig {
         robot: Robot::new(RobotDescription::nominal()),
+        calibration: None,
         world: WorldConfig::default(),
         timing: Timing::ours(),
         without: Vec::new(),

@@ -5,7 +5,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, UnitSphere};
 use serde::{Deserialize, Serialize};
-use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, joint};
+use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, RobotDescription, joint};
 
 use crate::cameras::CAMERAS;
 
@@ -39,6 +39,8 @@ pub struct PlantedErrors {
     /// What is left of each lens's distortion, k1 up to this and k2 up to half of it, in the form of the description's `distortion`.
     /// Circles and markers have it; drawn pictures have the description's lens.
     pub distortion: f64,
+    /// Lengths of the arms' links off by up to this, m; of the last one, from the wrist to the catch frame, no marker tells.
+    pub arm_length: f64,
     /// Zeros of the arms' joints off by up to this, rad.
     pub arm_offset: f64,
     /// Compliance of the arms' joints, rad/Nm; each is drawn from half to one and a half times of it. Arms sag under their weight alone:
@@ -71,6 +73,7 @@ impl Default for PlantedErrors {
             focal: 0.0,
             centre: 0.0,
             distortion: 0.0,
+            arm_length: 0.0,
             arm_offset: 0.0,
             arm_compliance: 0.0,
             neck_offset: 0.0,
@@ -119,6 +122,7 @@ impl PlantedErrors {
             ("errors.focal", self.focal),
             ("errors.centre", self.centre),
             ("errors.distortion", self.distortion),
+            ("errors.arm_length", self.arm_length),
             ("errors.arm_offset", self.arm_offset),
             ("errors.arm_compliance", self.arm_compliance),
             ("errors.neck_offset", self.neck_offset),
@@ -138,19 +142,20 @@ impl PlantedErrors {
     /// - `robot`: which one
     pub fn uncalibrated(robot: u64) -> Self {
         Self {
-            arm_mount: 0.005,
-            camera_mount: 0.004,
-            camera_turn: 0.012,
-            each_camera_mount: 0.001,
-            each_camera_turn: 0.004,
-            focal: 8.0,
-            centre: 6.0,
-            distortion: 0.01,
-            arm_offset: 0.017,
+            arm_mount: 0.008,
+            arm_length: 0.001,
+            camera_mount: 0.006,
+            camera_turn: 0.02,
+            each_camera_mount: 0.002,
+            each_camera_turn: 0.006,
+            focal: 10.0,
+            centre: 8.0,
+            distortion: 0.015,
+            arm_offset: 0.035,
             arm_compliance: 1e-4,
-            neck_offset: 0.012,
-            marker: 0.01,
-            imu_turn: 0.02,
+            neck_offset: 0.02,
+            marker: 0.015,
+            imu_turn: 0.03,
             camera_clock: 0.006,
             imu_clock: 0.004,
             robot: Some(robot),
@@ -193,6 +198,23 @@ impl PlantedErrors {
                 distortion: [1.0, 0.5].map(|part| up_to(part * self.distortion, &mut rng)),
             }
         })
+    }
+
+    /// Draws how long the arms' links are: returns the description with them.
+    pub(crate) fn lengths(&self, description: &RobotDescription, seed: u64) -> RobotDescription {
+        let mut drawn = description.clone();
+        for (number, arm) in drawn.arms.iter_mut().enumerate() {
+            let mut rng = Stream::ArmLengths.rng(self.of(seed), number as u64);
+            for length in [
+                &mut arm.base_to_shoulder,
+                &mut arm.shoulder_to_elbow,
+                &mut arm.elbow_to_wrist,
+                &mut arm.wrist_to_catch,
+            ] {
+                *length += up_to(self.arm_length, &mut rng);
+            }
+        }
+        drawn
     }
 
     /// Draws how joints are wrong; `None` if none is.

@@ -115,7 +115,10 @@ impl Robot {
                 });
             }
         }
-        let tree = Tree::new(description, &config.errors.arm_mounts(seed));
+        let tree = Tree::new(
+            &config.errors.lengths(description, seed),
+            &config.errors.arm_mounts(seed),
+        );
         let mut links = config.errors.joints(seed).map(|errors| Links {
             errors,
             sag: [0.0; JOINTS],

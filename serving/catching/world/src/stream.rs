@@ -56,6 +56,8 @@ pub(crate) enum Stream {
     Clocks = 24,
     /// Noise and chance of a marker in a picture; index: [`picture`] with the arm.
     Marker = 25,
+    /// Lengths of an arm's links; index: the arm.
+    ArmLengths = 26,
 }
 
 impl Stream {

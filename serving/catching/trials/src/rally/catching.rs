@@ -79,7 +79,7 @@ impl Player {
                 let asked: Vec<Planned> = requests
                     .iter()
                     .flatten()
-                    .map(|request| answer(&self.planners, request, near))
+                    .map(|request| answer(&self.planners, request, None, near))
                     .collect();
                 if !asked.is_empty() {
                     answers.push_back(Answers {

@@ -76,7 +76,7 @@ impl Player {
         let q = config.ready();
         Ok(Self {
             world: World::new(description, &config.world, seed, &q)?,
-            planners: config.planners(),
+            planners: config.planners(&config.robot),
             thrower: Thrower::new(&throwing, throws),
             bodies: Bodies::new(description),
             throwing,

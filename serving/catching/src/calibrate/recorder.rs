@@ -1,0 +1,277 @@
+//! Makes a session out of what sensors say.
+//!
+//! Features and samples carry stamps of their own clocks. Each waits until the joints' states around its stamp are known, and gets the neck's
+//! position, velocity and acceleration there.
+
+use std::collections::VecDeque;
+
+use nalgebra::Vector3;
+use tactnet_catching_packets::packets::{ImuSample, JointState};
+use tactnet_catching_packets::{ARM_JOINTS, joint};
+
+use super::routine::Phase;
+use super::session::{NeckMotion, Picture, Rest, Session, Turn};
+use crate::track::CAMERAS;
+
+/// Half of the time over which a velocity's change is an acceleration, ns.
+const AROUND_NS: u64 = 4_000_000;
+/// Joint states that are kept.
+const KEPT: usize = 400;
+/// Samples of the inertial unit that are taken together while the head turns.
+const TOGETHER: usize = 8;
+
+#[derive(Debug, Clone, Copy)]
+struct NeckState {
+    stamp_ns: u64,
+    q: [f64; 2],
+    dq: [f64; 2],
+}
+
+/// Sums of samples.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sums {
+    acceleration: Vector3<f64>,
+    rate: Vector3<f64>,
+    stamp_ns: u64,
+    count: usize,
+}
+
+impl Sums {
+    fn add(&mut self, sample: &ImuSample) {
+        self.acceleration += Vector3::from(sample.acceleration);
+        self.rate += Vector3::from(sample.rate);
+        self.stamp_ns += sample.sensor_ns;
+        self.count += 1;
+    }
+}
+
+enum Waiting {
+    Picture(Picture),
+    Turn([f64; 3]),
+}
+
+/// Records a session.
+pub struct Recorder {
+    session: Session,
+    joints: Option<JointState>,
+    neck: VecDeque<NeckState>,
+    waiting: VecDeque<(u64, Waiting)>,
+    rest: Option<(usize, Sums)>,
+    turn: Sums,
+}
+
+impl Recorder {
+    /// Returns a recorder that has seen nothing.
+    ///
+    /// - `robot_seconds`: how long the session takes the robot
+    pub fn new(robot_seconds: f64) -> Self {
+        Self {
+            session: Session {
+                robot_seconds,
+                ..Session::default()
+            },
+            joints: None,
+            neck: VecDeque::with_capacity(KEPT),
+            waiting: VecDeque::new(),
+            rest: None,
+            turn: Sums::default(),
+        }
+    }
+
+    /// Takes the joints' state, every millisecond.
+    pub fn joints(&mut self, state: &JointState) {
+        self.joints = Some(*state);
+        if self.neck.len() == KEPT {
+            self.neck.pop_front();
+        }
+        let two = |values: &[f64]| [values[0], values[1]];
+        self.neck.push_back(NeckState {
+            stamp_ns: state.sensor_ns,
+            q: two(&state.q[joint::NECK]),
+            dq: two(&state.dq[joint::NECK]),
+        });
+        while let Some((stamp_ns, waiting)) = self
+            .waiting
+            .pop_front_if(|(stamp_ns, _)| *stamp_ns + AROUND_NS <= state.sensor_ns)
+        {
+            let Some(neck) = self.neck_at(stamp_ns) else {
+                continue;
+            };
+            match waiting {
+                Waiting::Picture(picture) => {
+                    self.session.pictures.push(Picture { neck, ..picture })
+                }
+                Waiting::Turn(rate) => self.session.turns.push(Turn { neck, rate }),
+            }
+        }
+    }
+
+    /// Takes a sample of the inertial unit.
+    pub fn sample(&mut self, sample: &ImuSample, phase: Phase) {
+        if let Some((number, sums)) = self.rest
+            && phase != Phase::Rest(number)
+        {
+            self.finish_rest(&sums);
+            self.rest = None;
+        }
+        match phase {
+            Phase::Rest(number) => {
+                let (_, sums) = self.rest.get_or_insert((number, Sums::default()));
+                sums.add(sample);
+            }
+            Phase::Turn => {
+                self.turn.add(sample);
+                if self.turn.count == TOGETHER {
+                    let sums = std::mem::take(&mut self.turn);
+                    let rate = sums.rate / TOGETHER as f64;
+                    self.wait(sums.stamp_ns / TOGETHER as u64, Waiting::Turn(rate.into()));
+                }
+            }
+            Phase::Way | Phase::Marker { .. } => self.turn = Sums::default(),
+        }
+    }
+
+    /// Takes the features of a pair of pictures: of the left and the right marker, in the left and the right picture, pixels.
+    pub fn features(
+        &mut self,
+        stamp_ns: u64,
+        features: &[[Option<[f64; 2]>; CAMERAS]; 2],
+        phase: Phase,
+    ) {
+        let (Phase::Marker { configuration, arm }, Some(joints)) = (phase, &self.joints) else {
+            return;
+        };
+        if features[arm] == [None; CAMERAS] {
+            return;
+        }
+        let own = joint::ARM[arm].start;
+        let picture = Picture {
+            configuration,
+            arm,
+            features: features[arm],
+            q: std::array::from_fn::<_, ARM_JOINTS, _>(|i| joints.q[own + i]),
+            loads: std::array::from_fn(|i| -joints.tau[own + i]),
+            neck: NeckMotion::standing([0.0; 2]),
+        };
+        self.wait(stamp_ns, Waiting::Picture(picture));
+    }
+
+    /// Returns what was recorded.
+    pub fn finish(mut self) -> Session {
+        if let Some((_, sums)) = self.rest {
+            self.finish_rest(&sums);
+        }
+        self.session
+    }
+
+    fn finish_rest(&mut self, sums: &Sums) {
+        let Some(neck) = self.neck.back() else { return };
+        let count = sums.count as f64;
+        self.session.rests.push(Rest {
+            neck: neck.q,
+            acceleration: (sums.acceleration / count).into(),
+            rate: (sums.rate / count).into(),
+            samples: sums.count,
+        });
+    }
+
+    fn wait(&mut self, stamp_ns: u64, what: Waiting) {
+        // Two clocks: what came later may have been stamped earlier.
+        let place = self
+            .waiting
+            .partition_point(|(other, _)| *other <= stamp_ns);
+        self.waiting.insert(place, (stamp_ns, what));
+    }
+
+    /// Returns the neck at a stamp, if states around it are kept.
+    fn neck_at(&self, stamp_ns: u64) -> Option<NeckMotion> {
+        let state = |stamp_ns: u64| {
+            let place = self
+                .neck
+                .partition_point(|state| state.stamp_ns <= stamp_ns);
+            self.neck.get(place.checked_sub(1)?)
+        };
+        let (before, now, after) = (
+            state(stamp_ns.saturating_sub(AROUND_NS))?,
+            state(stamp_ns)?,
+            state(stamp_ns + AROUND_NS)?,
+        );
+        let apart = (after.stamp_ns - before.stamp_ns) as f64 * 1e-9;
+        if apart <= 0.0 {
+            return None;
+        }
+        let since = (stamp_ns - now.stamp_ns) as f64 * 1e-9;
+        let ddq: [f64; 2] = std::array::from_fn(|i| (after.dq[i] - before.dq[i]) / apart);
+        Some(NeckMotion {
+            q: std::array::from_fn(|i| now.q[i] + since * (now.dq[i] + since / 2.0 * ddq[i])),
+            dq: std::array::from_fn(|i| now.dq[i] + since * ddq[i]),
+            ddq,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bytemuck::Zeroable;
+
+    use super::*;
+
+    /// Pan is `2 t^2`, stamps of pictures fall between those of joints.
+    #[test]
+    fn features_get_the_necks_motion_at_their_stamps() {
+        let mut recorder = Recorder::new(1.0);
+        let phase = Phase::Marker {
+            configuration: 3,
+            arm: 1,
+        };
+        for tick in 1..=100u64 {
+            let t = tick as f64 * 1e-3;
+            let mut state = JointState::zeroed();
+            state.sensor_ns = tick * 1_000_000;
+            state.q[4] = 2.0 * t * t;
+            state.dq[4] = 4.0 * t;
+            state.tau[13] = 5.0;
+            recorder.joints(&state);
+            if tick == 50 {
+                let features = [[None; 2], [Some([1.0, 2.0]), None]];
+                recorder.features(53_400_000, &features, phase);
+                recorder.features(53_400_000, &features, Phase::Way);
+                recorder.features(53_400_000, &[[Some([0.0; 2]); 2], [None; 2]], phase);
+            }
+        }
+        let session = recorder.finish();
+        assert_eq!(session.pictures.len(), 1);
+        let picture = &session.pictures[0];
+        assert_eq!((picture.configuration, picture.arm), (3, 1));
+        assert_eq!(picture.loads[0], -5.0);
+        let t = 0.0534;
+        assert!((picture.neck.q[0] - 2.0 * t * t).abs() < 1e-12);
+        assert!((picture.neck.dq[0] - 4.0 * t).abs() < 1e-12);
+        assert!((picture.neck.ddq[0] - 4.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn rests_are_means_of_their_own_samples() {
+        let mut recorder = Recorder::new(1.0);
+        recorder.joints(&JointState::zeroed());
+        for number in 0..30u64 {
+            let mut sample = ImuSample::zeroed();
+            let place = (number / 10) as usize;
+            sample.acceleration = [place as f64, 0.0, 9.81];
+            let phase = if place == 1 {
+                Phase::Way
+            } else {
+                Phase::Rest(place)
+            };
+            recorder.sample(&sample, phase);
+        }
+        let session = recorder.finish();
+        let means: Vec<f64> = session
+            .rests
+            .iter()
+            .map(|rest| rest.acceleration[0])
+            .collect();
+        assert_eq!(means, [0.0, 2.0]);
+        assert!(session.rests.iter().all(|rest| rest.samples == 10));
+    }
+}

@@ -1,0 +1,86 @@
+//! A session before the simulated world.
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use tactnet_catching::calibrate::{
+    CalibrationConfig, Candidate, Model, Recorder, Routine, RoutineConfig, Session, draw_candidate,
+};
+use tactnet_catching::safety::Bodies;
+use tactnet_catching_packets::ARMS;
+use tactnet_catching_packets::packets::JointCommand;
+use tactnet_catching_world::{TICK_NS, World, WorldConfig};
+
+use crate::error::TrialError;
+
+/// Draws after which a robot is said to have no configurations in which its markers are seen.
+const DRAWS: usize = 2_000_000;
+
+/// Draws `count` configurations, of both arms in turn, in which the marker is before the cameras and the way is free.
+///
+/// # Errors
+/// Where there are none to be found.
+pub(crate) fn candidates(
+    model: &Model,
+    config: &CalibrationConfig,
+    seed: u64,
+    count: usize,
+) -> Result<Vec<Candidate>, TrialError> {
+    let bodies = Bodies::new(model.robot().description());
+    let guess = config.priors.guess();
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut found = Vec::with_capacity(count);
+    for _ in 0..DRAWS {
+        if found.len() == count {
+            break;
+        }
+        let arm = found.len() % ARMS;
+        found.extend(draw_candidate(model, &bodies, &guess, arm, || {
+            rng.random::<f64>()
+        }));
+    }
+    if found.len() < count {
+        return Err(TrialError::NoConfigurations {
+            expected: count,
+            found: found.len(),
+        });
+    }
+    Ok(found)
+}
+
+/// Runs a session: the robot goes through its configurations and back, a tick a millisecond.
+///
+/// # Errors
+/// Where settings of the world make no sense.
+pub(crate) fn rehearse(
+    model: &Model,
+    world: &WorldConfig,
+    routine: &RoutineConfig,
+    configurations: &[Candidate],
+    seed: u64,
+) -> Result<Session, TrialError> {
+    let robot = model.robot();
+    let routine = Routine::new(robot, routine, configurations);
+    let mut world = World::new(robot.description(), world, seed, &robot.waiting())?;
+    let mut recorder = Recorder::new(routine.seconds());
+    let ticks = (routine.seconds() * 1e9) as u64 / TICK_NS + 100;
+    for number in 0..ticks {
+        let t = number as f64 * 1e-3;
+        let (q, dq, phase) = routine.at(t);
+        let command = JointCommand {
+            number,
+            command_ns: number * TICK_NS,
+            q,
+            dq,
+        };
+        let sensed = *world.step(&command, &[None; ARMS]);
+        // The joints are a little behind; at the edges of a phase the arm stands.
+        recorder.joints(&sensed.joints);
+        if let Some(sample) = &sensed.imu {
+            recorder.sample(sample, phase);
+        }
+        if let Some([left, _]) = &sensed.circles {
+            recorder.features(left.exposure_ns, &world.marker_features(), phase);
+        }
+    }
+    Ok(recorder.finish())
+}

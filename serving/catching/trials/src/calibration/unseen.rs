@@ -1,0 +1,91 @@
+//! Where the calibrated stack and the world put hands, at poses that the calibration has not seen.
+
+use nalgebra::Vector3;
+use serde::Serialize;
+use tactnet_catching::calibrate::{Candidate, Model, Unknowns, seen_from_camera};
+use tactnet_catching_packets::packets::{JointCommand, JointState};
+use tactnet_catching_packets::{ARM_JOINTS, ARMS, joint};
+use tactnet_catching_world::{World, WorldConfig};
+
+use crate::error::TrialError;
+
+/// A robot that stands: what it senses, and where its hands are in the frames of its cameras.
+#[derive(Debug, Clone)]
+pub(crate) struct Standing {
+    arm: usize,
+    joints: JointState,
+    /// The middle of the arm's catch frame in the left and the right camera's frame (ahead, left, up), m.
+    seen: [Vector3<f64>; 2],
+}
+
+/// Distances between where hands are and where they are thought to be, seen from the cameras.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Distances {
+    /// Mean over poses and cameras, mm.
+    pub mean_mm: f64,
+    /// Worst, mm.
+    pub worst_mm: f64,
+}
+
+impl Standing {
+    /// Lets the world's robot stand in a pose.
+    ///
+    /// # Errors
+    /// Where settings of the world make no sense.
+    pub(crate) fn new(
+        model: &Model,
+        world: &WorldConfig,
+        seed: u64,
+        pose: &Candidate,
+    ) -> Result<Self, TrialError> {
+        let robot = model.robot();
+        let mut q = robot.waiting();
+        q[joint::ARM[pose.arm].clone()].copy_from_slice(&pose.q);
+        q[joint::NECK].copy_from_slice(&pose.gaze);
+        let mut world = World::new(robot.description(), world, seed, &q)?;
+        let command = JointCommand {
+            number: 0,
+            command_ns: 0,
+            q,
+            dq: [0.0; 20],
+        };
+        let joints = world.step(&command, &[None; ARMS]).joints;
+        let hand = world.truth().hands[pose.arm].position;
+        let seen = world
+            .true_cameras()
+            .map(|(eye, turn)| turn.tr_mul(&(hand - eye)));
+        Ok(Self {
+            arm: pose.arm,
+            joints,
+            seen,
+        })
+    }
+
+    fn distances(&self, model: &Model, x: &Unknowns) -> [f64; 2] {
+        let own = joint::ARM[self.arm].start;
+        let q: [f64; ARM_JOINTS] = std::array::from_fn(|i| self.joints.q[own + i]);
+        let loads = std::array::from_fn(|i| -self.joints.tau[own + i]);
+        let neck = [
+            self.joints.q[joint::NECK.start],
+            self.joints.q[joint::NECK.start + 1],
+        ];
+        std::array::from_fn(|camera| {
+            let thought = seen_from_camera(model, x, camera, self.arm, &q, &loads, neck);
+            (thought - self.seen[camera]).norm()
+        })
+    }
+}
+
+impl Distances {
+    /// Judges unknowns at poses.
+    pub(crate) fn of(poses: &[Standing], model: &Model, x: &Unknowns) -> Self {
+        let all: Vec<f64> = poses
+            .iter()
+            .flat_map(|pose| pose.distances(model, x))
+            .collect();
+        Self {
+            mean_mm: 1e3 * all.iter().sum::<f64>() / all.len().max(1) as f64,
+            worst_mm: 1e3 * all.iter().copied().fold(0.0, f64::max),
+        }
+    }
+}
