@@ -1,5 +1,6 @@
 //! `tactnet catch`: catching balls with two arms, in a simulated world.
 
+mod calibrate;
 mod detect_bench;
 mod plan_bench;
 mod rally;
@@ -35,7 +36,8 @@ use tactnet_catching_world::WorldConfig;
     tactnet catch plan-bench --problems 1000                       how long plans take, how many are missed\n  \
     tactnet catch track-bench --throws 1000                        how exactly balls are predicted, how long that takes\n  \
     tactnet catch detect-bench --throws 50                         how well balls are found in pictures, how long that takes\n  \
-    tactnet catch safety-bench --motions 10000                     whether braking keeps the robot from touching itself")]
+    tactnet catch safety-bench --motions 10000                     whether braking keeps the robot from touching itself\n  \
+    tactnet catch calibrate --simulate                             find what a robot's description lacks, and catch with it")]
 pub enum CatchCommand {
     /// Run the whole stack live, a process for each part, before the simulated world
     Run(run::RunArgs),
@@ -53,6 +55,8 @@ pub enum CatchCommand {
     SafetyBench(safety_bench::SafetyBenchArgs),
     /// Measure the detector on pictures of throws, drawn with room, people, blur and noise
     DetectBench(detect_bench::DetectBenchArgs),
+    /// Find what the robot's description lacks, from markers at its wrists before its cameras
+    Calibrate(calibrate::CalibrateArgs),
     /// Say from a recording what takes how long, from an exposure to its path
     Timing(recorded::TimingArgs),
     /// Ask tracker and planners again what a recording holds, and compare bit by bit
@@ -92,6 +96,7 @@ pub fn run(command: CatchCommand) -> anyhow::Result<ExitCode> {
         CatchCommand::TrackBench(arguments) => track_bench::run(&arguments),
         CatchCommand::SafetyBench(arguments) => safety_bench::run(&arguments),
         CatchCommand::DetectBench(arguments) => detect_bench::run(&arguments),
+        CatchCommand::Calibrate(arguments) => calibrate::run(&arguments),
         CatchCommand::Run(arguments) => run::run(&arguments),
         CatchCommand::Timing(arguments) => recorded::run_timing(&arguments),
         CatchCommand::Replay(arguments) => recorded::run_replay(&arguments),

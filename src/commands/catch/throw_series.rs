@@ -65,6 +65,9 @@ pub struct ThrowSeriesArgs {
     /// The robot as the stack knows it and, but for the errors that the world adds, as it is [default: the one built in]
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
+    /// What `catch calibrate` found: the stack takes it out of measurements and puts it into commands
+    #[arg(long, value_name = "FILE")]
+    calibration: Option<PathBuf>,
     /// Settings of the world, JSON [default: the ones built in]
     #[arg(long, value_name = "FILE")]
     world: Option<PathBuf>,
@@ -152,6 +155,7 @@ pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
     let series = Series {
         config: ThrowConfig {
             robot: super::robot(arguments.robot.as_ref())?,
+            calibration: super::calibrate::calibration(arguments.calibration.as_deref())?,
             world,
             timing: match arguments.timing {
                 TimingChoice::Ours => Timing::ours(),

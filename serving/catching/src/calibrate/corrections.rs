@@ -3,7 +3,7 @@
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 use tactnet_catching_packets::packets::{Circles, ImuSample, JointCommand, JointState};
-use tactnet_catching_packets::{ARM_JOINTS, Cameras, JOINTS, joint};
+use tactnet_catching_packets::{ARM_JOINTS, Cameras, JOINTS, Joint, joint};
 
 use super::gravity::loads;
 use super::model::exponential;
@@ -26,6 +26,8 @@ pub struct Corrections {
 struct Known {
     calibration: Calibration,
     optics: Cameras,
+    /// Limits of the sensors' angles.
+    joints: [Joint; JOINTS],
     turns: [Matrix3<f64>; CAMERAS],
     imu: Matrix3<f64>,
     camera_late: f64,
@@ -46,6 +48,7 @@ impl Corrections {
             robot: Robot::new(calibration.describe(robot.description())),
             known: Some(Known {
                 optics: robot.description().cameras,
+                joints: *robot.joints(),
                 turns: std::array::from_fn(|camera| {
                     exponential(&calibration.cameras[camera].turn.into())
                 }),
@@ -82,7 +85,7 @@ impl Corrections {
         links
     }
 
-    /// Returns the sensors' angles at which links stand at `q` under the weight of the arms.
+    /// Returns the sensors' angles at which links stand at `q` under the weight of the arms, or the nearest ones in the joints' ranges.
     pub fn sensors(&self, q: &[f64; JOINTS]) -> [f64; JOINTS] {
         let mut sensors = *q;
         let Some(known) = &self.known else {
@@ -98,6 +101,9 @@ impl Corrections {
         }
         for (place, offset) in joint::NECK.zip(known.calibration.neck.offsets) {
             sensors[place] -= offset;
+        }
+        for (sensor, joint) in sensors.iter_mut().zip(&known.joints) {
+            *sensor = sensor.clamp(joint.range[0], joint.range[1]);
         }
         sensors
     }
@@ -259,12 +265,15 @@ mod tests {
         fn commands_and_measurements_agree(parts in proptest::collection::vec(-2.0..2.0f64, UNKNOWNS)) {
             let robot = robot();
             let corrections = Corrections::new(&robot, Some(&calibration(&parts)));
-            let links = robot.waiting();
+            // Away from the ends of ranges.
+            let mut links = robot.waiting();
+            links[9] -= 0.2;
+            links[16] -= 0.2;
             let mut sensed = JointState::zeroed();
             sensed.q = corrections.sensors(&links);
             for (arm, own) in joint::ARM.into_iter().enumerate() {
                 let q = std::array::from_fn(|i| links[own.start + i]);
-                for (place, load) in own.zip(loads(&robot, arm, &q)) {
+                for (place, load) in own.zip(loads(corrections.robot(), arm, &q)) {
                     sensed.tau[place] = -load;
                 }
             }

@@ -181,7 +181,7 @@ impl Calibration {
         toml::to_string(self).expect("tables of numbers can be written")
     }
 
-    /// Returns the description with cameras and arms where they are. What cannot be described so, [`super::Corrections`] take out of measurements
+    /// Returns the description with cameras and arms where they are, arms as long as they are, and ranges of links instead of sensors. What cannot be described so, [`super::Corrections`] take out of measurements
     /// and put into commands.
     pub fn describe(&self, description: &RobotDescription) -> RobotDescription {
         let mut described = description.clone();
@@ -192,6 +192,13 @@ impl Calibration {
             arm.position = (Vector3::from(arm.position) + Vector3::from(own.mount)).into();
             arm.shoulder_to_elbow += own.lengths[0];
             arm.elbow_to_wrist += own.lengths[1];
+            for (joint, offset) in arm.joints.iter_mut().zip(own.offsets) {
+                joint.range = joint.range.map(|end| end + offset);
+            }
+        }
+        let neck = described.neck.joints.iter_mut();
+        for (joint, offset) in neck.zip(self.neck.offsets) {
+            joint.range = joint.range.map(|end| end + offset);
         }
         described
     }

@@ -67,7 +67,7 @@ impl Default for CalibrationConfig {
             noise: Noise::default(),
             huber: 1.5,
             configurations: 5,
-            iterations: 100,
+            iterations: 200,
             fit: 1.5,
             plausible: 6.0,
         }
@@ -158,7 +158,7 @@ impl<'a> Problem<'a> {
         cost
     }
 
-    /// Returns cost, gradient and the matrix of the normal equations. Rows beyond Huber's edge count less.
+    /// Returns cost, gradient and the matrix of the normal equations, in which rows beyond Huber's edge count less.
     pub fn normal(&self, z: &DVector<f64>) -> Normal {
         let x = self.unknowns(z);
         let mut normal = Normal {

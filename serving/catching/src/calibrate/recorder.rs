@@ -3,7 +3,7 @@
 //! Features and samples carry stamps of their own clocks. Each waits until the joints' states around its stamp are known, and gets the neck's
 //! position, velocity and acceleration there.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 use nalgebra::Vector3;
 use tactnet_catching_packets::packets::{ImuSample, JointState};
@@ -161,7 +161,24 @@ impl Recorder {
         if let Some((_, sums)) = self.rest {
             self.finish_rest(&sums);
         }
+        self.mean_loads();
         self.session
+    }
+
+    /// Gives the pictures of a configuration their mean load: the torso still swings, and arms with it.
+    fn mean_loads(&mut self) {
+        let mut sums: BTreeMap<usize, ([f64; ARM_JOINTS], f64)> = BTreeMap::new();
+        for picture in &self.session.pictures {
+            let (sum, count) = sums.entry(picture.configuration).or_default();
+            for (sum, load) in sum.iter_mut().zip(picture.loads) {
+                *sum += load;
+            }
+            *count += 1.0;
+        }
+        for picture in &mut self.session.pictures {
+            let (sum, count) = sums[&picture.configuration];
+            picture.loads = sum.map(|sum| sum / count);
+        }
     }
 
     fn finish_rest(&mut self, sums: &Sums) {

@@ -52,7 +52,8 @@ pub struct Picture {
     pub features: [Option<[f64; 2]>; CAMERAS],
     /// The arm's joints by their sensors, rad.
     pub q: [f64; ARM_JOINTS],
-    /// Torques with which the arm's load turns its joints, Nm: what sensors say that drives carry, the other way.
+    /// Torques with which the arm's load turns its joints, Nm: what sensors say that drives carry, the other way; the mean of the
+    /// configuration.
     pub loads: [f64; ARM_JOINTS],
     /// The neck at the picture's stamp.
     pub neck: NeckMotion,

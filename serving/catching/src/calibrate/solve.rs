@@ -13,7 +13,7 @@ use super::unknowns::{UNKNOWNS, Unknowns, name};
 /// Damping at the start, part of the diagonal.
 const DAMPING: f64 = 1e-3;
 /// A step that would lessen the cost by less than this part of it is the last.
-const LEAST_GAIN: f64 = 1e-11;
+const LEAST_GAIN: f64 = 1e-9;
 /// Components of a direction that are named.
 const NAMED: f64 = 0.25;
 /// Median length of two-dimensional noise of standard deviation 1.
@@ -75,12 +75,7 @@ pub fn calibrate(
     let problem = Problem::new(model, session, config)?;
     session.check(config.configurations)?;
     let solved = solve(&problem, last.map(Calibration::unknowns).as_ref())?;
-    if solved.fit > config.fit {
-        return Err(CalibrationError::Fit {
-            found: solved.fit,
-            expected: config.fit,
-        });
-    }
+    judge_fit(&solved, config)?;
     let deviations = problem.deviations(&solved.unknowns);
     let farthest = deviations.iamax();
     if deviations[farthest].abs() > config.plausible {
@@ -97,7 +92,7 @@ pub fn calibrate(
 /// Finds the minimum from `start`, or from the priors.
 ///
 /// # Errors
-/// After too many iterations.
+/// After too many iterations, and where the last of them explains the session badly.
 pub fn solve(problem: &Problem<'_>, start: Option<&Unknowns>) -> Result<Solved, CalibrationError> {
     let mut z = start.map_or_else(|| DVector::zeros(UNKNOWNS), |x| problem.deviations(x));
     let mut normal = problem.normal(&z);
@@ -128,7 +123,20 @@ pub fn solve(problem: &Problem<'_>, start: Option<&Unknowns>) -> Result<Solved, 
             damping *= 10.0;
         }
     }
+    // What the model cannot explain has a flat minimum; then that is the reason.
+    let last = ended(problem, &z, &normal.hessian, normal.cost, most);
+    judge_fit(&last, problem.config())?;
     Err(CalibrationError::NoMinimum { iterations: most })
+}
+
+fn judge_fit(solved: &Solved, config: &CalibrationConfig) -> Result<(), CalibrationError> {
+    if solved.fit > config.fit {
+        return Err(CalibrationError::Fit {
+            found: solved.fit,
+            expected: config.fit,
+        });
+    }
+    Ok(())
 }
 
 fn ended(

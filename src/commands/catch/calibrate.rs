@@ -1,0 +1,242 @@
+//! `tactnet catch calibrate`: what the robot's description lacks.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+use anyhow::Context;
+use clap::Args;
+use tactnet_catching::calibrate::{Calibration, CalibrationConfig, Model, RoutineConfig};
+use tactnet_catching_trials::{
+    CalibrationReport, CalibrationTrial, Progress, SolveReport, keep_calibration, peer_session,
+    read_session, write_session,
+};
+use tactnet_catching_world::{PlantedErrors, WorldConfig};
+
+use crate::commands::progress_line::about;
+use crate::output;
+
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    tactnet catch calibrate --simulate --seed 7 --json\n  \
+    tactnet catch calibrate --simulate --record session.jsonl --out calibration.toml --throws 0\n  \
+    tactnet catch calibrate --from session.jsonl --out calibration.toml           again, from what was recorded\n  \
+    tactnet catch throw-series --world world.json --calibration calibration.toml  catch with it\n  \
+    tactnet catch calibrate --from session.jsonl --peer problem.json              for other solvers\n\n\
+    With `--simulate` arms go through configurations that are chosen from random ones, before a simulated robot with planted errors (those of \
+    robot number SEED, unless `--world` has others). Hands are then compared with the truth at poses that the calibration has not seen, and \
+    balls are thrown before and after. Where there is no calibration, FILE of `--out` stays as it is.")]
+pub struct CalibrateArgs {
+    /// Calibrate the simulated robot
+    #[arg(long, required_unless_present = "from", conflicts_with = "from")]
+    simulate: bool,
+    /// Calibrate from a session that was recorded
+    #[arg(long, value_name = "FILE")]
+    from: Option<PathBuf>,
+    /// Of errors, noise, configurations and throws
+    #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "from")]
+    seed: u64,
+    /// Configurations of each arm
+    #[arg(long, value_name = "N", default_value_t = 15, value_parser = clap::value_parser!(u16).range(5..=200), conflicts_with = "from")]
+    configurations: u16,
+    /// Throws of the series before and after; 0: none
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u64).range(0..=1_000_000), conflicts_with = "from")]
+    throws: u64,
+    /// The robot as described [default: the one that simulations use]
+    #[arg(long, value_name = "FILE")]
+    robot: Option<PathBuf>,
+    /// Settings of the world, JSON, its planted errors included [default: the ones built in, with errors of up to about 60 mm at the hands]
+    #[arg(long, value_name = "FILE", conflicts_with = "from")]
+    world: Option<PathBuf>,
+    /// Write what was recorded, JSON lines
+    #[arg(long, value_name = "FILE", conflicts_with = "from")]
+    record: Option<PathBuf>,
+    /// Keep the calibration there, TOML; with `--from` the one that is there is where the solver begins
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Write the least-squares problem with our answer, JSON
+    #[arg(long, value_name = "FILE")]
+    peer: Option<PathBuf>,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+/// Returns the calibration in a file, if one is named.
+pub fn calibration(path: Option<&Path>) -> anyhow::Result<Option<Calibration>> {
+    let Some(path) = path else {
+        return Ok(None);
+    };
+    let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
+    Calibration::parse(&text)
+        .map(Some)
+        .map_err(|error| anyhow::anyhow!("{}: {error}", path.display()))
+}
+
+/// Runs the command.
+pub fn run(arguments: &CalibrateArgs) -> anyhow::Result<ExitCode> {
+    match &arguments.from {
+        Some(path) => solve(arguments, path),
+        None => simulate(arguments),
+    }
+}
+
+fn solve(arguments: &CalibrateArgs, path: &Path) -> anyhow::Result<ExitCode> {
+    let robot = super::robot(arguments.robot.as_ref())?;
+    let session = read_session(path)?;
+    let config = CalibrationConfig::default();
+    let last = calibration(arguments.out.as_deref().filter(|out| out.exists()))?;
+    let model = Model::new(&robot);
+    let (report, _) = SolveReport::new(&model, &config, &session, last.as_ref())?;
+    if let Some(out) = &arguments.out {
+        keep_calibration(out, &report.calibration)?;
+    }
+    if let Some(path) = &arguments.peer {
+        let problem = peer_session(&robot, &config, &session, &report)?;
+        std::fs::write(path, serde_json::to_vec(&problem)?)
+            .with_context(|| path.display().to_string())?;
+    }
+    if arguments.json {
+        output::print_json(&report)?;
+    } else {
+        print_solved(&report)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn simulate(arguments: &CalibrateArgs) -> anyhow::Result<ExitCode> {
+    let world = match &arguments.world {
+        Some(path) => super::world(Some(path))?,
+        None => WorldConfig {
+            errors: PlantedErrors::uncalibrated(arguments.seed),
+            ..WorldConfig::default()
+        },
+    };
+    let trial = CalibrationTrial {
+        robot: super::robot(arguments.robot.as_ref())?,
+        world,
+        config: CalibrationConfig::default(),
+        routine: RoutineConfig::default(),
+        seed: arguments.seed,
+        of_each_arm: arguments.configurations.into(),
+        candidates: 500.max(4 * usize::from(arguments.configurations)),
+        unseen: 200,
+        throws: arguments.throws,
+    };
+    let (thrown, said) = (AtomicU64::new(0), AtomicU64::new(2));
+    let begun = Instant::now();
+    let report = trial.run(|progress| match progress {
+        Progress::Choosing => say!("choosing configurations"),
+        Progress::Moving => say!("the robot moves"),
+        Progress::Solving => say!("solving"),
+        Progress::Throwing => {
+            let done = thrown.fetch_add(1, Ordering::Relaxed) + 1;
+            let (elapsed, next) = (begun.elapsed(), said.load(Ordering::Relaxed));
+            let once = || {
+                said.compare_exchange(
+                    next,
+                    elapsed.as_secs() + 2,
+                    Ordering::Relaxed,
+                    Ordering::Relaxed,
+                )
+                .is_ok()
+            };
+            let all = 2 * arguments.throws;
+            if elapsed.as_secs() >= next && once() {
+                let left = elapsed.mul_f64((all - done) as f64 / done as f64);
+                say!("{done} of {all} throws, {} to go", about(left));
+            }
+        }
+    })?;
+    if let Some(path) = &arguments.record {
+        write_session(path, &report.session)?;
+    }
+    if let Some(out) = &arguments.out {
+        keep_calibration(out, &report.solved.calibration)?;
+    }
+    if let Some(path) = &arguments.peer {
+        let problem = peer_session(&trial.robot, &trial.config, &report.session, &report.solved)?;
+        std::fs::write(path, serde_json::to_vec(&problem)?)
+            .with_context(|| path.display().to_string())?;
+    }
+    if arguments.json {
+        output::print_json(&report)?;
+    } else {
+        print(&report)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn print(report: &CalibrationReport) -> anyhow::Result<()> {
+    print_solved(&report.solved)?;
+    output::print(format_args!(
+        "hands at {} unseen poses, seen from both cameras: {:.1} mm off before, {:.1} mm at the worst; {:.2} mm after, {:.2} mm at the worst",
+        report.unseen, report.raw.mean_mm, report.raw.worst_mm, report.mean_mm, report.worst_mm
+    ))?;
+    output::print(format_args!(
+        "chosen from {} random configurations: log det {:.0}, of as many drawn ones {:.0}; those leave {:.2} mm, {:.2} mm at the worst",
+        report.candidates,
+        report.log_det,
+        report.random.log_det,
+        report.random.mean_mm,
+        report.random.worst_mm
+    ))?;
+    for (name, rate, interval, misses) in [
+        (
+            "before",
+            report.catch_rate_before,
+            report.catch_rate_before_ci95,
+            &report.misses_before,
+        ),
+        (
+            "after",
+            report.catch_rate_after,
+            report.catch_rate_after_ci95,
+            &report.misses_after,
+        ),
+    ] {
+        if let (Some(rate), Some([low, high])) = (rate, interval) {
+            output::print(format_args!(
+                "caught {name}: {:.1} % [{:.1}, {:.1}] of {} balls in the catch space",
+                100.0 * rate,
+                100.0 * low,
+                100.0 * high,
+                report.in_catch_space
+            ))?;
+        }
+        for (cause, count) in misses {
+            output::print(format_args!("  missed {name}, {cause}: {count}"))?;
+        }
+    }
+    Ok(())
+}
+
+fn print_solved(report: &SolveReport) -> anyhow::Result<()> {
+    output::print(format_args!(
+        "{} configurations, {} features, {:.0} s of the robot's time; solved in {:.2} s, {} iterations",
+        report.configurations,
+        report.features,
+        report.robot_seconds,
+        report.solve_seconds,
+        report.iterations
+    ))?;
+    output::print(format_args!(
+        "features fall {:.2} times the expected noise from where they should, {:.1} % of them are something else",
+        report.fit,
+        100.0 * report.outlying
+    ))?;
+    for direction in report.worst_determined.iter().take(3) {
+        let parts: Vec<String> = direction
+            .unknowns
+            .iter()
+            .map(|(name, part)| format!("{part:+.2} {name}"))
+            .collect();
+        output::print(format_args!(
+            "hardly determined, {:.3} of what was known before: {}",
+            direction.left,
+            parts.join("; ")
+        ))?;
+    }
+    Ok(())
+}
