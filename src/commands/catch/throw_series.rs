@@ -49,7 +49,7 @@ pub struct ThrowSeriesArgs {
     #[arg(long, conflicts_with = "perfect_perception")]
     pixels: bool,
     /// Catch among a table and a box that is moved before each throw, or the boxes of --world: with a map of depth pictures, and again without
-    #[arg(long)]
+    #[arg(long, conflicts_with = "calibration")]
     obstacles: bool,
     /// Count throws in which the monitor of self-collisions would have braked
     #[arg(long)]

@@ -23,6 +23,7 @@ pub use peer::{PeerSession, peer_session};
 pub use unseen::Distances;
 
 use crate::error::TrialError;
+use crate::look::Mapping;
 use crate::series::Series;
 use crate::throw::ThrowConfig;
 use crate::timing::Timing;
@@ -274,6 +275,7 @@ impl CalibrationTrial {
     fn series(&self, calibration: Option<Calibration>) -> Series {
         Series {
             config: ThrowConfig {
+                mapping: Mapping::Off,
                 robot: self.robot.clone(),
                 calibration,
                 world: self.world(),

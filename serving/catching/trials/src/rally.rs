@@ -19,6 +19,7 @@ use tactnet_catching_packets::{ARMS, RobotDescription};
 use tactnet_catching_world::{BallState, Released, WorldConfig};
 
 use crate::error::TrialError;
+use crate::look::Mapping;
 use crate::oracle::Oracle;
 use crate::throw::{ThrowConfig, world_seed};
 use crate::throw_bench::down_to;
@@ -190,6 +191,8 @@ impl Rally {
 
     fn player(&self, seed: u64) -> Result<Player, TrialError> {
         let config = ThrowConfig {
+            mapping: Mapping::Off,
+            calibration: None,
             robot: self.robot.clone(),
             world: self.world.clone(),
             timing: self.timing,

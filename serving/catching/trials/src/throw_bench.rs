@@ -11,6 +11,7 @@ use tactnet_catching_packets::{ARMS, RobotDescription};
 use tactnet_catching_world::{FlightSample, WorldConfig};
 
 use crate::error::TrialError;
+use crate::look::Mapping;
 use crate::quantiles::Quantiles;
 use crate::rally::{Player, lost, with_turn};
 use crate::throw::{ThrowConfig, world_seed};
@@ -239,6 +240,8 @@ impl ThrowBench {
         // Those three are the same throw.
         let (draw, arm) = (number.min(self.throws), number.min(self.throws) % ARMS);
         let config = ThrowConfig {
+            mapping: Mapping::Off,
+            calibration: None,
             robot: self.robot.clone(),
             world,
             timing: self.timing,
