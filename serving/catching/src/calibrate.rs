@@ -21,7 +21,8 @@
 //! | `slip` | whether the result still holds |
 //!
 //! Gauge: an offset of the tilt joint is the same as turning cameras and inertial unit about the tilt axis, an offset of an arm's last joint
-//! the same as a marker turned about it. Priors decide; neither changes where hands are seen.
+//! the same as a marker turned about it. Priors decide; neither changes where hands are seen. Cameras whose baseline is unknown do not see how large
+//! an arm of unknown lengths is: the scale comes from the priors of the four lengths, which a marker cannot better.
 
 mod choose;
 mod corrections;

@@ -2,7 +2,7 @@
 //! inertial unit stand as described.
 
 use nalgebra::{Matrix3, Vector2, Vector3};
-use tactnet_catching_packets::packets::{Circles, ImuSample, JointCommand, JointState};
+use tactnet_catching_packets::packets::{Circle, Circles, ImuSample, JointCommand, JointState};
 use tactnet_catching_packets::{ARM_JOINTS, Cameras, JOINTS, Joint, joint};
 
 use super::gravity::loads;
@@ -124,9 +124,14 @@ impl Corrections {
         let mut rectified = *seen;
         rectified.exposure_ns = earlier(seen.exposure_ns, known.camera_late);
         let camera = (seen.camera as usize).min(CAMERAS - 1);
-        for circle in rectified.circles.iter_mut().take(seen.count as usize) {
+        rectified.count = 0;
+        for circle in seen.valid() {
             let [u, v, r] = known.rectify(camera, [circle.u, circle.v, circle.r]);
-            (circle.u, circle.v, circle.r) = (u, v, r);
+            // A ball on the lens, as described cameras would not have seen it.
+            if r <= f64::from(known.optics.width) {
+                rectified.circles[rectified.count as usize] = Circle { u, v, r, ..*circle };
+                rectified.count += 1;
+            }
         }
         rectified
     }
@@ -182,7 +187,6 @@ mod tests {
     use bytemuck::Zeroable;
     use proptest::prelude::*;
     use tactnet_catching_packets::RobotDescription;
-    use tactnet_catching_packets::packets::Circle;
 
     use super::super::model::Model;
     use super::super::session::{NeckMotion, Picture};

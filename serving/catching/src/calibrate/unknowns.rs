@@ -163,7 +163,7 @@ impl Default for Priors {
             camera_shift: 0.006,
             arm_offset: 0.03,
             arm_mount: 0.008,
-            arm_length: 0.002,
+            arm_length: 0.001,
             neck_offset: 0.02,
             imu_turn: 0.03,
             accelerometer_bias: 0.1,

@@ -32,7 +32,7 @@ pub(super) fn birth(
     let variances = config.variances();
     // Cheap first: rows and radii differ by noise alone.
     let off = circles[0] - circles[1];
-    let rows = off.y * off.y / (2.0 * variances.y);
+    let rows = (off.y - row_difference(cameras, circles)).powi(2) / (2.0 * variances.y);
     // Nearly head on, radii are equal; far aside they differ by parts in a hundred.
     let radii = (off.z.abs() - 0.02 * circles[0].z).max(0.0).powi(2) / (2.0 * variances.z);
     if rows > config.gate || radii > config.gate || off.x <= 0.0 {
@@ -62,6 +62,15 @@ pub(super) fn birth(
     log_density
         .is_finite()
         .then_some(Birth { state, log_density })
+}
+
+/// Returns by how many rows a ball is lower in the left picture, because one camera sits higher or farther ahead than the other: 0 for two on
+/// a line. Its depth is taken from the disparity.
+fn row_difference(cameras: &[Camera; CAMERAS], circles: [&Vector3<f64>; CAMERAS]) -> f64 {
+    let [left, right] = cameras;
+    let apart = left.offset - right.offset;
+    let down = (circles[1].y - right.size[1] / 2.0) / right.focal;
+    (circles[0].x - circles[1].x) / apart.y * (apart.z + down * apart.x)
 }
 
 /// Returns position and covariance in the head's frame by weighted least squares, and the sum of squares that is left.
@@ -195,6 +204,23 @@ mod tests {
             covariance: [[0.0; 15]; 15],
         })
         .unwrap()
+    }
+
+    /// Calibrated cameras need not stand on a line.
+    #[test]
+    fn a_ball_is_born_before_cameras_of_which_one_sits_higher_and_farther_ahead() {
+        let mut description = RobotDescription::nominal().cameras;
+        description.shifts = [[0.006, 0.0, -0.004], [-0.004, 0.002, 0.006]];
+        let cameras = Camera::pair(&description);
+        let head = head();
+        for seen in [[5.0, 0.4, 1.0], [4.0, -0.3, -0.8], [2.0, 0.1, 0.3]].map(Vector3::from) {
+            let [left, right] = cameras.map(|camera| camera.outline(&seen).unwrap());
+            let config = TrackConfig::default();
+            let birth = birth(&cameras, [&left, &right], &head, &head.root(), &config).unwrap();
+            let found = birth.state.x.fixed_rows::<3>(0) - head.position;
+            // Gauss and Newton's last step.
+            assert!((found - seen).norm() < 1e-6, "{found}");
+        }
     }
 
     fn born(circles: [Vector3<f64>; 2]) -> Option<Birth> {

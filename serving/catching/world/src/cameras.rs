@@ -282,7 +282,8 @@ impl Cameras {
             r: (circle.r + r * self.config.radius_noise).max(1.0),
             response: evenly(BALL_RESPONSE, rng),
         };
-        found.then_some(seen)
+        // Nobody finds a ball that is wider than the picture.
+        (found && seen.r <= f64::from(self.optics.width)).then_some(seen)
     }
 
     fn no_ball(&self, rng: &mut ChaCha8Rng) -> Circle {
