@@ -106,7 +106,7 @@ fn solve(arguments: &CalibrateArgs, path: &Path) -> anyhow::Result<ExitCode> {
 }
 
 fn simulate(arguments: &CalibrateArgs) -> anyhow::Result<ExitCode> {
-    let world = match &arguments.world {
+    let world = match arguments.world.as_deref() {
         Some(path) => super::world(Some(path))?,
         None => WorldConfig {
             errors: PlantedErrors::uncalibrated(arguments.seed),
@@ -120,7 +120,7 @@ fn simulate(arguments: &CalibrateArgs) -> anyhow::Result<ExitCode> {
         routine: RoutineConfig::default(),
         seed: arguments.seed,
         of_each_arm: arguments.configurations.into(),
-        candidates: 500.max(4 * usize::from(arguments.configurations)),
+        candidates: 500usize.max(4 * usize::from(arguments.configurations)),
         unseen: 200,
         throws: arguments.throws,
     };
