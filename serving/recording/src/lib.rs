@@ -5,18 +5,21 @@
 
 mod described_channels;
 mod error;
+mod json_messages;
 mod kept_run;
 mod lengths;
 mod listener;
 mod messages;
 mod recorder;
 mod recording;
+mod records;
 mod replay;
 mod sweeps;
 #[cfg(feature = "rerun")]
 pub mod view;
 
 pub use error::RecordingError;
+pub use json_messages::{JsonMessage, read_json_messages, write_json_messages};
 pub use kept_run::{files_of_run, unpack_run};
 pub use listener::{Heard, Listener};
 pub use messages::{PlainPacket, Recordable};

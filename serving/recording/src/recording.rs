@@ -1,31 +1,17 @@
 //! A recording read back, as far as it goes.
 
 use std::collections::{BTreeMap, HashMap};
-use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
 
 use mcap::parse_record;
-use mcap::records::{Record, op};
-use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::records::Record;
 use tactnet_channel::Table;
 use tactnet_skin::packets::{ModelNames, SkinFrame, SweepCommand, TactileBelief, TactileStatus};
 
-use crate::lengths::lengths_fit;
 use crate::messages::{PlainPacket, Recordable, kind_of_message};
+use crate::records::each_record;
 use crate::{EPOCH, METADATA, RecordingError};
-
-/// Records may always be so long, bytes; longer ones only in longer files.
-const LONGEST_RECORD: u64 = 64 << 20;
-const NOT_NEEDED: [u8; 7] = [
-    op::MESSAGE_INDEX,
-    op::CHUNK_INDEX,
-    op::ATTACHMENT_INDEX,
-    op::STATISTICS,
-    op::METADATA_INDEX,
-    op::SUMMARY_OFFSET,
-    op::DATA_END,
-];
 
 /// One packet of a recording.
 #[derive(Debug, Clone)]
@@ -96,50 +82,12 @@ impl Recording {
     /// # Errors
     /// No MCAP file; one without the table of channels.
     pub fn read(path: &Path) -> Result<Self, RecordingError> {
-        let failed = |source| RecordingError::Io {
-            path: path.into(),
-            source,
-        };
         let unreadable = |reason: String| RecordingError::Unreadable {
             path: path.into(),
             reason,
         };
-        let mut file = tactnet_data::open_file(path).map_err(failed)?;
-        let length = file.metadata().map_err(failed)?.len();
-        let limit = length.max(LONGEST_RECORD) as usize;
-        let mut reader = LinearReader::new_with_options(
-            LinearReaderOptions::default()
-                .with_skip_end_magic(true)
-                .with_prevalidate_chunk_crcs(true)
-                .with_record_length_limit(limit),
-        );
         let mut found = Found::default();
-        let mut cut = None;
-        let mut unread = length;
-        while let Some(event) = reader.next_event() {
-            match event {
-                Ok(LinearReadEvent::ReadRequest(bytes)) => {
-                    // As much memory as a record says it needs, but no more than the file can fill.
-                    let bytes = bytes.min(usize::try_from(unread).unwrap_or(bytes));
-                    let read = file.read(reader.insert(bytes)).map_err(failed)?;
-                    unread = unread.saturating_sub(read as u64);
-                    reader.notify_read(read);
-                }
-                Ok(LinearReadEvent::Record { data, opcode }) => {
-                    if let Err(reason) = found.take(opcode, data) {
-                        cut = Some(reason);
-                        break;
-                    }
-                }
-                Err(mcap::McapError::BadMagic) if found.schemas.is_empty() => {
-                    return Err(unreadable("not an MCAP file".into()));
-                }
-                Err(error) => {
-                    cut = Some(error.to_string());
-                    break;
-                }
-            }
-        }
+        let mut cut = each_record(path, |opcode, data| found.take(opcode, data))?;
         if !found.ended && cut.is_none() {
             cut = Some("it was not ended properly".into());
         }
@@ -164,13 +112,6 @@ impl Recording {
 impl Found {
     /// Takes one record; gives why nothing behind it can be trusted.
     fn take(&mut self, opcode: u8, data: &[u8]) -> Result<(), String> {
-        if !lengths_fit(opcode, data) {
-            return Err(format!("a record of kind {opcode:#04x} is damaged"));
-        }
-        // Indices and statistics are not needed, and would be read at the word of what they say of themselves.
-        if NOT_NEEDED.contains(&opcode) {
-            return Ok(());
-        }
         match parse_record(opcode, data).map_err(|error| error.to_string())? {
             Record::Schema { header, .. } => {
                 self.schemas.insert(header.id, header.name);

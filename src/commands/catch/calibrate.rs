@@ -8,9 +8,9 @@ use std::time::Instant;
 use anyhow::Context;
 use clap::Args;
 use tactnet_catching::calibrate::{Calibration, CalibrationConfig, Model, RoutineConfig};
+use tactnet_catching_recorded::{read_session, write_session};
 use tactnet_catching_trials::{
     CalibrationReport, CalibrationTrial, Progress, SolveReport, keep_calibration, peer_session,
-    read_session, write_session,
 };
 use tactnet_catching_world::{PlantedErrors, WorldConfig};
 
@@ -20,10 +20,10 @@ use crate::output;
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     tactnet catch calibrate --simulate --seed 7 --json\n  \
-    tactnet catch calibrate --simulate --record session.jsonl --out calibration.toml --throws 0\n  \
-    tactnet catch calibrate --from session.jsonl --out calibration.toml           again, from what was recorded\n  \
+    tactnet catch calibrate --simulate --record session.mcap --out calibration.toml --throws 0\n  \
+    tactnet catch calibrate --from session.mcap --out calibration.toml           again, from what was recorded\n  \
     tactnet catch throw-series --world world.json --calibration calibration.toml  catch with it\n  \
-    tactnet catch calibrate --from session.jsonl --peer problem.json              for other solvers\n\n\
+    tactnet catch calibrate --from session.mcap --peer problem.json              for other solvers\n\n\
     With `--simulate` arms go through configurations that are chosen from random ones, before a simulated robot with planted errors (those of \
     robot number SEED, unless `--world` has others). Hands are then compared with the truth at poses that the calibration has not seen, and \
     balls are thrown before and after. Where there is no calibration, FILE of `--out` stays as it is.")]
@@ -49,7 +49,7 @@ pub struct CalibrateArgs {
     /// Settings of the world, JSON, its planted errors included [default: the ones built in, with errors of up to about 60 mm at the hands]
     #[arg(long, value_name = "FILE", conflicts_with = "from")]
     world: Option<PathBuf>,
-    /// Write what was recorded, JSON lines
+    /// Write what was recorded into a new file (MCAP)
     #[arg(long, value_name = "FILE", conflicts_with = "from")]
     record: Option<PathBuf>,
     /// Keep the calibration there, TOML; with `--from` the one that is there is where the solver begins

@@ -9,9 +9,11 @@ mod chain;
 mod packets_of;
 mod picture;
 mod replay;
+mod session;
 mod timing;
 
 pub use replay::{Compared, Replayed, replay};
+pub use session::{read_session, write_session};
 pub use timing::{Step, Timing, timing};
 
 /// A recording that tells nothing.

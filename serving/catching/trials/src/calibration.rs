@@ -18,7 +18,7 @@ use tactnet_catching::calibrate::{
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_world::WorldConfig;
 
-pub use file::{SessionFileError, keep_calibration, read_session, write_session};
+pub use file::{CalibrationFileError, keep_calibration};
 pub use peer::{PeerSession, peer_session};
 pub use unseen::Distances;
 

@@ -37,7 +37,7 @@ mod wilson;
 pub use bound::{Bound, bounds};
 pub use calibration::{
     CalibrationReport, CalibrationTrial, Distances, PeerSession, Progress, RandomFigures,
-    SessionFileError, SolveReport, keep_calibration, peer_session, read_session, write_session,
+    SolveReport, keep_calibration, peer_session,
 };
 pub use detect_bench::{DetectBench, DetectFigures, DetectReport, RadiusClass, Taken, is_ball};
 pub use error::TrialError;

@@ -1,0 +1,80 @@
+//! The records of an MCAP file, one after the other, as far as they can be trusted.
+
+use std::io::Read;
+use std::path::Path;
+
+use mcap::records::op;
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+
+use crate::RecordingError;
+use crate::lengths::lengths_fit;
+
+/// Records may always be so long, bytes; longer ones only in longer files.
+const LONGEST_RECORD: u64 = 64 << 20;
+const NOT_NEEDED: [u8; 7] = [
+    op::MESSAGE_INDEX,
+    op::CHUNK_INDEX,
+    op::ATTACHMENT_INDEX,
+    op::STATISTICS,
+    op::METADATA_INDEX,
+    op::SUMMARY_OFFSET,
+    op::DATA_END,
+];
+
+/// Passes every record to `take` but indices and statistics, which are not needed and would be read at the word of what they say of
+/// themselves. Returns why nothing behind a place can be trusted, if that is so.
+///
+/// - `take`: gets the kind of a record and its bytes; its error ends the reading
+///
+/// # Errors
+/// A file that cannot be read, or that is no MCAP file.
+pub(crate) fn each_record(
+    path: &Path,
+    mut take: impl FnMut(u8, &[u8]) -> Result<(), String>,
+) -> Result<Option<String>, RecordingError> {
+    let failed = |source| RecordingError::Io {
+        path: path.into(),
+        source,
+    };
+    let mut file = tactnet_data::open_file(path).map_err(failed)?;
+    let length = file.metadata().map_err(failed)?.len();
+    let limit = length.max(LONGEST_RECORD) as usize;
+    let mut reader = LinearReader::new_with_options(
+        LinearReaderOptions::default()
+            .with_skip_end_magic(true)
+            .with_prevalidate_chunk_crcs(true)
+            .with_record_length_limit(limit),
+    );
+    let (mut unread, mut records) = (length, 0);
+    while let Some(event) = reader.next_event() {
+        match event {
+            Ok(LinearReadEvent::ReadRequest(bytes)) => {
+                // As much memory as a record says it needs, but no more than the file can fill.
+                let bytes = bytes.min(usize::try_from(unread).unwrap_or(bytes));
+                let read = file.read(reader.insert(bytes)).map_err(failed)?;
+                unread = unread.saturating_sub(read as u64);
+                reader.notify_read(read);
+            }
+            Ok(LinearReadEvent::Record { data, opcode }) => {
+                records += 1;
+                if !lengths_fit(opcode, data) {
+                    return Ok(Some(format!("a record of kind {opcode:#04x} is damaged")));
+                }
+                if NOT_NEEDED.contains(&opcode) {
+                    continue;
+                }
+                if let Err(reason) = take(opcode, data) {
+                    return Ok(Some(reason));
+                }
+            }
+            Err(mcap::McapError::BadMagic) if records == 0 => {
+                return Err(RecordingError::Unreadable {
+                    path: path.into(),
+                    reason: "not an MCAP file".into(),
+                });
+            }
+            Err(error) => return Ok(Some(error.to_string())),
+        }
+    }
+    Ok(None)
+}
