@@ -15,6 +15,8 @@ pub(crate) struct Found {
 /// Half width of the box that a step stays in, at first and at least: rad, shares, s.
 const TRUST: f64 = 0.3;
 const LEAST_TRUST: f64 = 1e-6;
+/// Shares of a step that are tried.
+const SHARES: [f64; 5] = [1.0, 0.4, 0.16, 0.064, 0.0256];
 /// A gain below this ends the search, of the cost's unit (m, or a mean of shares).
 const SMALL_GAIN: f64 = 1e-7;
 
@@ -52,12 +54,16 @@ pub(crate) fn descend(problem: &Problem, start: &Point, most: usize) -> (Option<
                 .fold(penalty, |a, u| a.max(1.5 * u.abs()));
         }
         let merit = |at: &Linearised| at.cost + penalty * at.lack;
-        let next: Point = std::array::from_fn(|i| x[i] + step[i]);
-        let there = problem.linearise(&next, trust).filter(|there| {
+        let better = |there: &Linearised| {
             merit(there).is_finite() && merit(there) < merit(&here)
                 || multipliers.is_none() && there.lack < 0.98 * here.lack
+        };
+        let found = SHARES.iter().find_map(|share| {
+            let next: Point = std::array::from_fn(|i| x[i] + share * step[i]);
+            let there = problem.linearise(&next, trust).filter(better)?;
+            Some((next, there))
         });
-        let Some(there) = there else {
+        let Some((next, there)) = found else {
             trust *= 0.3;
             here = match problem.linearise(&x, trust) {
                 Some(here) => here,
@@ -75,7 +81,7 @@ pub(crate) fn descend(problem: &Problem, start: &Point, most: usize) -> (Option<
             let (before, after) = (pull(&here), pull(&there));
             update(
                 &mut curvature,
-                &step,
+                &std::array::from_fn(|i| next[i] - x[i]),
                 &std::array::from_fn(|i| after[i] - before[i]),
             );
         }
@@ -86,7 +92,7 @@ pub(crate) fn descend(problem: &Problem, start: &Point, most: usize) -> (Option<
             0
         };
         // The step went well: the next one may go farther.
-        let longest = step.iter().fold(0.0f64, |a, d| a.max(d.abs()));
+        let longest = (0..THROW_UNKNOWNS).fold(0.0f64, |a, i| a.max((next[i] - x[i]).abs()));
         if longest > 0.9 * trust {
             trust = (trust * 2.0).min(TRUST);
         }

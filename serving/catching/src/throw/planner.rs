@@ -480,7 +480,6 @@ mod tests {
         let best = Thrower::new(&robot, more)
             .plan(&request(&robot, farthest()))
             .unwrap();
-        println!("{} {}", plan.distance(), best.distance());
         assert!(plan.distance() > 0.999 * best.distance());
         // A hand of 7 m/s.
         assert!(plan.distance() > 4.5, "{}", plan.distance());

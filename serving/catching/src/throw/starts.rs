@@ -71,7 +71,7 @@ fn candidate(problem: &Problem, number: usize, direction: usize) -> Option<(f64,
     let hand = thrown(&x);
     let rise =
         hand.v.z + (hand.v.z.powi(2) + 2.0 * GRAVITY * (hand.p.z - problem.aim.height())).sqrt();
-    if !(rise > 0.0) {
+    if rise.is_nan() || rise <= 0.0 {
         return None;
     }
     let mut length = hand.v.xy().norm() * rise / GRAVITY;
