@@ -154,7 +154,8 @@ class Peer:
                 if len(kept) > 8:
                     kept.clear()
                 kept[key] = self.functions(x) if what == "values" else self.slopes(x)
-            return kept[key]
+            # SLSQP writes into what it gets.
+            return kept[key].copy()
 
         answer = scipy.optimize.minimize(
             lambda x: at(x, "values")[0],
@@ -166,7 +167,7 @@ class Peer:
                 {"type": "eq", "fun": lambda x: at(x, "values")[1:2], "jac": lambda x: at(x, "slopes")[1:2]},
                 {"type": "ineq", "fun": lambda x: at(x, "values")[2:], "jac": lambda x: at(x, "slopes")[2:]},
             ],
-            options={"maxiter": 60, "ftol": 1e-8},
+            options={"maxiter": 150, "ftol": 1e-8},
         )
         values = self.functions(answer.x)
         feasible = abs(values[1]) < 1e-4 and values[2:].min() > -1e-6 and np.abs(answer.x[8:16]).max() < 1 + 1e-6
