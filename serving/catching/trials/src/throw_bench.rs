@@ -35,7 +35,7 @@ const GIVES: f64 = 0.05;
 pub struct ThrowBenchConfig {
     /// Flights end at this height, m.
     pub height: f64,
-    /// The platform turns on wheels so far from its middle, m ([`with_turn`]). `None`: the torso's vertical axis turns, with its own limits.
+    /// The platform turns on wheels so far from its middle, m, and keeps its speed there. `None`: the torso's vertical axis turns, with its own limits.
     pub wheels: Option<f64>,
     /// Planner of throws.
     pub throws: ThrowPlanConfig,
