@@ -14,7 +14,7 @@ use crate::bound::Bound;
 use crate::error::TrialError;
 use crate::look::Mapping;
 use crate::look_ahead::{Errors, LookAhead};
-use crate::obstacles::{ObstaclesReport, WithoutMap};
+use crate::obstacles::{AmongObstacles, ObstaclesReport, WithoutMap};
 use crate::oracle::Oracle;
 use crate::throw::{BallOutcome, ThrowConfig, ThrowOutcome};
 use crate::timing::{Ablation, Timing};
@@ -215,10 +215,15 @@ impl Series {
             }
             in_space += 1;
             caught += usize::from(all);
+            let among = outcome.obstacles.as_ref();
             for ball in outcome.balls.iter().filter(|ball| !ball.caught()) {
-                *misses
-                    .entry(cause(ball.verdict.as_ref(), ball.tracked, ball.planned).to_string())
-                    .or_insert(0) += 1;
+                let cause = match cause(ball.verdict.as_ref(), ball.tracked, ball.planned) {
+                    "no plan" if among.is_some_and(|among| among.obstructed > 0) => {
+                        "obstacles in every way"
+                    }
+                    cause => cause,
+                };
+                *misses.entry(cause.to_string()).or_insert(0) += 1;
             }
         }
         let ahead: Vec<LookAhead> = outcomes
