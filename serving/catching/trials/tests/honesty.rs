@@ -126,7 +126,7 @@ fn without_the_map_the_robot_touches_what_stands_about() {
     let among = |change: &mut ThrowConfig| {
         change.world.obstacles = ObstaclesConfig::table_and_box();
     };
-    let report = series(12, |config| among(config))
+    let report = series(8, |config| among(config))
         .run_with_and_without_map(|| ())
         .unwrap();
     let obstacles = report.obstacles.unwrap();

@@ -52,10 +52,10 @@ impl ObstaclesConfig {
                     drawn_turn: 0.0,
                 },
                 BoxConfig {
-                    middle: [0.65, 0.95, 0.96],
-                    size: [0.25, 0.25, 0.34],
+                    middle: [0.65, 0.85, 0.99],
+                    size: [0.25, 0.25, 0.4],
                     turn: 0.0,
-                    drawn: [0.25, 0.15, 0.0],
+                    drawn: [0.2, 0.15, 0.0],
                     drawn_turn: 0.8,
                 },
             ],
