@@ -3,9 +3,9 @@
 //! | topic | message, JSON |
 //! |---|---|
 //! | `calibration/session` | version, time that the robot needed; the first |
-//! | `calibration/picture` | [`Picture`] |
-//! | `calibration/rest` | [`Rest`] |
-//! | `calibration/turn` | [`Turn`] |
+//! | `calibration/picture` | [`Picture`](tactnet_catching::calibrate::Picture) |
+//! | `calibration/rest` | [`Rest`](tactnet_catching::calibrate::Rest) |
+//! | `calibration/turn` | [`Turn`](tactnet_catching::calibrate::Turn) |
 //!
 //! Messages are numbered by their times: a session has no clock of its own.
 
@@ -13,7 +13,7 @@ use std::path::Path;
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use tactnet_catching::calibrate::{Picture, Rest, Session, Turn};
+use tactnet_catching::calibrate::Session;
 use tactnet_recording::{JsonMessage, RecordingError, read_json_messages, write_json_messages};
 
 /// Version of the format.
@@ -110,7 +110,7 @@ fn parse<T: DeserializeOwned>(number: usize, message: &JsonMessage) -> Result<T,
 
 #[cfg(test)]
 mod tests {
-    use tactnet_catching::calibrate::NeckMotion;
+    use tactnet_catching::calibrate::{NeckMotion, Picture, Rest, Turn};
 
     use super::*;
 

@@ -36,8 +36,8 @@ mod wilson;
 
 pub use bound::{Bound, bounds};
 pub use calibration::{
-    CalibrationReport, CalibrationTrial, Distances, PeerSession, Progress, RandomFigures,
-    SolveReport, keep_calibration, peer_session,
+    CalibrationFileError, CalibrationReport, CalibrationTrial, Distances, PeerSession, Progress,
+    RandomFigures, SolveReport, keep_calibration, peer_session,
 };
 pub use detect_bench::{DetectBench, DetectFigures, DetectReport, RadiusClass, Taken, is_ball};
 pub use error::TrialError;

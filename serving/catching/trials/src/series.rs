@@ -14,7 +14,7 @@ use crate::bound::Bound;
 use crate::error::TrialError;
 use crate::look::Mapping;
 use crate::look_ahead::{Errors, LookAhead};
-use crate::obstacles::{AmongObstacles, ObstaclesReport, WithoutMap};
+use crate::obstacles::{ObstaclesReport, WithoutMap};
 use crate::oracle::Oracle;
 use crate::throw::{BallOutcome, ThrowConfig, ThrowOutcome};
 use crate::timing::{Ablation, Timing};
