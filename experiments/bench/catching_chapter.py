@@ -1,0 +1,50 @@
+#!/usr/bin/env python3
+"""What is left of chapter 3 beside catching: calibration, throws, rallies, catches among obstacles.
+
+    python experiments/bench/catching_chapter.py --tactnet target/release/tactnet --out experiments/results/catching_chapter.json
+
+Runs each command once and keeps its JSON. Begun again, it goes on where it stopped; rows of another build are run anew. About half an hour on
+two cores, most of it the obstacles.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+ROWS = [
+    *[f"catch calibrate --simulate --seed {seed} --throws 100" for seed in range(1, 9)],
+    "catch throw --throws 20 --seed 1",
+    "catch throw --throws 20 --seed 1 --wheels 0.36",
+    "catch rally --rallies 8 --most 50 --seed 2",
+    "catch rally --rallies 4 --most 6 --distance 7.5 --wheels 0.31 --seed 1",
+    *[f"catch throw-series --obstacles --throws 125 --seed {seed}" for seed in range(1, 5)],
+]
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--tactnet", required=True, help="the program")
+    parser.add_argument("--out", required=True, type=Path, help="JSON file of the results")
+    arguments = parser.parse_args()
+    build = json.loads(subprocess.run([arguments.tactnet, "version", "--json"], check=True, capture_output=True, text=True).stdout)
+    kept = json.loads(arguments.out.read_text()) if arguments.out.exists() else {}
+    done = {row["command"]: row for row in kept.get("rows", [])} if kept.get("commit") == build["git"] else {}
+    for number, row in enumerate(ROWS):
+        command = f"tactnet {row}"
+        if command in done:
+            continue
+        begun = time.monotonic()
+        result = subprocess.run([arguments.tactnet, *row.split(), "--json"], stdout=subprocess.PIPE, text=True)
+        if result.returncode:
+            sys.exit(f"`{command}` failed")
+        done[command] = {"command": command, **json.loads(result.stdout)}
+        rows = [done[f"tactnet {other}"] for other in ROWS if f"tactnet {other}" in done]
+        arguments.out.write_text(json.dumps({"commit": build["git"], "rows": rows}, indent=1) + "\n")
+        print(f"{number + 1} of {len(ROWS)}: {command}, {time.monotonic() - begun:.0f} s", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()
