@@ -1,6 +1,7 @@
 //! Calibration of the simulated robot, and what it is worth: hands at poses that it has not seen, balls caught before and after.
 
 mod file;
+mod page;
 mod peer;
 mod rehearsal;
 mod unseen;
@@ -12,13 +13,14 @@ use rayon::prelude::*;
 use serde::Serialize;
 use tactnet_catching::Robot;
 use tactnet_catching::calibrate::{
-    Calibration, CalibrationConfig, Candidate, Determined, Model, RoutineConfig, Session, Solved,
-    UNKNOWNS, Unknowns, calibrate, choose, gain,
+    Calibration, CalibrationConfig, Candidate, Determined, Model, Problem, RoutineConfig, Session,
+    Solved, UNKNOWNS, Unknowns, calibrate, choose, gain,
 };
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_world::WorldConfig;
 
 pub use file::{CalibrationFileError, keep_calibration};
+pub use page::calibration_page;
 pub use peer::{PeerSession, peer_session};
 pub use unseen::Distances;
 
@@ -29,7 +31,7 @@ use crate::throw::ThrowConfig;
 use crate::timing::Timing;
 use crate::wilson::wilson;
 use rehearsal::{candidates, rehearse};
-use unseen::Standing;
+use unseen::{Standing, distances};
 
 /// Places of a sweep that the choice of configurations looks at.
 const VIEWS: usize = 6;
@@ -125,6 +127,26 @@ pub struct CalibrationReport {
     /// What was recorded.
     #[serde(skip)]
     pub session: Session,
+    /// What means and worst values are of.
+    #[serde(skip)]
+    pub samples: CalibrationSamples,
+}
+
+/// All values that a calibration's figures are of.
+#[derive(Debug, Clone, Default)]
+pub struct CalibrationSamples {
+    /// Distances at unseen poses before, mm, two cameras a pose.
+    pub raw_mm: Vec<f64>,
+    /// The same after.
+    pub found_mm: Vec<f64>,
+    /// The same after a calibration from configurations that were not chosen.
+    pub random_mm: Vec<f64>,
+    /// From features to where the description puts them, pixels; 1000 where it sees none.
+    pub before_px: Vec<f64>,
+    /// From features to where the calibration puts them, pixels.
+    pub residuals_px: Vec<f64>,
+    /// Standard deviation of a feature's noise each way, pixels.
+    pub noise_px: f64,
 }
 
 /// Figures of configurations that were drawn and not chosen.
@@ -213,14 +235,26 @@ impl CalibrationTrial {
         let (report, solved) = SolveReport::new(&model, &self.config, &sessions[0], None)?;
         let (_, beside) = SolveReport::new(&model, &self.config, &sessions[1], None)?;
         let poses = self.poses(&model, &world)?;
-        let found = Distances::of(&poses, &model, &solved.unknowns);
-        let found_random = Distances::of(&poses, &model, &beside.unknowns);
+        let raw = distances(&poses, &model, &Unknowns::zeros(UNKNOWNS));
+        let all_found = distances(&poses, &model, &solved.unknowns);
+        let all_random = distances(&poses, &model, &beside.unknowns);
+        let (found, found_random) = (Distances::of(&all_found), Distances::of(&all_random));
+        let problem = Problem::new(&model, &sessions[0], &self.config)?;
+        let mm = |all: &[f64]| all.iter().map(|distance| 1e3 * distance).collect();
+        let samples = CalibrationSamples {
+            raw_mm: mm(&raw),
+            found_mm: mm(&all_found),
+            random_mm: mm(&all_random),
+            before_px: problem.feature_residuals(&self.config.priors.guess()),
+            residuals_px: problem.feature_residuals(&solved.unknowns),
+            noise_px: self.config.noise.feature,
+        };
         let log_det_random = gain(&model, &self.config, &random, &views)?;
         let mut all = CalibrationReport {
             seed: self.seed,
             mean_mm: found.mean_mm,
             worst_mm: found.worst_mm,
-            raw: Distances::of(&poses, &model, &Unknowns::zeros(UNKNOWNS)),
+            raw: Distances::of(&raw),
             unseen: self.unseen,
             solved: report,
             candidates: self.candidates,
@@ -241,6 +275,7 @@ impl CalibrationTrial {
             misses_before: BTreeMap::new(),
             misses_after: BTreeMap::new(),
             session: sessions.into_iter().next().unwrap_or_default(),
+            samples,
         };
         if self.throws > 0 {
             let throwing = || progress(Progress::Throwing);

@@ -26,6 +26,7 @@ mod quantiles;
 mod rally;
 mod safety_bench;
 mod series;
+mod sheet;
 mod still_head;
 mod throw;
 mod throw_bench;
@@ -36,14 +37,15 @@ mod wilson;
 
 pub use bound::{Bound, bounds};
 pub use calibration::{
-    CalibrationFileError, CalibrationReport, CalibrationTrial, Distances, PeerSession, Progress,
-    RandomFigures, SolveReport, keep_calibration, peer_session,
+    CalibrationFileError, CalibrationReport, CalibrationSamples, CalibrationTrial, Distances,
+    PeerSession, Progress, RandomFigures, SolveReport, calibration_page, keep_calibration,
+    peer_session,
 };
 pub use detect_bench::{DetectBench, DetectFigures, DetectReport, RadiusClass, Taken, is_ball};
 pub use error::TrialError;
 pub use look::Mapping;
 pub use look_ahead::LookAhead;
-pub use obstacles::{AmongObstacles, ObstaclesReport, WithoutMap};
+pub use obstacles::{AmongObstacles, ObstaclesReport, WithoutMap, obstacles_page};
 pub use oracle::Oracle;
 pub use page::series_page;
 pub use peer_circles::{
@@ -56,7 +58,7 @@ pub use picture::picture_file;
 pub use plan_bench::{PlanBench, PlanReport};
 pub use problems::{PlanProblem, plan_problem};
 pub use quantiles::Quantiles;
-pub use rally::{Rally, RallyConfig, RallyReport};
+pub use rally::{Rally, RallyConfig, RallyFlight, RallyReport, rally_page};
 pub use safety_bench::{PeerHulls, SafetyBench, SafetyReport};
 pub use series::{AHEAD, Series, SeriesReport};
 pub use throw::{BallOutcome, Braked, ThrowConfig, ThrowOutcome};

@@ -1,12 +1,18 @@
 //! Throws among obstacles: what was touched, what was caught, and how long it takes from looking to planning.
 
+mod page;
+mod scene;
+
 use std::collections::BTreeMap;
 use std::fmt;
 
 use serde::Serialize;
 use tactnet_catching_world::Contacts;
 
+pub use page::obstacles_page;
+
 use crate::quantiles::Quantiles;
+use crate::series::SeriesReport;
 use crate::throw::{BallOutcome, ThrowOutcome};
 use crate::wilson::wilson;
 
@@ -64,6 +70,15 @@ pub struct WithoutMap {
     pub untouched_catches_without_map: usize,
     /// The deepest contact, mm.
     pub contact_mm_max_without_map: f64,
+    /// Throws that the oracle can catch: not always the same, since arms that stay up wait elsewhere.
+    #[serde(skip)]
+    pub in_catch_space: usize,
+    /// Of those, caught.
+    #[serde(skip)]
+    pub caught: usize,
+    /// Numbers of the throws in which it touched anything.
+    #[serde(skip)]
+    pub touched: Vec<u64>,
 }
 
 fn touched(outcome: &ThrowOutcome) -> bool {
@@ -135,13 +150,19 @@ impl ObstaclesReport {
 }
 
 impl WithoutMap {
-    /// - `rate`: caught of those in the catch space
-    pub(crate) fn of(outcomes: &[ThrowOutcome], rate: f64) -> Self {
+    /// Returns what a series of a robot that does not look gave.
+    pub(crate) fn of(report: &SeriesReport) -> Self {
+        let outcomes = &report.outcomes;
+        let those = outcomes.iter().filter(|outcome| touched(outcome));
+        let touched: Vec<u64> = those.map(|outcome| outcome.number).collect();
         Self {
-            contacts_without_map: outcomes.iter().filter(|outcome| touched(outcome)).count(),
-            rate_without_map: rate,
+            contacts_without_map: touched.len(),
+            rate_without_map: report.rate,
             untouched_catches_without_map: untouched_catches(outcomes),
             contact_mm_max_without_map: deepest_mm(outcomes),
+            in_catch_space: report.in_catch_space,
+            caught: report.caught,
+            touched,
         }
     }
 }

@@ -6,25 +6,16 @@ use nalgebra::Vector3;
 use tactnet_catching::Robot;
 use tactnet_catching::flight::{DRAG, Flight};
 use tactnet_catching_packets::joint;
-use tactnet_plot::{
-    Axes, Axis, STYLE as FIGURE_STYLE, Series as Curve, escape, figure, legend, theme,
-};
+use tactnet_plot::{Axes, Axis, Series as Curve, escape, figure, legend};
 
 use crate::bound::{Bound, bounds};
 use crate::error::TrialError;
 use crate::look_ahead::LookAhead;
 use crate::picture::picture;
 use crate::series::{Series, SeriesReport};
+use crate::sheet::{LEFT, WIDTH, sheet};
 use crate::trace::{Trace, TraceTick};
 
-const STYLE: &str = "
-html{color-scheme:light dark}
-body{font:16px/1.5 system-ui,sans-serif;color:var(--ink);background:var(--ground);max-width:60rem;margin:2rem auto;padding:0 1rem}
-.headline{font-size:1.25rem}figure{margin:1rem 0}figcaption{color:var(--muted);font-size:.9rem}
-.scroll{overflow-x:auto}table{border-collapse:collapse;font-size:.9rem}td,th{padding:.15rem .8rem .15rem 0;text-align:left;border-bottom:1px solid var(--rule)}";
-
-const WIDTH: f64 = 640.0;
-const LEFT: f64 = 56.0;
 /// What plans cost that are no exact catch, and more.
 const NEAR_MISS: f64 = 10.0;
 
@@ -33,11 +24,7 @@ const NEAR_MISS: f64 = 10.0;
 /// # Errors
 /// As the series: the drawn throw is run again.
 pub fn series_page(series: &Series, report: &SeriesReport) -> Result<String, TrialError> {
-    let mut html = format!(
-        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\
-         <title>Balls caught</title><style>{}{FIGURE_STYLE}{STYLE}</style><h1>Balls caught</h1>",
-        theme()
-    );
+    let mut html = String::new();
     headline(&mut html, report);
     if let Some(errors) = errors(series, report) {
         let _ = write!(html, "<h2>How well flights are predicted</h2>{errors}");
@@ -49,8 +36,7 @@ pub fn series_page(series: &Series, report: &SeriesReport) -> Result<String, Tri
             throw(&trace, &series.config.robot)
         );
     }
-    html.push_str("</html>\n");
-    Ok(html)
+    Ok(sheet("Balls caught", &html))
 }
 
 fn headline(html: &mut String, report: &SeriesReport) {

@@ -5,6 +5,8 @@
 //! ball come down, and the thrower aims beside its target by as much. The torso swings under a throw, so the first balls fall short.
 
 mod catching;
+mod flight;
+mod page;
 mod player;
 
 use std::collections::BTreeMap;
@@ -25,6 +27,9 @@ use crate::throw::{ThrowConfig, world_seed};
 use crate::throw_bench::down_to;
 use crate::timing::Timing;
 use crate::wilson::wilson;
+pub use flight::RallyFlight;
+use flight::{landings, profile};
+pub use page::rally_page;
 use player::Learnt;
 pub(crate) use player::Player;
 
@@ -122,6 +127,9 @@ pub struct RallyReport {
     pub no_throw_causes: BTreeMap<String, usize>,
     /// Catches of every game.
     pub lengths: Vec<usize>,
+    /// The first throws of the first games.
+    #[serde(skip)]
+    pub flights: Vec<RallyFlight>,
 }
 
 /// A throw of a game.
@@ -141,6 +149,8 @@ struct Exchange {
 struct Game {
     exchanges: Vec<Exchange>,
     no_throw: Option<String>,
+    /// Those that are kept.
+    flights: Vec<RallyFlight>,
 }
 
 impl Rally {
@@ -317,6 +327,16 @@ impl Rally {
                 beside: (down - target).norm(),
                 at_2ms: lost(&throw.plan, players[thrower].throwing(), height),
             });
+            if number < GAMES_KEPT && game.flights.len() < THROWS_KEPT {
+                let timing = landings(&throw.plan, players[thrower].throwing(), height);
+                game.flights.push(RallyFlight {
+                    game: number,
+                    arm: throw.plan.arm,
+                    caught: catch.arm.is_some(),
+                    path: profile(&flight, height),
+                    timing,
+                });
+            }
             done();
             let Some(with) = catch.arm else {
                 break;
@@ -373,9 +393,14 @@ impl Rally {
             causes,
             no_throw_causes,
             lengths,
+            flights: games.iter().flat_map(|game| game.flights.clone()).collect(),
         }
     }
 }
+
+/// Games and throws of each of which flights are kept.
+const GAMES_KEPT: u64 = 4;
+const THROWS_KEPT: usize = 2;
 
 /// Worlds of the practice come after those of the games.
 const PRACTICE: u64 = 1 << 32;

@@ -155,12 +155,18 @@ impl Series {
         let Some(outcome) = caught.or(report.outcomes.first()) else {
             return Ok(None);
         };
+        Ok(Some((outcome.number, self.again(outcome.number)?)))
+    }
+
+    /// Runs a throw again: what happened tick by tick.
+    ///
+    /// # Errors
+    /// As [`Series::run`].
+    pub fn again(&self, number: u64) -> Result<Trace, TrialError> {
         let oracle = Oracle::new(&self.config.robot, self.config.moves_lower_body());
         let ready = self.config.ready();
-        let (_, trace) = self
-            .config
-            .trace(self.seed, outcome.number, &ready, &oracle)?;
-        Ok(Some((outcome.number, trace)))
+        let (_, trace) = self.config.trace(self.seed, number, &ready, &oracle)?;
+        Ok(trace)
     }
 
     /// Runs all throws on all cores; `done` is told after each. The result does not depend on how many there are.
@@ -199,7 +205,7 @@ impl Series {
         let mut report = with(Mapping::Depth).run(&done)?;
         let blind = with(Mapping::Blind).run(&done)?;
         if let Some(obstacles) = &mut report.obstacles {
-            obstacles.without_map = Some(WithoutMap::of(&blind.outcomes, blind.rate));
+            obstacles.without_map = Some(WithoutMap::of(&blind));
         }
         Ok(report)
     }

@@ -199,6 +199,10 @@ impl ThrowConfig {
             let apart = ObstacleConfig::default().hard;
             coordinator.stay_in(Room::new(known, field.clone(), apart));
         }
+        if let Some(trace) = &mut trace {
+            trace.field.clone_from(&looked.field);
+            trace.boxes = world.boxes().to_vec();
+        }
         let (mut obstructed, mut first_plan) = (0, None);
         let mut answers: VecDeque<Answers> = VecDeque::new();
         let mut said: Vec<Said> = Vec::new();

@@ -1,10 +1,13 @@
 //! One throw, tick by tick, to be drawn.
 
-use nalgebra::{UnitQuaternion, Vector3};
+use std::sync::Arc;
+
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use tactnet_catching::Robot;
+use tactnet_catching::map::DistanceField;
 use tactnet_catching_packets::packets::{JointCommand, MAX_BALLS};
 use tactnet_catching_packets::{ARMS, JOINTS, joint};
-use tactnet_catching_world::{Sensed, Truth};
+use tactnet_catching_world::{Sensed, StandingBox, Truth};
 
 /// A tick.
 #[derive(Debug, Clone)]
@@ -21,6 +24,10 @@ pub struct TraceTick {
     pub torso: [Vector3<f64>; 3],
     /// The head, m.
     pub head: Vector3<f64>,
+    /// The chest's place, m, and from its frame to the inertial one, as they truly are.
+    pub chest: (Vector3<f64>, Matrix3<f64>),
+    /// Joint angles, measured, rad.
+    pub angles: [f64; JOINTS],
     /// Joint rates, commanded.
     pub commanded: [f64; JOINTS],
     /// Joint rates, measured.
@@ -47,6 +54,10 @@ pub struct Trace {
     pub ticks: Vec<TraceTick>,
     /// In their order.
     pub plans: Vec<TracePlan>,
+    /// What the robot has seen before the throw, inertial frame, if it looked about.
+    pub field: Option<Arc<DistanceField>>,
+    /// What truly stands about.
+    pub boxes: Vec<StandingBox>,
 }
 
 impl Trace {
@@ -80,6 +91,8 @@ impl Trace {
             t,
             balls: truth.balls.map(|ball| ball.map(|ball| ball.state.position)),
             hands: truth.hands.map(|hand| hand.position),
+            chest: (chest.position, chest.rotation),
+            angles: *q,
             commanded: command.dq,
             measured: sensed.joints.dq,
         });

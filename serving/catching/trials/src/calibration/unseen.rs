@@ -77,15 +77,19 @@ impl Standing {
 }
 
 impl Distances {
-    /// Judges unknowns at poses.
-    pub(crate) fn of(poses: &[Standing], model: &Model, x: &Unknowns) -> Self {
-        let all: Vec<f64> = poses
-            .iter()
-            .flat_map(|pose| pose.distances(model, x))
-            .collect();
+    /// Judges distances, m.
+    pub(crate) fn of(all: &[f64]) -> Self {
         Self {
             mean_mm: 1e3 * all.iter().sum::<f64>() / all.len().max(1) as f64,
             worst_mm: 1e3 * all.iter().copied().fold(0.0, f64::max),
         }
     }
+}
+
+/// Returns the distances at poses with these unknowns, m, two cameras a pose.
+pub(crate) fn distances(poses: &[Standing], model: &Model, x: &Unknowns) -> Vec<f64> {
+    poses
+        .iter()
+        .flat_map(|pose| pose.distances(model, x))
+        .collect()
 }

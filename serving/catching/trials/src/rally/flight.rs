@@ -1,0 +1,108 @@
+//! Flights of a game that are kept to be drawn.
+
+use tactnet_catching::Robot;
+use tactnet_catching::flight::DRAG;
+use tactnet_catching::throw::ThrowPlan;
+use tactnet_catching_world::FlightSample;
+
+/// Fingers open so much late or early at the most in what is drawn, ms.
+pub(super) const MOST_LATE: i32 = 4;
+/// Points of a flight that are kept.
+const POINTS: usize = 60;
+
+/// A throw of a game.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RallyFlight {
+    /// Number of the game.
+    pub game: u64,
+    /// The arm that threw: 0 left, 1 right.
+    pub arm: usize,
+    /// True if it was caught.
+    pub caught: bool,
+    /// The true flight down to the target's height: distance from the release along the ground and height, m. A ball that was caught before
+    /// would have flown on like this.
+    pub path: Vec<[f64; 2]>,
+    /// Of the planned throw, by how much fingers open late (early, if negative), ms, and how much nearer the ball then comes down, mm, less
+    /// than 0: farther.
+    pub timing: Vec<[f64; 2]>,
+}
+
+impl RallyFlight {
+    /// The look of its line.
+    pub(super) fn look(&self) -> usize {
+        usize::from(!self.caught)
+    }
+}
+
+/// Returns a flight from the side, down to a height.
+pub(super) fn profile(flight: &[FlightSample], height: f64) -> Vec<[f64; 2]> {
+    let Some(first) = flight.first() else {
+        return Vec::new();
+    };
+    let mut highest = f64::NEG_INFINITY;
+    let all: Vec<[f64; 2]> = flight
+        .iter()
+        .take_while(|sample| {
+            let p = sample.state.position;
+            highest = highest.max(p.z);
+            // It may begin below and has to come up first.
+            p.z >= height || highest < height
+        })
+        .map(|sample| {
+            let p = sample.state.position;
+            [(p - first.state.position).xy().norm(), p.z]
+        })
+        .collect();
+    let every = all.len().div_ceil(POINTS).max(1);
+    let kept = all.iter().enumerate();
+    kept.filter(|(i, _)| i % every == 0 || i + 1 == all.len())
+        .map(|(_, point)| *point)
+        .collect()
+}
+
+/// Returns how much nearer a planned flight comes down, mm, for fingers that open early or late, ms.
+pub(super) fn landings(plan: &ThrowPlan, robot: &Robot, height: f64) -> Vec<[f64; 2]> {
+    let heading = (plan.landing.p - plan.p).xy().normalize();
+    (-MOST_LATE..=MOST_LATE)
+        .filter_map(|late| {
+            let late = f64::from(late);
+            let landing = plan.released_late(robot, 1e-3 * late, DRAG, height)?;
+            let farther = (landing.p - plan.landing.p).xy().dot(&heading);
+            Some([late, -1e3 * farther])
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+    use tactnet_catching_world::BallState;
+
+    use super::*;
+
+    /// Balls on a parabola, from below the height to below it again.
+    #[test]
+    fn profiles_end_where_the_ball_comes_down_to_the_height() {
+        let flight: Vec<FlightSample> = (0..1000)
+            .map(|i| {
+                let t = 1e-3 * f64::from(i);
+                FlightSample {
+                    t_ns: 0,
+                    state: BallState {
+                        position: Vector3::new(1.0 + 3.0 * t, 4.0 * t, 1.0 + 4.0 * t - 5.0 * t * t),
+                        velocity: Vector3::zeros(),
+                    },
+                }
+            })
+            .collect();
+        let path = profile(&flight, 1.2);
+        assert!(path.len() <= POINTS + 1 && path[0] == [0.0, 1.0]);
+        // 1.2 again after 0.746 s, at 5 m/s.
+        let [far, high] = *path.last().unwrap();
+        assert!(
+            (far - 3.73).abs() < 0.01 && (high - 1.2).abs() < 0.01,
+            "{far} {high}"
+        );
+        assert!(profile(&[], 1.0).is_empty());
+    }
+}
