@@ -118,6 +118,16 @@ fn world(path: Option<&Path>) -> anyhow::Result<WorldConfig> {
     serde_json::from_str(&text).with_context(|| path.display().to_string())
 }
 
+/// Fails where a file cannot be written because its folder is missing: before something is run in vain.
+fn check_folder(file: &Path) -> anyhow::Result<()> {
+    if let Some(folder) = file.parent()
+        && !(folder.as_os_str().is_empty() || folder.is_dir())
+    {
+        anyhow::bail!("{}: no such folder", folder.display());
+    }
+    Ok(())
+}
+
 fn description(path: Option<&Path>) -> anyhow::Result<RobotDescription> {
     let Some(path) = path else {
         return Ok(RobotDescription::nominal());

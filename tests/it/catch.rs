@@ -127,3 +127,22 @@ fn wrong_robots_worlds_and_places_are_one_line_before_anything_is_thrown() {
         );
     }
 }
+
+#[test]
+fn pages_without_a_folder_are_refused_before_anything_moves() {
+    let lab = Lab::new();
+    let nowhere = lab.path("nowhere/page.html").display().to_string();
+    for command in [
+        &["calibrate", "--simulate"][..],
+        &["rally"],
+        &["throw-series", "--obstacles"],
+    ] {
+        let mut catch = tactnet(["catch"]);
+        catch.args(command).args(["--page", &nowhere]);
+        let said = stderr(&expect(2, catch));
+        assert!(
+            said.contains("nowhere: no such folder") && said.trim().lines().count() == 1,
+            "{said}"
+        );
+    }
+}

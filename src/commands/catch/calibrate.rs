@@ -10,7 +10,8 @@ use clap::Args;
 use tactnet_catching::calibrate::{Calibration, CalibrationConfig, Model, RoutineConfig};
 use tactnet_catching_recorded::{read_session, write_session};
 use tactnet_catching_trials::{
-    CalibrationReport, CalibrationTrial, Progress, SolveReport, keep_calibration, peer_session,
+    CalibrationReport, CalibrationTrial, Progress, SolveReport, calibration_page, keep_calibration,
+    peer_session,
 };
 use tactnet_catching_world::{PlantedErrors, WorldConfig};
 
@@ -20,6 +21,7 @@ use crate::output;
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     tactnet catch calibrate --simulate --seed 7 --json\n  \
+    tactnet catch calibrate --simulate --page calibration.html                   hands, markers and balls, before and after\n  \
     tactnet catch calibrate --simulate --record session.mcap --out calibration.toml --throws 0\n  \
     tactnet catch calibrate --from session.mcap --out calibration.toml           again, from what was recorded\n  \
     tactnet catch throw-series --world world.json --calibration calibration.toml  catch with it\n  \
@@ -55,6 +57,9 @@ pub struct CalibrateArgs {
     /// Keep the calibration there, TOML; with `--from` the one that is there is where the solver begins
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Write a page with hands, markers and balls caught before and after
+    #[arg(long, value_name = "FILE", conflicts_with = "from")]
+    page: Option<PathBuf>,
     /// Write the least-squares problem with our answer, JSON
     #[arg(long, value_name = "FILE")]
     peer: Option<PathBuf>,
@@ -106,6 +111,9 @@ fn solve(arguments: &CalibrateArgs, path: &Path) -> anyhow::Result<ExitCode> {
 }
 
 fn simulate(arguments: &CalibrateArgs) -> anyhow::Result<ExitCode> {
+    if let Some(page) = &arguments.page {
+        super::check_folder(page)?;
+    }
     let world = match arguments.world.as_deref() {
         Some(path) => super::world(Some(path))?,
         None => WorldConfig {
@@ -154,6 +162,10 @@ fn simulate(arguments: &CalibrateArgs) -> anyhow::Result<ExitCode> {
     }
     if let Some(out) = &arguments.out {
         keep_calibration(out, &report.solved.calibration)?;
+    }
+    if let Some(path) = &arguments.page {
+        std::fs::write(path, calibration_page(&report))
+            .with_context(|| path.display().to_string())?;
     }
     if let Some(path) = &arguments.peer {
         let problem = peer_session(&trial.robot, &trial.config, &report.session, &report.solved)?;

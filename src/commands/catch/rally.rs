@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use anyhow::Context;
 use clap::Args;
-use tactnet_catching_trials::{Rally, RallyConfig, RallyReport, Timing};
+use tactnet_catching_trials::{Rally, RallyConfig, RallyReport, Timing, rally_page};
 
 use crate::commands::progress_line::about;
 use crate::output;
@@ -15,6 +15,7 @@ use crate::output;
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     tactnet catch rally --rallies 10 --seed 1 --json\n  \
+    tactnet catch rally --rallies 10 --most 20 --page rally.html     flights, games by length, misses\n  \
     tactnet catch rally --rallies 4 --distance 5.2 --most 20\n  \
     tactnet catch rally --rallies 4 --distance 6.6 --wheels 0.4      the platform turns in throws\n  \
     tactnet catch rally --settings rally.json                        where balls come down, practice, the planner of throws")]
@@ -43,6 +44,9 @@ pub struct RallyArgs {
     /// Settings of their worlds, JSON [default: the ones built in]
     #[arg(long, value_name = "FILE")]
     world: Option<PathBuf>,
+    /// Write a page with flights, games by length and misses
+    #[arg(long, value_name = "FILE")]
+    page: Option<PathBuf>,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
@@ -61,6 +65,9 @@ pub fn run(arguments: &RallyArgs) -> anyhow::Result<ExitCode> {
     config.wheels = arguments.wheels.or(config.wheels);
     config.most = arguments.most.map_or(config.most, |most| most as usize);
     let most = config.most as u64;
+    if let Some(page) = &arguments.page {
+        super::check_folder(page)?;
+    }
     let rally = Rally {
         config,
         robot: super::robot(arguments.robot.as_ref())?,
@@ -85,6 +92,9 @@ pub fn run(arguments: &RallyArgs) -> anyhow::Result<ExitCode> {
             say!("{thrown} throws, at most {} to go", about(left));
         }
     })?;
+    if let Some(path) = &arguments.page {
+        std::fs::write(path, rally_page(&report)).with_context(|| path.display().to_string())?;
+    }
     if arguments.json {
         output::print_json(&report)?;
     } else {

@@ -8,7 +8,7 @@ use std::time::Instant;
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use tactnet_catching_trials::{
-    Ablation, Mapping, Series, ThrowConfig, Timing, picture_file, series_page,
+    Ablation, Mapping, Series, ThrowConfig, Timing, obstacles_page, picture_file, series_page,
 };
 use tactnet_catching_world::ObstaclesConfig;
 
@@ -24,6 +24,7 @@ use crate::output;
     tactnet catch throw-series --balls 2\n  \
     tactnet catch throw-series --throws 20 --pixels                  from pictures, not from circles\n  \
     tactnet catch throw-series --throws 50 --obstacles               among a table and a box, mapped by a depth camera\n  \
+    tactnet catch throw-series --throws 50 --obstacles --page obstacles.html\n  \
     tactnet catch throw-series --watch                               would the robot have braked for itself?\n  \
     tactnet catch throw-series --timing thesis                       152 ms from exposure to path instead of 70")]
 pub struct ThrowSeriesArgs {
@@ -71,7 +72,7 @@ pub struct ThrowSeriesArgs {
     /// Settings of the world, JSON [default: the ones built in]
     #[arg(long, value_name = "FILE")]
     world: Option<PathBuf>,
-    /// Write a page with rates, errors over time and one throw drawn
+    /// Write a page with rates, errors over time and one throw drawn; with --obstacles: with and without the map, and a cut through it
     #[arg(long, value_name = "FILE")]
     page: Option<PathBuf>,
     /// Draw that throw alone: robot and balls from the side, .svg
@@ -134,11 +135,7 @@ pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
     }
     // Before a series is run in vain.
     for file in arguments.page.iter().chain(&arguments.picture) {
-        if let Some(folder) = file.parent()
-            && !(folder.as_os_str().is_empty() || folder.is_dir())
-        {
-            anyhow::bail!("{}: no such folder", folder.display());
-        }
+        super::check_folder(file)?;
     }
     if let Some(Some(file)) = &arguments.view
         && Path::new(file).exists()
@@ -200,8 +197,11 @@ pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
         series.run(progress)?
     };
     if let Some(path) = &arguments.page {
-        std::fs::write(path, series_page(&series, &report)?)
-            .with_context(|| path.display().to_string())?;
+        let page = match arguments.obstacles {
+            true => obstacles_page(&series, &report)?,
+            false => series_page(&series, &report)?,
+        };
+        std::fs::write(path, page).with_context(|| path.display().to_string())?;
     }
     if let Some(path) = &arguments.picture
         && let Some((_, trace)) = series.drawn(&report)?

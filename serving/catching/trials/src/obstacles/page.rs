@@ -197,13 +197,12 @@ fn draw(html: &mut String, number: u64, scene: &Scene) {
         1e3 * scene.clearance,
         captioned(
             &scene.from_above(),
-            "From above, cut at the height of the part of the arms that is nearest to the map's obstacles. What the cut goes through is \
-             darker.",
+            "From above, cut through what the map shows nearest to the arms. Boxes and arms are darker where the cut goes through them.",
             &legend
         ),
         captioned(
             &scene.from_the_side(),
-            "From the side, cut through the same part.",
+            "From the side, cut through the same place.",
             &legend
         )
     );

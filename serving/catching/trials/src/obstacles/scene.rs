@@ -20,7 +20,9 @@ const PIXELS: f64 = 8.0;
 /// What is drawn of the map: ahead, to the left and up, m.
 const AHEAD: [f64; 2] = [-0.48, 1.52];
 const ASIDE: [f64; 2] = [-1.28, 1.28];
-const UP: [f64; 2] = [0.4, 2.0];
+const UP: [f64; 2] = [0.4, 2.2];
+/// Cuts go through what is so deep below the nearest surface, m.
+const BELOW_SURFACE: f64 = 0.03;
 /// Shades end so far from obstacles, m.
 const FAR: f64 = 0.3;
 
@@ -31,9 +33,9 @@ pub(super) struct Scene {
     /// Of both arms, inertial frame.
     spheres: Vec<Sphere>,
     ball: Option<Vector3<f64>>,
-    /// Middle of the sphere that is nearest to what the map shows, m.
+    /// Where cuts go through, m: just inside of what the map shows nearest to a sphere.
     nearest: Vector3<f64>,
-    /// Of that sphere from what the map shows, m.
+    /// Of that sphere from there, m.
     pub clearance: f64,
     /// Of all spheres from what truly stands there, m; `None`: nothing does.
     pub true_clearance: Option<f64>,
@@ -68,7 +70,7 @@ impl Scene {
             .min_by(f64::total_cmp);
         Some(Self {
             clearance: room(nearest),
-            nearest: nearest.centre,
+            nearest: towards(&field, &nearest.centre),
             true_clearance,
             ball: tick.balls.iter().flatten().next().copied(),
             boxes: trace.boxes.clone(),
@@ -77,7 +79,7 @@ impl Scene {
         })
     }
 
-    /// Returns a cut at the height of the nearest sphere, from above.
+    /// Returns a cut from above.
     pub fn from_above(&self) -> String {
         let height = self.nearest.z;
         let axes = axes(
@@ -103,7 +105,7 @@ impl Scene {
         drawn(&axes, &title, &cells, &over)
     }
 
-    /// Returns an upright cut through the nearest sphere, from the robot's right side.
+    /// Returns an upright cut, from the robot's right side.
     pub fn from_the_side(&self) -> String {
         let aside = self.nearest.y;
         let axes = axes(
@@ -204,6 +206,14 @@ impl Scene {
         let ball = self.ball.map(|place| circle(&place, BALL_RADIUS));
         Curve::nth(1).group(&arms) + &Curve::nth(2).group(&ball.unwrap_or_default())
     }
+}
+
+/// Returns a point just inside of the obstacle that is nearest to a place; the place itself where the map shows none.
+fn towards(field: &DistanceField, place: &Vector3<f64>) -> Vector3<f64> {
+    let (distance, slope) = field.gradient(place);
+    slope.try_normalize(1e-6).map_or(*place, |away| {
+        place - away * (distance.max(0.0) + BELOW_SURFACE)
+    })
 }
 
 /// When a ball is nearest to a hand.
@@ -308,6 +318,7 @@ fn drawn(axes: &Axes, title: &str, cells: &str, over: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use tactnet_catching::map::VoxelGrid;
     use tactnet_catching_packets::RobotDescription;
     use tactnet_catching_world::{BoxConfig, ObstaclesConfig, World, WorldConfig};
 
@@ -346,6 +357,36 @@ mod tests {
             }
             assert_eq!(chord(&one, 1.0), None);
         }
+    }
+
+    #[test]
+    fn cuts_go_through_the_nearest_obstacle() {
+        let grid = VoxelGrid::default();
+        let mut solid = vec![false; grid.count()];
+        let cell = grid.cell_at(&Vector3::new(0.5, 0.6, 1.0)).unwrap();
+        // A block of 12 cm.
+        for x in cell[0]..cell[0] + 6 {
+            for y in cell[1]..cell[1] + 6 {
+                for z in cell[2]..cell[2] + 6 {
+                    solid[grid.number([x, y, z])] = true;
+                }
+            }
+        }
+        let field = DistanceField::new(grid, &solid);
+        let place = Vector3::new(0.55, 0.1, 1.05);
+        let point = towards(&field, &place);
+        assert!(
+            (field.distance(&point) + BELOW_SURFACE).abs() < 0.01,
+            "{point}"
+        );
+        assert!(
+            (point - Vector3::new(0.55, 0.63, 1.05)).norm() < 0.04,
+            "{point}"
+        );
+        assert_eq!(
+            towards(&DistanceField::empty(VoxelGrid::default()), &place),
+            place
+        );
     }
 
     #[test]
