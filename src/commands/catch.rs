@@ -13,7 +13,12 @@ mod throw;
 mod throw_series;
 mod track_bench;
 #[cfg(feature = "rerun")]
+mod view_calibration;
+#[cfg(feature = "rerun")]
+mod view_rally;
+#[cfg(feature = "rerun")]
 mod view_throw;
+mod viewer;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

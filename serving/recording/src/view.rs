@@ -24,7 +24,7 @@ mod skin;
 mod target;
 
 pub use live::LiveView;
-pub use motion::{Ball, Capsule, Curves, Motion, show_motion};
+pub use motion::{Ball, Capsule, Curves, Lines, Motion, Points, show_motion};
 pub use scene::{Play, Scene, TimeOrigin};
 pub use show_channels::{Viewed, show_channels, show_recording};
 pub use show_sweeps::{first_sweeps, show_sweeps};

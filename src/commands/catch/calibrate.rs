@@ -15,6 +15,7 @@ use tactnet_catching_trials::{
 };
 use tactnet_catching_world::{PlantedErrors, WorldConfig};
 
+use super::viewer::ViewerArgs;
 use crate::commands::progress_line::about;
 use crate::output;
 
@@ -60,6 +61,8 @@ pub struct CalibrateArgs {
     /// Write a page with hands, markers and balls caught before and after
     #[arg(long, value_name = "FILE", conflicts_with = "from")]
     page: Option<PathBuf>,
+    #[command(flatten)]
+    viewer: ViewerArgs,
     /// Write the least-squares problem with our answer, JSON
     #[arg(long, value_name = "FILE")]
     peer: Option<PathBuf>,
@@ -111,6 +114,7 @@ fn solve(arguments: &CalibrateArgs, path: &Path) -> anyhow::Result<ExitCode> {
 }
 
 fn simulate(arguments: &CalibrateArgs) -> anyhow::Result<ExitCode> {
+    arguments.viewer.check()?;
     if let Some(page) = &arguments.page {
         super::check_folder(page)?;
     }
@@ -166,6 +170,10 @@ fn simulate(arguments: &CalibrateArgs) -> anyhow::Result<ExitCode> {
     if let Some(path) = &arguments.page {
         std::fs::write(path, calibration_page(&report))
             .with_context(|| path.display().to_string())?;
+    }
+    #[cfg(feature = "rerun")]
+    if let Some(target) = arguments.viewer.target() {
+        super::view_calibration::view(&report, &target)?;
     }
     if let Some(path) = &arguments.peer {
         let problem = peer_session(&trial.robot, &trial.config, &report.session, &report.solved)?;

@@ -9,6 +9,7 @@ use anyhow::Context;
 use clap::Args;
 use tactnet_catching_trials::{Rally, RallyConfig, RallyReport, Timing, rally_page};
 
+use super::viewer::ViewerArgs;
 use crate::commands::progress_line::about;
 use crate::output;
 
@@ -47,6 +48,8 @@ pub struct RallyArgs {
     /// Write a page with flights, games by length and misses
     #[arg(long, value_name = "FILE")]
     page: Option<PathBuf>,
+    #[command(flatten)]
+    viewer: ViewerArgs,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
@@ -65,6 +68,7 @@ pub fn run(arguments: &RallyArgs) -> anyhow::Result<ExitCode> {
     config.wheels = arguments.wheels.or(config.wheels);
     config.most = arguments.most.map_or(config.most, |most| most as usize);
     let most = config.most as u64;
+    arguments.viewer.check()?;
     if let Some(page) = &arguments.page {
         super::check_folder(page)?;
     }
@@ -94,6 +98,10 @@ pub fn run(arguments: &RallyArgs) -> anyhow::Result<ExitCode> {
     })?;
     if let Some(path) = &arguments.page {
         std::fs::write(path, rally_page(&report)).with_context(|| path.display().to_string())?;
+    }
+    #[cfg(feature = "rerun")]
+    if let Some(target) = arguments.viewer.target() {
+        super::view_rally::view(&report, &target)?;
     }
     if arguments.json {
         output::print_json(&report)?;

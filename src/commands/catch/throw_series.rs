@@ -1,6 +1,6 @@
 //! `tactnet catch throw-series`: how many balls are caught.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
@@ -12,6 +12,7 @@ use tactnet_catching_trials::{
 };
 use tactnet_catching_world::ObstaclesConfig;
 
+use super::viewer::ViewerArgs;
 use crate::commands::progress_line::about;
 use crate::output;
 
@@ -78,9 +79,8 @@ pub struct ThrowSeriesArgs {
     /// Draw that throw alone: robot and balls from the side, .svg
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
-    /// Show the throw that the page draws in the Rerun viewer, or write it for one, or show it in one that runs already
-    #[arg(long, value_name = "FILE.rrd|URL", num_args = 0..=1)]
-    view: Option<Option<String>>,
+    #[command(flatten)]
+    viewer: ViewerArgs,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
@@ -125,10 +125,7 @@ impl From<AblationChoice> for Ablation {
 
 /// Runs the command.
 pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
-    #[cfg(not(feature = "rerun"))]
-    if arguments.view.is_some() {
-        anyhow::bail!(tactnet_models::left_out("rerun"));
-    }
+    arguments.viewer.check()?;
     let mut world = super::world(arguments.world.as_deref())?;
     if arguments.obstacles && world.obstacles.boxes.is_empty() {
         world.obstacles = ObstaclesConfig::table_and_box();
@@ -136,11 +133,6 @@ pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
     // Before a series is run in vain.
     for file in arguments.page.iter().chain(&arguments.picture) {
         super::check_folder(file)?;
-    }
-    if let Some(Some(file)) = &arguments.view
-        && Path::new(file).exists()
-    {
-        anyhow::bail!("{file}: there is such a file already");
     }
     let mut without: Vec<Ablation> = arguments
         .without
@@ -210,8 +202,8 @@ pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
         std::fs::write(path, picture).with_context(|| path.display().to_string())?;
     }
     #[cfg(feature = "rerun")]
-    if let Some(view) = &arguments.view {
-        super::view_throw::view(&series, &report, view.as_deref())?;
+    if let Some(target) = arguments.viewer.target() {
+        super::view_throw::view(&series, &report, &target)?;
     }
     if arguments.json {
         output::print_json(&report)?;

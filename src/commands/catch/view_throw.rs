@@ -1,26 +1,22 @@
 //! One throw of a series in the Rerun viewer: the robot as capsules, balls, joint rates, costs of plans.
 
 use tactnet_catching::flight::BALL_RADIUS;
+use tactnet_catching::map::DistanceField;
 use tactnet_catching_packets::{ARMS, joint};
 use tactnet_catching_trials::{Series, SeriesReport, Trace, TraceTick};
-use tactnet_recording::view::{Ball, Capsule, Curves, Motion, Target, show_motion};
+use tactnet_catching_world::StandingBox;
+use tactnet_recording::view::{Ball, Capsule, Curves, Lines, Motion, Points, Target, show_motion};
 
 /// Every so many ticks of 1 ms are shown.
 const EVERY: usize = 4;
 
-/// Shows the throw that a page would draw.
-///
-/// - `target`: a file, or the address of a viewer that runs; without it a viewer is started
-pub fn view(series: &Series, report: &SeriesReport, target: Option<&str>) -> anyhow::Result<()> {
-    let target = match target {
-        None => Target::Viewer {
-            memory_limit: "2GB".into(),
-        },
-        Some(url) if url.contains("://") => Target::Connect { url: url.into() },
-        Some(path) => Target::File { path: path.into() },
-    };
+/// Edge of the cells of a map that are shown, cells.
+const COARSE: usize = 2;
+
+/// Shows the throw that a page would draw, with what the robot has seen of obstacles.
+pub fn view(series: &Series, report: &SeriesReport, target: &Target) -> anyhow::Result<()> {
     if let Some((number, trace)) = series.drawn(report)? {
-        show_motion(&target, &format!("throw {number}"), &motion(&trace))?;
+        show_motion(target, &format!("throw {number}"), &motion(&trace))?;
     }
     Ok(())
 }
@@ -90,6 +86,11 @@ fn motion(trace: &Trace) -> Motion {
         times_ns: ticks.iter().map(|tick| time_ns(tick.t)).collect(),
         capsules,
         balls,
+        points: trace.field.iter().map(|field| surface(field)).collect(),
+        lines: vec![Lines {
+            name: "boxes".into(),
+            strips: trace.boxes.iter().flat_map(edges).collect(),
+        }],
         curves: vec![
             Curves {
                 name: "joint rates, rad/s".into(),
@@ -101,4 +102,38 @@ fn motion(trace: &Trace) -> Motion {
             },
         ],
     }
+}
+
+/// Cells at the surface of what the robot has seen.
+fn surface(field: &DistanceField) -> Points {
+    let grid = field.grid();
+    let near = grid.voxel * COARSE as f64;
+    let steps = |axis: usize| (0..grid.cells[axis]).step_by(COARSE);
+    let cells = steps(0).flat_map(|x| steps(1).flat_map(move |y| steps(2).map(move |z| [x, y, z])));
+    Points {
+        name: "map".into(),
+        radius: (0.5 * near) as f32,
+        places: cells
+            .filter(|cell| (0.0..near).contains(&field.of_cell(*cell)))
+            .map(|cell| grid.middle(cell).into())
+            .collect(),
+    }
+}
+
+/// The bottom, the top and the upright edges of a box.
+fn edges(of: &StandingBox) -> Vec<Vec<[f64; 3]>> {
+    let (sin, cos) = of.turn.sin_cos();
+    let corner = |number: usize, up: f64| {
+        let [right, far] = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]][number % 4];
+        let (x, y) = (right * of.size[0], far * of.size[1]);
+        [
+            of.middle[0] + cos * x - sin * y,
+            of.middle[1] + sin * x + cos * y,
+            of.middle[2] + up * of.size[2],
+        ]
+    };
+    let round = |up: f64| (0..5).map(|number| corner(number, up)).collect();
+    let mut strips = vec![round(-0.5), round(0.5)];
+    strips.extend((0..4).map(|number| vec![corner(number, -0.5), corner(number, 0.5)]));
+    strips
 }

@@ -5,6 +5,7 @@
 //! | `world/bodies/NAME` | a capsule, m |
 //! | `world/balls/NAME` | a ball, m, where there is one |
 //! | `world/paths/NAME` | its whole way |
+//! | `world/points/NAME`, `world/lines/NAME` | what stands still, m |
 //! | `curves/NAME` | lines of numbers |
 
 use nalgebra::{UnitQuaternion, Vector3};
@@ -31,6 +32,8 @@ const BRIGHT: u32 = 0xf0_8c_00_ff;
 const FAINT: u32 = 0xf0_8c_00_60;
 /// Of capsules, by turns.
 const BODIES: [u32; 3] = [0x3b_82_c4_ff, 0x6f_b4_f0_ff, 0x2a_5f_94_ff];
+/// Of what stands still, by turns.
+const STILL: [u32; 4] = [0xc0_50_50_ff, 0x4f_9d_69_ff, 0xd0_a0_30_ff, 0x80_80_80_ff];
 
 /// What moves; all lists over time are as long as `times_ns`.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -41,8 +44,32 @@ pub struct Motion {
     pub capsules: Vec<Capsule>,
     /// What is thrown.
     pub balls: Vec<Ball>,
+    /// What stands still.
+    pub points: Vec<Points>,
+    /// What stands still.
+    pub lines: Vec<Lines>,
     /// Drawn below, one picture each.
     pub curves: Vec<Curves>,
+}
+
+/// Points that stand still.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Points {
+    /// Name in the viewer, without spaces.
+    pub name: String,
+    /// m.
+    pub radius: f32,
+    /// m, z up.
+    pub places: Vec<[f64; 3]>,
+}
+
+/// Lines that stand still.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lines {
+    /// Name in the viewer, without spaces.
+    pub name: String,
+    /// Corners of each, m, z up.
+    pub strips: Vec<Vec<[f64; 3]>>,
 }
 
 /// A cylinder with round ends.
@@ -98,6 +125,20 @@ pub fn show_motion(target: &Target, title: &str, motion: &Motion) -> Result<(), 
     for ball in &motion.balls {
         send_ball(&stream, times(), ball)?;
     }
+    for (number, points) in motion.points.iter().enumerate() {
+        let cloud = Points3D::new(points.places.iter().map(single))
+            .with_radii([points.radius])
+            .with_colors([Color::from_u32(STILL[number % STILL.len()])]);
+        stream.send_static(format!("world/points/{}", points.name), &cloud)?;
+    }
+    for (number, lines) in motion.lines.iter().enumerate() {
+        let strips = lines.strips.iter();
+        let strips =
+            LineStrips3D::new(strips.map(|strip| strip.iter().map(single).collect::<Vec<_>>()))
+                .with_colors([Color::from_u32(STILL[number % STILL.len()])])
+                .with_radii([0.003]);
+        stream.send_static(format!("world/lines/{}", lines.name), &strips)?;
+    }
     for (number, curves) in motion.curves.iter().enumerate() {
         for (line, (name, values)) in curves.lines.iter().enumerate() {
             let entity = format!("curves/{number}/{line}");
@@ -152,8 +193,7 @@ fn send_ball(stream: &Stream, times: [TimeColumn; 1], ball: &Ball) -> Result<(),
         .with_radii([ball.radius])
         .with_colors([Color::from_u32(BRIGHT)]);
     stream.send_static(entity.as_str(), &fixed)?;
-    let place = |place: &[f64; 3]| place.map(|part| part as f32);
-    let way: Vec<[f32; 3]> = ball.places.iter().flatten().map(place).collect();
+    let way: Vec<[f32; 3]> = ball.places.iter().flatten().map(single).collect();
     let moving = Points3D::update_fields()
         .with_positions(way.clone())
         .columns(
@@ -167,6 +207,10 @@ fn send_ball(stream: &Stream, times: [TimeColumn; 1], ball: &Ball) -> Result<(),
         .with_colors([Color::from_u32(FAINT)])
         .with_radii([0.004]);
     stream.send_static(format!("world/paths/{}", ball.name), &way)
+}
+
+fn single(place: &[f64; 3]) -> [f32; 3] {
+    place.map(|part| part as f32)
 }
 
 fn blueprint(curves: &[Curves]) -> Blueprint {
