@@ -4,6 +4,7 @@ mod file;
 mod page;
 mod peer;
 mod rehearsal;
+mod samples;
 mod unseen;
 
 use std::collections::BTreeMap;
@@ -13,8 +14,8 @@ use rayon::prelude::*;
 use serde::Serialize;
 use tactnet_catching::Robot;
 use tactnet_catching::calibrate::{
-    Calibration, CalibrationConfig, Candidate, Determined, Model, Problem, RoutineConfig, Session,
-    Solved, UNKNOWNS, Unknowns, calibrate, choose, gain,
+    Calibration, CalibrationConfig, Candidate, Determined, Model, RoutineConfig, Session, Solved,
+    UNKNOWNS, Unknowns, calibrate, choose, gain,
 };
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_world::WorldConfig;
@@ -22,6 +23,7 @@ use tactnet_catching_world::WorldConfig;
 pub use file::{CalibrationFileError, keep_calibration};
 pub use page::calibration_page;
 pub use peer::{PeerSession, peer_session};
+pub use samples::CalibrationSamples;
 pub use unseen::Distances;
 
 use crate::error::TrialError;
@@ -31,6 +33,7 @@ use crate::throw::ThrowConfig;
 use crate::timing::Timing;
 use crate::wilson::wilson;
 use rehearsal::{candidates, rehearse};
+use samples::{millimetres, residuals};
 use unseen::{Standing, distances};
 
 /// Places of a sweep that the choice of configurations looks at.
@@ -132,23 +135,6 @@ pub struct CalibrationReport {
     pub samples: CalibrationSamples,
 }
 
-/// All values that a calibration's figures are of.
-#[derive(Debug, Clone, Default)]
-pub struct CalibrationSamples {
-    /// Distances at unseen poses before, mm, two cameras a pose.
-    pub raw_mm: Vec<f64>,
-    /// The same after.
-    pub found_mm: Vec<f64>,
-    /// The same after a calibration from configurations that were not chosen.
-    pub random_mm: Vec<f64>,
-    /// From features to where the description puts them, pixels; 1000 where it sees none.
-    pub before_px: Vec<f64>,
-    /// From features to where the calibration puts them, pixels.
-    pub residuals_px: Vec<f64>,
-    /// Standard deviation of a feature's noise each way, pixels.
-    pub noise_px: f64,
-}
-
 /// Figures of configurations that were drawn and not chosen.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct RandomFigures {
@@ -239,14 +225,14 @@ impl CalibrationTrial {
         let all_found = distances(&poses, &model, &solved.unknowns);
         let all_random = distances(&poses, &model, &beside.unknowns);
         let (found, found_random) = (Distances::of(&all_found), Distances::of(&all_random));
-        let problem = Problem::new(&model, &sessions[0], &self.config)?;
-        let mm = |all: &[f64]| all.iter().map(|distance| 1e3 * distance).collect();
+        let (before_px, residuals_px) =
+            residuals(&model, &self.config, &sessions[0], &solved.unknowns)?;
         let samples = CalibrationSamples {
-            raw_mm: mm(&raw),
-            found_mm: mm(&all_found),
-            random_mm: mm(&all_random),
-            before_px: problem.feature_residuals(&self.config.priors.guess()),
-            residuals_px: problem.feature_residuals(&solved.unknowns),
+            raw_mm: millimetres(&raw),
+            found_mm: millimetres(&all_found),
+            random_mm: millimetres(&all_random),
+            before_px,
+            residuals_px,
             noise_px: self.config.noise.feature,
         };
         let log_det_random = gain(&model, &self.config, &random, &views)?;
@@ -366,6 +352,21 @@ mod tests {
             // What the model cannot tell apart is named.
             let worst = &report.solved.worst_determined[0];
             assert!(worst.left > 0.99 && !worst.unknowns.is_empty(), "{worst:?}");
+            // The values that the figures are of.
+            let samples = &report.samples;
+            for (all, mean) in [
+                (&samples.raw_mm, report.raw.mean_mm),
+                (&samples.found_mm, report.mean_mm),
+                (&samples.random_mm, report.random.mean_mm),
+            ] {
+                assert_eq!(all.len(), 2 * 60);
+                assert!((all.iter().sum::<f64>() / 120.0 - mean).abs() < 1e-9);
+            }
+            assert_eq!(samples.residuals_px.len(), report.solved.features);
+            let mut sorted = samples.residuals_px.clone();
+            sorted.sort_by(f64::total_cmp);
+            let median = sorted[sorted.len() / 2] / (1.177_410 * samples.noise_px);
+            assert!((median - report.solved.fit).abs() < 0.01, "{median}");
         }
     }
 

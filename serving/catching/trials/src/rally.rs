@@ -477,10 +477,19 @@ mod tests {
                 .build()
                 .unwrap();
             let report = pool.install(|| rally(short(), 2).run(|| ())).unwrap();
-            serde_json::to_value(&report).unwrap()
+            (serde_json::to_value(&report).unwrap(), report.flights)
         };
-        let report = run(2);
-        assert_eq!(report, run(1));
+        let (report, flights) = run(2);
+        assert_eq!((report.clone(), flights.clone()), run(1));
+        assert_eq!(Some(flights.len() as u64), report["throws"].as_u64());
+        assert!(report["flights"].is_null());
+        for flight in flights {
+            let [far, high] = *flight.path.last().unwrap();
+            assert!((4.0..5.0).contains(&far) && (1.2..1.3).contains(&high));
+            // On time nothing is lost.
+            assert_eq!(flight.timing.len(), 9);
+            assert!(flight.timing[4][0] == 0.0 && flight.timing[4][1].abs() < 1e-3);
+        }
         assert!(report["throws"].as_u64().unwrap() >= 2);
         // Of four throws nearly always all.
         assert!(report["catches"].as_u64().unwrap() >= 2, "{report}");

@@ -189,19 +189,19 @@ fn draw(html: &mut String, number: u64, scene: &Scene) {
         ),
         None => String::new(),
     };
-    let legend = legend(&["what truly stands there", "arms, as spheres", "ball"]);
+    let legend = legend(&["ball", "arms, as spheres", "what truly stands there"]);
     let _ = write!(
         html,
         "<h2>Throw {number}</h2><p>When the ball is nearest to the hand, the arms are {:.0} mm from what the map shows{truly}. Shades: the \
          map's distance to obstacles, dark inside, none from 30 cm on. What the camera saw only from behind counts as an obstacle.</p>{}{}",
         1e3 * scene.clearance,
         captioned(
-            &scene.from_above(),
+            &scene.plan_view(),
             "From above, cut through what the map shows nearest to the arms. Boxes and arms are darker where the cut goes through them.",
             &legend
         ),
         captioned(
-            &scene.from_the_side(),
+            &scene.side_view(),
             "From the side, cut through the same place.",
             &legend
         )

@@ -80,7 +80,7 @@ impl Scene {
     }
 
     /// Returns a cut from above.
-    pub fn from_above(&self) -> String {
+    pub fn plan_view(&self) -> String {
         let height = self.nearest.z;
         let axes = axes(
             Axis::linear("to the right of the robot [m]", ASIDE[0]..=ASIDE[1], 0.5),
@@ -106,7 +106,7 @@ impl Scene {
     }
 
     /// Returns an upright cut, from the robot's right side.
-    pub fn from_the_side(&self) -> String {
+    pub fn side_view(&self) -> String {
         let aside = self.nearest.y;
         let axes = axes(
             Axis::linear("ahead [m]", AHEAD[0]..=AHEAD[1], 0.5),
@@ -204,7 +204,7 @@ impl Scene {
             .map(|sphere| circle(&sphere.centre, sphere.radius))
             .collect();
         let ball = self.ball.map(|place| circle(&place, BALL_RADIUS));
-        Curve::nth(1).group(&arms) + &Curve::nth(2).group(&ball.unwrap_or_default())
+        Curve::nth(1).group(&arms) + &Curve::nth(0).group(&ball.unwrap_or_default())
     }
 }
 
@@ -290,7 +290,7 @@ fn chord(one: &StandingBox, aside: f64) -> Option<[f64; 2]> {
 fn outline(axes: &Axes, corners: &[(f64, f64)], cut: bool) -> String {
     let mut closed = corners.to_vec();
     closed.extend(corners.first());
-    let line = axes.path(Curve::nth(0), &closed);
+    let line = axes.path(Curve::nth(2), &closed);
     if cut {
         line
     } else {
