@@ -398,6 +398,36 @@ impl Dataset {
         })
     }
 
+    /// Takes all values for those of one sweep of this shape, with the first material: `[steps][rows][cols]` that was read as
+    /// `[sweeps][steps][taxels]`.
+    ///
+    /// # Errors
+    /// Another number of values.
+    pub fn as_one_sweep(self, shape: SweepShape) -> Result<Self, DataError> {
+        let found = self.len() * self.shape.values();
+        if found != shape.values() {
+            return Err(DataError::inconsistent(
+                "values",
+                format!("{} of one sweep", shape.values()),
+                found.to_string(),
+            ));
+        }
+        let name = self.name.clone();
+        let one = self.rebuilt(name, shape, |this| {
+            let record = SweepRecord {
+                label: 0,
+                sweep: 0,
+                block: None,
+                test: None,
+            };
+            (vec![record], this.samples)
+        })?;
+        Ok(Self {
+            patch_assumed: false,
+            ..one
+        })
+    }
+
     fn rebuilt(
         self,
         name: String,

@@ -240,8 +240,14 @@ impl Worker {
         });
         match learnt {
             Ok(model) => {
+                let kept = match self.source {
+                    ModelSource::Versions(_) => "",
+                    ModelSource::Run(_) => {
+                        "; it serves until this service ends, `tactnet enroll` keeps a material"
+                    }
+                };
                 let text = format!(
-                    "`{material}` learnt in {:.2} s",
+                    "`{material}` learnt in {:.2} s; what was fused is forgotten{kept}",
                     begun.elapsed().as_secs_f64()
                 );
                 self.offer(model, Event::Enrolled, finger, &text)

@@ -69,6 +69,9 @@ pub struct FileArgs {
     /// Frames per second, for data that does not say
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
+    /// Only the first N time steps of every sweep
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    steps: Option<u32>,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
@@ -115,10 +118,18 @@ pub fn run(command: DataCommand) -> anyhow::Result<ExitCode> {
 /// Reads a data set even if some of its values are no numbers. Also returns whether it names materials.
 fn load_with_gaps(arguments: &FileArgs) -> anyhow::Result<(Dataset, bool)> {
     let data = arguments.data.as_str();
+    let steps = arguments.steps.map(|steps| steps as usize);
     let (dataset, labelled) = if DataSource::is_twin(data) || !Path::new(data).exists() {
-        (source::load(data)?, true)
+        let dataset = source::load(data)?;
+        (
+            match steps {
+                Some(steps) => dataset.first_steps(steps)?,
+                None => dataset,
+            },
+            true,
+        )
     } else {
-        let sweeps = format::read_to_classify_with_gaps(Path::new(data), None)?;
+        let sweeps = format::read_to_classify_with_gaps(Path::new(data), steps)?;
         (sweeps.dataset, sweeps.labelled)
     };
     Ok((dataset.with_named_rate(arguments.rate)?, labelled))

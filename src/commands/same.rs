@@ -62,7 +62,7 @@ impl SameArgs {
             (Some(run), _) => (run.as_path(), [self.run.as_str(), self.first.as_str()]),
             (None, Some(second)) => (Path::new(&self.run), [self.first.as_str(), second.as_str()]),
             (None, None) => bail!(
-                "expected a run and two objects, found two places: `tactnet same RUN {} {}`",
+                "expected a run and two objects, found two places, {} and {}: `tactnet same RUN FIRST SECOND`",
                 quoted(&self.run),
                 quoted(&self.first)
             ),

@@ -120,8 +120,9 @@ fn refuse_other_model(job: &TrainJob, model: ModelChoice) -> anyhow::Result<()> 
     };
     if !fits {
         bail!(
-            "recipe `{}` does not train the model asked for; leave out --model or --recipe",
-            job.spec().recipe
+            "recipe `{}` does not train the model asked for, `{}`; leave out --model or --recipe",
+            job.spec().recipe,
+            model.recipe()
         );
     }
     Ok(())

@@ -417,6 +417,27 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
             *sum += log_p;
         }
     }
+    // One sweep as an array of its frames, rows and columns.
+    let steps = dataset.shape().steps;
+    let header =
+        format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({steps}, 4, 4), }}\n");
+    let mut one = b"\x93NUMPY\x01\x00".to_vec();
+    one.extend((header.len() as u16).to_le_bytes());
+    one.extend(header.as_bytes());
+    one.extend(
+        dataset
+            .sweep(0)
+            .iter()
+            .flat_map(|digit| digit.to_le_bytes()),
+    );
+    std::fs::write(lab.path("one.npy"), one).unwrap();
+    let alone = expect(0, predict("one.npy", &["--json"]));
+    let alone: serde_json::Value = serde_json::from_str(&stdout(&alone)).unwrap();
+    assert_eq!(alone["sweeps"].as_array().unwrap().len(), 1);
+    assert_eq!(
+        alone["sweeps"][0]["probabilities"],
+        rows[0]["probabilities"]
+    );
     let fused = &found["object"];
     let best = (0..sums.len())
         .max_by(|a, b| sums[*a].total_cmp(&sums[*b]))

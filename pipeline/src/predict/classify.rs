@@ -138,7 +138,8 @@ impl ClassifiedSweeps {
         named.all(|name| name == Some(first)).then_some(first)
     }
 
-    /// Returns what to know about sweeps of materials that the classifier was not taught, in one line; `None` where the file names none.
+    /// Returns what to know about sweeps of materials that the classifier was not taught, in one line; `None` where the file names materials and
+    /// all are known, or where the classifier can say "unknown" itself.
     pub fn hint(&self) -> Option<String> {
         let known: BTreeSet<&str> = self.materials.names().collect();
         let named = self
@@ -146,8 +147,16 @@ impl ClassifiedSweeps {
             .iter()
             .filter_map(|sweep| sweep.named.as_deref());
         let unknown: BTreeSet<&str> = named.filter(|name| !known.contains(name)).collect();
+        // Only a calibrated network has an opinion.
+        let opinion = self.sweeps.iter().any(|sweep| sweep.unknown.is_some());
         if unknown.is_empty() {
-            return None;
+            let nameless = self.sweeps.iter().all(|sweep| sweep.named.is_none());
+            return (nameless && !opinion).then(|| {
+                format!(
+                    "each sweep is called one of the run's {} materials, whatever it is of; a network of `train --calibrate` can say \"unknown\"",
+                    known.len()
+                )
+            });
         }
         let mut shown: Vec<String> = unknown.iter().map(|name| format!("`{name}`")).collect();
         let hidden = shown.len().saturating_sub(NAMED);
@@ -155,8 +164,7 @@ impl ClassifiedSweeps {
         if hidden > 0 {
             shown.push(format!("and {hidden} more"));
         }
-        // Only a calibrated network has an opinion.
-        let why = match self.sweeps.iter().any(|sweep| sweep.unknown.is_some()) {
+        let why = match opinion {
             true => "",
             false => ", and cannot say \"unknown\" without `train --calibrate`",
         };

@@ -34,7 +34,8 @@ impl TrainSpec {
     }
 
     /// Reads sweeps of whatever material for a classifier of this, arranged and timed as it was taught: the taxels of a file that does not
-    /// say how they are arranged (tables, arrays without rows and columns) are put into its rows and columns, and the rate of a file that
+    /// say how they are arranged (tables, arrays without rows and columns) are put into its rows and columns, an array of just its frames, rows and
+    /// columns is one sweep, and the rate of a file that
     /// does not say is its own, unless this names another. A file that says either keeps it, and may not fit.
     ///
     /// - `data`: `twin`, or a file
@@ -65,7 +66,15 @@ impl TrainSpec {
             }
         };
         let own = sweeps.dataset.shape();
-        if sweeps.dataset.is_patch_assumed() && own.taxels() == shape.taxels() {
+        let one = (shape.steps, shape.rows, shape.cols);
+        if !sweeps.labelled
+            && sweeps.dataset.is_patch_assumed()
+            && (sweeps.dataset.len(), own.steps, own.taxels()) == one
+        {
+            // Not so many sweeps, but the frames of a single one with its rows and columns.
+            sweeps.dataset = sweeps.dataset.as_one_sweep(shape)?;
+            sweeps.names.truncate(1);
+        } else if sweeps.dataset.is_patch_assumed() && own.taxels() == shape.taxels() {
             sweeps.dataset = sweeps.dataset.with_patch(shape.rows, shape.cols)?;
             sweeps.arranged = shape.rows != own.rows;
         }

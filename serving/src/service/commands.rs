@@ -136,7 +136,7 @@ impl Service {
                 Event::Refused,
                 number,
                 format_args!(
-                    "enrol `{}`: {sweeps} sweeps asked for, {kept} are kept",
+                    "enrol `{}`: {sweeps} sweeps asked for, {kept} are kept: whole ones since the last reset",
                     material.as_str()
                 ),
             );

@@ -161,6 +161,8 @@ impl Seen {
             object_unknown: match belief.fused_verdict {
                 verdict if verdict == Verdict::Known as u32 => Some(false),
                 verdict if verdict == Verdict::Unknown as u32 => Some(true),
+                // A network that never says so has not said so now.
+                _ if belief.verdict == Verdict::NotTold as u32 => Some(false),
                 _ => None,
             },
             posterior: largest(&belief.posterior, &self.names),
@@ -340,6 +342,21 @@ mod tests {
         third.fused_verdict = Verdict::Known as u32;
         seen.take_belief(&third);
         assert_eq!(seen.objects.object.right(), Some(false));
+    }
+
+    #[test]
+    fn a_network_that_cannot_say_unknown_is_not_said_to_have_said_so() {
+        let mut seen = Seen {
+            names: vec!["cork".into(), "wood".into()],
+            by_dropout: true,
+            ..Seen::default()
+        };
+        seen.take_command(&command(Command::Start, "wood"));
+        // Two sweeps of which one is fused: the other was forgotten when a material was learnt.
+        for _ in 0..3 {
+            seen.take_belief(&belief(Stage::Dropout, Verdict::NotTold, &[0.2, 0.8]));
+        }
+        assert_eq!(seen.objects.object.right(), Some(true));
     }
 
     #[test]

@@ -163,8 +163,12 @@ pub fn run(arguments: &CommandArgs) -> anyhow::Result<ExitCode> {
             });
         }
     }
+    let why = match arguments.command {
+        CommandChoice::Stop => "; perhaps no sweep was under way",
+        CommandChoice::Start | CommandChoice::Reset | CommandChoice::Enroll => "",
+    };
     say!(
-        "no answer on `{}` in {:.1} s; the command was put",
+        "no answer on `{}` in {:.1} s; the command was put{why}",
         config.status,
         begun.elapsed().as_secs_f64()
     );
