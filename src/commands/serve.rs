@@ -66,7 +66,14 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
         let mut rate_hz = ASSUMED_RATE_HZ;
         if let Some(run) = &arguments.run {
             config.segmenter.values = accepted_values(run)?;
-            rate_hz = RunDir::open(run)?.config()?.classifier.sample_rate_hz;
+            let dir = RunDir::open(run)?;
+            rate_hz = dir.config()?.classifier.sample_rate_hz;
+            // Sweeps of TactMat are the middle of a motion; those of others begin where they begin.
+            if let Some(result) = dir.result()?
+                && !result.origin.is_comparable_to_published()
+            {
+                config.segmenter.skip = 0;
+            }
         }
         output::print(commented(&config.table("robot"), rate_hz)?)?;
         return Ok(ExitCode::SUCCESS);

@@ -96,6 +96,7 @@ fn a_contact_that_own_values_never_reach_is_refused_before_anything_is_served() 
     let print = tactnet(["serve", "--print-table", "--run", &own]);
     let text = stdout(&expect(0, print));
     assert!(text.contains("\nvalues = [-"), "{text}");
+    assert!(text.contains("\nskip = 0 "), "{text}");
     let bus = format!("owncontact{}", std::process::id());
     let text = text.replace("\"robot\"", &format!("\"{bus}\"")).replace(
         "segmentation = \"command\"",

@@ -400,6 +400,21 @@ fn a_material_is_learnt_while_it_serves_and_a_wrong_model_is_refused() {
         refused.text
     );
 
+    // Sweeps of another skin are not put before this network.
+    for sweep in 0..2 {
+        let file = robot.lab.path(&format!("other/felt/{sweep}.csv"));
+        std::fs::create_dir_all(file.parent().unwrap()).unwrap();
+        std::fs::write(file, format!("1,{sweep},3\n").repeat(STEPS)).unwrap();
+    }
+    let mut other = tactnet(["simulate", "skin", "--rate", "750", "--data"]);
+    other.arg(robot.lab.path("other")).arg("--table");
+    other.arg(robot.lab.path("robot.toml"));
+    let other = stderr(&expect(2, other));
+    assert!(
+        other.contains("expects 4x4 taxels at 750 Hz, these sweeps have 1x3"),
+        "{other}"
+    );
+
     let _skin = robot.skin("1000");
     for _ in 0..2 {
         next(&status, |s| s.event == Event::Classified as u32);

@@ -11,6 +11,14 @@ pub struct SkinDriver {
     frames: PutPort<SkinFrame>,
     commands: PutPort<SweepCommand>,
     speed: f64,
+    commanded: Commanded,
+}
+
+/// Who says when sweeps start and stop.
+#[derive(Clone, Copy, PartialEq)]
+enum Commanded {
+    Here,
+    Elsewhere,
 }
 
 impl SkinDriver {
@@ -23,12 +31,21 @@ impl SkinDriver {
             frames: bus.put_port(config.fingers[0].as_str(), Priority::High)?,
             commands: bus.put_port(config.command.as_str(), Priority::High)?,
             speed: 1.0,
+            commanded: Commanded::Here,
         })
     }
 
     /// Puts so many times as many frames a second; the sensor's clock goes on as before.
     pub fn at_speed(self, speed: f64) -> Self {
         Self { speed, ..self }
+    }
+
+    /// Puts frames alone.
+    pub fn without_commands(self) -> Self {
+        Self {
+            commanded: Commanded::Elsewhere,
+            ..self
+        }
     }
 
     /// Puts frames and commands at the skin's rate.
@@ -51,7 +68,9 @@ impl SkinDriver {
             ticker.wait();
             let step = skin.step();
             if let Some(command) = step.command {
-                self.commands.put_copy(&[command]).map_err(failed)?;
+                if self.commanded == Commanded::Here {
+                    self.commands.put_copy(&[command]).map_err(failed)?;
+                }
                 match command.command() {
                     Some(Command::Start) => on_start(skin, command.motion)?,
                     _ => motions = command.motion,

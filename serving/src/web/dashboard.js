@@ -107,7 +107,7 @@ function showAge() {
   set("state", !view ? "connecting" : lost ? "connection lost, trying again" : dead ? "the classifier is silent" : silentSkin ? "waiting for a skin" : "live");
   document.body.classList.toggle("skinless", Boolean(silentSkin));
   set("skin-title", silentSkin ? "Skin, last pressure: no reading comes" : "Skin, pressure now");
-  set("age", old && view ? "Old: this was the answer " + ago(view.heard_ms + silent) + " ago." : "");
+  set("age", old && view ? "Old: this was the answer " + ago(view.heard_ms + silent) + " ago." : silentSkin && view.belief ? "No reading comes: this is the last answer." : "");
   el("reset").disabled = Boolean(old) || !view;
   set("rate", view && !old && !silentSkin ? view.frames_per_s.toFixed(0) + " readings a second" : "");
 }

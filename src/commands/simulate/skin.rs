@@ -3,12 +3,14 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use anyhow::bail;
 use clap::Args;
-use tactnet_channel::{Bus, Domain};
-use tactnet_data::Seed;
+use tactnet_channel::{Bus, Domain, Start};
+use tactnet_data::{Dataset, Seed};
 use tactnet_pipeline::{LabelOrder, RunDir, write_whole};
 use tactnet_rehearsal::{PlayCycle, SkinDriver, SkinSimulator, play_order, rest_frames};
 use tactnet_skin::ServeConfig;
+use tactnet_skin::packets::ModelNames;
 
 use super::{check_fit, unseen_by};
 use crate::commands::choices::rate;
@@ -49,6 +51,9 @@ pub struct SkinArgs {
     /// Write how many sweeps come before they come again, before it is ready: for `tactnet demo`
     #[arg(long, value_name = "FILE", hide = true)]
     cycle_out: Option<PathBuf>,
+    /// Put frames alone: starts, stops and resets come from elsewhere (`tactnet channel command`)
+    #[arg(long)]
+    no_commands: bool,
     /// Decides the order of the sweeps
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -71,6 +76,30 @@ fn speed(text: &str) -> Result<f64, String> {
         Ok(speed) if speed > 0.0 && speed <= 1000.0 => Ok(speed),
         _ => Err("expected a number above 0, at most 1000".into()),
     }
+}
+
+/// Refuses frames that the network which serves on this table, if there is one, cannot be of.
+fn refuse_another_skin(bus: &Bus, config: &ServeConfig, dataset: &Dataset) -> anyhow::Result<()> {
+    let models = bus.get_port::<ModelNames>(config.model.as_str(), Start::History(1))?;
+    let Some(packet) = models.try_get()? else {
+        return Ok(());
+    };
+    let Some(network) = packet.first() else {
+        return Ok(());
+    };
+    let (own, rate_hz) = (dataset.shape(), dataset.sample_rate_hz());
+    let taxels = network.rows as usize * network.cols as usize;
+    if own.taxels() != taxels || (rate_hz / network.sample_rate_hz - 1.0).abs() > 1e-3 {
+        bail!(
+            "the network that serves expects {}x{} taxels at {} Hz, these sweeps have {}x{} at {rate_hz} Hz",
+            network.rows,
+            network.cols,
+            network.sample_rate_hz,
+            own.rows,
+            own.cols
+        );
+    }
+    Ok(())
 }
 
 /// Runs the command.
@@ -118,7 +147,17 @@ pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
         let cycle = PlayCycle::of(order.len(), sweeps.len(), object_sweeps as usize);
         write_whole(path, serde_json::to_string(&cycle)?.as_bytes())?;
     }
-    let driver = SkinDriver::open(&bus, &config)?.at_speed(arguments.speed);
+    if dataset.is_rate_assumed() && arguments.rate.is_none() {
+        say!(
+            "warning: the rate of {} Hz is assumed, since the data does not say; `--rate HZ` names the true one",
+            dataset.sample_rate_hz()
+        );
+    }
+    refuse_another_skin(&bus, &config, &dataset)?;
+    let mut driver = SkinDriver::open(&bus, &config)?.at_speed(arguments.speed);
+    if arguments.no_commands {
+        driver = driver.without_commands();
+    }
     let rest = rest_frames(dataset.sample_rate_hz());
     let mut skin = SkinSimulator::new(&dataset, order, config.segmenter.skip, rest);
     if object_sweeps > 0 {
