@@ -1,0 +1,99 @@
+//! Balls in hands, and how they leave them.
+
+use tactnet_catching_packets::ARMS;
+
+use super::{FlightSample, Phase, Thrown, World};
+use crate::ball::{Aerodynamics, BALL_STEP};
+use crate::error::WorldError;
+use crate::judge::Crossings;
+use crate::release::{Held, OpenCommand, Released};
+use crate::stream::Stream;
+
+impl World {
+    /// Puts a ball into an empty hand, its drag as drawn for the next ball's number. A ball that a hand catches is in it without that.
+    ///
+    /// # Errors
+    /// Where there is no such arm, and where the hand holds a ball.
+    pub fn give(&mut self, arm: usize) -> Result<(), WorldError> {
+        let number = self.thrown.len() as u64;
+        let air = Aerodynamics::draw(&self.config.ball, &mut Stream::Ball.rng(self.seed, number));
+        let held = self.held.get_mut(arm).ok_or(WorldError::Arm { arm })?;
+        if held.is_some() {
+            return Err(WorldError::Hand {
+                arm,
+                expected: "nothing",
+                found: "a ball",
+            });
+        }
+        *held = Some(Held::new(air.coefficient));
+        Ok(())
+    }
+
+    /// Takes the ball out of a hand, if there is one.
+    pub fn take(&mut self, arm: usize) {
+        if let Some(held) = self.held.get_mut(arm) {
+            *held = None;
+        }
+    }
+
+    /// Returns the arms whose hands hold a ball.
+    pub fn holding(&self) -> [bool; ARMS] {
+        self.held.map(|held| held.is_some())
+    }
+
+    /// Tells a hand when to let go of its ball; the first word counts.
+    ///
+    /// # Errors
+    /// Where there is no such arm, and where the hand holds no ball.
+    pub fn open(&mut self, command: &OpenCommand) -> Result<(), WorldError> {
+        let OpenCommand { arm, open_ns } = *command;
+        let held = self.held.get_mut(arm).ok_or(WorldError::Arm { arm })?;
+        let held = held.as_mut().ok_or(WorldError::Hand {
+            arm,
+            expected: "a ball",
+            found: "nothing",
+        })?;
+        held.open(
+            self.time_ns,
+            open_ns,
+            &self.config.release,
+            self.seed,
+            self.releases,
+        );
+        self.releases += 1;
+        Ok(())
+    }
+
+    /// Returns the ball that left a hand last.
+    pub fn released(&self) -> Option<&Released> {
+        self.released.as_ref()
+    }
+
+    /// Returns how a ball flies that has left a hand, as [`World::true_flight`] does.
+    pub fn flight_of(&self, released: &Released) -> Vec<FlightSample> {
+        let air = Aerodynamics::new(&self.config.ball, released.drag, released.spin);
+        self.flight(released.at_ns, &released.state, &air)
+    }
+
+    /// Lets a ball fly that has left a hand `ago` seconds before, in this world's inertial frame; its number goes on from the last one's.
+    ///
+    /// # Panics
+    /// As [`World::throw`].
+    pub fn launch(&mut self, released: &Released, ago: f64) {
+        self.take_away_missed(1);
+        let air = Aerodynamics::new(&self.config.ball, released.drag, released.spin);
+        let steps = (ago / BALL_STEP).ceil().max(1.0);
+        let release =
+            (0..steps as usize).fold(released.state, |state, _| air.fly(&state, ago / steps));
+        self.thrown.push(Thrown {
+            number: self.thrown.len() as u64,
+            air,
+            release_ns: self.time_ns,
+            release,
+            state: release,
+            crossings: Crossings::default(),
+            phase: Phase::Held,
+        });
+        self.verdicts.reserve(self.thrown.len());
+    }
+}
