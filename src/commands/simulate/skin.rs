@@ -2,10 +2,11 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::time::Duration;
 
 use anyhow::bail;
 use clap::Args;
-use tactnet_channel::{Bus, Domain, Start};
+use tactnet_channel::{Bus, Domain, Start, Wait};
 use tactnet_data::{Dataset, Seed};
 use tactnet_pipeline::{LabelOrder, RunDir, write_whole};
 use tactnet_rehearsal::{PlayCycle, SkinDriver, SkinSimulator, play_order, rest_frames};
@@ -59,6 +60,11 @@ pub struct SkinArgs {
     seed: u64,
 }
 
+/// A service that there is has said what it serves after so long.
+const SERVICE: Wait = Wait::Block {
+    timeout: Duration::from_millis(500),
+};
+
 /// Sweeps of one object.
 const OBJECT_SWEEPS: u64 = 3;
 
@@ -81,7 +87,8 @@ fn speed(text: &str) -> Result<f64, String> {
 /// Refuses frames that the network which serves on this table, if there is one, cannot be of.
 fn refuse_another_skin(bus: &Bus, config: &ServeConfig, dataset: &Dataset) -> anyhow::Result<()> {
     let models = bus.get_port::<ModelNames>(config.model.as_str(), Start::History(1))?;
-    let Some(packet) = models.try_get()? else {
+    // A service gives its newest packet to who joins late, at its next tick.
+    let Some(packet) = models.get(SERVICE)? else {
         return Ok(());
     };
     let Some(network) = packet.first() else {
