@@ -307,8 +307,8 @@ impl<'a> Training<'a> {
             let (mut correct, mut adversarial) = (0, None);
             let batches = watched.len().div_ceil(self.recipe.training.batch).max(1);
             for batch in 0..batches {
-                let from = |batch: usize| batch * watched.len() / batches;
-                let positions: Vec<usize> = (from(batch)..from(batch + 1)).collect();
+                // Sweeps may stand material by material, and a batch's statistics are to be those of many, as in training.
+                let positions: Vec<usize> = (batch..watched.len()).step_by(batches).collect();
                 let sweeps = self.loaded(watched, &positions, |_, _| {});
                 let epoch = self.position.epoch;
                 let pass = self.pass(sweeps, self.labels(watched, &positions), |stream| {
