@@ -307,8 +307,7 @@ impl<'a> Training<'a> {
             let (mut correct, mut adversarial) = (0, None);
             let batches = watched.len().div_ceil(self.recipe.training.batch).max(1);
             for batch in 0..batches {
-                // Sweeps may stand material by material, and a batch's statistics are to be those of many, as in training.
-                let positions: Vec<usize> = (batch..watched.len()).step_by(batches).collect();
+                let positions = dealt(watched.len(), batches, batch);
                 let sweeps = self.loaded(watched, &positions, |_, _| {});
                 let epoch = self.position.epoch;
                 let pass = self.pass(sweeps, self.labels(watched, &positions), |stream| {
@@ -415,6 +414,12 @@ impl<'a> Training<'a> {
     }
 }
 
+/// Positions of a batch when sweeps are dealt one by one: they may stand material by material, and a batch's statistics are to be those of
+/// many, as in training.
+fn dealt(sweeps: usize, batches: usize, batch: usize) -> Vec<usize> {
+    (batch..sweeps).step_by(batches).collect()
+}
+
 fn no_network<T>() -> T {
     panic!("the optimiser gives the network back")
 }
@@ -431,6 +436,20 @@ mod tests {
 
     use super::*;
     use crate::{ClassifierConfig, ModelConfig, TactNetSetup};
+
+    #[test]
+    fn watched_batches_have_sweeps_of_all_materials_and_every_sweep_once() {
+        // Three materials of twelve sweeps, one after the other.
+        let batches: Vec<Vec<usize>> = (0..5).map(|batch| dealt(36, 5, batch)).collect();
+        for batch in &batches {
+            let mut materials: Vec<usize> = batch.iter().map(|position| position / 12).collect();
+            materials.dedup();
+            assert_eq!(materials, [0, 1, 2]);
+        }
+        let mut all = batches.concat();
+        all.sort_unstable();
+        assert!(all.into_iter().eq(0..36));
+    }
 
     #[test]
     fn every_batch_drops_other_features_and_every_epoch_has_an_order_of_its_own() {

@@ -9,6 +9,7 @@
 //!
 //! With a map of what stands about ([`Planner::plan_among`]) the way there is kept away from it, by a term of the objective and a last check.
 
+pub(crate) mod bfgs;
 mod bodies;
 pub(crate) mod clearance;
 mod nearest;

@@ -2,6 +2,7 @@
 
 use tactnet_catching_packets::ARM_JOINTS;
 
+use super::bfgs::update;
 use super::objective::Objective;
 use super::problem::{EQUALITIES, Linearised, Point, Problem, ROWS, UNKNOWNS, Violation};
 use super::qp;
@@ -209,26 +210,4 @@ fn initial_curvature(problem: &Problem, x: &Point, cost: f64) -> [[f64; UNKNOWNS
         }
     }
     b
-}
-
-/// Broyden, Fletcher, Goldfarb and Shanno's update, damped by Powell so that the matrix stays positive definite.
-fn update(b: &mut [[f64; UNKNOWNS]; UNKNOWNS], s: &[f64; UNKNOWNS], y: &[f64; UNKNOWNS]) {
-    let bs: [f64; UNKNOWNS] = std::array::from_fn(|i| (0..UNKNOWNS).map(|k| b[i][k] * s[k]).sum());
-    let sbs: f64 = (0..UNKNOWNS).map(|i| s[i] * bs[i]).sum();
-    let sy: f64 = (0..UNKNOWNS).map(|i| s[i] * y[i]).sum();
-    if sbs.is_nan() || sbs <= 1e-14 || !sy.is_finite() {
-        return;
-    }
-    let theta = if sy >= 0.2 * sbs {
-        1.0
-    } else {
-        0.8 * sbs / (sbs - sy)
-    };
-    let r: [f64; UNKNOWNS] = std::array::from_fn(|i| theta * y[i] + (1.0 - theta) * bs[i]);
-    let sr: f64 = (0..UNKNOWNS).map(|i| s[i] * r[i]).sum();
-    for i in 0..UNKNOWNS {
-        for k in 0..UNKNOWNS {
-            b[i][k] += r[i] * r[k] / sr - bs[i] * bs[k] / sbs;
-        }
-    }
 }

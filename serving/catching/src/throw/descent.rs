@@ -2,6 +2,7 @@
 //! penalty for what lacks, curvature by Broyden, Fletcher, Goldfarb and Shanno's update.
 
 use super::problem::{Linearised, Point, Problem, ROWS, THROW_UNKNOWNS, ThrowViolation};
+use crate::plan::bfgs::update;
 use crate::plan::qp::{self, Row};
 
 /// A point with its cost.
@@ -144,26 +145,4 @@ fn draw_in(here: &Linearised, equalities: usize) -> Option<Point> {
     qp::solve::<THROW_UNKNOWNS, ROWS>(&b, &g, &rows[..count], 0)
         .ok()
         .map(|step| step.x)
-}
-
-/// The update, damped by Powell so that the matrix stays positive definite.
-fn update(b: &mut [[f64; THROW_UNKNOWNS]; THROW_UNKNOWNS], s: &Point, y: &Point) {
-    let bs: Point = std::array::from_fn(|i| (0..THROW_UNKNOWNS).map(|k| b[i][k] * s[k]).sum());
-    let sbs: f64 = (0..THROW_UNKNOWNS).map(|i| s[i] * bs[i]).sum();
-    let sy: f64 = (0..THROW_UNKNOWNS).map(|i| s[i] * y[i]).sum();
-    if sbs.is_nan() || sbs <= 1e-14 || !sy.is_finite() {
-        return;
-    }
-    let theta = if sy >= 0.2 * sbs {
-        1.0
-    } else {
-        0.8 * sbs / (sbs - sy)
-    };
-    let r: Point = std::array::from_fn(|i| theta * y[i] + (1.0 - theta) * bs[i]);
-    let sr: f64 = (0..THROW_UNKNOWNS).map(|i| s[i] * r[i]).sum();
-    for i in 0..THROW_UNKNOWNS {
-        for k in 0..THROW_UNKNOWNS {
-            b[i][k] += r[i] * r[k] / sr - bs[i] * bs[k] / sbs;
-        }
-    }
 }

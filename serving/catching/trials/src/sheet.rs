@@ -1,5 +1,6 @@
 //! What all pages have in common: head, style, tables, shares with their intervals.
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use tactnet_plot::{
@@ -27,6 +28,18 @@ pub(crate) fn sheet(title: &str, body: &str) -> String {
          <title>{title}</title><style>{}{FIGURE_STYLE}{STYLE}</style></head><body><h1>{title}</h1>\n{body}</body></html>\n",
         theme()
     )
+}
+
+/// Returns a table of how often each thing was; nothing where there is none.
+pub(crate) fn counts_table(head: [&str; 2], counts: &BTreeMap<String, usize>) -> String {
+    let rows: Vec<[String; 2]> = counts
+        .iter()
+        .map(|(name, count)| [name.clone(), count.to_string()])
+        .collect();
+    if rows.is_empty() {
+        return String::new();
+    }
+    table(head, &rows)
 }
 
 /// Returns a table that scrolls on narrow screens; cells are not yet escaped.

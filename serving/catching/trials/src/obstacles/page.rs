@@ -9,7 +9,7 @@ use super::{ObstaclesReport, touched};
 use crate::error::TrialError;
 use crate::look::Mapping;
 use crate::series::{Series, SeriesReport};
-use crate::sheet::{Share, at_most, captioned, percent, shares, sheet, table};
+use crate::sheet::{Share, at_most, captioned, counts_table, percent, shares, sheet, table};
 use crate::throw::{BallOutcome, ThrowConfig, ThrowOutcome};
 use crate::wilson::wilson;
 
@@ -256,13 +256,7 @@ fn causes(html: &mut String, report: &SeriesReport, obstacles: &ObstaclesReport)
         (["Missed because", "Balls"], &report.misses),
         (["Touched deepest by", "Throws"], &obstacles.contact_parts),
     ] {
-        let rows: Vec<[String; 2]> = counts
-            .iter()
-            .map(|(cause, count)| [cause.clone(), count.to_string()])
-            .collect();
-        if !rows.is_empty() {
-            *html += &table(head, &rows);
-        }
+        *html += &counts_table(head, counts);
     }
 }
 

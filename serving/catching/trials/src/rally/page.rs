@@ -7,7 +7,7 @@ use tactnet_plot::{Axes, Axis, Series as Curve, figure, legend};
 
 use super::RallyReport;
 use super::flight::MOST_LATE;
-use crate::sheet::{LEFT, WIDTH, captioned, percent, sheet, table};
+use crate::sheet::{LEFT, WIDTH, captioned, counts_table, percent, sheet, table};
 
 /// How far the thesis's robot throws, at the most, m.
 const THESIS_M: f64 = 7.0;
@@ -211,13 +211,7 @@ fn causes(html: &mut String, report: &RallyReport) {
         (["Missed because", "Balls"], &report.causes),
         (["Nothing thrown because", "Games"], &report.no_throw_causes),
     ] {
-        let rows: Vec<[String; 2]> = causes
-            .iter()
-            .map(|(cause, count)| [cause.clone(), count.to_string()])
-            .collect();
-        if !rows.is_empty() {
-            *html += &table(head, &rows);
-        }
+        *html += &counts_table(head, causes);
     }
 }
 
