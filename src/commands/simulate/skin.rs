@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use anyhow::bail;
 use clap::Args;
-use tactnet_channel::{Bus, Domain, Start, Wait};
+use tactnet_channel::{Bus, Domain, ListedChannel, Start, Table, Wait, list_channels};
 use tactnet_data::{Dataset, Seed};
 use tactnet_pipeline::{LabelOrder, RunDir, write_whole};
 use tactnet_rehearsal::{PlayCycle, SkinDriver, SkinSimulator, play_order, rest_frames};
@@ -85,7 +85,17 @@ fn speed(text: &str) -> Result<f64, String> {
 }
 
 /// Refuses frames that the network which serves on this table, if there is one, cannot be of.
-fn refuse_another_skin(bus: &Bus, config: &ServeConfig, dataset: &Dataset) -> anyhow::Result<()> {
+fn refuse_another_skin(
+    bus: &Bus,
+    table: &Table,
+    config: &ServeConfig,
+    dataset: &Dataset,
+) -> anyhow::Result<()> {
+    let listed = list_channels(bus, table)?;
+    let is_served = |channel: &ListedChannel| channel.id == config.model && channel.put_ports > 0;
+    if !listed.iter().any(is_served) {
+        return Ok(());
+    }
     let models = bus.get_port::<ModelNames>(config.model.as_str(), Start::History(1))?;
     // A service gives its newest packet to who joins late, at its next tick.
     let Some(packet) = models.get(SERVICE)? else {
@@ -160,7 +170,7 @@ pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
             dataset.sample_rate_hz()
         );
     }
-    refuse_another_skin(&bus, &config, &dataset)?;
+    refuse_another_skin(&bus, &table, &config, &dataset)?;
     let mut driver = SkinDriver::open(&bus, &config)?.at_speed(arguments.speed);
     if arguments.no_commands {
         driver = driver.without_commands();
