@@ -51,7 +51,7 @@ impl World {
     }
 
     /// Returns where detectors find the markers in the last pictures, pixels: of the left and the right wrist, in the left and the right
-    /// picture. To be asked in the tick of the pictures, when [`Sensed::circles`] says that there are some.
+    /// picture. To be asked in the tick of the pictures, when [`Sensed::circles`](super::Sensed::circles) says that there are some.
     pub fn marker_features(&self) -> [[Option<[f64; 2]>; CAMERAS]; ARMS] {
         self.config.markers.find(
             &self.cameras,
