@@ -3,6 +3,7 @@
 //! | kind | severity | when |
 //! |---|---|---|
 //! | [`NotFinite`](FindingKind::NotFinite) | error | a NaN or an infinity |
+//! | [`UnequalLengths`](FindingKind::UnequalLengths) | error | sweeps that are longer or shorter than most, see [`check_lengths`] |
 //! | [`ConstantSweep`](FindingKind::ConstantSweep) | error | no taxel ever changes |
 //! | [`IdenticalSweeps`](FindingKind::IdenticalSweeps) | error | equal values in two sweeps: test data that training has seen |
 //! | [`FewSweeps`](FindingKind::FewSweeps) | error; warning below 5 | fewer than two sweeps of a material; fewer than the usual 5 folds |
@@ -22,7 +23,10 @@
 //! | [`AssumedPatch`](FindingKind::AssumedPatch) | note | taxels in one row that may be a grid, of a file that does not say |
 //! | [`NotRead`](FindingKind::NotRead) | note | something in the file that is not read |
 
+mod lengths;
 mod names;
+
+pub use lengths::check_lengths;
 
 use crate::format::UNLABELLED;
 use crate::{DataError, Dataset, Finding, FindingKind, Place, Severity, SweepShape};

@@ -22,6 +22,8 @@ pub enum Severity {
 pub enum FindingKind {
     /// NaN or infinite values.
     NotFinite,
+    /// Sweeps of several lengths.
+    UnequalLengths,
     /// A sweep in which no taxel ever changes.
     ConstantSweep,
     /// Two sweeps with the same values.
@@ -112,6 +114,7 @@ impl fmt::Display for FindingKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(match self {
             Self::NotFinite => "values that are not finite",
+            Self::UnequalLengths => "sweeps of several lengths",
             Self::ConstantSweep => "constant sweeps",
             Self::IdenticalSweeps => "identical sweeps",
             Self::FewSweeps => "too few sweeps",

@@ -32,7 +32,7 @@ pub mod twin;
 mod value_range;
 mod write_whole;
 
-pub use check::{check, check_unlabelled, refuse_errors};
+pub use check::{check, check_lengths, check_unlabelled, refuse_errors};
 pub use checked_dataset::{CheckedDataset, Folds};
 pub use data_origin::DataOrigin;
 pub use data_source::DataSource;

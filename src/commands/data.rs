@@ -8,10 +8,10 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, Subcommand};
-use tactnet_data::format::{self, Format};
+use tactnet_data::format::{self, Format, Keep, SweepsToClassify};
 use tactnet_data::{
-    CheckReport, DataSource, Dataset, FindingKind, Severity, check, check_unlabelled,
-    group_findings, info,
+    CheckReport, DataSource, Dataset, FindingKind, Severity, check, check_lengths,
+    check_unlabelled, group_findings, info,
 };
 use tactnet_skin::packets::unfit;
 
@@ -115,28 +115,31 @@ pub fn run(command: DataCommand) -> anyhow::Result<ExitCode> {
     }
 }
 
-/// Reads a data set even if some of its values are no numbers. Also returns whether it names materials.
-fn load_with_gaps(arguments: &FileArgs) -> anyhow::Result<(Dataset, bool)> {
+/// Reads a data set even if some of its values are no numbers.
+///
+/// - `otherwise`: frames of every sweep, where `--steps` does not say
+fn load_with_gaps(arguments: &FileArgs, otherwise: Keep) -> anyhow::Result<SweepsToClassify> {
     let data = arguments.data.as_str();
     let steps = arguments.steps.map(|steps| steps as usize);
-    let (dataset, labelled) = if DataSource::is_twin(data) || !Path::new(data).exists() {
+    let mut sweeps = if DataSource::is_twin(data) || !Path::new(data).exists() {
         let dataset = source::load(data)?;
-        (
-            match steps {
-                Some(steps) => dataset.first_steps(steps)?,
-                None => dataset,
-            },
-            true,
-        )
+        let dataset = match steps {
+            Some(steps) => dataset.first_steps(steps)?,
+            None => dataset,
+        };
+        SweepsToClassify::of(dataset)
     } else {
-        let sweeps = format::read_to_classify_with_gaps(Path::new(data), steps)?;
-        (sweeps.dataset, sweeps.labelled)
+        let keep = steps.map_or(otherwise, Keep::First);
+        format::read_to_classify_with_gaps(Path::new(data), keep)?
     };
-    Ok((dataset.with_named_rate(arguments.rate)?, labelled))
+    sweeps.dataset = sweeps.dataset.with_named_rate(arguments.rate)?;
+    Ok(sweeps)
 }
 
 fn show_info(arguments: &FileArgs) -> anyhow::Result<ExitCode> {
-    let (dataset, labelled) = load_with_gaps(arguments)?;
+    let SweepsToClassify {
+        dataset, labelled, ..
+    } = load_with_gaps(arguments, Keep::Equal)?;
     let info = info(&dataset);
     let info = if labelled { info } else { info.unlabelled() };
     if arguments.json {
@@ -148,7 +151,12 @@ fn show_info(arguments: &FileArgs) -> anyhow::Result<ExitCode> {
 }
 
 fn run_check(arguments: &CheckArgs) -> anyhow::Result<ExitCode> {
-    let (dataset, labelled) = load_with_gaps(&arguments.file)?;
+    let SweepsToClassify {
+        dataset,
+        labelled,
+        odd_lengths,
+        ..
+    } = load_with_gaps(&arguments.file, Keep::Most)?;
     if !labelled {
         say!(
             "note: no materials are named: checked as for `tactnet predict`; `train` wants them (docs/data.md)"
@@ -162,6 +170,11 @@ fn run_check(arguments: &CheckArgs) -> anyhow::Result<ExitCode> {
     } else {
         check_unlabelled(&dataset)
     };
+    findings.extend(check_lengths(
+        dataset.shape().steps,
+        dataset.len(),
+        &odd_lengths,
+    ));
     for finding in &mut findings {
         // What `train` refuses is an error here.
         if finding.kind == FindingKind::AxisOrder && !arguments.axes_are_right {

@@ -5,13 +5,14 @@
 use std::path::Path;
 
 use super::frame_table::{Column, FrameTable, may_hold_words};
+use super::lengths::Keep;
 use super::named_sweeps::{Labels, NamedSweeps};
 use super::{folder, taxel_names::is_line_of_names};
 use crate::DataError;
 
 /// Reads a file that may hold NaN or infinities.
 ///
-/// - `steps`: frames of every sweep that are kept, from its beginning; `None`: all, and all sweeps must be equally long
+/// - `keep`: frames of every sweep that are read
 /// - `labels`: where they are optional, a file may be one sweep
 ///
 /// # Errors
@@ -19,13 +20,13 @@ use crate::DataError;
 /// different lengths.
 pub(super) fn read_with_gaps(
     path: &Path,
-    steps: Option<usize>,
+    keep: Keep,
     labels: Labels,
 ) -> Result<NamedSweeps, DataError> {
     if labels == Labels::Optional && !has_line_of_names(path)? {
-        return folder::read_one(path, steps);
+        return folder::read_one(path, keep);
     }
-    read_table(path, labels)?.into_sweeps(steps, labels)
+    read_table(path, labels)?.into_sweeps(keep, labels)
 }
 
 /// Returns true if the first line of a table holds more than numbers.

@@ -12,7 +12,8 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::csv::Rows;
-use super::frame_table::{MATERIAL, common_length, is_one_of, rate_of};
+use super::frame_table::{MATERIAL, is_one_of, rate_of};
+use super::lengths::{Keep, settle};
 use super::named_sweeps::{NamedSweeps, some_names};
 use super::narrow::{TooWide, narrow};
 use super::sweep_file::{SweepFile, is_sweep_file};
@@ -27,20 +28,20 @@ pub(super) const LAYOUT: &str =
 
 /// Reads a folder whose sweeps have materials; values may be NaN or infinite.
 ///
-/// - `steps`: frames of every sweep that are kept, from its beginning; `None`: all, and all sweeps must be equally long
+/// - `keep`: frames of every sweep that are read
 ///
 /// # Errors
 /// What cannot be read; sweeps of different lengths or numbers of taxels.
-pub(super) fn read_with_gaps(path: &Path, steps: Option<usize>) -> Result<NamedSweeps, DataError> {
+pub(super) fn read_with_gaps(path: &Path, keep: Keep) -> Result<NamedSweeps, DataError> {
     if path.join(LABELS).is_file() {
         let entries = listed(&path.join(LABELS))?;
         let unlisted = unlisted(path, &entries)?;
-        let mut sweeps = read_files(path, entries, steps)?;
+        let mut sweeps = read_files(path, entries, keep)?;
         sweeps.left_out.extend(unlisted);
         return Ok(sweeps);
     }
     let (entries, empty) = files_by_folder(path)?;
-    let mut sweeps = read_files(path, entries, steps)?;
+    let mut sweeps = read_files(path, entries, keep)?;
     if !empty.is_empty() {
         let names = some_names(empty.iter().map(String::as_str));
         sweeps
@@ -54,23 +55,20 @@ pub(super) fn read_with_gaps(path: &Path, steps: Option<usize>) -> Result<NamedS
 ///
 /// # Errors
 /// As [`read_with_gaps`].
-pub(super) fn read_one(path: &Path, steps: Option<usize>) -> Result<NamedSweeps, DataError> {
-    read_files(path, vec![Entry::unlabelled(path.into())], steps)
+pub(super) fn read_one(path: &Path, keep: Keep) -> Result<NamedSweeps, DataError> {
+    read_files(path, vec![Entry::unlabelled(path.into())], keep)
 }
 
 /// Reads the files of sweeps that lie in a folder itself, each a sweep, in the order of their names; `None` where there is none.
 ///
 /// # Errors
 /// As [`read_with_gaps`].
-pub(super) fn read_flat_folder(
-    path: &Path,
-    steps: Option<usize>,
-) -> Result<Option<NamedSweeps>, DataError> {
+pub(super) fn read_flat_folder(path: &Path, keep: Keep) -> Result<Option<NamedSweeps>, DataError> {
     let entries: Vec<Entry> = sweeps_in(path)?.map(Entry::unlabelled).collect();
     if entries.is_empty() {
         return Ok(None);
     }
-    read_files(path, entries, steps).map(Some)
+    read_files(path, entries, keep).map(Some)
 }
 
 /// Returns true if a folder looks like one of sweeps: it has a table of labels or folders with files of sweeps.
@@ -100,11 +98,7 @@ impl Entry {
 /// Reads the files of sweeps.
 ///
 /// - `path`: what people named, a folder or one file
-fn read_files(
-    path: &Path,
-    entries: Vec<Entry>,
-    steps: Option<usize>,
-) -> Result<NamedSweeps, DataError> {
+fn read_files(path: &Path, mut entries: Vec<Entry>, keep: Keep) -> Result<NamedSweeps, DataError> {
     if entries.is_empty() {
         return Err(DataError::format(path, "folder", LAYOUT, "neither"));
     }
@@ -128,9 +122,10 @@ fn read_files(
         .collect();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let lengths: Vec<usize> = sweeps.iter().map(SweepFile::frames).collect();
-    let steps = common_length(path, &names, &lengths, steps)?;
+    let (steps, odd_lengths) = settle(path, &names, &lengths, keep)?;
+    let is_kept = |sweep: &SweepFile| sweep.frames() >= steps;
     let mut values = Vec::with_capacity(sweeps.len() * steps * taxels);
-    for sweep in &sweeps {
+    for sweep in sweeps.iter().filter(|sweep| is_kept(sweep)) {
         values.extend_from_slice(&sweep.values[..steps * taxels]);
     }
     let timed = || {
@@ -145,6 +140,8 @@ fn read_files(
         let times = timed().map(|(name, sweep)| (*name, sweep.time.clone()));
         Some(rate_of(path, times)?)
     };
+    let mut is_kept = sweeps.iter().map(is_kept);
+    entries.retain(|_| is_kept.next().unwrap_or_default());
     // Files of one set have the same columns.
     let left_out = sweeps[0].left_out.clone();
     let samples = narrow(&values).map_err(|TooWide(value)| {
@@ -166,6 +163,7 @@ fn read_files(
         materials: entries.into_iter().map(|entry| entry.material).collect(),
         samples,
         left_out,
+        odd_lengths,
     })
 }
 

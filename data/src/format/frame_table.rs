@@ -11,6 +11,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use super::lengths::{Keep, settle};
 use super::named_sweeps::{Labels, NamedSweeps, some_of};
 use super::narrow::{TooWide, narrow};
 use super::taxel_names::{left_out, unlike_the_others};
@@ -104,16 +105,12 @@ const TEST: &[&str] = &["test", "test_flag"];
 impl FrameTable<'_> {
     /// Returns the sweeps in the order of their first frames.
     ///
-    /// - `steps`: frames of every sweep that are kept, from its beginning; `None`: all, and all sweeps must be equally long
+    /// - `keep`: frames of every sweep that are read
     /// - `labels`: where they are optional, so is the column `sweep`: without it all frames are one sweep's
     ///
     /// # Errors
     /// A column that is missing or has words instead of numbers; a sweep of two materials; sweeps of different lengths.
-    pub(super) fn into_sweeps(
-        self,
-        steps: Option<usize>,
-        labels: Labels,
-    ) -> Result<NamedSweeps, DataError> {
+    pub(super) fn into_sweeps(self, keep: Keep, labels: Labels) -> Result<NamedSweeps, DataError> {
         let (taxels, unread) = self.taxels()?;
         let (sweep_of, material_of) = match labels {
             Labels::Needed => (
@@ -144,7 +141,8 @@ impl FrameTable<'_> {
             rows.push(row);
         }
         let lengths: Vec<usize> = order.iter().map(|sweep| frames[sweep].len()).collect();
-        let steps = common_length(self.path, &order, &lengths, steps)?;
+        let (steps, odd_lengths) = settle(self.path, &order, &lengths, keep)?;
+        order.retain(|sweep| frames[sweep].len() >= steps);
         let mut values = Vec::with_capacity(order.len() * steps * taxels.len());
         for sweep in &order {
             for &row in &frames[sweep][..steps] {
@@ -169,6 +167,7 @@ impl FrameTable<'_> {
                 self.error("taxels", "values that a 32-bit float holds", value)
             })?,
             left_out: unread,
+            odd_lengths,
         })
     }
 
@@ -370,37 +369,4 @@ pub(super) fn rate_of<'a>(
     } else {
         rate
     })
-}
-
-/// Returns the frames that every sweep has, of which `steps` are wanted.
-pub(super) fn common_length(
-    path: &Path,
-    sweeps: &[&str],
-    lengths: &[usize],
-    steps: Option<usize>,
-) -> Result<usize, DataError> {
-    let shortest = (0..lengths.len()).min_by_key(|&sweep| lengths[sweep]);
-    let Some(shortest) = shortest else {
-        return Err(DataError::format(path, "sweeps", "at least one", "none"));
-    };
-    let wanted = steps.unwrap_or(lengths[0]);
-    let odd = match steps {
-        Some(_) => (lengths[shortest] < wanted).then_some(shortest),
-        None => lengths.iter().position(|&length| length != wanted),
-    };
-    match odd {
-        None => Ok(wanted),
-        Some(odd) => Err(DataError::format(
-            path,
-            format!("sweep `{}`", sweeps[odd]),
-            match steps {
-                Some(_) => format!("at least the {wanted} frames asked for"),
-                None => format!("{wanted} frames, as `{}`", sweeps[0]),
-            },
-            format!(
-                "{}; `tactnet data import FILE --out NEW.npz --steps {}` keeps as many of each",
-                lengths[odd], lengths[shortest]
-            ),
-        )),
-    }
 }

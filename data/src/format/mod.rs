@@ -17,6 +17,7 @@ mod chunks;
 mod csv;
 mod folder;
 mod frame_table;
+mod lengths;
 mod mismatch;
 mod named_sweeps;
 mod narrow;
@@ -35,6 +36,7 @@ mod to_classify;
 pub mod ts;
 
 pub use folder::is_folder_of_sweeps;
+pub use lengths::{Keep, OddLength};
 
 use crate::{DataError, Dataset, Samples};
 pub(crate) use named_sweeps::UNLABELLED;
@@ -124,7 +126,7 @@ pub fn read_beginning(path: &Path, steps: Option<usize>) -> Result<Dataset, Data
 }
 
 fn read_beginning_with_gaps(path: &Path, steps: Option<usize>) -> Result<Dataset, DataError> {
-    if let Some(sweeps) = table_with_gaps(path, steps, Labels::Needed) {
+    if let Some(sweeps) = table_with_gaps(path, steps.into(), Labels::Needed) {
         return sweeps?.into_dataset().map_err(|error| in_file(path, error));
     }
     let (dataset, _) = read_arrays(path, Labels::Needed)?;
@@ -139,15 +141,15 @@ fn read_beginning_with_gaps(path: &Path, steps: Option<usize>) -> Result<Dataset
 /// Reads a table; `None` for a file of another kind.
 fn table_with_gaps(
     path: &Path,
-    steps: Option<usize>,
+    keep: Keep,
     labels: Labels,
 ) -> Option<Result<NamedSweeps, DataError>> {
     if path.is_dir() && folder::is_folder_of_sweeps(path) {
-        return Some(folder::read_with_gaps(path, steps));
+        return Some(folder::read_with_gaps(path, keep));
     }
     if path.is_dir() {
         if labels == Labels::Optional
-            && let Some(sweeps) = folder::read_flat_folder(path, steps).transpose()
+            && let Some(sweeps) = folder::read_flat_folder(path, keep).transpose()
         {
             return Some(sweeps);
         }
@@ -165,9 +167,9 @@ fn table_with_gaps(
     }
     let extension = path.extension()?.to_ascii_lowercase();
     match extension.to_str()? {
-        "csv" | "tsv" => Some(csv::read_with_gaps(path, steps, labels)),
+        "csv" | "tsv" => Some(csv::read_with_gaps(path, keep, labels)),
         #[cfg(feature = "parquet")]
-        "parquet" | "pq" => Some(parquet::read_with_gaps(path, steps, labels)),
+        "parquet" | "pq" => Some(parquet::read_with_gaps(path, keep, labels)),
         #[cfg(not(feature = "parquet"))]
         "parquet" | "pq" => Some(Err(DataError::format(
             path,

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use super::lengths::OddLength;
 use crate::{DataError, Dataset, LabelSet, Samples, SweepRecord, SweepShape};
 
 /// What a file must say of its sweeps.
@@ -36,6 +37,8 @@ pub(super) struct NamedSweeps {
     pub(super) samples: Samples,
     /// What is not read, a sentence for each thing.
     pub(super) left_out: Vec<String>,
+    /// Sweeps that are longer, and were cut, or shorter, and were left out.
+    pub(super) odd_lengths: Vec<OddLength>,
 }
 
 impl NamedSweeps {

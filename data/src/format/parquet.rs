@@ -16,14 +16,14 @@ use crate::DataError;
 
 /// Reads a file that may hold NaN or infinities.
 ///
-/// - `steps`: frames of every sweep that are kept, from its beginning; `None`: all, and all sweeps must be equally long
+/// - `keep`: frames of every sweep that are read
 /// - `labels`: what the table must have columns of
 ///
 /// # Errors
 /// What cannot be read; nested columns, missing values, words where numbers belong; sweeps of different lengths.
 pub(super) fn read_with_gaps(
     path: &Path,
-    steps: Option<usize>,
+    keep: Keep,
     labels: Labels,
 ) -> Result<NamedSweeps, DataError> {
     // The crate panics at some damaged files, in a thread that then is all that ends.
@@ -44,7 +44,7 @@ pub(super) fn read_with_gaps(
                 "one that is damaged",
             ))
         })?;
-    table.into_sweeps(steps, labels)
+    table.into_sweeps(keep, labels)
 }
 
 fn table(path: &Path) -> Result<FrameTable<'_>, DataError> {

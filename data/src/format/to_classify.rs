@@ -9,6 +9,7 @@
 
 use std::path::Path;
 
+use super::lengths::{Keep, OddLength};
 use super::named_sweeps::Labels;
 use super::{in_file, read_arrays, refuse_non_finite, table_with_gaps};
 use crate::{DataError, Dataset};
@@ -24,6 +25,21 @@ pub struct SweepsToClassify {
     pub labelled: bool,
     /// True if the taxels of a file that does not say how they are arranged were put into the rows and columns of a classifier.
     pub arranged: bool,
+    /// Sweeps that are longer than most, and were cut, or shorter, and were left out: of [`Keep::Most`].
+    pub odd_lengths: Vec<OddLength>,
+}
+
+impl SweepsToClassify {
+    /// Returns the sweeps of a data set that names its materials.
+    pub fn of(dataset: Dataset) -> Self {
+        Self {
+            names: (0..dataset.len()).map(|index| index.to_string()).collect(),
+            labelled: true,
+            arranged: false,
+            odd_lengths: Vec::new(),
+            dataset,
+        }
+    }
 }
 
 /// Reads sweeps whose materials nobody needs to know, and whose values are all finite.
@@ -33,28 +49,28 @@ pub struct SweepsToClassify {
 /// # Errors
 /// As [`read`](super::read), except for materials that are not named.
 pub fn read_to_classify(path: &Path, steps: Option<usize>) -> Result<SweepsToClassify, DataError> {
-    let sweeps = read_to_classify_with_gaps(path, steps)?;
+    let sweeps = read_to_classify_with_gaps(path, steps.into())?;
     Ok(SweepsToClassify {
         dataset: refuse_non_finite(path, sweeps.dataset, sweeps.labelled)?,
         ..sweeps
     })
 }
 
-/// As [`read_to_classify`], but values may be NaN or infinite, for a check that lists them all.
+/// As [`read_to_classify`], but values may be NaN or infinite, and sweeps of different lengths, for a check that lists them all.
+///
+/// - `keep`: frames of every sweep that are read
 ///
 /// # Errors
 /// As [`read_to_classify`], except for values that are not finite.
-pub fn read_to_classify_with_gaps(
-    path: &Path,
-    steps: Option<usize>,
-) -> Result<SweepsToClassify, DataError> {
-    Ok(match table_with_gaps(path, steps, Labels::Optional) {
+pub fn read_to_classify_with_gaps(path: &Path, keep: Keep) -> Result<SweepsToClassify, DataError> {
+    Ok(match table_with_gaps(path, keep, Labels::Optional) {
         Some(sweeps) => {
             let sweeps = sweeps?;
             SweepsToClassify {
                 names: sweeps.sweeps.clone(),
                 labelled: sweeps.materials.is_some(),
                 arranged: false,
+                odd_lengths: sweeps.odd_lengths.clone(),
                 dataset: sweeps
                     .into_dataset()
                     .map_err(|error| in_file(path, error))?,
@@ -62,16 +78,14 @@ pub fn read_to_classify_with_gaps(
         }
         None => {
             let (mut dataset, labelled) = read_arrays(path, Labels::Optional)?;
-            if let Some(steps) = steps {
+            if let Keep::First(steps) = keep {
                 dataset = dataset
                     .first_steps(steps)
                     .map_err(|error| in_file(path, error))?;
             }
             SweepsToClassify {
-                names: (0..dataset.len()).map(|index| index.to_string()).collect(),
                 labelled,
-                arranged: false,
-                dataset,
+                ..SweepsToClassify::of(dataset)
             }
         }
     })

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use tactnet_data::format;
+use tactnet_data::format::{self, Keep};
 
 use crate::hostile::npy;
 use crate::own_data::assert_line;
@@ -94,7 +94,15 @@ fn a_folder_of_tables_is_a_data_set() {
     let text: String = whole.split_inclusive('\n').take(50).collect();
     write(&short, &text);
     let refused = format::read(&folders).unwrap_err().to_string();
-    assert!(refused.contains("50 frames, as"), "{refused}");
+    assert!(refused.contains("60 frames, as"), "{refused}");
+    assert!(refused.contains("found 50"), "{refused}");
+    let looked_at = format::read_to_classify_with_gaps(&folders, Keep::Most).unwrap();
+    assert_eq!(looked_at.dataset.len(), 11);
+    let [odd] = &looked_at.odd_lengths[..] else {
+        panic!("{:?}", looked_at.odd_lengths)
+    };
+    assert!(odd.sweep.ends_with("00.csv"), "{odd:?}");
+    assert_eq!(odd.frames, 50);
     assert!(refused.contains("--steps 50"), "{refused}");
     let cut = format::read_beginning(&folders, Some(50)).unwrap();
     assert_eq!((cut.len(), cut.shape().steps), (12, 50));

@@ -56,13 +56,7 @@ impl TrainSpec {
                 if let Some(steps) = self.steps {
                     dataset = dataset.first_steps(steps)?;
                 }
-                let names = (0..dataset.len()).map(|index| index.to_string()).collect();
-                SweepsToClassify {
-                    dataset,
-                    names,
-                    labelled: true,
-                    arranged: false,
-                }
+                SweepsToClassify::of(dataset)
             }
         };
         let own = sweeps.dataset.shape();
