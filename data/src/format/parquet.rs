@@ -10,6 +10,7 @@ use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
 use super::frame_table::{Column, FrameTable, may_hold_words};
+use super::lengths::Keep;
 use super::named_sweeps::{Labels, NamedSweeps};
 use super::parquet_footer;
 use crate::DataError;

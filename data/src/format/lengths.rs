@@ -1,0 +1,97 @@
+//! How many frames of each sweep are read, where a file says how many there are.
+
+use std::path::Path;
+
+use crate::DataError;
+
+/// How many frames of each sweep are read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Keep {
+    /// All; sweeps must be equally long.
+    Equal,
+    /// That many from the beginning; longer sweeps are cut, shorter ones refused.
+    First(usize),
+    /// The number of which most frames are left; longer sweeps are cut, shorter ones left out, and all are named.
+    Most,
+}
+
+impl From<Option<usize>> for Keep {
+    /// The first `steps` of each, or all.
+    fn from(steps: Option<usize>) -> Self {
+        steps.map_or(Self::Equal, Self::First)
+    }
+}
+
+/// A sweep that is longer or shorter than the others.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct OddLength {
+    /// Its name or file.
+    pub sweep: String,
+    /// Its frames.
+    pub frames: usize,
+}
+
+/// Returns the frames of a sweep that are read, and the sweeps that have more or fewer.
+///
+/// # Errors
+/// No sweep; one of another length, where `keep` allows none.
+pub(super) fn settle(
+    path: &Path,
+    sweeps: &[&str],
+    lengths: &[usize],
+    keep: Keep,
+) -> Result<(usize, Vec<OddLength>), DataError> {
+    let Some(&shortest) = lengths.iter().min() else {
+        return Err(DataError::format(path, "sweeps", "at least one", "none"));
+    };
+    let (wanted, refused) = match keep {
+        Keep::First(steps) => (steps, lengths.iter().position(|&length| length < steps)),
+        Keep::Equal => {
+            let most = longest_of_most(lengths);
+            (most, lengths.iter().position(|&length| length != most))
+        }
+        Keep::Most => (longest_of_most(lengths), None),
+    };
+    let Some(refused) = refused else {
+        let odd = |&(_, &frames): &(&&str, &usize)| keep == Keep::Most && frames != wanted;
+        let odd = sweeps.iter().zip(lengths).filter(odd);
+        let odd = odd.map(|(sweep, &frames)| OddLength {
+            sweep: (*sweep).into(),
+            frames,
+        });
+        return Ok((wanted, odd.collect()));
+    };
+    let expected = match keep {
+        Keep::First(_) => format!("at least the {wanted} frames asked for"),
+        _ => {
+            let like = lengths.iter().position(|&length| length == wanted);
+            format!("{wanted} frames, as `{}`", sweeps[like.unwrap_or(0)])
+        }
+    };
+    let odd = lengths.iter().filter(|&&length| length != wanted).count();
+    let all = match keep {
+        Keep::Equal if odd > 1 => {
+            format!(" ({odd} sweeps differ: `tactnet data check` lists them)")
+        }
+        _ => String::new(),
+    };
+    Err(DataError::format(
+        path,
+        format!("sweep `{}`", sweeps[refused]),
+        expected,
+        format!(
+            "{}{all}; `tactnet data import FILE --out NEW.npz --steps {shortest}` keeps as many of each",
+            lengths[refused]
+        ),
+    ))
+}
+
+/// The number of frames of which most are left, if longer sweeps are cut to it and shorter ones left out.
+fn longest_of_most(lengths: &[usize]) -> usize {
+    let mut sorted = lengths.to_vec();
+    sorted.sort_unstable();
+    let left = |at: usize| (sorted.len() - at) * sorted[at];
+    // Where sweeps are alike, the first of them counts all.
+    let best = (0..sorted.len()).rev().max_by_key(|&at| left(at));
+    best.map_or(0, |at| sorted[at])
+}
