@@ -1,9 +1,9 @@
 //! Where a data set is read from: a file, or the generator of the twin.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::twin::{self, TwinConfig, TwinVersion};
-use crate::{DataError, Dataset, format};
+use crate::{DataError, Dataset, format, near_name};
 
 /// What a command line or a recipe names as data.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -68,15 +68,54 @@ impl DataSource {
                 path,
                 "file",
                 "a data set (.h5, .npz, .csv, .parquet, a folder of .csv or .npy) or the word `twin`",
-                "no such file",
+                missing(path),
             )),
         }
+    }
+}
+
+/// Says that there is no such file, and which one beside it may have been meant.
+fn missing(path: &Path) -> String {
+    let folder = match path.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    };
+    let mut names: Vec<String> = std::fs::read_dir(folder)
+        .into_iter()
+        .flatten()
+        .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
+        .collect();
+    names.sort();
+    let typed = path.file_name().unwrap_or_default().to_string_lossy();
+    match near_name(&typed, names.iter().map(String::as_str)) {
+        Some(meant) => format!(
+            "no such file; did you mean `{}`?",
+            path.with_file_name(meant).display()
+        ),
+        None => "no such file".into(),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_file_that_was_nearly_named_is_proposed() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("own.npz"), b"").unwrap();
+        let refused = |name: &str| {
+            let path = folder.path().join(name);
+            let source = DataSource::named(&path.to_string_lossy());
+            source.read().unwrap_err().to_string()
+        };
+        assert!(
+            refused("own.np").contains("own.npz`?"),
+            "{}",
+            refused("own.np")
+        );
+        assert!(!refused("felt.h5").contains("did you mean"));
+    }
 
     #[test]
     fn a_missing_file_is_named() {

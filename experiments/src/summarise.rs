@@ -112,16 +112,18 @@ pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
         let all: BTreeSet<String> = finished.iter().flat_map(of).collect();
         all.into_iter().collect()
     };
+    let beside_published = finished.iter().all(|task| {
+        task.origin.is_comparable_to_published() && task.materials == TACTMAT_MATERIALS.len()
+    });
     let mut summary = Summary {
         schema_version: Summary::SCHEMA_VERSION,
         name: recipe.name.clone(),
-        title: recipe.title.clone(),
-        expects: recipe
-            .expected_of_run(finished.iter().all(|task| {
-                task.origin.is_comparable_to_published()
-                    && task.materials == TACTMAT_MATERIALS.len()
-            }))
-            .into(),
+        title: if beside_published {
+            recipe.title.clone()
+        } else {
+            without_source(&recipe.title).into()
+        },
+        expects: recipe.expected_of_run(beside_published).into(),
         command: dir.plan.command.clone(),
         question: recipe.question.clone(),
         git: set(&|task| task.record.git.clone()),
@@ -302,6 +304,11 @@ impl ExperimentDir {
 /// True for a measurement of single sweeps' accuracy, by which contenders of a cross-validation are ranked.
 pub(crate) fn is_one_sweep_accuracy(row: &Row) -> bool {
     row.measure == Measure::Accuracy && row.sweeps == Some(1)
+}
+
+/// A title without the figure or table of the thesis that it names in brackets, which says nothing of other data.
+fn without_source(title: &str) -> &str {
+    title.split(" (thesis, ").next().unwrap_or(title)
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use super::data_set::DataSet;
 use super::results::Heading::{Number, Text};
 use super::results::{number, sortable};
 use super::text::{decimal, p_value, scroll};
-use crate::Summary;
+use crate::{Comparison, Summary};
 
 /// Returns the table; `None` if no two rows share folds.
 pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> Option<String> {
@@ -24,9 +24,15 @@ pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> Option<String> {
     // Two rows that are compared are of one data set.
     let several = sets.len() > 1;
     let name = |key: &str| place(key).map_or_else(|| key.to_string(), |(_, name)| name);
-    let lines: String = summary
-        .comparisons
-        .iter()
+    // What differs most surely stands first.
+    let mut comparisons: Vec<_> = summary.comparisons.iter().collect();
+    comparisons.sort_by(|one, other| {
+        let p = |of: &Comparison| of.p_holm.unwrap_or(f64::INFINITY);
+        let by_p = p(one).total_cmp(&p(other));
+        by_p.then(other.difference.abs().total_cmp(&one.difference.abs()))
+    });
+    let lines: String = comparisons
+        .into_iter()
         .map(|comparison| {
             let points = 100.0 * comparison.difference;
             let data = place(&comparison.first).map(|(data, _)| data);
