@@ -13,3 +13,4 @@ mod controller;
 mod trail;
 
 pub use controller::{Controller, PathError};
+pub use trail::Trail;

@@ -236,4 +236,58 @@ mod tests {
             "{nearest}"
         );
     }
+
+    /// Both arms at full speed take so much from all bounds in a tick that four pairs anew are not enough: a robot with room is braked.
+    #[test]
+    fn fast_arms_with_room_are_not_braked() {
+        use rand::{RngExt, SeedableRng};
+        let description = RobotDescription::nominal();
+        let robot = crate::Robot::new(description.clone());
+        let joints = description.joints();
+        let waiting = robot.waiting();
+        let brakes_with_room = |most_updates: usize| {
+            let config = MonitorConfig {
+                most_updates,
+                ..MonitorConfig::default()
+            };
+            let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
+            let mut brakes = 0;
+            for _ in 0..60 {
+                let ramps: [crate::ramp::Ramp; JOINTS] = std::array::from_fn(|i| {
+                    let of_arm = tactnet_catching_packets::joint::ARM
+                        .iter()
+                        .any(|arm| arm.contains(&i));
+                    let way: f64 = rng.random_range(-0.8..0.8);
+                    let to = if of_arm { waiting[i] + way } else { waiting[i] };
+                    let [low, high] = joints[i].range;
+                    crate::ramp::Ramp::between(
+                        waiting[i],
+                        0.0,
+                        to.clamp(low, high),
+                        0.6,
+                        joints[i].speed,
+                    )
+                });
+                let bodies = Bodies::new(&description);
+                let mut monitor = Monitor::new(bodies, joints, config, &waiting);
+                for tick in 0..600_u64 {
+                    let motion = ramps.map(|ramp| ramp.at(tick as f64 * 1e-3));
+                    let command = JointCommand {
+                        number: tick,
+                        command_ns: 0,
+                        q: motion.map(|(q, _)| q),
+                        dq: motion.map(|(_, dq)| dq),
+                    };
+                    if !monitor.judge(&command).go {
+                        let room = monitor.least_while_braking(&command);
+                        brakes += usize::from(room > 3.0 * config.margin);
+                        break;
+                    }
+                }
+            }
+            brakes
+        };
+        assert_eq!(brakes_with_room(16), 0);
+        assert!(brakes_with_room(4) > 0);
+    }
 }

@@ -23,7 +23,7 @@ const DENSE: f64 = 0.02;
 
 /// Joint positions, tick by tick, without those at which nothing moved.
 #[derive(Debug, Clone)]
-pub(super) struct Trail {
+pub struct Trail {
     points: Vec<[f64; JOINTS]>,
     /// Where on it the robot is while it goes back, ticks from its begin.
     place: f64,

@@ -25,6 +25,9 @@ pub struct MonitorConfig {
     pub reaction: f64,
     /// Pairs that a tick computes anew, those with the least bounds.
     pub updates: usize,
+    /// Pairs that a tick computes anew at most: beyond `updates` those whose bounds are too near, because of what they lost since they were
+    /// computed.
+    pub most_updates: usize,
     /// Parts of braking motions that a tick looks at, where pairs come too near in the hull of the whole motion.
     pub parts: usize,
 }
@@ -36,6 +39,7 @@ impl Default for MonitorConfig {
             leaving: 0.005,
             reaction: 0.005,
             updates: 4,
+            most_updates: 16,
             parts: 96,
         }
     }
@@ -131,10 +135,13 @@ impl Monitor {
         let mut parts = self.config.parts;
         let mut bounds: [f64; PAIRS] = std::array::from_fn(|pair| self.bound(pair, &intervals));
         let mut fresh = [false; PAIRS];
-        for _ in 0..self.config.updates {
+        for update in 0..self.config.most_updates {
             let Some(pair) = least(&bounds, |pair| !fresh[pair]) else {
                 break;
             };
+            if update >= self.config.updates && bounds[pair] >= allowed {
+                break;
+            }
             let [a, b] = self.bodies.swept(pair, &intervals);
             let exact = distance(&a, &b);
             self.known[pair] = Known {

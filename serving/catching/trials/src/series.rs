@@ -87,8 +87,11 @@ pub struct SeriesReport {
     pub no_plans: f64,
     /// Throws in which the monitor of self-collisions would have braked; `None` if it did not watch.
     pub braked: Option<usize>,
-    /// Of those, throws in which no bodies would have come near each other.
+    /// Of those, throws in which no bodies would have come near each other while it braked.
     pub braked_in_vain: Option<usize>,
+    /// Of those that it would have braked, throws in which the robot, had it carried on, would have kept all bodies farther apart than the
+    /// monitor's margin.
+    pub false_brakes: Option<usize>,
     /// Of obstacles, if the robot looked about.
     #[serde(flatten)]
     pub obstacles: Option<ObstaclesReport>,
@@ -130,10 +133,13 @@ impl fmt::Display for SeriesReport {
                 "\nnormalised squared error of it: {nees:.2}, {low:.2} to {high:.2} if the filter's covariance is right"
             )?;
         }
-        if let (Some(braked), Some(in_vain)) = (self.braked, self.braked_in_vain) {
+        if let (Some(braked), Some(in_vain), Some(wrong)) =
+            (self.braked, self.braked_in_vain, self.false_brakes)
+        {
             write!(
                 f,
-                "\nthe monitor of self-collisions would have braked in {braked} of {} throws, {in_vain} times in vain",
+                "\nthe monitor of self-collisions would have braked in {braked} of {} throws, {in_vain} times in vain; had the robot carried on, \
+                 bodies would have stayed apart in {wrong} of them",
                 self.throws
             )?;
         }
@@ -294,6 +300,10 @@ impl Series {
                 .config
                 .watch
                 .then(|| brakes().filter(|braked| braked.in_vain).count()),
+            false_brakes: self
+                .config
+                .watch
+                .then(|| brakes().filter(|braked| braked.is_false()).count()),
             obstacles: ObstaclesReport::of(&outcomes),
             outcomes,
         }

@@ -10,7 +10,6 @@ use tactnet_catching::coordinate::{
     CatchState, Coordinator, CoordinatorConfig, PlanRequest, Planned, Room,
 };
 use tactnet_catching::plan::{NoPlan, ObstacleConfig, PlanConfig, Planner, Surroundings};
-use tactnet_catching::safety::{Bodies, Monitor, MonitorConfig};
 use tactnet_catching_packets::packets::JointCommand;
 use tactnet_catching_packets::{ARMS, JOINTS, joint};
 use tactnet_catching_world::{FlightSample, TICK_NS, Verdict, World, WorldConfig};
@@ -25,6 +24,7 @@ use crate::perception::Perception;
 use crate::series::AHEAD;
 use crate::timing::{Ablation, Timing};
 use crate::trace::{Trace, TracePlan};
+use crate::watch::{Braked, Watch};
 
 /// The robot stands this long before the throw, s: its inertial unit finds its bias.
 const REST: f64 = 1.0;
@@ -99,17 +99,6 @@ pub struct ThrowOutcome {
     pub obstacles: Option<AmongObstacles>,
     /// The first command at which the monitor would have braked, if it watched and there was one.
     pub braked: Option<Braked>,
-}
-
-/// A command at which the monitor would have braked.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Braked {
-    /// When, s after the throw.
-    pub since: f64,
-    /// Bodies that it holds for too near.
-    pub bodies: [&'static str; 2],
-    /// True if braking would have kept all bodies farther apart than the margin.
-    pub in_vain: bool,
 }
 
 pub(crate) struct Answers {
@@ -209,8 +198,7 @@ impl ThrowConfig {
         let first_tick = world.time_ns() / TICK_NS;
         let (rest_ticks, ticks) = (first_tick + ticks(rest), first_tick + ticks(rest + LONGEST));
         let ahead_ns = nanoseconds(self.timing.drives);
-        let mut monitor = self.watch.then(|| self.monitor(ready));
-        let mut braked = None;
+        let mut watch = self.watch.then(|| Watch::new(&self.robot, ready));
         for tick in first_tick..ticks {
             let now_ns = tick * TICK_NS;
             if tick == rest_ticks {
@@ -261,16 +249,8 @@ impl ThrowConfig {
                 q,
                 dq,
             };
-            if let Some(monitor) = &mut monitor {
-                let ruling = monitor.judge(&command);
-                if !ruling.go && braked.is_none() {
-                    let least = monitor.least_while_braking(&command);
-                    braked = Some(Braked {
-                        since,
-                        bodies: monitor.bodies().names(ruling.pair),
-                        in_vain: least >= monitor.config().margin,
-                    });
-                }
+            if let Some(watch) = &mut watch {
+                watch.look(&command, since);
             }
             let mut hands = *coordinator.hands();
             for hand in hands.iter_mut().flatten() {
@@ -291,6 +271,8 @@ impl ThrowConfig {
                 break;
             }
         }
+        let braked =
+            watch.and_then(|watch| watch.end(&mut coordinator, world.time_ns() + ahead_ns));
         let balls = (0..self.balls as u64)
             .map(|ball| {
                 let run = Finished {
@@ -320,16 +302,6 @@ impl ThrowConfig {
             }),
             braked,
         })
-    }
-
-    fn monitor(&self, ready: &[f64; JOINTS]) -> Monitor {
-        let bodies = Bodies::new(self.robot.description());
-        Monitor::new(
-            bodies,
-            *self.robot.joints(),
-            MonitorConfig::default(),
-            ready,
-        )
     }
 
     /// Returns what the calibration does to measurements and commands.
