@@ -10,8 +10,8 @@ use std::process::ExitCode;
 use clap::{Args, Subcommand};
 use tactnet_data::format::{self, Format, Keep, SweepsToClassify};
 use tactnet_data::{
-    CheckReport, DataSource, Dataset, FindingKind, Severity, check, check_lengths,
-    check_unlabelled, group_findings, info,
+    CheckReport, DataSource, FindingKind, Severity, check, check_lengths, check_unlabelled,
+    group_findings, info,
 };
 use tactnet_skin::packets::unfit;
 
