@@ -8,9 +8,13 @@
 //! 2. the minimum near the best of them by sequential quadratic programming ([`qp`] inside).
 //!
 //! With a map of what stands about ([`Planner::plan_among`]) the way there is kept away from it, by a term of the objective and a last check.
+//!
+//! The whole way there keeps away from the robot's own bodies and from the other arm on its way; where the cheapest plan's does not, another is
+//! sought, with a term of the objective ([`WayConfig`]).
 
 pub(crate) mod bfgs;
 mod bodies;
+mod candidates;
 pub(crate) mod clearance;
 mod nearest;
 mod no_plan;
@@ -22,6 +26,7 @@ mod problem;
 pub mod qp;
 mod seeds;
 mod sqp;
+mod way;
 
 pub use bodies::{BODIES, Body};
 pub use no_plan::{NoPlan, RequestError};
@@ -31,3 +36,4 @@ pub use obstacles::{ChestWay, ObstacleConfig, Surroundings};
 pub use planner::{CatchPlan, Effort, PlanConfig, Planner};
 pub use problem::{CatchRequest, EQUALITIES, INEQUALITIES, UNKNOWNS, Violation};
 pub use seeds::Grid;
+pub use way::{OtherArm, WayConfig};

@@ -10,7 +10,7 @@ use super::body::BodyMotion;
 use super::neck::{Looked, Neck};
 use super::room::Room;
 use crate::flight::{Flight, FlightPath};
-use crate::plan::{CatchPlan, CatchRequest, ChestWay, NoPlan, Objective};
+use crate::plan::{CatchPlan, CatchRequest, ChestWay, NoPlan, Objective, OtherArm};
 use crate::ramp::Ramp;
 use crate::robot::Robot;
 
@@ -292,6 +292,7 @@ impl Coordinator {
                         earliest: (end_ns - start_ns) as f64 * 1e-9,
                         latest: 1.8,
                         objective: self.config.objective,
+                        other: Some(self.meanwhile(arm, start_ns)),
                     },
                 });
                 count += 1;
@@ -299,6 +300,15 @@ impl Coordinator {
         }
         self.pending = count > 0;
         requests
+    }
+
+    /// Returns what the other arm does from a time on, as far as it is planned.
+    fn meanwhile(&self, arm: usize, start_ns: u64) -> OtherArm {
+        let other = &self.arms[(arm + 1) % ARMS];
+        OtherArm {
+            ramps: other.ramps,
+            since: (start_ns as f64 - other.start_ns as f64) * 1e-9,
+        }
     }
 
     /// Takes the planner's answers to one call of [`Coordinator::predictions`], at the time that they are for.

@@ -1,8 +1,7 @@
 //! How far an arm is away from the trunk and the torso at a catch.
 //!
 //! The bodies of [`Body`](super::Body) keep the middle of the hand away, as in the thesis; forearm and elbow may still come near. The way to
-//! the catch is not looked at: ways to catches that are clear were clear in all throws that were tried, and the monitor of self-collisions has
-//! the last word.
+//! the catch is looked at in [`way`](super::way).
 
 use nalgebra::{SMatrix, Vector3};
 use tactnet_catching_packets::{ARM_JOINTS, JOINTS, joint};

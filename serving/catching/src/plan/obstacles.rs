@@ -15,12 +15,11 @@ use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::ARM_JOINTS;
 
-use super::objective::Objective;
 use super::passing::Passing;
-use super::problem::{Point, Problem, UNKNOWNS};
+use super::problem::{Point, Problem, UNKNOWNS, end_of_motion};
 use crate::flight::FlightPath;
 use crate::map::{ARM_SPHERES, ArmSpheres, DistanceField};
-use crate::ramp::{LeastTime, Ramp};
+use crate::ramp::Ramp;
 
 /// An arm that begins too near may come so much nearer, m: a tenth of a voxel.
 pub(crate) const TOO_NEAR_ALREADY: f64 = 2e-3;
@@ -197,27 +196,6 @@ impl Obstacles<'_> {
     }
 }
 
-/// Returns when the ramps to a point end, s, and the derivatives of that.
-fn end_of_motion(problem: &Problem, x: &Point) -> (f64, [f64; UNKNOWNS]) {
-    let mut by = [0.0; UNKNOWNS];
-    let t = x[ARM_JOINTS];
-    by[ARM_JOINTS] = 1.0;
-    if problem.request.objective != Objective::Cool {
-        return (t, by);
-    }
-    let mut end = (problem.times[0], [0.0; UNKNOWNS]);
-    for i in 0..ARM_JOINTS {
-        let distance = x[i] - problem.request.q0[i];
-        let least = LeastTime::exact(distance, problem.request.w0[i], &problem.joints[i]);
-        if least.t > end.0 {
-            let mut by = [0.0; UNKNOWNS];
-            by[i] = least.by_distance;
-            end = (least.t, by);
-        }
-    }
-    if end.0 > t { (t, by) } else { end }
-}
-
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -228,7 +206,7 @@ mod tests {
     use crate::map::VoxelGrid;
     use crate::plan::bodies::Body;
     use crate::plan::clearance::Clearance;
-    use crate::plan::{CatchRequest, NoPlan, PlanConfig, Planner};
+    use crate::plan::{CatchRequest, NoPlan, Objective, PlanConfig, Planner};
     use crate::robot::Robot;
 
     /// Where the chest is when the robot waits.
@@ -266,6 +244,7 @@ mod tests {
             earliest: 0.0,
             latest: 1.8,
             objective,
+            other: None,
         }
     }
 

@@ -13,6 +13,10 @@ pub(crate) struct Passing {
     pub by_distance: f64,
     /// Derivative of `q`, at the same share, by the time that the motion takes, rad/s.
     pub by_end: f64,
+    /// Derivative of `rate` by the distance, 1/s.
+    pub rate_by_distance: f64,
+    /// Derivative of `rate`, at the same share, by the time that the motion takes, rad/s^2.
+    pub rate_by_end: f64,
 }
 
 impl Passing {
@@ -24,16 +28,19 @@ impl Passing {
         let t = share * end;
         if a == 0.0 || !a.is_finite() {
             // At rest: half of the way in half of the time, a parabola each; out of reach, nothing is known.
-            let part = if share < 0.5 {
-                2.0 * share * share
+            let (part, slope) = if share < 0.5 {
+                (2.0 * share * share, 4.0 * share)
             } else {
-                1.0 - 2.0 * (1.0 - share) * (1.0 - share)
+                let left = 1.0 - share;
+                (1.0 - 2.0 * left * left, 4.0 * left)
             };
             return Self {
                 q: q0 + part * d,
                 rate: 0.0,
                 by_distance: part,
                 by_end: 0.0,
+                rate_by_distance: slope / end,
+                rate_by_end: 0.0,
             };
         }
         // t1 and t2 with their derivatives by `a` and by the end.
@@ -49,6 +56,9 @@ impl Passing {
         let by_a =
             (t * t - first * first - last * last) / 2.0 + a * (first * t1_by_a + last * t2_by_a);
         let rate = w0 + a * (t - first - last);
+        let begun = |part: f64| if part > 0.0 { 1.0 } else { 0.0 };
+        let (in_second, in_last) = (begun(first), begun(last));
+        let rate_by_a = (t - first - last) + a * (in_second * t1_by_a + in_last * t2_by_a);
         Self {
             q: q0 + w0 * t + a / 2.0 * (t * t - first * first - last * last),
             rate,
@@ -56,6 +66,10 @@ impl Passing {
             by_end: rate * share
                 + by_a * shape.by_time
                 + a * (first * t1_by_end + last * t2_by_end),
+            rate_by_distance: rate_by_a * shape.by_distance,
+            rate_by_end: a
+                * (share - in_second * (share - t1_by_end) - in_last * (share - t2_by_end))
+                + rate_by_a * shape.by_time,
         }
     }
 }
@@ -87,6 +101,16 @@ mod tests {
             let scale = 1.0 + ramp.a.abs();
             prop_assert!((by_distance - here.by_distance).abs() < 1e-4 * scale, "{by_distance} {}", here.by_distance);
             prop_assert!((by_end - here.by_end).abs() < 1e-4 * scale, "{by_end} {}", here.by_end);
+            // The rate has edges where parts begin, and where it is a triangle that becomes a trapezoid.
+            prop_assert!((here.rate - ramp.at(share * end).1).abs() < 1e-9 || share > 1.0 - 1e-9);
+            let rates = |d: f64, end: f64| at(d, end).rate;
+            let edge = |more: f64, less: f64| (more + less - 2.0 * here.rate).abs() > 1e-7 * scale;
+            let (more, less) = (rates(d + h, end), rates(d - h, end));
+            prop_assume!(!edge(more, less));
+            prop_assert!(((more - less) / (2.0 * h) - here.rate_by_distance).abs() < 1e-3 * scale * (1.0 + here.rate_by_distance.abs()), "{} {}", (more - less) / (2.0 * h), here.rate_by_distance);
+            let (more, less) = (rates(d, end + h), rates(d, end - h));
+            prop_assume!(!edge(more, less));
+            prop_assert!(((more - less) / (2.0 * h) - here.rate_by_end).abs() < 1e-3 * scale * (1.0 + here.rate_by_end.abs()), "{} {}", (more - less) / (2.0 * h), here.rate_by_end);
         }
 
         #[test]

@@ -16,6 +16,7 @@ use super::no_plan::NoPlan;
 use super::objective::Objective;
 use super::obstacles::Obstacles;
 use super::qp::Row;
+use super::way::{OtherArm, OwnBodies, WayConfig};
 use crate::flight::{Flight, FlightPath};
 use crate::ramp::{Acceleration, LeastTime, Ramp, Reach};
 use crate::robot::ArmKinematics;
@@ -49,6 +50,8 @@ pub struct CatchRequest {
     pub latest: f64,
     /// What is sought.
     pub objective: Objective,
+    /// What the other arm does meanwhile; `None`: it stands where it waits.
+    pub other: Option<OtherArm>,
 }
 
 /// How far a point is from a catch.
@@ -80,6 +83,8 @@ pub(crate) struct Problem<'a> {
     pub apart: f64,
     /// What stands about, if there is a map.
     pub obstacles: Option<Obstacles<'a>>,
+    /// What the way's nearness to the robot's own bodies costs, if it costs.
+    pub own: Option<(&'a OwnBodies, &'a WayConfig)>,
     pub path: FlightPath,
     /// Least and greatest time.
     pub times: [f64; 2],
@@ -114,6 +119,7 @@ impl<'a> Problem<'a> {
             clearance,
             apart,
             obstacles: None,
+            own: None,
             path: FlightPath::new(request.ball),
             times: [least, request.latest],
         }
@@ -136,17 +142,20 @@ impl<'a> Problem<'a> {
         Ok(())
     }
 
-    /// Returns the cost of a point and its gradient: the objective, and what comes near to obstacles.
+    /// Returns the cost of a point and its gradient: the objective, and what comes near to obstacles and to the robot itself.
     pub fn cost(&self, x: &Point) -> (f64, [f64; UNKNOWNS]) {
-        let (cost, gradient) = self.request.objective.cost(self, x);
-        match &self.obstacles {
-            None => (cost, gradient),
-            Some(obstacles) => {
-                let (near, slope) = obstacles.cost(self, x);
-                let sum = std::array::from_fn(|i| gradient[i] + slope[i]);
-                (cost + near, sum)
-            }
+        let (mut cost, mut gradient) = self.request.objective.cost(self, x);
+        let mut add = |(near, slope): (f64, [f64; UNKNOWNS])| {
+            cost += near;
+            gradient = std::array::from_fn(|i| gradient[i] + slope[i]);
+        };
+        if let Some(obstacles) = &self.obstacles {
+            add(obstacles.cost(self, x));
         }
+        if let Some((own, config)) = self.own {
+            add(own.cost(config, self, x));
+        }
+        (cost, gradient)
     }
 
     /// Returns true if the way to a point keeps its distance from obstacles, or there is no map.
@@ -354,6 +363,27 @@ impl<'a> Problem<'a> {
     }
 }
 
+/// Returns when the ramps to a point end, s, and the derivatives of that.
+pub(crate) fn end_of_motion(problem: &Problem, x: &Point) -> (f64, [f64; UNKNOWNS]) {
+    let mut by = [0.0; UNKNOWNS];
+    let t = x[ARM_JOINTS];
+    by[ARM_JOINTS] = 1.0;
+    if problem.request.objective != Objective::Cool {
+        return (t, by);
+    }
+    let mut end = (problem.times[0], [0.0; UNKNOWNS]);
+    for i in 0..ARM_JOINTS {
+        let distance = x[i] - problem.request.q0[i];
+        let least = LeastTime::exact(distance, problem.request.w0[i], &problem.joints[i]);
+        if least.t > end.0 {
+            let mut by = [0.0; UNKNOWNS];
+            by[i] = least.by_distance;
+            end = (least.t, by);
+        }
+    }
+    if end.0 > t { (t, by) } else { end }
+}
+
 struct Rows {
     rows: [Row<UNKNOWNS>; ROWS],
     count: usize,
@@ -445,7 +475,7 @@ mod tests {
         ) {
             let robot = Robot::new(RobotDescription::nominal());
             let bodies = Body::around_chest(arm);
-            let request = CatchRequest { ball, q0: [0.1; 7], w0: w, earliest: 0.0, latest: 1.8, objective: Objective::Soft };
+            let request = CatchRequest { ball, q0: [0.1; 7], w0: w, earliest: 0.0, latest: 1.8, objective: Objective::Soft, other: None };
             let clearance = Clearance::new(&robot, arm);
             let problem = Problem::new(&request, robot.arm(arm), &bodies, &clearance, 0.02);
             let x: Point = std::array::from_fn(|i| if i < 7 { q[i] } else { t });
@@ -477,7 +507,7 @@ mod tests {
         fn candidates_are_catches(ball in thrown(), arm in 0..2usize) {
             let robot = Robot::new(RobotDescription::nominal());
             let bodies = Body::around_chest(arm);
-            let request = CatchRequest { ball, q0: robot.ready(arm), w0: [0.0; 7], earliest: 0.0, latest: 1.8, objective: Objective::Soft };
+            let request = CatchRequest { ball, q0: robot.ready(arm), w0: [0.0; 7], earliest: 0.0, latest: 1.8, objective: Objective::Soft, other: None };
             let clearance = Clearance::new(&robot, arm);
             let problem = Problem::new(&request, robot.arm(arm), &bodies, &clearance, 0.02);
             let seeds = Seeds::search(&problem, Grid { times: 6, hands: 6, elbows: 6 }, || false);

@@ -177,6 +177,11 @@ impl Bodies {
         })
     }
 
+    /// Returns the head with joints at `q`, chest's frame.
+    pub fn head(&self, q: &[f64; JOINTS]) -> Hull {
+        placed(&self.bodies[1].hull, &self.bodies[1].chain, q)
+    }
+
     /// Returns upper arm, forearm and hand of an arm (0 left, 1 right) with joints at `q`, chest's frame.
     pub fn arm(&self, arm: usize, q: &[f64; JOINTS]) -> [Hull; OF_ARM] {
         std::array::from_fn(|part| {

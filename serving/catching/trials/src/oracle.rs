@@ -85,6 +85,7 @@ impl Oracle {
                     earliest: body.end_ns() as f64 * 1e-9,
                     latest: (flight.len() as f64 * STEP).min(1.8),
                     objective: Objective::Latest,
+                    other: None,
                 };
                 *possible |= self.planners[arm]
                     .best_on_path(&request, &path, GRID)

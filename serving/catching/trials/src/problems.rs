@@ -61,6 +61,7 @@ pub fn plan_problem(robot: &Robot, objective: Objective, seed: u64, number: u64)
             earliest: 0.0,
             latest: 1.8,
             objective,
+            other: None,
         },
     }
 }

@@ -1,0 +1,231 @@
+use nalgebra::Vector3;
+use proptest::prelude::*;
+use tactnet_catching_packets::RobotDescription;
+
+use super::*;
+use crate::flight::Flight;
+use crate::plan::Objective;
+
+fn number() -> impl Strategy<Value = f64> {
+    prop_oneof![
+        8 => -3.0..3.0f64,
+        1 => -1e6..1e6f64,
+        1 => prop_oneof![Just(f64::NAN), Just(f64::INFINITY), Just(0.0), Just(-0.0), Just(1e300), Just(1e-300)],
+    ]
+}
+
+fn objective() -> impl Strategy<Value = Objective> {
+    prop_oneof![
+        Just(Objective::Soft),
+        Just(Objective::Latest),
+        Just(Objective::Cool)
+    ]
+}
+
+/// From a throw at the chest's front to numbers that make no sense.
+fn request() -> impl Strategy<Value = CatchRequest> {
+    let sensible = (
+        proptest::array::uniform3(-1.0..1.0f64),
+        0.3..1.0f64,
+        proptest::array::uniform3(-1.0..1.0f64),
+    )
+        .prop_map(|(aim, time, speed)| {
+            let target = Vector3::new(0.6 + 0.4 * aim[0], 1.2 * aim[1], 0.6 * aim[2]);
+            let v = Vector3::new(-5.5 + speed[0], speed[1], -2.0 + 2.0 * speed[2]);
+            Flight {
+                p: target,
+                v,
+                k: 0.03,
+                lift: Vector3::zeros(),
+            }
+            .after(-time)
+        });
+    let hostile = (
+        proptest::array::uniform3(number()),
+        proptest::array::uniform3(number()),
+        number(),
+    )
+        .prop_map(|(p, v, k)| Flight {
+            p: p.into(),
+            v: v.into(),
+            k,
+            lift: Vector3::zeros(),
+        });
+    (
+        prop_oneof![9 => sensible, 1 => hostile],
+        proptest::array::uniform7(-1.0..1.0f64),
+        proptest::array::uniform7(-1.0..1.0f64),
+        prop_oneof![9 => Just([0.0, 1.8]), 1 => proptest::array::uniform2(number())],
+        objective(),
+        prop_oneof![4 => Just(0.0), 1 => number()],
+    )
+        .prop_map(|(ball, share, speed, [earliest, latest], objective, odd)| {
+            let joints = RobotDescription::nominal().arms[0].joints;
+            let mut q0: [f64; 7] = std::array::from_fn(|i| share[i] * joints[i].range[1]);
+            q0[2] += odd;
+            CatchRequest {
+                ball,
+                q0,
+                w0: std::array::from_fn(|i| speed[i] * joints[i].speed),
+                earliest,
+                latest,
+                objective,
+                other: None,
+            }
+        })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    /// Whatever is asked for: an error, or a path that is within ranges, speeds and accelerations at every moment and ends at the ball.
+    #[test]
+    fn no_path_leaves_the_limits(request in request(), last in proptest::option::of((proptest::array::uniform7(number()), number()))) {
+        let robot = Robot::new(RobotDescription::nominal());
+        let config = PlanConfig { first: Grid { times: 8, hands: 6, elbows: 6 }, starts: 2, ..PlanConfig::default() };
+        let planner = Planner::new(&robot, 0, config);
+        let last = last.as_ref().map(|(q, t)| (q, *t));
+        let ball_at = |t: f64| request.ball.after(t);
+        if let Ok(plan) = planner.plan(&request, last, || false) {
+            keeps_limits(&plan, &request, &robot)?;
+            let [apart, aslant] = misses(&plan, &ball_at(plan.t), &robot);
+            prop_assert!(apart < 2e-5 && aslant < 2e-4);
+        }
+        // A near miss keeps all limits as well, and says by how much it misses.
+        if let Ok(plan) = planner.nearest_miss(&request, last, || false) {
+            keeps_limits(&plan, &request, &robot)?;
+            let [apart, aslant] = misses(&plan, &ball_at(plan.t), &robot);
+            prop_assert!((apart - plan.violation.position).abs() < 1e-5, "{apart} {:?}", plan.violation);
+            prop_assert!((aslant - plan.violation.angle).abs() < 1e-4 + 1e-3 * aslant, "{aslant} {:?}", plan.violation);
+            prop_assert!(apart <= 0.15);
+        }
+    }
+
+    /// An arm on its way hears that the ball comes elsewhere: what it does about it is never worse than carrying on.
+    #[test]
+    fn a_near_miss_is_no_farther_off_than_carrying_on(aside in -0.5..0.5f64, rise in -0.3..0.3f64, heard in 0.1..0.45f64) {
+        let robot = Robot::new(RobotDescription::nominal());
+        let planner = Planner::new(&robot, 0, PlanConfig::default());
+        let ball = Flight { p: Vector3::new(0.6, 0.4, 0.1), v: Vector3::new(-5.5, 0.0, -2.0), k: 0.03, lift: Vector3::zeros() }.after(-0.6);
+        let first = CatchRequest { ball, q0: robot.ready(0), w0: [0.0; 7], earliest: 0.0, latest: 1.8, objective: Objective::Soft, other: None };
+        let plan = planner.plan(&first, None, || false).unwrap();
+        let mut elsewhere = ball.after(heard);
+        elsewhere.v += Vector3::new(0.0, aside, rise);
+        let on_the_way = plan.ramps.map(|ramp| ramp.at(heard));
+        let request = CatchRequest { ball: elsewhere, q0: on_the_way.map(|(q, _)| q), w0: on_the_way.map(|(_, w)| w), ..first };
+        let carried_on = misses_at(&plan.q, &elsewhere.after(plan.t - heard), &robot);
+        let weigh = |[apart, aslant]: [f64; 2]| (apart / 0.005).powi(2) + (aslant.sin() / 0.15).powi(2);
+        if let Ok(better) = planner.nearest_miss(&request, Some((&plan.q, plan.t - heard)), || false) {
+            prop_assert!(weigh(misses(&better, &elsewhere.after(better.t), &robot)) <= weigh(carried_on) * (1.0 + 1e-6) + 1e-6);
+        } else {
+            prop_assert!(carried_on[0] > 0.1 || carried_on[1] > 0.5, "{carried_on:?}");
+        }
+    }
+}
+
+fn keeps_limits(
+    plan: &CatchPlan,
+    request: &CatchRequest,
+    robot: &Robot,
+) -> Result<(), TestCaseError> {
+    prop_assert!(plan.t >= request.earliest && plan.t <= request.latest);
+    for (ramp, joint) in plan.ramps.iter().zip(robot.arm(0).joints()) {
+        prop_assert!(
+            ramp.a.abs() <= joint.acceleration * (1.0 + 1e-6) + 1e-6,
+            "{} {}",
+            ramp.a,
+            joint.acceleration
+        );
+        prop_assert!(ramp.end <= plan.t + 1e-12);
+        for i in 0..=200 {
+            let (q, w) = ramp.at(ramp.end * f64::from(i) / 200.0);
+            prop_assert!(joint.range[0] - 1e-6 <= q && q <= joint.range[1] + 1e-6);
+            prop_assert!(w.abs() <= joint.speed * (1.0 + 1e-9));
+        }
+    }
+    Ok(())
+}
+
+/// Returns how far the hand is from the ball where the path ends, m and rad.
+fn misses(plan: &CatchPlan, ball: &Flight, robot: &Robot) -> [f64; 2] {
+    let q = std::array::from_fn(|i| plan.ramps[i].at(plan.t).0);
+    misses_at(&q, ball, robot)
+}
+
+fn misses_at(q: &[f64; 7], ball: &Flight, robot: &Robot) -> [f64; 2] {
+    let pose = robot.arm(0).forward(q);
+    let axis: Vector3<f64> = pose.rotation.column(2).into_owned();
+    let against = -ball.v / ball.v.norm();
+    [
+        (pose.position - ball.p).norm(),
+        axis.cross(&against).norm().atan2(axis.dot(&against)),
+    ]
+}
+
+#[test]
+fn reasons_are_told_apart() {
+    let robot = Robot::new(RobotDescription::nominal());
+    let planner = Planner::new(&robot, 0, PlanConfig::default());
+    let caught = CatchRequest {
+        ball: Flight {
+            p: Vector3::new(0.6, 0.4, 0.1),
+            v: Vector3::new(-5.5, 0.0, -2.0),
+            k: 0.03,
+            lift: Vector3::zeros(),
+        }
+        .after(-0.8),
+        q0: robot.ready(0),
+        w0: [0.0; 7],
+        earliest: 0.0,
+        latest: 1.8,
+        objective: Objective::Soft,
+        other: None,
+    };
+    let plan = planner.plan(&caught, None, || false).unwrap();
+    assert!((0.5..0.95).contains(&plan.t), "{}", plan.t);
+    let away = CatchRequest {
+        ball: Flight {
+            v: Vector3::new(6.0, 0.0, 2.0),
+            ..caught.ball
+        },
+        ..caught
+    };
+    assert_eq!(
+        planner.plan(&away, None, || false).unwrap_err(),
+        NoPlan::OutOfReach
+    );
+    let soon = CatchRequest {
+        ball: caught.ball.after(0.78),
+        q0: std::array::from_fn(|i| {
+            if i == 0 {
+                caught.q0[0] + 1.5
+            } else {
+                caught.q0[i]
+            }
+        }),
+        ..caught
+    };
+    assert_eq!(
+        planner.plan(&soon, None, || false).unwrap_err(),
+        NoPlan::NoCatch
+    );
+    assert_eq!(
+        planner.plan(&caught, None, || true).unwrap_err(),
+        NoPlan::OutOfTime
+    );
+    let numbers = CatchRequest {
+        w0: [f64::NAN; 7],
+        ..caught
+    };
+    let error = planner.plan(&numbers, None, || false).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "the request has numbers that are not finite"
+    );
+    // A plan that is repeated does not get worse, and needs less.
+    let again = planner
+        .plan(&caught, Some((&plan.q, plan.t)), || false)
+        .unwrap();
+    assert!(again.cost <= plan.cost + 1e-9);
+    assert!(again.effort.iterations <= plan.effort.iterations);
+}

@@ -1,0 +1,492 @@
+//! Keeping an arm away from its own robot on the whole of its way: from trunk, head and torso, and from the other arm on its own way.
+//!
+//! ```text
+//! cost = weight / samples  sum over samples, pairs  max(0, soft - d(q))^2 + max(0, soft - d(q_stop))^2
+//! q_stop = q + dq reaction + dq |dq| / (2 a_max)
+//! ```
+//!
+//! with `d` the distance of two bodies. A monitor brakes a robot that could no longer stand still in time, and a robot that brakes leaves its
+//! path, each joint by as much as its speed tells; so where the joints would stand if they braked counts as much as where they are. Samples are
+//! at even shares of the motion, so the gradient by joint angles and time is that of [`Passing`] and of the nearest points of the bodies.
+//!
+//! Most ways are clear without: the cost is only computed for requests whose cheapest plan is not ([`super::Planner`]).
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, Joint, joint};
+
+use super::passing::Passing;
+use super::problem::{Point, Problem, UNKNOWNS, end_of_motion};
+use crate::ramp::Ramp;
+use crate::robot::{Chain, Robot};
+use crate::safety::{Bodies, Hull, nearest};
+
+/// Joints of the arm that move upper arm, forearm and hand.
+const MOVED_BY: [usize; 3] = [3, 5, 7];
+/// Trunk, head, two of the torso.
+const STILL: usize = 4;
+/// Upper arm, forearm, hand.
+const PARTS: usize = 3;
+/// An arm that begins too near may come so much nearer, m.
+const TOO_NEAR_ALREADY: f64 = 1e-3;
+
+/// How far plans stay from the robot's own bodies.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct WayConfig {
+    /// Nearer than this the way is not clear, m; 0: the way is not looked at.
+    pub hard: f64,
+    /// Nearer than this costs something, m.
+    pub soft: f64,
+    /// Of the squared hinge, 1/m^2.
+    pub weight: f64,
+    /// From a command to the moment at which drives brake, s.
+    pub reaction: f64,
+    /// Shares of the motion at which the cost is computed; at least 1, its end.
+    pub samples: usize,
+    /// Shares of the motion at which a plan is checked; at least 1, its end.
+    pub checks: usize,
+    /// Descents with the cost, where the cheapest plan's way is not clear.
+    pub starts: usize,
+    /// Quadratic programmes of such a descent, at most.
+    pub iterations: usize,
+}
+
+impl Default for WayConfig {
+    fn default() -> Self {
+        Self {
+            hard: 0.02,
+            soft: 0.05,
+            weight: 300.0,
+            reaction: 0.005,
+            samples: 6,
+            checks: 24,
+            starts: 3,
+            iterations: 15,
+        }
+    }
+}
+
+/// What the other arm does meanwhile.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OtherArm {
+    /// Its motion; it stands after it.
+    pub ramps: [Ramp; ARM_JOINTS],
+    /// From the begin of that to the begin of the motion that is planned, s.
+    pub since: f64,
+}
+
+impl OtherArm {
+    /// Returns an arm that stands.
+    pub fn standing(q: &[f64; ARM_JOINTS]) -> Self {
+        Self {
+            ramps: q.map(Ramp::standing),
+            since: 0.0,
+        }
+    }
+}
+
+/// One arm among the robot's other bodies.
+#[derive(Debug, Clone)]
+pub(crate) struct OwnBodies {
+    bodies: Bodies,
+    still: [Body; STILL],
+    arm: usize,
+    waiting: [f64; JOINTS],
+    /// Of the other arm.
+    other: crate::robot::ArmKinematics,
+    other_joints: [Joint; ARM_JOINTS],
+    /// The other arm as it waits.
+    other_waits: [f64; ARM_JOINTS],
+}
+
+/// A body with a ball around it.
+#[derive(Debug, Clone, Copy)]
+struct Body {
+    hull: Hull,
+    around: (Vector3<f64>, f64),
+}
+
+impl Body {
+    fn of(hull: Hull) -> Self {
+        Self {
+            around: hull.ball(),
+            hull,
+        }
+    }
+}
+
+/// An arm at one configuration, with how its joints change by the unknowns.
+struct Posture {
+    q: [f64; ARM_JOINTS],
+    by_distance: [f64; ARM_JOINTS],
+    by_end: [f64; ARM_JOINTS],
+}
+
+/// The other arm at one configuration, with how its joints change in time.
+struct OtherPosture {
+    parts: [Body; PARTS],
+    chain: Chain,
+    rates: [f64; ARM_JOINTS],
+}
+
+impl OwnBodies {
+    /// Prepares an arm: 0 left, 1 right.
+    pub fn new(robot: &Robot, arm: usize) -> Self {
+        let bodies = Bodies::new(robot.description());
+        let waiting = robot.waiting();
+        let [trunk, upper, lower] = bodies.torso(&waiting);
+        let head = bodies.head(&waiting);
+        let other = (arm + 1) % ARMS;
+        Self {
+            still: [trunk, head, upper, lower].map(Body::of),
+            bodies,
+            arm,
+            waiting,
+            other: robot.arm(other).clone(),
+            other_joints: *robot.arm(other).joints(),
+            other_waits: robot.ready(other),
+        }
+    }
+
+    fn parts(&self, arm: usize, q: &[f64; ARM_JOINTS]) -> [Body; PARTS] {
+        let mut whole = self.waiting;
+        whole[joint::ARM[arm].clone()].copy_from_slice(q);
+        self.bodies.arm(arm, &whole).map(Body::of)
+    }
+
+    fn other(&self, problem: &Problem) -> OtherArm {
+        problem
+            .request
+            .other
+            .unwrap_or_else(|| OtherArm::standing(&self.other_waits))
+    }
+
+    /// The other arm where it is at a time, and where it would stand if it braked then.
+    fn other_at(&self, other: &OtherArm, t: f64, reaction: f64) -> [OtherPosture; 2] {
+        let t = t + other.since;
+        let motion: [(f64, f64, f64); ARM_JOINTS] = std::array::from_fn(|i| {
+            let ramp = &other.ramps[i];
+            let (q, w) = ramp.at(t);
+            let a = if t < 0.0 || t >= ramp.end {
+                0.0
+            } else if t < ramp.t1 {
+                ramp.a
+            } else if t < ramp.t2 {
+                0.0
+            } else {
+                -ramp.a
+            };
+            (q, w, a)
+        });
+        let posture = |q: [f64; ARM_JOINTS], rates| OtherPosture {
+            parts: self.parts((self.arm + 1) % ARMS, &q),
+            chain: self.other.chain(&q),
+            rates,
+        };
+        let most = |i: usize| self.other_joints[i].acceleration;
+        [
+            posture(motion.map(|(q, ..)| q), motion.map(|(_, w, _)| w)),
+            posture(
+                std::array::from_fn(|i| {
+                    let (q, w, _) = motion[i];
+                    stop(q, w, reaction, most(i))
+                }),
+                std::array::from_fn(|i| {
+                    let (_, w, a) = motion[i];
+                    w + stop_by_rate(w, reaction, most(i)) * a
+                }),
+            ),
+        ]
+    }
+
+    /// Returns the cost of the way to a point, and its gradient.
+    pub fn cost(&self, config: &WayConfig, problem: &Problem, x: &Point) -> (f64, [f64; UNKNOWNS]) {
+        let (end, end_by) = end_of_motion(problem, x);
+        let mut cost = 0.0;
+        let mut gradient = [0.0; UNKNOWNS];
+        if !end.is_finite() || end <= 0.0 {
+            return (f64::INFINITY, gradient);
+        }
+        let samples = config.samples.max(1);
+        let weight = config.weight / samples as f64;
+        let other = self.other(problem);
+        let mut by_end = 0.0;
+        for sample in 1..=samples {
+            let share = sample as f64 / samples as f64;
+            let joints: [Passing; ARM_JOINTS] = std::array::from_fn(|i| {
+                let (q0, w0) = (problem.request.q0[i], problem.request.w0[i]);
+                Passing::new(q0, w0, x[i] - q0, end, problem.joints[i].speed, share)
+            });
+            if !joints.iter().all(|joint| joint.q.is_finite()) {
+                return (f64::INFINITY, [0.0; UNKNOWNS]);
+            }
+            let others = self.other_at(&other, share * end, config.reaction);
+            for (posture, other) in postures(problem, &joints, config.reaction)
+                .iter()
+                .zip(&others)
+            {
+                let chain = problem.arm.chain(&posture.q);
+                self.each_near(
+                    posture,
+                    other,
+                    config.soft,
+                    |part, found, radii, of_other| {
+                        let lack = config.soft - found.distance;
+                        cost += weight * lack * lack;
+                        let pull = -2.0 * weight * lack;
+                        for i in 0..MOVED_BY[part] {
+                            let lever = found.point - chain.origin(i);
+                            let slope = pull * found.normal.dot(&chain.axes[i].cross(&lever));
+                            gradient[i] += slope * posture.by_distance[i];
+                            by_end += slope * posture.by_end[i];
+                        }
+                        let Some(its_part) = of_other else { return };
+                        // The other arm goes on while the share of a longer motion comes later.
+                        let its_point = found.point - found.normal * (found.distance + radii);
+                        for i in 0..MOVED_BY[its_part] {
+                            let lever = its_point - other.chain.origin(i);
+                            let away = found.normal.dot(&other.chain.axes[i].cross(&lever));
+                            by_end -= pull * away * other.rates[i] * share;
+                        }
+                    },
+                );
+            }
+        }
+        for i in 0..UNKNOWNS {
+            gradient[i] += by_end * end_by[i];
+        }
+        (cost, gradient)
+    }
+
+    /// Tells of every pair of bodies that is nearer than `soft`: the arm's part, where they are nearest, the sum of their radii, and the other
+    /// arm's part if it is one.
+    fn each_near(
+        &self,
+        posture: &Posture,
+        other: &OtherPosture,
+        soft: f64,
+        mut tell: impl FnMut(usize, crate::safety::Nearest, f64, Option<usize>),
+    ) {
+        for (part, body) in self.parts(self.arm, &posture.q).iter().enumerate() {
+            let still = self.still.iter().map(|still| (still, None));
+            let others = other.parts.iter().enumerate();
+            for (against, its_part) in still.chain(others.map(|(i, body)| (body, Some(i)))) {
+                if apart_at_least(body, against) >= soft {
+                    continue;
+                }
+                let found = nearest(&body.hull, &against.hull);
+                if found.distance < soft {
+                    tell(
+                        part,
+                        found,
+                        body.hull.radius + against.hull.radius,
+                        its_part,
+                    );
+                }
+            }
+        }
+    }
+
+    /// Returns the least distance on ramps of the arm from the robot's other bodies, m, if that is below `enough`, otherwise something no less
+    /// than `enough`: where joints are at `checks` moments, and where they would stand if they braked there.
+    pub fn least(
+        &self,
+        config: &WayConfig,
+        problem: &Problem,
+        ramps: &[Ramp; ARM_JOINTS],
+        enough: f64,
+    ) -> f64 {
+        let end = ramps.iter().map(|ramp| ramp.end).fold(0.0, f64::max);
+        let other = self.other(problem);
+        let checks = config.checks.max(1);
+        let mut least = enough;
+        for check in 1..=checks {
+            let t = end * check as f64 / checks as f64;
+            let motion = ramps.map(|ramp| ramp.at(t));
+            let most = |i: usize| problem.joints[i].acceleration;
+            let stops =
+                std::array::from_fn(|i| stop(motion[i].0, motion[i].1, config.reaction, most(i)));
+            let others = self.other_at(&other, t, config.reaction);
+            for (q, other) in [motion.map(|(q, _)| q), stops].iter().zip(&others) {
+                least = least.min(self.distance(q, &other.parts, least));
+            }
+        }
+        least
+    }
+
+    /// Returns the least distance of the arm at `q` from the other bodies, m, as far as it is below `enough`.
+    fn distance(&self, q: &[f64; ARM_JOINTS], other: &[Body; PARTS], enough: f64) -> f64 {
+        let mut least = enough;
+        for body in &self.parts(self.arm, q) {
+            for against in self.still.iter().chain(other) {
+                if apart_at_least(body, against) < least {
+                    least = least.min(nearest(&body.hull, &against.hull).distance);
+                }
+            }
+        }
+        least
+    }
+
+    /// Returns true if ramps of the arm keep `hard` from the robot's other bodies, or, if the arm begins nearer, come no nearer.
+    pub fn is_clear(
+        &self,
+        config: &WayConfig,
+        problem: &Problem,
+        ramps: &[Ramp; ARM_JOINTS],
+    ) -> bool {
+        if config.hard <= 0.0 {
+            return true;
+        }
+        let [at, stopped] = self.other_at(&self.other(problem), 0.0, config.reaction);
+        let request = problem.request;
+        let stops = std::array::from_fn(|i| {
+            let most = problem.joints[i].acceleration;
+            stop(request.q0[i], request.w0[i], config.reaction, most)
+        });
+        let begin = self.distance(&request.q0, &at.parts, config.hard + TOO_NEAR_ALREADY);
+        let begin = begin.min(self.distance(&stops, &stopped.parts, begin));
+        let bound = config.hard.min(begin - TOO_NEAR_ALREADY);
+        self.least(config, problem, ramps, bound) >= bound
+    }
+}
+
+/// A distance that two bodies do not fall below.
+fn apart_at_least(a: &Body, b: &Body) -> f64 {
+    (a.around.0 - b.around.0).norm() - a.around.1 - b.around.1
+}
+
+/// Where a joint stands if it brakes after `reaction` seconds.
+fn stop(q: f64, w: f64, reaction: f64, most: f64) -> f64 {
+    q + w * reaction + w * w.abs() / (2.0 * most)
+}
+
+fn stop_by_rate(w: f64, reaction: f64, most: f64) -> f64 {
+    reaction + w.abs() / most
+}
+
+/// Where the joints are, and where they would stand if they braked.
+fn postures(problem: &Problem, joints: &[Passing; ARM_JOINTS], reaction: f64) -> [Posture; 2] {
+    let most = |i: usize| problem.joints[i].acceleration;
+    let by_rate = |i: usize| stop_by_rate(joints[i].rate, reaction, most(i));
+
+    [
+        Posture {
+            q: joints.map(|joint| joint.q),
+            by_distance: joints.map(|joint| joint.by_distance),
+            by_end: joints.map(|joint| joint.by_end),
+        },
+        Posture {
+            q: std::array::from_fn(|i| stop(joints[i].q, joints[i].rate, reaction, most(i))),
+            by_distance: std::array::from_fn(|i| {
+                joints[i].by_distance + by_rate(i) * joints[i].rate_by_distance
+            }),
+            by_end: std::array::from_fn(|i| joints[i].by_end + by_rate(i) * joints[i].rate_by_end),
+        },
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use tactnet_catching_packets::RobotDescription;
+
+    use super::super::bodies::Body as ThesisBody;
+    use super::super::clearance::Clearance;
+    use super::*;
+    use crate::flight::Flight;
+    use crate::plan::{CatchRequest, Objective, PlanConfig, Planner};
+
+    fn request(robot: &Robot) -> CatchRequest {
+        CatchRequest {
+            ball: Flight {
+                p: Vector3::new(0.6, 0.45, 0.05),
+                v: Vector3::new(-5.5, 0.0, -2.0),
+                k: 0.03,
+                lift: Vector3::zeros(),
+            }
+            .after(-0.8),
+            q0: robot.ready(0),
+            w0: [0.0; ARM_JOINTS],
+            earliest: 0.0,
+            latest: 1.8,
+            objective: Objective::Soft,
+            other: None,
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(150))]
+
+        #[test]
+        fn the_costs_gradient_is_a_difference(
+            q in proptest::array::uniform7(-1.0..1.0f64), w in proptest::array::uniform7(-0.5..0.5f64), t in 0.5..1.2f64,
+            away in proptest::array::uniform7(-0.6..0.6f64), end in 0.3..1.0f64, since in 0.0..0.3f64,
+        ) {
+            let robot = Robot::new(RobotDescription::nominal());
+            let from = robot.ready(1);
+            let ramps = std::array::from_fn(|i| {
+                Ramp::between(from[i], 0.0, from[i] + away[i], end, robot.arm(1).joints()[i].speed)
+            });
+            prop_assume!(ramps.iter().all(|ramp: &Ramp| ramp.a.is_finite()));
+            let mut request = request(&robot);
+            (request.w0, request.other) = (w, Some(OtherArm { ramps, since }));
+            let (bodies, clearance) = (ThesisBody::around_chest(0), Clearance::new(&robot, 0));
+            let problem = Problem::new(&request, robot.arm(0), &bodies, &clearance, 0.0);
+            let own = OwnBodies::new(&robot, 0);
+            let config = WayConfig { soft: 0.4, weight: 1.0, ..WayConfig::default() };
+            let x: Point = std::array::from_fn(|i| if i < ARM_JOINTS { request.q0[i] + 0.5 * q[i] } else { t });
+            prop_assume!((0..ARM_JOINTS).all(|i| crate::ramp::Acceleration::new(x[i] - request.q0[i], t, w[i], problem.joints[i].speed).a.abs() < 30.0));
+            let (cost, gradient) = own.cost(&config, &problem, &x);
+            prop_assert!(cost > 0.0);
+            for i in 0..UNKNOWNS {
+                let moved = |h: f64| { let mut y = x; y[i] += h; own.cost(&config, &problem, &y).0 };
+                let h = 1e-5;
+                let (more, less) = (moved(h), moved(-h));
+                // Edges: parts of ramps begin at a sample, another corner of a hull is the nearest.
+                prop_assume!((more + less - 2.0 * cost).abs() < 1e-8);
+                let slope = (more - less) / (2.0 * h);
+                prop_assert!((slope - gradient[i]).abs() < 2e-3 * (1.0 + slope.abs()), "{i}: {slope} {}", gradient[i]);
+            }
+        }
+    }
+
+    /// The other arm goes to many places; where that is in the way of the plan without it, there is another plan or none.
+    #[test]
+    fn a_plan_keeps_away_from_the_other_arms_way() {
+        use rand::{RngExt, SeedableRng};
+        let robot = Robot::new(RobotDescription::nominal());
+        let planner = Planner::new(&robot, 0, PlanConfig::default());
+        let (bodies, clearance) = (ThesisBody::around_chest(0), Clearance::new(&robot, 0));
+        let own = OwnBodies::new(&robot, 0);
+        let config = WayConfig::default();
+        let mut asked = request(&robot);
+        asked.ball.p.y -= 0.4;
+        let alone = planner.plan(&asked, None, || false).unwrap();
+        let (from, joints) = (robot.ready(1), robot.arm(1).joints());
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
+        let (mut in_the_way, mut gone_round) = (0, 0);
+        for _ in 0..300 {
+            let ramps = std::array::from_fn(|i| {
+                let to = from[i] + rng.random_range(-1.0..1.0);
+                Ramp::between(from[i], 0.0, to, 0.8, joints[i].speed)
+            });
+            let mut with = asked;
+            with.other = Some(OtherArm { ramps, since: 0.0 });
+            let problem = Problem::new(&with, robot.arm(0), &bodies, &clearance, 0.0);
+            if own.is_clear(&config, &problem, &alone.ramps) {
+                continue;
+            }
+            in_the_way += 1;
+            if let Ok(plan) = planner.plan(&with, None, || false) {
+                gone_round += 1;
+                assert!(own.least(&config, &problem, &plan.ramps, 1.0) >= config.hard);
+                assert!(plan.violation.is_feasible());
+            }
+        }
+        assert!(
+            in_the_way >= 5 && gone_round >= 1,
+            "{in_the_way} {gone_round}"
+        );
+    }
+}
