@@ -4,9 +4,12 @@ use bytemuck::Zeroable;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use tactnet_catching::coordinate::{BodyMotion, PlanRequest, Planned};
 use tactnet_catching::flight::Flight;
-use tactnet_catching::plan::{CatchPlan, CatchRequest, Effort, NoPlan, Objective, Violation};
+use tactnet_catching::plan::{
+    CatchPlan, CatchRequest, Effort, NoPlan, Objective, OtherArm, Violation,
+};
 use tactnet_catching::ramp::Ramp;
-use tactnet_catching_packets::packets::{self, BodyPath, FlightPacket, HeadPose};
+use tactnet_catching_packets::ARM_JOINTS;
+use tactnet_catching_packets::packets::{self, BodyPath, FlightPacket, HeadPose, RampPacket};
 
 /// What a request follows from.
 #[derive(Debug, Clone, Copy)]
@@ -57,6 +60,16 @@ pub(crate) fn request_packet(request: &PlanRequest, origin: Origin) -> packets::
         has_last: u64::from(request.last.is_some()),
         last_q,
         last_t,
+        has_other: u64::from(request.catch.other.is_some()),
+        other_start_ns: request.catch.other.map_or(0, |other| {
+            request
+                .start_ns
+                .saturating_add_signed(-(other.since * 1e9).round() as i64)
+        }),
+        other: request.catch.other.map_or_else(
+            || [RampPacket::zeroed(); ARM_JOINTS],
+            |other| other.ramps.each_ref().map(Ramp::packet),
+        ),
     }
 }
 
@@ -79,6 +92,10 @@ pub(crate) fn request(packet: &packets::PlanRequest) -> Option<PlanRequest> {
                 2 => Objective::Cool,
                 _ => return None,
             },
+            other: (packet.has_other == 1).then(|| OtherArm {
+                ramps: packet.other.each_ref().map(Ramp::of),
+                since: (packet.start_ns as f64 - packet.other_start_ns as f64) * 1e-9,
+            }),
         },
     })
 }
@@ -171,7 +188,7 @@ mod tests {
         let asked = PlanRequest {
             ball: 7,
             arm: 1,
-            start_ns: 123,
+            start_ns: 1_000_000_123,
             last: Some(([0.1; 7], 0.4)),
             catch: CatchRequest {
                 ball: Flight {
@@ -185,6 +202,10 @@ mod tests {
                 earliest: 0.05,
                 latest: 1.8,
                 objective: Objective::Cool,
+                other: Some(OtherArm {
+                    ramps: [Ramp::braking(0.1, -0.4, 8.0); 7],
+                    since: 0.25,
+                }),
             },
         };
         let origin = Origin {
@@ -194,6 +215,9 @@ mod tests {
         };
         let packet = request_packet(&asked, origin);
         assert_eq!(request(&packet), Some(asked));
+        let mut alone = asked;
+        alone.catch.other = None;
+        assert_eq!(request(&request_packet(&alone, origin)), Some(alone));
         for failure in [
             NoPlan::OutOfReach,
             NoPlan::NoCatch,

@@ -452,7 +452,8 @@ impl Planner {
             .chain(&ball.lift)
             .chain(q0)
             .chain(w0);
-        if !numbers.chain([earliest, latest]).all(|x| x.is_finite()) {
+        let other_is_finite = request.other.is_none_or(|other| other.is_finite());
+        if !other_is_finite || !numbers.chain([earliest, latest]).all(|x| x.is_finite()) {
             return Err(RequestError::NotFinite);
         }
         if ball.v.norm() < 0.1 || ball.v.norm() > 100.0 || !(0.0..=1.0).contains(&ball.k) {

@@ -84,6 +84,15 @@ impl OtherArm {
             since: 0.0,
         }
     }
+
+    pub(crate) fn is_finite(&self) -> bool {
+        let ramps = self.ramps.iter();
+        ramps
+            .flat_map(|ramp| [ramp.q0, ramp.w0, ramp.a, ramp.t1, ramp.t2, ramp.end])
+            .chain([self.since])
+            .all(f64::is_finite)
+            && self.ramps.iter().all(|ramp| ramp.end >= 0.0)
+    }
 }
 
 /// One arm among the robot's other bodies.

@@ -89,7 +89,7 @@ packets! {
 
     /// A question to a planner.
     #[derive(PartialEq)]
-    #[version(1)]
+    #[version(2)]
     pub struct PlanRequest {
         /// Counts calls; questions that follow from one prediction have the same.
         #[recorded(1)]
@@ -136,11 +136,20 @@ packets! {
         /// Its catch, s after the begin.
         #[recorded(15)]
         pub last_t: f64,
+        /// 1 if `other` says what the other arm does meanwhile; 0: it stands where it waits.
+        #[recorded(16)]
+        pub has_other: u64,
+        /// When the other arm's motion begins.
+        #[recorded(17)]
+        pub other_start_ns: u64,
+        /// The other arm's joints.
+        #[recorded(18)]
+        pub other: [RampPacket; ARM_JOINTS],
     }
 
     /// A planner's answer.
     #[derive(PartialEq)]
-    #[version(1)]
+    #[version(2)]
     pub struct PlanResult {
         /// The question.
         #[recorded(1)]
