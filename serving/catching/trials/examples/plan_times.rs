@@ -1,0 +1,44 @@
+//! What does it cost to keep the whole way clear? The same problems with and without, in turns: JSON, a line each.
+//!
+//!     cargo run --profile ci -p tactnet-catching-trials --example plan_times -- PROBLEMS SEED
+
+use serde_json::json;
+use tactnet_catching::Robot;
+use tactnet_catching::plan::{Objective, PlanConfig, WayConfig};
+use tactnet_catching_packets::RobotDescription;
+use tactnet_catching_trials::PlanBench;
+
+/// Each of both.
+const TURNS: usize = 3;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let numbers: Vec<u64> = std::env::args()
+        .skip(1)
+        .map(|argument| argument.parse())
+        .collect::<Result<_, _>>()?;
+    let [problems, seed] = numbers[..] else {
+        return Err("expected PROBLEMS SEED".into());
+    };
+    let robot = Robot::new(RobotDescription::nominal());
+    for turn in 0..TURNS {
+        for hard in [0.0, WayConfig::default().hard] {
+            let way = WayConfig {
+                hard,
+                ..WayConfig::default()
+            };
+            let bench = PlanBench {
+                problems: usize::try_from(problems)?,
+                seed,
+                objective: Objective::Soft,
+                config: PlanConfig {
+                    way,
+                    ..PlanConfig::default()
+                },
+            };
+            let report = bench.run(&robot, |_| ());
+            let line = json!({"turn": turn, "looks_at_the_way": hard > 0.0, "report": report});
+            println!("{line}");
+        }
+    }
+    Ok(())
+}
