@@ -238,6 +238,7 @@ mod tests {
                 "div",
                 "p",
                 "ul",
+                "li",
                 "dl",
                 "span",
                 "button",
@@ -256,6 +257,7 @@ mod tests {
             assert_eq!(
                 page.matches("role=\"img\"").count(),
                 page.matches("<svg class=\"figure").count()
+                    - page.matches("<svg class=\"figure\" aria-hidden").count()
             );
         }
     }

@@ -316,6 +316,13 @@ mod tests {
     use super::*;
     use crate::{ExperimentRecipe, Job};
 
+    #[test]
+    fn titles_of_other_data_name_no_figure_of_the_thesis() {
+        let thesis = "Classifiers side by side (thesis, figure 4.6)";
+        assert_eq!(without_source(thesis), "Classifiers side by side");
+        assert_eq!(without_source("Pairs (own idea)"), "Pairs (own idea)");
+    }
+
     /// A finished training on the data set of a file with this stem.
     fn finished<'a>(
         task: &'a Task,

@@ -171,8 +171,11 @@ fn begin(arguments: &RunArgs) -> anyhow::Result<ExperimentDir> {
 fn list() -> anyhow::Result<ExitCode> {
     for recipe in ExperimentRecipe::built_in() {
         output::print(format_args!(
-            "{}\n    {}\n    takes {}",
-            recipe.name, recipe.title, recipe.takes
+            "{}\n    {}\n    with data = {}: {}",
+            recipe.name,
+            recipe.title,
+            recipe.data.join(", "),
+            recipe.takes
         ))?;
     }
     Ok(ExitCode::SUCCESS)

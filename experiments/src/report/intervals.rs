@@ -8,8 +8,8 @@ use super::data_set::DataSet;
 use super::text::{percent, shortened};
 use crate::questions::Scored;
 
-const HEADING: f64 = 42.0;
-const LINE: f64 = 40.0;
+/// Height of a row's drawing, px.
+const LINE: f64 = 30.0;
 
 /// Ranges above this have a grid line at every second tenth only.
 const WIDE: f64 = 0.65;
@@ -18,32 +18,26 @@ const WIDE: f64 = 0.65;
 pub(super) fn section(sets: &[DataSet]) -> Option<String> {
     let rows = || sets.iter().flat_map(|set| set.rows.iter().copied());
     let range = Range::over(rows().flat_map(values))?;
-    let mut y = 0.0;
     let mut content = String::new();
     for set in sets {
-        y += HEADING;
         content.push_str(&format!(
-            "<text class=\"strong\" x=\"0\" y=\"{:.0}\">{}</text>\n",
-            y - 10.0,
+            "<li class=\"strong\">{}</li>\n",
             escape(&set.heading())
         ));
         for row in set.contenders().into_iter().chain(set.probes()) {
-            content.push_str(&line(&set.name(row), row, y, &range));
-            y += LINE;
+            content.push_str(&line(&set.name(row), row, &range));
         }
     }
-    let axis = range.axis(y);
     let diamond = if rows().any(|row| row.published.is_some()) {
         "; hollow diamond: published for TactMat"
     } else {
         ""
     };
     Some(format!(
-        "<figure>\n<svg class=\"figure fluid\" role=\"img\" width=\"100%\" height=\"{:.0}\"><title>Accuracy of single sweeps, \
-         percent, one line for each of {} rows</title>\n{axis}{content}</svg>\n\
+        "<figure>\n<ul class=\"intervals\" aria-label=\"Accuracy of single sweeps, percent, one line for each of {} rows\">\n{content}{}</ul>\n\
          <figcaption>Accuracy of single sweeps, %. Dot: mean; bar: 95\u{a0}% interval of the mean; small rings: folds{diamond}. The numbers are those of the table above.</figcaption>\n</figure>\n",
-        y + 24.0,
-        rows().count()
+        rows().count(),
+        range.axis()
     ))
 }
 
@@ -60,44 +54,49 @@ fn published(row: &Scored<'_>) -> Option<f64> {
     row.published.map(|published| published.one_sweep / 100.0)
 }
 
-fn line(name: &str, row: &Scored<'_>, y: f64, range: &Range) -> String {
+/// The name, the drawing, the mean: beside each other, or on a narrow screen the drawing below the two others.
+fn line(name: &str, row: &Scored<'_>, range: &Range) -> String {
     let class = if row.probe { "row probe" } else { "row" };
     let name = if row.probe && !name.contains("probe") {
         format!("{name} (probe)")
     } else {
         name.to_string()
     };
-    let (label, middle) = (y + 12.0, y + 24.0);
-    let mut svg = format!(
-        "<g class=\"{class}\"><text x=\"0\" y=\"{label:.0}\">{}</text><text class=\"end\" x=\"100%\" y=\"{label:.0}\">{}</text>\n",
+    let middle = LINE / 2.0;
+    let mut html = format!(
+        "<li class=\"{class}\"><span>{}</span>\
+         <svg class=\"figure\" aria-hidden=\"true\" width=\"100%\" height=\"{LINE:.0}\">{}",
         escape(&shortened(&name, 44)),
-        percent(row.one_sweep.mean)
+        range.grid()
     );
     for &fold in &row.one_sweep.values {
-        svg.push_str(&format!(
+        html.push_str(&format!(
             "<circle class=\"fold\" cx=\"{}\" cy=\"{middle:.0}\" r=\"3\"/>",
             range.place(fold)
         ));
     }
     if let Some([low, high]) = row.one_sweep.ci95 {
-        svg.push_str(&format!(
+        html.push_str(&format!(
             "<line class=\"interval\" x1=\"{}\" x2=\"{}\" y1=\"{middle:.0}\" y2=\"{middle:.0}\"/>",
             range.place(low),
             range.place(high)
         ));
     }
-    svg.push_str(&format!(
+    html.push_str(&format!(
         "<circle class=\"mean\" cx=\"{}\" cy=\"{middle:.0}\" r=\"4.5\"/>",
         range.place(row.one_sweep.mean)
     ));
     if let Some(share) = published(row) {
-        svg.push_str(&format!(
+        html.push_str(&format!(
             "<svg class=\"mark\" x=\"{}\" y=\"{middle:.0}\"><path class=\"published\" d=\"M0-6 6 0 0 6-6 0z\"/></svg>",
             range.place(share)
         ));
     }
-    svg.push_str("</g>\n");
-    svg
+    html.push_str(&format!(
+        "</svg><span class=\"value\">{}</span></li>\n",
+        percent(row.one_sweep.mean)
+    ));
+    html
 }
 
 /// The range of accuracies that is drawn.
@@ -135,22 +134,35 @@ impl Range {
         format!("{:.2}%", 3.0 + 94.0 * share)
     }
 
-    fn axis(&self, bottom: f64) -> String {
+    /// Values at which there is a grid line.
+    fn ticks(&self) -> impl Iterator<Item = f64> {
         let tenths = ((self.high - self.low) * 10.0).round() as usize;
         let step = if self.high - self.low > WIDE { 2 } else { 1 };
         (0..=tenths)
             .step_by(step)
-            .map(|tenth| {
-                let value = self.low + tenth as f64 / 10.0;
-                let x = self.place(value);
-                format!(
-                    "<line class=\"grid\" x1=\"{x}\" x2=\"{x}\" y1=\"{HEADING}\" y2=\"{bottom:.0}\"/>\
-                     <text class=\"middle\" x=\"{x}\" y=\"{:.0}\">{:.0}</text>\n",
-                    bottom + 17.0,
-                    100.0 * value
-                )
-            })
-            .collect()
+            .map(|tenth| self.low + tenth as f64 / 10.0)
+    }
+
+    fn grid(&self) -> String {
+        let lines = self.ticks().map(|value| {
+            let x = self.place(value);
+            format!("<line class=\"grid\" x1=\"{x}\" x2=\"{x}\" y1=\"0\" y2=\"100%\"/>")
+        });
+        lines.collect()
+    }
+
+    fn axis(&self) -> String {
+        let labels = self.ticks().map(|value| {
+            let x = self.place(value);
+            format!(
+                "<text class=\"middle\" x=\"{x}\" y=\"14\">{:.0}</text>",
+                100.0 * value
+            )
+        });
+        format!(
+            "<li class=\"row\"><span></span><svg class=\"figure\" aria-hidden=\"true\" width=\"100%\" height=\"20\">{}</svg></li>\n",
+            labels.collect::<String>()
+        )
     }
 }
 
