@@ -4,6 +4,7 @@ mod dashboard;
 mod guard;
 mod listen;
 mod objects;
+mod range;
 mod server;
 mod view;
 

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
-use tactnet_data::Dataset;
+use tactnet_data::{Dataset, SweepView};
 use tactnet_models::Compute;
 use tactnet_pipeline::{
     Calibration, ClassifiedSweeps, Classifier, ModelRecipe, PredictionMethod, RunConfig, RunDir,
@@ -89,7 +89,7 @@ impl RunClassifier {
                 known.shape.cols
             );
         }
-        let seen = self.trained_on(&sweeps.dataset, sweeps.labelled)?;
+        let seen = self.learnt_from(&sweeps.dataset, sweeps.labelled)?;
         if seen > 0 {
             let all = sweeps.dataset.len();
             let those = match seen == all {
@@ -98,7 +98,7 @@ impl RunClassifier {
                 false => format!("{seen} of these {all} sweeps"),
             };
             say!(
-                "note: the run was trained on {those}, which says nothing of how good it is; `tactnet eval {}` judges it by sweeps it has not seen",
+                "note: the run has learnt from {those}, which says nothing of how good it is; `tactnet eval {}` judges it by sweeps it has not seen",
                 quoted(&self.dir.display().to_string())
             );
         }
@@ -114,13 +114,21 @@ impl RunClassifier {
         Ok(found.map_err(|error| source::in_file(data, rate, error))?)
     }
 
-    /// Returns how many of the sweeps the run was trained on; 0 where its training data cannot be read any more.
-    fn trained_on(&self, sweeps: &Dataset, labelled: bool) -> anyhow::Result<usize> {
+    /// Returns how many of the sweeps the run was trained on or has learnt a material from; trained on none where its training data cannot be
+    /// read any more.
+    fn learnt_from(&self, sweeps: &Dataset, labelled: bool) -> anyhow::Result<usize> {
         let manifest = self.run.split()?;
-        if labelled && sweeps.sha256() == self.config.data_sha256 {
-            return Ok(manifest.fold(sweeps)?.train.len());
-        }
-        let unseen = TestSweeps::unseen(sweeps, &self.config, &manifest)?;
-        Ok(sweeps.len() - unseen.view.len())
+        let unseen = if labelled && sweeps.sha256() == self.config.data_sha256 {
+            let train = manifest.fold(sweeps)?.train;
+            let others = (0..sweeps.len()).filter(|index| !train.indices().contains(index));
+            TestSweeps {
+                view: SweepView::new(sweeps, others.collect()),
+                description: String::new(),
+                training_sweeps_known: true,
+            }
+        } else {
+            TestSweeps::unseen(sweeps, &self.config, &manifest)?
+        };
+        Ok(sweeps.len() - unseen.without_enrolled(&self.run)?.view.len())
     }
 }

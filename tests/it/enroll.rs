@@ -291,6 +291,22 @@ fn a_new_material_is_added_and_the_old_rows_stay() {
         (&other["tested"], &other["n_test"]),
         "sweeps are known by their content"
     );
+    let mut predict = tactnet(["predict", "--json"]);
+    predict
+        .arg(lab.path("more"))
+        .arg("--data")
+        .arg(lab.path("copy.npz"));
+    let predicted = expect(0, predict);
+    let found: serde_json::Value = serde_json::from_str(&stdout(&predicted)).unwrap();
+    let all = found["sweeps"].as_array().unwrap().len() as u64;
+    let learnt = all - copied["n_test"].as_u64().unwrap();
+    let said = stderr(&predicted);
+    assert!(
+        said.contains(&format!(
+            "the run has learnt from {learnt} of these {all} sweeps"
+        )),
+        "{said}"
+    );
     let counts: Vec<Vec<u64>> =
         serde_json::from_value(copied["confusion"]["counts"].clone()).unwrap();
     assert_eq!(copied["confusion"]["materials"][4], new);

@@ -437,7 +437,7 @@ fn mistakes_get_one_line_and_exit_code_two() {
     expect(0, lab.train(&recipe, "run"));
     let path = |name: &str| lab.path(name).display().to_string();
     let small = recipe.display().to_string();
-    let cases: [(&[&str], &[&str]); 13] = [
+    let cases: [(&[&str], &[&str]); 14] = [
         (
             &["data", "check"],
             &["<FILE|twin>", "`tactnet data check --help`"],
@@ -476,6 +476,10 @@ fn mistakes_get_one_line_and_exit_code_two() {
             &["holds a run already, which has ended", "--out"],
         ),
         (&["train", "--resume", &path("nowhere")], &["no run here"]),
+        (
+            &["eval", &path("")],
+            &["no run here", "name the one below: ", "run"],
+        ),
         (&["train", "--data", &path("small.toml")], &["small.toml"]),
         (
             &["train", "--data", &path("twin.h5"), "--device", "cuda"],

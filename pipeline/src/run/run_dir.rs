@@ -35,6 +35,7 @@ use crate::{
     TrainingState, quoted, write_whole,
 };
 
+const CONFIG: &str = "config.json";
 const SPLIT: &str = "split.json";
 pub(super) const ENVIRONMENT: &str = "environment.json";
 const WEIGHTS: &str = "weights.safetensors";
@@ -72,7 +73,7 @@ impl RunDir {
             manifest: OnceLock::new(),
         }
         .locked()?;
-        if run.file("config.json").exists() {
+        if run.file(CONFIG).exists() {
             let ended = run.result().is_ok_and(|result| result.is_some());
             return Err(run.refused(&if ended {
                 "holds a run already, which has ended; name another folder with `--out`".into()
@@ -97,7 +98,7 @@ impl RunDir {
         run.write_json(SPLIT, split)?;
         run.write_json(ENVIRONMENT, &[provenance])?;
         // Last: with it there is a run.
-        run.write_json("config.json", config)?;
+        run.write_json(CONFIG, config)?;
         Ok(run)
     }
 
@@ -111,12 +112,16 @@ impl RunDir {
             lock: None,
             manifest: OnceLock::new(),
         };
-        if run.file("config.json").is_file() {
-            Ok(run)
-        } else {
-            Err(run
-                .refused("no run here (no config.json); name a folder that `tactnet train` made"))
+        if run.file(CONFIG).is_file() {
+            return Ok(run);
         }
+        let below = runs_below(path);
+        let remedy = match &below[..] {
+            [] => "name a folder that `tactnet train` made".to_owned(),
+            [one] => format!("name the one below: {one}"),
+            [first, ..] => format!("name one of the {} below, such as {first}", below.len()),
+        };
+        Err(run.refused(&format!("no run here (no {CONFIG}); {remedy}")))
     }
 
     /// Name of the file with the predictions of one method of a run whose recipe asks `own`.
@@ -179,8 +184,8 @@ impl RunDir {
     /// # Errors
     /// Missing, damaged, or of another version.
     pub fn config(&self) -> Result<RunConfig, PipelineError> {
-        let path = self.file("config.json");
-        let text = self.read_text("config.json")?;
+        let path = self.file(CONFIG);
+        let text = self.read_text(CONFIG)?;
         RunConfig::from_json(&text).map_err(|reason| PipelineError::Run { path, reason })
     }
 
@@ -480,6 +485,18 @@ impl RunDir {
     pub(super) fn file(&self, name: &str) -> PathBuf {
         self.path.join(name)
     }
+}
+
+/// Returns the run directories right below a folder, in the order of their names.
+fn runs_below(folder: &Path) -> Vec<String> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut runs: Vec<String> = entries
+        .map(|entry| entry.path())
+        .filter(|path| path.join(CONFIG).is_file())
+        .map(|path| path.display().to_string())
+        .collect();
+    runs.sort();
+    runs
 }
 
 fn as_json(name: &str, text: serde_json::Result<String>) -> Result<String, PipelineError> {

@@ -30,6 +30,8 @@ pub struct SkinSimulator<'a> {
     object_sweeps: Option<u64>,
     /// Frames without contact before the motion that is next or going on.
     pause: usize,
+    /// Readings without contact, a taxel each.
+    untouched: Vec<f32>,
     finger: u32,
     /// `[steps][taxels]` of the sweep that plays
     sweep: Vec<f32>,
@@ -67,6 +69,7 @@ impl<'a> SkinSimulator<'a> {
             rest,
             object_sweeps: None,
             pause: rest,
+            untouched: untouched(dataset),
             finger: 0,
             sweep: vec![0.0; shape.values()],
             motion: 0,
@@ -125,6 +128,7 @@ impl<'a> SkinSimulator<'a> {
             command = Some(Command::Start);
         }
         let mut digits = [0.0; MAX_TAXELS];
+        digits[..taxels].copy_from_slice(&self.untouched);
         if self.at >= self.pause {
             let row = mirrored(self.at - self.pause, self.lead, shape.steps) * taxels;
             digits[..taxels].copy_from_slice(&self.sweep[row..row + taxels]);
@@ -169,6 +173,38 @@ impl<'a> SkinSimulator<'a> {
     }
 }
 
+/// Returns what a taxel reads without contact, for each: zero, or where all readings are farther from zero than from each other, as those of a
+/// skin are that rests elsewhere, the taxel's reading that is nearest to zero.
+fn untouched(dataset: &Dataset) -> Vec<f32> {
+    let taxels = dataset.shape().taxels();
+    let mut ends = vec![[f32::INFINITY, f32::NEG_INFINITY]; taxels];
+    let mut sweep = vec![0.0; dataset.shape().values()];
+    for index in 0..dataset.len() {
+        dataset.copy_sweep(index, &mut sweep);
+        for frame in sweep.chunks_exact(taxels) {
+            for (ends, reading) in ends.iter_mut().zip(frame) {
+                *ends = [ends[0].min(*reading), ends[1].max(*reading)];
+            }
+        }
+    }
+    let least = ends
+        .iter()
+        .map(|ends| ends[0])
+        .fold(f32::INFINITY, f32::min);
+    let most = ends
+        .iter()
+        .map(|ends| ends[1])
+        .fold(f32::NEG_INFINITY, f32::max);
+    let away = |ends: &[f32; 2]| match least > 0.0 {
+        true => ends[0],
+        false => ends[1],
+    };
+    match least.max(-most) > most - least {
+        true => ends.iter().map(away).collect(),
+        false => vec![0.0; taxels],
+    }
+}
+
 /// The recorded step for a step of the motion.
 pub(crate) fn mirrored(at: usize, lead: usize, steps: usize) -> usize {
     let last = steps - 1;
@@ -184,6 +220,7 @@ pub(crate) fn mirrored(at: usize, lead: usize, steps: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use tactnet_data::twin::{TwinConfig, generate};
+    use tactnet_data::{LabelSet, Samples, SweepRecord, SweepShape};
 
     use super::*;
     use tactnet_skin::{SegmenterConfig, SweepChange, SweepSegmenter};
@@ -254,6 +291,39 @@ mod tests {
             materials,
             [names[0], names[0], names[1], names[1], names[0]]
         );
+    }
+
+    #[test]
+    fn a_skin_that_rests_elsewhere_does_not_fall_to_zero_between_sweeps() {
+        let shape = SweepShape {
+            steps: 3,
+            rows: 1,
+            cols: 2,
+        };
+        for (sweep, rest) in [
+            ([2000., 90., 2010., 95., 2005., 80.], [0., 0.]),
+            ([2000., 1990., 2010., 1995., 2005., 1980.], [2000., 1980.]),
+            (
+                [-2000., -1990., -2010., -1995., -2005., -1980.],
+                [-2000., -1980.],
+            ),
+        ] {
+            let labels = LabelSet::new(["cork".to_owned()]).unwrap();
+            let record = SweepRecord {
+                label: 0,
+                sweep: 0,
+                block: None,
+                test: None,
+            };
+            let samples = Samples::F32(sweep.to_vec());
+            let dataset = Dataset::new("own", 100.0, shape, labels, vec![record], samples).unwrap();
+            let mut skin = SkinSimulator::new(&dataset, vec![0], 0, 2);
+            let frames: Vec<_> = (0..3)
+                .map(|_| skin.step().frame.values().to_vec())
+                .collect();
+            assert_eq!(frames[..2], [rest, rest]);
+            assert_eq!(frames[2], sweep[..2]);
+        }
     }
 
     #[test]

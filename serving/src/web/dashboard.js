@@ -5,7 +5,7 @@ const SECONDS = 3;
 const PATIENCE = 1000;
 /** Letters from which on an answer is set smaller. */
 const LONG = 24;
-let view = null, traces = [], came = 0, pending = false, chosen = -1, low_ = 0, top_ = 0, most_ = 0, whole = true, said = "", connected = true;
+let view = null, traces = [], came = 0, pending = false, chosen = -1, low_ = 0, top_ = 0, whole = true, said = "", connected = true;
 
 const percent = p => p > .9995 && p < 1 ? "> 99.9\u00a0%" : (100 * p).toFixed(1) + "\u00a0%";
 const color = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -143,16 +143,12 @@ function heatBox() {
 const part = digit => (digit - low_) / (top_ - low_ || 1);
 /** A reading with as many decimals as the scale is fine. */
 const number = digit => { const span = top_ - low_; return digit.toFixed(whole || span >= 100 ? 0 : span >= 10 ? 1 : 2); };
-/** The next round number that is at least as far from zero. */
-const outwards = x => { const step = 10 ** Math.floor(Math.log10(Math.abs(x) || 1)) / 2; return Math.sign(x) * Math.ceil(Math.abs(x) / step) * step; };
-/** Widens the scale to all readings since the page's program began; whole numbers are shown from 0 to 20 at least. */
-function widenScale() {
-  const seen = traces.concat([view.frame, [view.range.least, view.range.most]]);
-  const least = Math.min(0, ...seen.map(row => Math.min(...row))), most = Math.max(0, ...seen.map(row => Math.max(...row)));
-  whole = view.range.whole && view.frame.every(Number.isInteger);
-  if (least < low_) low_ = outwards(least);
-  most_ = Math.max(most_, most);
-  top_ = Math.max(outwards(most_), whole ? 20 : 0);
+/** Shows readings between round numbers around all since the page's program began; whole ones from 0 to 20 at least. */
+function chooseScale() {
+  const { least, most } = view.range, step = 10 ** Math.floor(Math.log10(most - least || 1)) / 2;
+  whole = view.range.whole;
+  low_ = Math.floor(least / step) * step;
+  top_ = Math.max(Math.ceil(most / step) * step, whole && low_ === 0 ? 20 : low_ + step);
   set("scale-low", number(low_)); set("scale-high", number(top_));
 }
 function drawHeat() {
@@ -246,7 +242,7 @@ function showStage() {
 // ---- Views
 
 function show() {
-  widenScale();
+  chooseScale();
   set("trace-title", "The same sensors over the last " + SECONDS + " seconds, each from " + number(low_) + " to " + number(top_));
   document.body.style.setProperty("--shape", skin()[1] + " / " + skin()[0]);
   showStage(); showAnswer(); showScore(); showEvents(); showCounters(); showAge(); draw();

@@ -12,7 +12,8 @@ use tactnet_skin::{ServeConfig, material_names};
 use tokio::sync::watch;
 
 use super::WebServer;
-use super::view::{Range, Seen, View, lines};
+use super::range::Range;
+use super::view::{Seen, View, lines};
 use crate::ServeError;
 
 const EVERY: Duration = Duration::from_millis(50);

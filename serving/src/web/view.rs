@@ -9,6 +9,7 @@ use tactnet_skin::packets::{
 };
 
 use super::objects::{Answer, Object, Objects, Score};
+use super::range::Range;
 
 /// Most lines of the traces.
 const LINES: usize = 64;
@@ -51,36 +52,6 @@ pub(super) struct View<'a> {
     pub(super) alive: bool,
     /// Since the last status, milliseconds.
     pub(super) heard_ms: u64,
-}
-
-/// The least and the largest digit so far, and zero: what a page that is opened between two sweeps scales to.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub(super) struct Range {
-    least: f32,
-    most: f32,
-    /// Every digit was a whole number.
-    whole: bool,
-}
-
-impl Default for Range {
-    fn default() -> Self {
-        Self {
-            least: 0.0,
-            most: 0.0,
-            whole: true,
-        }
-    }
-}
-
-impl Range {
-    /// - `digits`: of a frame; those that are no numbers are passed over
-    pub(super) fn widen(&mut self, digits: &[f32]) {
-        for digit in digits.iter().filter(|digit| digit.is_finite()) {
-            self.least = self.least.min(*digit);
-            self.most = self.most.max(*digit);
-            self.whole &= digit.fract() == 0.0;
-        }
-    }
 }
 
 /// A line of the events.
@@ -376,19 +347,6 @@ mod tests {
             seen.take_status(&status(Event::Rejected, "again"));
         }
         assert_eq!(seen.news.len(), EVENTS, "where nobody asks");
-    }
-
-    #[test]
-    fn the_range_keeps_what_a_sweep_reached_when_the_skin_is_at_rest() {
-        let mut range = Range::default();
-        range.widen(&[3.0, -2.0, f32::NAN]);
-        assert!(range.whole);
-        range.widen(&[f32::INFINITY, 140.5]);
-        for _ in 0..3 {
-            range.widen(&[0.0, 1.0]);
-        }
-        let (least, most, whole) = (-2.0, 140.5, false);
-        assert_eq!(range, Range { least, most, whole });
     }
 
     #[test]

@@ -1,0 +1,87 @@
+//! Between which readings the page draws.
+
+use serde::ser::SerializeStruct;
+use serde::{Serialize, Serializer};
+
+/// What readings are shown between: the least and the largest so far, and zero unless they are farther from it than from each other, as those
+/// of a skin are that does not rest at zero.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Range {
+    seen: Option<[f32; 2]>,
+    /// Every digit was a whole number.
+    whole: bool,
+}
+
+impl Default for Range {
+    fn default() -> Self {
+        Self {
+            seen: None,
+            whole: true,
+        }
+    }
+}
+
+impl Range {
+    /// - `digits`: of a frame; those that are no numbers are passed over
+    pub(super) fn widen(&mut self, digits: &[f32]) {
+        for &digit in digits.iter().filter(|digit| digit.is_finite()) {
+            let [least, most] = self.seen.unwrap_or([digit; 2]);
+            self.seen = Some([least.min(digit), most.max(digit)]);
+            self.whole &= digit.fract() == 0.0;
+        }
+    }
+
+    /// Lower and upper end of a scale, before it is rounded; both 0 before the first reading.
+    fn ends(&self) -> [f32; 2] {
+        let Some([least, most]) = self.seen else {
+            return [0.0; 2];
+        };
+        if least.max(-most) > most - least && most > least {
+            return [least, most];
+        }
+        [least.min(0.0), most.max(0.0)]
+    }
+}
+
+impl Serialize for Range {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let [least, most] = self.ends();
+        let mut fields = serializer.serialize_struct("Range", 3)?;
+        fields.serialize_field("least", &least)?;
+        fields.serialize_field("most", &most)?;
+        fields.serialize_field("whole", &self.whole)?;
+        fields.end()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_sweep_reached_is_kept_when_the_skin_is_at_rest() {
+        let mut range = Range::default();
+        assert_eq!(range.ends(), [0.0, 0.0]);
+        range.widen(&[3.0, -2.0, f32::NAN]);
+        assert!(range.whole);
+        range.widen(&[f32::INFINITY, 140.5]);
+        for _ in 0..3 {
+            range.widen(&[0.0, 1.0]);
+        }
+        assert_eq!((range.ends(), range.whole), ([-2.0, 140.5], false));
+    }
+
+    #[test]
+    fn zero_is_left_out_where_readings_are_far_from_it() {
+        for (readings, ends) in [
+            ([2010.0, 1990.0], [1990.0, 2010.0]),
+            ([-2010.0, -1990.0], [-2010.0, -1990.0]),
+            ([20.0, 60.0], [0.0, 60.0]),
+            ([7.0, 7.0], [0.0, 7.0]),
+        ] {
+            let mut range = Range::default();
+            range.widen(&readings);
+            assert_eq!(range.ends(), ends);
+        }
+    }
+}
