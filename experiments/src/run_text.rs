@@ -6,7 +6,7 @@ use tactnet_pipeline::{
     quoted,
 };
 
-use crate::published_for;
+use crate::{ExperimentRecipe, published_for};
 
 /// Accuracy from which on nobody needs advice.
 const GOOD: f64 = 0.95;
@@ -120,14 +120,36 @@ pub fn next_steps(run: &RunDir, fits_serving: bool) -> Result<String, PipelineEr
         .spec
         .epochs
         .map_or(String::new(), |epochs| format!(" --set epochs={epochs}"));
+    let models = beside_others(config.recipe.name())
+        .map_or(String::new(), |models| format!(" --set 'models={models}'"));
     Ok(format!(
-        "next: {first}\n      `tactnet experiment run crossval_baselines{data}{rate}{epochs}` makes a report of models side by side"
+        "next: {first}\n      `tactnet experiment run crossval_baselines{data}{rate}{epochs}{models}` makes a report of models side by side"
     ))
+}
+
+/// Returns the models of the report that `next_steps` names where a built-in recipe is not among the experiment's own: the recipe, and what it is
+/// to be held against.
+fn beside_others(recipe: &str) -> Option<String> {
+    let own = ExperimentRecipe::built_in().find(|own| own.name == "crossval_baselines")?;
+    let known = ModelRecipe::built_in_names().any(|name| name == recipe);
+    (known && !own.models.iter().any(|model| model == recipe))
+        .then(|| format!("[\"{recipe}\", \"fast\", \"lda\", \"minirocket\"]"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_recipe_that_the_report_lacks_is_added_to_it() {
+        assert_eq!(beside_others("fast"), None);
+        assert_eq!(beside_others("lda"), None);
+        assert_eq!(beside_others("my-own"), None);
+        let models = beside_others("spectra").unwrap();
+        let settings = [format!("models={models}")];
+        let recipe = ExperimentRecipe::load("crossval_baselines", &settings).unwrap();
+        assert_eq!(recipe.models[0], "spectra");
+    }
 
     #[test]
     fn settings_are_shown_with_four_digits() {

@@ -165,7 +165,10 @@ pub fn run(arguments: &CommandArgs) -> anyhow::Result<ExitCode> {
     }
     let why = match arguments.command {
         CommandChoice::Stop => "; perhaps no sweep was under way",
-        CommandChoice::Start | CommandChoice::Reset | CommandChoice::Enroll => "",
+        CommandChoice::Start => {
+            "; a sweep begins with the skin's next frame, and perhaps none comes"
+        }
+        CommandChoice::Reset | CommandChoice::Enroll => "",
     };
     say!(
         "no answer on `{}` in {:.1} s; the command was put{why}",

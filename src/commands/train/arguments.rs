@@ -50,7 +50,7 @@ pub struct TrainArgs {
     /// Parts of a k-fold split [default: 5, or as many as the material with the fewest sweeps has]
     #[arg(long, value_name = "N")]
     folds: Option<usize>,
-    /// Fold to test on, counted from 0 [default: 0]
+    /// Fold to test on, counted from 0 (results call it `fold 1 of 5`) [default: 0]
     #[arg(long, value_name = "K")]
     fold: Option<usize>,
     /// Repeat of the cross-validation, counted from 0; every repeat deals its folds anew
