@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
-use tactnet_data::{Dataset, SweepView};
+use tactnet_data::Dataset;
 use tactnet_models::Compute;
 use tactnet_pipeline::{
     Calibration, ClassifiedSweeps, Classifier, ModelRecipe, PredictionMethod, RunConfig, RunDir,
@@ -89,7 +89,7 @@ impl RunClassifier {
                 known.shape.cols
             );
         }
-        let seen = self.learnt_from(&sweeps.dataset, sweeps.labelled)?;
+        let seen = self.learnt_from(&sweeps.dataset)?;
         if seen > 0 {
             let all = sweeps.dataset.len();
             let those = match seen == all {
@@ -116,19 +116,8 @@ impl RunClassifier {
 
     /// Returns how many of the sweeps the run was trained on or has learnt a material from; trained on none where its training data cannot be
     /// read any more.
-    fn learnt_from(&self, sweeps: &Dataset, labelled: bool) -> anyhow::Result<usize> {
-        let manifest = self.run.split()?;
-        let unseen = if labelled && sweeps.sha256() == self.config.data_sha256 {
-            let train = manifest.fold(sweeps)?.train;
-            let others = (0..sweeps.len()).filter(|index| !train.indices().contains(index));
-            TestSweeps {
-                view: SweepView::new(sweeps, others.collect()),
-                description: String::new(),
-                training_sweeps_known: true,
-            }
-        } else {
-            TestSweeps::unseen(sweeps, &self.config, &manifest)?
-        };
+    fn learnt_from(&self, sweeps: &Dataset) -> anyhow::Result<usize> {
+        let unseen = TestSweeps::unseen(sweeps, &self.config, &self.run.split()?)?;
         Ok(sweeps.len() - unseen.without_enrolled(&self.run)?.view.len())
     }
 }

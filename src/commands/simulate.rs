@@ -93,6 +93,11 @@ fn remedy(dataset: &Dataset, run: &ClassifierConfig) -> String {
 pub(super) fn unseen_by(dataset: &Dataset, run: &Path) -> anyhow::Result<Vec<usize>> {
     let run = RunDir::open(run)?;
     let unseen = TestSweeps::unseen(dataset, &run.config()?, &run.split()?)?;
+    if !unseen.training_sweeps_known {
+        say!(
+            "warning: the data that the run was trained on is not at hand, so training sweeps may be among these"
+        );
+    }
     let view = unseen.without_enrolled(&run)?.view;
     if view.is_empty() {
         return Err(PipelineError::Incompatible {

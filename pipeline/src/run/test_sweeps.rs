@@ -75,7 +75,8 @@ impl<'a> TestSweeps<'a> {
         Ok(self)
     }
 
-    /// Every sweep of `dataset` but those of the training set that `config` and `manifest` describe.
+    /// Every sweep of `dataset` but those of the training set that `config` and `manifest` describe: known by the content of `dataset` where it is
+    /// what was trained on, wherever that lies now, and else by the file that was trained on.
     ///
     /// # Errors
     /// A manifest that is damaged.
@@ -85,6 +86,10 @@ impl<'a> TestSweeps<'a> {
         manifest: &SplitManifest,
     ) -> Result<Self, PipelineError> {
         let all = SweepView::all(dataset);
+        if dataset.sha256() == config.data_sha256 {
+            let train = manifest.fold(dataset)?.train;
+            return Ok(Self::but(without_sweeps_of(&all, &train)));
+        }
         let spec = &config.spec;
         let own = spec
             .read_sweeps()
@@ -99,14 +104,21 @@ impl<'a> TestSweeps<'a> {
                 training_sweeps_known: false,
             });
         };
-        let (view, dropped) = without_sweeps_of(&all, &manifest.fold(&own)?.train);
-        Ok(Self {
+        Ok(Self::but(without_sweeps_of(
+            &all,
+            &manifest.fold(&own)?.train,
+        )))
+    }
+
+    /// What is left where so many sweeps of the training set were taken out.
+    fn but((view, dropped): (SweepView<'a>, usize)) -> Self {
+        Self {
             view,
             description: match dropped {
                 0 => "every sweep".into(),
                 dropped => format!("every sweep but {dropped} of the training set"),
             },
             training_sweeps_known: true,
-        })
+        }
     }
 }

@@ -5,7 +5,7 @@ use tactnet_data::twin::{self, TwinConfig};
 use tactnet_data::{Samples, Scheme, Seed};
 
 use super::*;
-use crate::EpochMetrics;
+use crate::{EpochMetrics, TestSweeps};
 
 const RECIPE: &str = r#"
         name = "small"
@@ -318,4 +318,51 @@ fn nothing_that_is_fitted_depends_on_the_test_sweeps() {
     assert_eq!(first.0.2, second.0.2, "calibration");
     assert_eq!(first.0.3, second.0.3, "embeddings");
     assert_eq!(first.1, second.1, "baselines");
+}
+
+/// A file that was moved or written in another format holds the same test sweeps. Of other sweeps nobody can tell once what was trained on is gone,
+/// which is said.
+#[test]
+fn training_sweeps_are_left_out_wherever_the_data_lies_now() {
+    let folder = tempfile::tempdir().unwrap();
+    let spec = spec(folder.path());
+    let job = TrainJob::try_from(spec.clone()).unwrap();
+    let run = folder.path().join("run");
+    let session = Session::begin(&job, Some(&run), program(), |_| Ok(())).unwrap();
+    let (config, split) = (
+        session.run().config().unwrap(),
+        session.run().split().unwrap(),
+    );
+    let moved = folder.path().join("moved.h5");
+    let copied = folder.path().join("copied.npz");
+    let sweeps = |path: &Path| tactnet_data::format::read(path).unwrap();
+    Format::Npz
+        .write(&copied, &sweeps(Path::new(&spec.data)))
+        .unwrap();
+    let unseen = |path: &Path| {
+        let dataset = sweeps(path);
+        let (config, split) = (
+            session.run().config().unwrap(),
+            session.run().split().unwrap(),
+        );
+        let test = TestSweeps::unseen(&dataset, &config, &split).unwrap();
+        (test.view.indices().to_vec(), test.training_sweeps_known)
+    };
+    let mut test = split.test.clone();
+    test.sort_unstable();
+    assert_eq!(unseen(&copied), (test.clone(), true));
+    std::fs::rename(&spec.data, &moved).unwrap();
+    assert_eq!(unseen(&moved), (test.clone(), true));
+    assert_eq!(unseen(&copied), (test, true));
+    let config = TwinConfig {
+        materials: 3,
+        sweeps: 9,
+        steps: 60,
+        ..TwinConfig::default()
+    };
+    let others = folder.path().join("others.npz");
+    Format::Npz
+        .write(&others, &twin::generate(&config).unwrap())
+        .unwrap();
+    assert_eq!(unseen(&others), ((0..27).collect(), false));
 }
