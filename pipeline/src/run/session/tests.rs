@@ -329,10 +329,7 @@ fn training_sweeps_are_left_out_wherever_the_data_lies_now() {
     let job = TrainJob::try_from(spec.clone()).unwrap();
     let run = folder.path().join("run");
     let session = Session::begin(&job, Some(&run), program(), |_| Ok(())).unwrap();
-    let (config, split) = (
-        session.run().config().unwrap(),
-        session.run().split().unwrap(),
-    );
+    let split = session.run().split().unwrap();
     let moved = folder.path().join("moved.h5");
     let copied = folder.path().join("copied.npz");
     let sweeps = |path: &Path| tactnet_data::format::read(path).unwrap();
