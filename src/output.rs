@@ -32,13 +32,18 @@ pub fn harmless(text: &str) -> std::borrow::Cow<'_, str> {
 /// Refuses a file that is there, unless `force` says that it may go.
 ///
 /// # Errors
-/// It is there.
+/// It is there, or its folder is not.
 pub fn refuse_to_overwrite(out: &Path, force: bool) -> anyhow::Result<()> {
     if out.exists() && !force {
         bail!(
             "{}: exists already; overwrite it with `--force`",
             out.display()
         );
+    }
+    if let Some(folder) = out.parent().filter(|folder| !folder.as_os_str().is_empty())
+        && !folder.is_dir()
+    {
+        bail!("{}: no such folder", folder.display());
     }
     Ok(())
 }

@@ -119,7 +119,7 @@ impl Plan {
                 twice[0]
             )));
         }
-        refuse_unsuitable(&tasks).map_err(refused)?;
+        refuse_unsuitable(&tasks, |spec| recipe_of(&recipes, spec)).map_err(refused)?;
         Ok(Self {
             schema_version: Self::SCHEMA_VERSION,
             recipe: recipe.clone(),
@@ -134,15 +134,10 @@ impl Plan {
         let Job::Train(spec) = &task.job else {
             return true;
         };
-        let own = spec.recipe.strip_prefix(Self::OWN_RECIPE);
-        let recipe = match own.and_then(|file| file.strip_suffix(".toml")) {
-            Some(name) => {
-                let text = self.recipes.get(name).map_or("", String::as_str);
-                ModelRecipe::parse(name, text)
-            }
-            None => ModelRecipe::load(&spec.recipe),
-        };
-        matches!(recipe, Ok(ModelRecipe::TactNet2(_)))
+        matches!(
+            recipe_of(&self.recipes, spec),
+            Some(ModelRecipe::TactNet2(_))
+        )
     }
 
     /// Returns the first difference that keeps `other` from going on with this plan.
@@ -173,6 +168,15 @@ impl Plan {
             }
         }
         (self.tasks != other.tasks).then(|| "it was planned by another version of tactnet".into())
+    }
+}
+
+/// Returns the recipe of a training: one of the experiment's own, or a built-in one; `None` where it cannot be read any more.
+fn recipe_of(recipes: &BTreeMap<String, String>, spec: &TrainSpec) -> Option<ModelRecipe> {
+    let own = spec.recipe.strip_prefix(Plan::OWN_RECIPE);
+    match own.and_then(|file| file.strip_suffix(".toml")) {
+        Some(name) => ModelRecipe::parse(name, recipes.get(name)?).ok(),
+        None => ModelRecipe::load(&spec.recipe).ok(),
     }
 }
 

@@ -1,9 +1,10 @@
 //! One training run's result as text, beside what was published, and what may come next.
 
+use tactnet_data::SweepView;
 use tactnet_data::twin::TwinVersion;
 use tactnet_pipeline::{
-    Confusion, EvaluationTable, ModelRecipe, PipelineError, RunDir, RunResult, TrainingSteps,
-    quoted,
+    Confusion, EvaluationTable, ModelRecipe, PipelineError, RunDir, RunResult, Session,
+    TrainingSteps, quoted,
 };
 
 use crate::{ExperimentRecipe, published_for};
@@ -65,12 +66,13 @@ fn in_four_digits(value: f64) -> String {
     format!("{value:.digits$}")
 }
 
-/// Returns what may make a poor result better, a line each: more steps where there were few, a simpler model where the result may as well be
-/// guessed. Empty for others.
+/// Returns what may make a poor result better, a line each: more steps where there were few, a simpler model or more sweeps where the result may
+/// as well be guessed. Empty for others.
 ///
 /// # Errors
-/// A run directory whose configuration is damaged.
-pub fn advice(run: &RunDir, result: &RunResult) -> Result<Vec<String>, PipelineError> {
+/// A run directory whose configuration or split is damaged.
+pub fn advice(session: &Session, result: &RunResult) -> Result<Vec<String>, PipelineError> {
+    let run = session.run();
     let config = run.config()?;
     let mut lines = Vec::new();
     let ModelRecipe::TactNet2(recipe) = &config.recipe else {
@@ -85,12 +87,29 @@ pub fn advice(run: &RunDir, result: &RunResult) -> Result<Vec<String>, PipelineE
     let chance = 1.0 / config.classifier.labels.len() as f64;
     let surely = accuracies.map(|of| of.ci95_low).fold(0.0, f64::max);
     if surely <= chance {
+        let train = SweepView::new(session.dataset(), run.split()?.train);
         lines.push(format!(
-            "this may as well be guessed ({:.1} %); from few sweeps `--model minirocket` and `--model lda` learn faster",
-            100.0 * chance
+            "this may as well be guessed ({:.1} %); {}",
+            100.0 * chance,
+            with_few_sweeps(&train.sweeps_per_label())
         ));
     }
     Ok(lines)
+}
+
+/// Returns what helps where a network has learnt nothing.
+///
+/// - `counts`: training sweeps of every material
+fn with_few_sweeps(counts: &[usize]) -> String {
+    let names = ["minirocket", "lda"];
+    match &ModelRecipe::not_starved(names, counts)[..] {
+        [] => "record more: with two training sweeps of every material, `--model minirocket` and `--model lda` learn faster".into(),
+        [one] => format!("from few sweeps `--model {one}` learns faster"),
+        several => format!(
+            "from few sweeps `--model {}` learn faster",
+            several.join("` and `--model ")
+        ),
+    }
 }
 
 /// Returns what may follow a training, as two lines of commands.
@@ -99,7 +118,8 @@ pub fn advice(run: &RunDir, result: &RunResult) -> Result<Vec<String>, PipelineE
 ///
 /// # Errors
 /// A run directory whose configuration is damaged.
-pub fn next_steps(run: &RunDir, fits_serving: bool) -> Result<String, PipelineError> {
+pub fn next_steps(session: &Session, fits_serving: bool) -> Result<String, PipelineError> {
+    let run = session.run();
     let config = run.config()?;
     let folder = quoted(&run.path().display().to_string());
     let network = matches!(config.recipe, ModelRecipe::TactNet2(_));
@@ -120,20 +140,48 @@ pub fn next_steps(run: &RunDir, fits_serving: bool) -> Result<String, PipelineEr
         .spec
         .epochs
         .map_or(String::new(), |epochs| format!(" --set epochs={epochs}"));
-    let models = beside_others(config.recipe.name())
-        .map_or(String::new(), |models| format!(" --set 'models={models}'"));
-    Ok(format!(
-        "next: {first}\n      `tactnet experiment run crossval_baselines{data}{rate}{epochs}{models}` makes a report of models side by side"
-    ))
+    let report = match beside_others(config.recipe.name(), &session.dataset().sweeps_per_label()) {
+        Some(settings) => format!(
+            "\n      `tactnet experiment run {BESIDE_OTHERS}{data}{rate}{epochs}{settings}` makes a report of models side by side"
+        ),
+        None => String::new(),
+    };
+    Ok(format!("next: {first}{report}"))
 }
 
-/// Returns the models of the report that `next_steps` names where a built-in recipe is not among the experiment's own: the recipe, and what it is
-/// to be held against.
-fn beside_others(recipe: &str) -> Option<String> {
-    let own = ExperimentRecipe::built_in().find(|own| own.name == "crossval_baselines")?;
+/// The experiment that comes next.
+const BESIDE_OTHERS: &str = "crossval_baselines";
+/// Folds of that experiment.
+const FOLDS: usize = 5;
+
+/// Returns the settings with which [`BESIDE_OTHERS`] holds a recipe against others: as many folds as there are sweeps for, models that can learn
+/// from what is left to train on, the recipe among them where it is built in. `None` where no sweep is left.
+///
+/// - `counts`: sweeps of every material
+fn beside_others(recipe: &str, counts: &[usize]) -> Option<String> {
+    let own = ExperimentRecipe::built_in().find(|own| own.name == BESIDE_OTHERS)?;
+    let fewest = *counts.iter().min()?;
+    if fewest < 2 {
+        return None;
+    }
+    let folds = FOLDS.min(fewest);
+    let set_folds = match folds {
+        FOLDS => String::new(),
+        few => format!(" --set folds={few}"),
+    };
     let known = ModelRecipe::built_in_names().any(|name| name == recipe);
-    (known && !own.models.iter().any(|model| model == recipe))
-        .then(|| format!("[\"{recipe}\", \"fast\", \"lda\", \"minirocket\"]"))
+    let usual: Vec<&str> = own.models.iter().map(String::as_str).collect();
+    let models = match usual.contains(&recipe) || !known {
+        true => usual.clone(),
+        false => vec![recipe, "fast", "lda", "minirocket"],
+    };
+    let to_train_on: Vec<usize> = counts.iter().map(|of| of - of.div_ceil(folds)).collect();
+    let models = ModelRecipe::not_starved(models, &to_train_on);
+    let set_models = match models == usual {
+        true => String::new(),
+        false => format!(" --set 'models={models:?}'"),
+    };
+    Some(set_folds + &set_models)
 }
 
 #[cfg(test)]
@@ -142,13 +190,27 @@ mod tests {
 
     #[test]
     fn a_recipe_that_the_report_lacks_is_added_to_it() {
-        assert_eq!(beside_others("fast"), None);
-        assert_eq!(beside_others("lda"), None);
-        assert_eq!(beside_others("my-own"), None);
-        let models = beside_others("spectra").unwrap();
-        let settings = [format!("models={models}")];
-        let recipe = ExperimentRecipe::load("crossval_baselines", &settings).unwrap();
+        let many = [20, 30];
+        for own in ["fast", "lda", "my-own"] {
+            assert_eq!(beside_others(own, &many).unwrap(), "");
+        }
+        let settings = beside_others("spectra", &many).unwrap();
+        let models = settings.strip_prefix(" --set '").unwrap();
+        let models = models.strip_suffix('\'').unwrap();
+        let recipe = ExperimentRecipe::load(BESIDE_OTHERS, &[models.into()]).unwrap();
         assert_eq!(recipe.models[0], "spectra");
+    }
+
+    #[test]
+    fn few_sweeps_make_few_folds_of_models_that_can_learn_from_them() {
+        assert_eq!(beside_others("fast", &[3, 9]).unwrap(), " --set folds=3");
+        assert_eq!(
+            beside_others("fast", &[2, 2]).unwrap(),
+            " --set folds=2 --set 'models=[\"knn-l\", \"knn-h\", \"fast\"]'"
+        );
+        assert_eq!(beside_others("fast", &[1, 9]), None);
+        assert!(with_few_sweeps(&[1, 1]).starts_with("record more"));
+        assert!(with_few_sweeps(&[2, 2]).contains("`--model minirocket` and `--model lda`"));
     }
 
     #[test]

@@ -1,10 +1,10 @@
 //! Whether data sets suit an experiment: looked at before the first task.
 
-use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
 
 use tactnet_data::{DataError, DataSource, Dataset, Finding, Fold, Scheme, refuse_errors};
-use tactnet_pipeline::{PipelineError, TrainSpec};
+use tactnet_pipeline::{ModelRecipe, PipelineError, TrainSpec};
 
 use crate::{ExperimentError, ExperimentRecipe, Job, Question, Task};
 
@@ -40,8 +40,14 @@ impl ExperimentRecipe {
 }
 
 /// Fails where a task asks more of a data set than it has; the twin has all that recipes ask for.
-pub(crate) fn refuse_unsuitable(tasks: &[Task]) -> Result<(), String> {
+///
+/// - `recipe_of`: the recipe of a task's model
+pub(crate) fn refuse_unsuitable(
+    tasks: &[Task],
+    recipe_of: impl Fn(&TrainSpec) -> Option<ModelRecipe>,
+) -> Result<(), String> {
     let mut known: BTreeMap<&str, Dataset> = BTreeMap::new();
+    let (mut starved, mut fed) = (BTreeMap::new(), BTreeSet::new());
     for task in tasks {
         let spec = match &task.job {
             Job::Train(spec) => spec,
@@ -59,12 +65,66 @@ pub(crate) fn refuse_unsuitable(tasks: &[Task]) -> Result<(), String> {
             }
         };
         match &task.job {
-            Job::Train(spec) => has_fold(spec, dataset),
-            Job::Question(task) => suits(&task.question, dataset),
+            Job::Train(spec) => {
+                has_fold(spec, dataset).map_err(of_data)?;
+                let model = task.model.as_str();
+                match recipe_of(spec).and_then(|recipe| lacking(&recipe, spec, dataset)) {
+                    Some(lacking) => {
+                        starved.entry(model).or_insert_with(|| of_data(lacking));
+                    }
+                    None if task.probe.is_none() => {
+                        fed.insert(model);
+                    }
+                    None => {}
+                }
+            }
+            Job::Question(task) => suits(&task.question, dataset).map_err(of_data)?,
         }
-        .map_err(of_data)?;
     }
-    Ok(())
+    let Some(lacking) = starved.values().next() else {
+        return Ok(());
+    };
+    let names = |models: Vec<&&str>| {
+        let quoted: Vec<String> = models.iter().map(|model| format!("\"{model}\"")).collect();
+        quoted.join(", ")
+    };
+    let remedy = match names(
+        fed.iter()
+            .filter(|model| !starved.contains_key(*model))
+            .collect(),
+    ) {
+        none if none.is_empty() => "record more sweeps".into(),
+        others => format!("`--set 'models=[{others}]'` leaves them out"),
+    };
+    Err(format!(
+        "{lacking} for {}; {remedy}",
+        names(starved.keys().collect())
+    ))
+}
+
+/// Returns of which material there are too few training sweeps for a model, if there is one.
+fn lacking(recipe: &ModelRecipe, spec: &TrainSpec, dataset: &Dataset) -> Option<String> {
+    let number = spec.fold.unwrap_or(0);
+    let fold = Fold::new(
+        dataset,
+        spec.scheme(dataset),
+        spec.seed,
+        spec.repeat,
+        number,
+    )
+    .ok()?;
+    let fold = match spec.inner {
+        None => fold,
+        Some(part) => fold.nested(part).ok()?,
+    };
+    let counts = fold.train.sweeps_per_label();
+    let label = recipe.starved(&counts)?;
+    Some(format!(
+        "`{}` has {} training sweep{} in fold {number}, which is too few",
+        dataset.labels().name(label),
+        counts[label],
+        if counts[label] == 1 { "" } else { "s" },
+    ))
 }
 
 fn has_fold(spec: &TrainSpec, dataset: &Dataset) -> Result<(), String> {

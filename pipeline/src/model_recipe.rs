@@ -114,6 +114,30 @@ impl ModelRecipe {
         }
     }
 
+    /// Returns the first material of which there are too few training sweeps for this recipe, or `None`.
+    ///
+    /// Networks learn from one sweep of each; a baseline that chooses settings or calibrates on a part of them takes two.
+    ///
+    /// - `counts`: training sweeps of every material
+    pub fn starved(&self, counts: &[usize]) -> Option<usize> {
+        match self {
+            Self::TactNet2(_) => None,
+            Self::Baseline(recipe) => recipe.starved(counts),
+        }
+    }
+
+    /// Returns the names of built-in `models` that can learn from as many training sweeps of every material.
+    ///
+    /// - `counts`: training sweeps of every material
+    pub fn not_starved<'a>(
+        models: impl IntoIterator<Item = &'a str>,
+        counts: &[usize],
+    ) -> Vec<&'a str> {
+        let can =
+            |model: &&str| Self::load(model).is_ok_and(|recipe| recipe.starved(counts).is_none());
+        models.into_iter().filter(can).collect()
+    }
+
     /// How a classifier of this recipe predicts unless told otherwise.
     pub fn method(&self) -> PredictionMethod {
         match self {

@@ -69,7 +69,7 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
                     );
                 }
             }
-            let data = arguments.data.as_deref().unwrap_or(&config.spec.data);
+            let data = config.spec.place_of_data(arguments.data.as_deref())?;
             let sweeps = match DataSource::named(data) {
                 DataSource::Twin(_) => {
                     make_twin(&program, &made, ALL_MATERIALS, SMALL_SWEEPS)?;

@@ -70,6 +70,9 @@ pub fn run(arguments: &PredictArgs) -> anyhow::Result<ExitCode> {
         arguments.steps,
         arguments.one_object,
     )?;
+    if let Some(contradiction) = found.not_one_object() {
+        say!("warning: {contradiction}");
+    }
     if let Some(hint) = found.hint() {
         say!("hint: {hint}");
     }

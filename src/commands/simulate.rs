@@ -51,9 +51,10 @@ pub(super) fn check_fit(
                 describe(wanted, run.sample_rate_hz)
             ),
             found: format!(
-                "{}{}",
+                "{}{}{}",
                 describe(own, dataset.sample_rate_hz()),
-                remedy(dataset, run)
+                remedy(dataset, run),
+                rate_remedy(dataset, run)
             ),
         });
     }
@@ -83,10 +84,24 @@ fn remedy(dataset: &Dataset, run: &ClassifierConfig) -> String {
             String::new()
         };
     }
-    if dataset.is_rate_assumed() && dataset.sample_rate_hz() != run.sample_rate_hz {
-        return ", which is assumed since the data does not say; `--rate HZ` names it".into();
+    if own.steps < wanted.steps {
+        return format!(
+            "; sweeps that are shorter than {} steps cannot be classified by this run (`tactnet train --steps {}` learns from so many)",
+            wanted.steps, own.steps
+        );
     }
     String::new()
+}
+
+/// Returns what can be done about another sample rate; empty where it is the run's.
+fn rate_remedy(dataset: &Dataset, run: &ClassifierConfig) -> &'static str {
+    if dataset.sample_rate_hz() == run.sample_rate_hz {
+        ""
+    } else if dataset.is_rate_assumed() {
+        "; its rate is assumed since the data does not say; `--rate HZ` names it"
+    } else {
+        "; it has to be recorded at the run's rate"
+    }
 }
 
 /// Returns the numbers of sweeps that a run has learnt nothing from.

@@ -71,8 +71,8 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
     let resumed = arguments.resume.is_some();
     let (code, finished) = train(&session, &stop, format, resumed)?;
     if let Some(result) = finished {
-        say!("{}", next_steps(session.run(), unfit.is_none())?);
-        for line in advice(session.run(), &result)? {
+        say!("{}", next_steps(&session, unfit.is_none())?);
+        for line in advice(&session, &result)? {
             say!("hint: {line}");
         }
     }

@@ -31,6 +31,7 @@ mod service;
 mod study;
 mod training;
 mod tutorial;
+mod unlabelled;
 mod view;
 #[cfg(feature = "vulkan")]
 mod vulkan;

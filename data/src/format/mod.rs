@@ -161,6 +161,9 @@ fn table_with_gaps(
                 true => {
                     "arrays (.npy) of no material; sort them into folders, one a material, or stack them into one file: np.savez_compressed(\"sweeps.npz\", X=X, y=y) with X [n][steps][taxels] and y [n]"
                 }
+                false if path.join("config.json").is_file() => {
+                    "a run directory, it seems: `tactnet train`, not recorded sweeps"
+                }
                 false => "neither",
             },
         )));

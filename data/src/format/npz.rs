@@ -116,6 +116,16 @@ pub(super) fn read_arrays(path: &Path, labels: Labels) -> Result<(Dataset, bool)
     // Three dimensions do not say how the taxels are arranged.
     let is_row = samples.shape.len() == 3;
     let (sweeps, shape) = match *samples.shape {
+        [.., 1] if samples.shape.len() == 5 && !arrays.by_name.contains_key("materials") => {
+            return Err(arrays.error(
+                samples_name,
+                "4 dimensions [n][steps][rows][cols]",
+                format!(
+                    "{:?}; an axis of channels at the end? `{samples_name}[..., 0]` drops it",
+                    samples.shape
+                ),
+            ));
+        }
         [_, sweeps, steps, rows, cols] => (Some(sweeps), SweepShape { steps, rows, cols }),
         [_, steps, rows, cols] => (None, SweepShape { steps, rows, cols }),
         [_, steps, cols] => (

@@ -62,6 +62,19 @@ pub enum ClassicalClassifier {
 }
 
 impl BaselineRecipe {
+    /// Returns the first material with too few training sweeps for this classifier: settings and calibration take two of every material,
+    /// to fit to and to judge by; a covariance takes two of any.
+    ///
+    /// - `counts`: training sweeps of every material
+    pub(crate) fn starved(&self, counts: &[usize]) -> Option<usize> {
+        let first = || counts.iter().position(|&count| count < 2);
+        match &self.classifier {
+            ClassicalClassifier::Knn { neighbours } if neighbours.len() == 1 => None,
+            ClassicalClassifier::Lda if counts.iter().any(|&count| count > 1) => None,
+            _ => first(),
+        }
+    }
+
     /// # Errors
     /// An empty name, a list without values, a value out of range.
     pub(crate) fn validate(&self) -> Result<(), InvalidSetting> {

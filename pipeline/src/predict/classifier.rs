@@ -385,6 +385,10 @@ impl Classifier {
                 found.push_str(
                     "; most likely rows and columns have been exchanged: swap these two axes where the file is written",
                 );
+            } else if own.steps == shape.taxels() && own.taxels() >= shape.steps {
+                found.push_str(
+                    "; most likely steps and taxels have been exchanged: a sweep is a row per frame, a column per taxel",
+                );
             } else if own.taxels() == shape.taxels() && own.steps > shape.steps {
                 found.push_str(&format!(
                     "; `--steps {}` keeps the first of them",

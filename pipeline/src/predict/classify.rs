@@ -138,6 +138,21 @@ impl ClassifiedSweeps {
         named.all(|name| name == Some(first)).then_some(first)
     }
 
+    /// Returns why the sweeps cannot be of one object, in one line, where the file names several materials for them.
+    pub fn not_one_object(&self) -> Option<String> {
+        let named: BTreeSet<&str> = self
+            .sweeps
+            .iter()
+            .filter_map(|sweep| sweep.named.as_deref())
+            .collect();
+        self.object.as_ref().filter(|_| named.len() > 1)?;
+        Some(format!(
+            "the file names {} materials for what `--one-object` says is one object: {}",
+            named.len(),
+            listed(&named)
+        ))
+    }
+
     /// Returns what to know about sweeps of materials that the classifier was not taught, in one line; `None` where the file names materials and
     /// all are known, or where the classifier can say "unknown" itself.
     pub fn hint(&self) -> Option<String> {
@@ -153,22 +168,16 @@ impl ClassifiedSweeps {
             let nameless = self.sweeps.iter().all(|sweep| sweep.named.is_none());
             return (nameless && !opinion).then(|| {
                 format!(
-                    "each sweep is called one of the run's {} materials, whatever it is of; a network of `train --calibrate` can say \"unknown\"",
+                    "each sweep is called one of the run's {} materials, whatever it is of; a network of `train --calibrate` calls some of the others \"unknown\"",
                     known.len()
                 )
             });
-        }
-        let mut shown: Vec<String> = unknown.iter().map(|name| format!("`{name}`")).collect();
-        let hidden = shown.len().saturating_sub(NAMED);
-        shown.truncate(NAMED);
-        if hidden > 0 {
-            shown.push(format!("and {hidden} more"));
         }
         let why = match opinion {
             true => "",
             false => ", and cannot say \"unknown\" without `train --calibrate`",
         };
-        let names = shown.join(", ");
+        let names = listed(&unknown);
         Some(format!(
             "the run does not know {names}{why}; `tactnet enroll` adds a material to a network"
         ))
@@ -213,7 +222,18 @@ impl ClassifiedSweeps {
     }
 }
 
-/// Unknown materials that are named.
+/// Returns some names, and how many more there are.
+fn listed(names: &BTreeSet<&str>) -> String {
+    let mut shown: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
+    let hidden = shown.len().saturating_sub(NAMED);
+    shown.truncate(NAMED);
+    if hidden > 0 {
+        shown.push(format!("and {hidden} more"));
+    }
+    shown.join(", ")
+}
+
+/// Materials that are named.
 const NAMED: usize = 5;
 /// Sweeps that are listed to people.
 const LISTED: usize = 40;

@@ -75,11 +75,7 @@ impl EnrolmentCost {
             } else {
                 "more sweeps of it, or a training anew with all materials, avoids that"
             };
-            format!(
-                "the new material costs the others: of {} sweeps that nothing was fitted to, {} were recognised before and {} are now ({} are taken for it); \
-                 {remedy}",
-                self.held_out, self.right_before, self.right_after, self.claimed
-            )
+            format!("the new material costs the others; {remedy}")
         })
     }
 }

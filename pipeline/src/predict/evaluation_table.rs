@@ -27,7 +27,7 @@ impl fmt::Display for EvaluationTable<'_> {
         for (method, evaluation) in self.0 {
             // Of a baseline nothing else could be asked.
             let name = match self.0.len() {
-                1 if *method == PredictionMethod::Plain => "-",
+                1 if *method == PredictionMethod::Plain => "as fitted",
                 _ => method.title(),
             };
             let fused = |pick: fn(&FusedAccuracy) -> Estimate| {

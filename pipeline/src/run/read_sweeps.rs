@@ -85,8 +85,20 @@ impl TrainSpec {
     /// Reads the sweeps that a run of this was trained on, from where they were then or from `moved_to`.
     ///
     /// # Errors
-    /// As [`TrainSpec::read_sweeps`]; where nothing is at the old place, the message says that `--data` names the new one.
+    /// As [`TrainSpec::read_sweeps`] and [`TrainSpec::place_of_data`].
     pub fn read_sweeps_of_run(&self, moved_to: Option<&str>) -> Result<Dataset, PipelineError> {
+        let place = self.place_of_data(moved_to)?;
+        Ok(self.read_sweeps_of(place, self.label_order)?)
+    }
+
+    /// Returns `moved_to`, or where the data were that a run of this was trained on: `twin`, or a file.
+    ///
+    /// # Errors
+    /// Nothing is at the old place; the message says that `--data` names the new one.
+    pub fn place_of_data<'a>(
+        &'a self,
+        moved_to: Option<&'a str>,
+    ) -> Result<&'a str, PipelineError> {
         let place = moved_to.unwrap_or(&self.data);
         if moved_to.is_none() && !DataSource::is_twin(place) && !Path::new(place).exists() {
             return Err(PipelineError::Run {
@@ -94,6 +106,6 @@ impl TrainSpec {
                 reason: "expected the data set of the run, found nothing; `--data FILE` names where it is now".into(),
             });
         }
-        Ok(self.read_sweeps_of(place, self.label_order)?)
+        Ok(place)
     }
 }

@@ -6,7 +6,8 @@ use std::path::Path;
 use std::time::Instant;
 
 use tactnet_data::{
-    DataSource, Dataset, Finding, Fold, SweepView, TrainSplit, ValidationSplit, refuse_errors,
+    DataError, DataSource, Dataset, Finding, Fold, SweepView, TrainSplit, ValidationSplit,
+    refuse_errors,
 };
 
 use super::free_folder::free_folder;
@@ -77,6 +78,27 @@ pub struct Session {
     asked: Option<TrainingSettings>,
 }
 
+/// # Errors
+/// A material with fewer training sweeps than `recipe` learns from.
+fn refuse_starved(recipe: &ModelRecipe, train: &TrainSplit<'_>) -> Result<(), DataError> {
+    let counts = train.sweeps_per_label();
+    let Some(label) = recipe.starved(&counts) else {
+        return Ok(());
+    };
+    let others = ModelRecipe::not_starved(["fast", "knn-h"], &counts).join("` and `--model ");
+    Err(DataError::inconsistent(
+        format!(
+            "training sweeps of `{}`",
+            train.dataset().labels().name(label)
+        ),
+        format!(
+            "at least 2 for model `{}`, to fit and to calibrate; `--model {others}` learn from one",
+            recipe.name()
+        ),
+        counts[label].to_string(),
+    ))
+}
+
 impl Session {
     /// Reads the data, splits it, and writes everything known before training into a new folder.
     ///
@@ -84,7 +106,7 @@ impl Session {
     /// - `on_finding`: told what is odd about the data without being an error, before the rest can fail; an error of it ends all
     ///
     /// # Errors
-    /// Data that cannot be read or has errors; a fold that it does not have; too few sweeps for the calibration; settings that do not
+    /// Data that cannot be read or has errors; a fold that it does not have; too few sweeps for the recipe or the calibration; settings that do not
     /// fit the sweeps; a folder that holds anything already.
     pub fn begin(
         job: &TrainJob,
@@ -113,6 +135,7 @@ impl Session {
         if let Some((target, aside)) = &aside {
             target.check(aside.len())?;
         }
+        refuse_starved(job.recipe(), &fitted.train)?;
         let recipe = match job.recipe() {
             ModelRecipe::TactNet2(recipe) => {
                 ModelRecipe::TactNet2(recipe.for_sweeps(fitted.train.len()))
@@ -198,6 +221,11 @@ impl Session {
             program,
             asked: None,
         })
+    }
+
+    /// The sweeps to train on and to test on.
+    pub fn dataset(&self) -> &Dataset {
+        &self.dataset
     }
 
     /// The run directory.

@@ -173,8 +173,8 @@ impl<'a> SkinSimulator<'a> {
     }
 }
 
-/// Returns what a taxel reads without contact, for each: zero, or where all readings are farther from zero than from each other, as those of a
-/// skin are that rests elsewhere, the taxel's reading that is nearest to zero.
+/// Returns what a taxel reads without contact, for each: zero, or where even the reading nearest to zero is farther from it than half of what
+/// lies between all readings, as with a skin that rests elsewhere, the taxel's own that is nearest to zero.
 fn untouched(dataset: &Dataset) -> Vec<f32> {
     let taxels = dataset.shape().taxels();
     let mut ends = vec![[f32::INFINITY, f32::NEG_INFINITY]; taxels];
@@ -199,7 +199,7 @@ fn untouched(dataset: &Dataset) -> Vec<f32> {
         true => ends[0],
         false => ends[1],
     };
-    match least.max(-most) > most - least {
+    match 2.0 * least.max(-most) > most - least {
         true => ends.iter().map(away).collect(),
         false => vec![0.0; taxels],
     }

@@ -66,10 +66,10 @@ function showBars(rows) {
 function showScore() {
   const { right, all, new_right, new_all, marks } = view.score, truth = view.object.truth !== null || all > 0;
   el("score-card").hidden = !truth; document.body.classList.toggle("unscored", !truth);
-  set("score", right + " of " + all);
-  set("score-note", all ? "right (" + Math.round(100 * right / all) + " %)" : "right; the first object is being felt");
+  set("score", all ? right + " of " + all : "–");
+  set("score-note", all ? "right (" + Math.round(100 * right / all) + " %)" : "the first object is being felt");
   el("score-cycle").hidden = !view.note; set("score-cycle", view.note || "");
-  set("score-taught", (right - new_right) + " of " + (all - new_all) + " right");
+  set("score-taught", all > new_all ? (right - new_right) + " of " + (all - new_all) + " right" : "none yet");
   el("score-new-name").hidden = el("score-new").hidden = new_all === 0;
   set("score-new", view.tells_unknown ? new_right + " of " + new_all + " called unknown" : new_all + "; this network cannot say \"unknown\" (train it with --calibrate)");
   const key = all + "/" + right;

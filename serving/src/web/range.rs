@@ -3,8 +3,8 @@
 use serde::ser::SerializeStruct;
 use serde::{Serialize, Serializer};
 
-/// What readings are shown between: the least and the largest so far, and zero unless they are farther from it than from each other, as those
-/// of a skin are that does not rest at zero.
+/// What readings are shown between: the least and the largest so far, and zero unless even the one that is
+/// nearest to it is farther from it than half of what lies between both, as with a skin that does not rest at zero.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Range {
     seen: Option<[f32; 2]>,
@@ -36,7 +36,7 @@ impl Range {
         let Some([least, most]) = self.seen else {
             return [0.0; 2];
         };
-        if least.max(-most) > most - least && most > least {
+        if 2.0 * least.max(-most) > most - least && most > least {
             return [least, most];
         }
         [least.min(0.0), most.max(0.0)]
@@ -76,6 +76,7 @@ mod tests {
         for (readings, ends) in [
             ([2010.0, 1990.0], [1990.0, 2010.0]),
             ([-2010.0, -1990.0], [-2010.0, -1990.0]),
+            ([326.0, 788.0], [326.0, 788.0]),
             ([20.0, 60.0], [0.0, 60.0]),
             ([7.0, 7.0], [0.0, 7.0]),
         ] {

@@ -132,7 +132,7 @@ pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
             let config = RunDir::open(run)?.config()?;
             let mut spec = config.spec.clone();
             spec.rate_hz = arguments.rate.or(spec.rate_hz);
-            let data = arguments.data.as_ref().unwrap_or(&spec.data);
+            let data = spec.place_of_data(arguments.data.as_deref())?;
             let dataset = source::load_as(&spec, data, LabelOrder::True)?;
             check_fit(&dataset, data, &config.classifier)?;
             let unseen = unseen_by(&dataset, run)?;

@@ -2,14 +2,19 @@
 
 use std::io::IsTerminal;
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use tactnet_pipeline::{BatchReport, TrainEvent, quoted};
 
 use crate::commands::progress_line::{about, in_five_columns};
 
-/// A bar on a terminal, a line per epoch elsewhere.
+/// So many epochs have a line each.
+const FIRST_EPOCHS: usize = 5;
+/// A later one has a line when nothing was said for so long.
+const SILENCE: Duration = Duration::from_secs(2);
+
+/// A bar on a terminal, lines of epochs elsewhere.
 pub struct Progress {
     network: Option<NetworkProgress>,
     resumed: bool,
@@ -18,6 +23,8 @@ pub struct Progress {
 struct NetworkProgress {
     bar: Option<ProgressBar>,
     begun: Instant,
+    /// When the last line was.
+    said: Instant,
     batches_before: usize,
 }
 
@@ -61,7 +68,7 @@ impl Progress {
                 self.network = Some(NetworkProgress::new(batches_before, steps.count()));
             }
             TrainEvent::Batch { batch, epochs } => {
-                if let Some(network) = &self.network {
+                if let Some(network) = &mut self.network {
                     network.show(batch, epochs);
                 }
             }
@@ -96,25 +103,32 @@ impl NetworkProgress {
         Self {
             bar,
             begun: Instant::now(),
+            said: Instant::now(),
             batches_before,
         }
     }
 
-    fn show(&self, batch: &BatchReport, epochs: usize) {
+    fn show(&mut self, batch: &BatchReport, epochs: usize) {
         let text = epoch_text(batch, epochs);
         match &self.bar {
             Some(bar) => {
                 bar.set_message(text);
                 bar.inc(1);
             }
-            None if batch.ends_epoch() => {
+            None if batch.ends_epoch() && self.is_due(batch.epoch + 1, epochs) => {
                 let done = (batch.epoch + 1) * batch.batches - self.batches_before;
                 let left = (epochs - batch.epoch - 1) * batch.batches;
                 let eta = self.begun.elapsed().mul_f64(left as f64 / done as f64);
                 say!("{text}, {} to go", about(eta));
+                self.said = Instant::now();
             }
             None => {}
         }
+    }
+
+    /// Returns whether an epoch has a line: the first ones, the last, and others when nothing was said for a while.
+    fn is_due(&self, epoch: usize, epochs: usize) -> bool {
+        epoch <= FIRST_EPOCHS || epoch == epochs || self.said.elapsed() >= SILENCE
     }
 }
 

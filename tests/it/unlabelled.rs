@@ -1,0 +1,296 @@
+//! Sweeps whose materials nobody has named: `predict` and `same`.
+
+use crate::command::{Lab, RecipeChange, expect, stderr, stdout, tactnet};
+use crate::newcomer::{own_sweeps, with};
+
+/// Writes sweeps of the small twin without their materials: a folder of `.csv`, and one file of one sweep.
+fn without_labels(lab: &Lab) -> Vec<String> {
+    let dataset = tactnet_data::format::read(&lab.path("twin.h5")).unwrap();
+    let folder = lab.path("new");
+    std::fs::create_dir(&folder).unwrap();
+    // One of each material, and three more of the last.
+    let chosen = [0, 10, 20, 30, 31, 32, 33];
+    for (place, sweep) in chosen.iter().enumerate() {
+        let rows: String = dataset
+            .sweep(*sweep)
+            .chunks_exact(16)
+            .map(|frame| {
+                frame
+                    .iter()
+                    .map(f32::to_string)
+                    .collect::<Vec<_>>()
+                    .join(",")
+                    + "\n"
+            })
+            .collect();
+        std::fs::write(folder.join(format!("{place}.csv")), rows).unwrap();
+    }
+    let name = |sweep: &usize| dataset.labels().name(dataset.records()[*sweep].label);
+    chosen.iter().map(|sweep| name(sweep).into()).collect()
+}
+
+#[test]
+fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
+    let lab = Lab::new();
+    let named = without_labels(&lab);
+    let recipe = lab.recipe(RecipeChange {
+        epochs: Some(12),
+        ..RecipeChange::default()
+    });
+    let mut train = lab.train(&recipe, "run");
+    train.args(["--calibrate", "--false-alarms", "0.2", "--coverage", "0.8"]);
+    expect(0, train);
+    let predict = |data: &str, options: &[&str]| {
+        let mut command = with(&lab, &["predict"], "run", options);
+        command.args(["--data", data]);
+        command
+    };
+    let found = expect(
+        0,
+        predict("new", &["--json", "--one-object", "--out", "found.csv"]),
+    );
+    let found: serde_json::Value = serde_json::from_str(&stdout(&found)).unwrap();
+    let rows = found["sweeps"].as_array().unwrap();
+    assert_eq!(rows.len(), named.len());
+    let run = tactnet::Classifier::load(lab.path("run")).unwrap();
+    let dataset = tactnet_data::format::read(&lab.path("twin.h5")).unwrap();
+    let view = tactnet::SweepView::new(&dataset, vec![0, 10, 20, 30, 31, 32, 33]);
+    let expected = run.predict(&view).unwrap();
+    let materials: Vec<&str> = run.materials().collect();
+    let mut sums = vec![0.0; materials.len()];
+    for (place, (row, score)) in rows.iter().zip(&expected.sweeps).enumerate() {
+        assert_eq!(row["sweep"], place.to_string());
+        assert_eq!(row["material"], materials[score.predicted()]);
+        assert!(row["unknown"].is_boolean() && row["prediction_set"].is_array());
+        assert!(row.get("named").is_none());
+        for (sum, (found, log_p)) in sums.iter_mut().zip(
+            row["probabilities"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .zip(&score.log_probability),
+        ) {
+            assert!((found.as_f64().unwrap() - log_p.exp()).abs() < 1e-12);
+            *sum += log_p;
+        }
+    }
+    // One sweep as an array of its frames, rows and columns.
+    let steps = dataset.shape().steps;
+    let header =
+        format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({steps}, 4, 4), }}\n");
+    let mut one = b"\x93NUMPY\x01\x00".to_vec();
+    one.extend((header.len() as u16).to_le_bytes());
+    one.extend(header.as_bytes());
+    one.extend(
+        dataset
+            .sweep(0)
+            .iter()
+            .flat_map(|digit| digit.to_le_bytes()),
+    );
+    std::fs::write(lab.path("one.npy"), one).unwrap();
+    let alone = expect(0, predict("one.npy", &["--json"]));
+    let alone: serde_json::Value = serde_json::from_str(&stdout(&alone)).unwrap();
+    assert_eq!(alone["sweeps"].as_array().unwrap().len(), 1);
+    let of = |row: &serde_json::Value| -> Vec<f64> {
+        let all = row["probabilities"].as_array().unwrap().iter();
+        all.map(|p| p.as_f64().unwrap()).collect()
+    };
+    for (one, among) in of(&alone["sweeps"][0]).iter().zip(of(&rows[0])) {
+        // A batch of one rounds otherwise.
+        assert!((one - among).abs() < 1e-6, "{one} {among}");
+    }
+    let fused = &found["object"];
+    let best = (0..sums.len())
+        .max_by(|a, b| sums[*a].total_cmp(&sums[*b]))
+        .unwrap();
+    assert_eq!(fused["material"], materials[best]);
+    assert_eq!(fused["sweeps"], rows.len());
+    let table = String::from_utf8(lab.read("found.csv")).unwrap();
+    assert_eq!(table.lines().count(), 1 + rows.len());
+    assert!(
+        table.starts_with("sweep,material,unknown,prediction_set,named,p("),
+        "{table}"
+    );
+
+    for cell in table
+        .lines()
+        .skip(1)
+        .flat_map(|line| line.split(',').skip(5))
+    {
+        assert!(cell.len() <= 8, "{cell}: digits that nobody reads");
+    }
+    let again = |out: &str| stderr(&expect(2, predict("new", &["--out", out])));
+    assert!(again("found.csv").contains("overwrite it with `--force`"));
+    assert!(again("found.txt").contains(".csv or .json"));
+    expect(0, predict("new", &["--out", "found.csv", "--force"]));
+    expect(0, predict("new", &["--out", "found.json"]));
+    let written: serde_json::Value = serde_json::from_slice(&lab.read("found.json")).unwrap();
+    assert_eq!(written["sweeps"].as_array().unwrap().len(), rows.len());
+
+    // A file alone, and a data set with materials, which then stand beside.
+    let one = stdout(&expect(0, predict("new/0.csv", &[])));
+    assert!(
+        one.contains("or else") && one.contains("1 sweep: "),
+        "{one}"
+    );
+    let known = expect(0, predict("twin.h5", &["--json", "--mc", "0"]));
+    let said = stderr(&known);
+    assert!(
+        said.contains("note: the run has learnt from 32 of these 40 sweeps"),
+        "{said}"
+    );
+    let known: serde_json::Value = serde_json::from_str(&stdout(&known)).unwrap();
+    assert_eq!(known["sweeps"][30]["named"], named[3]);
+    // The same sweeps in another file.
+    let some = lab.path("some.npz").display().to_string();
+    let import = with(
+        &lab,
+        &["data", "import"],
+        "new",
+        &[
+            "--rate",
+            "750",
+            "--shape",
+            "4x4",
+            "--material",
+            "any",
+            "--out",
+            &some,
+        ],
+    );
+    expect(0, import);
+    let said = stderr(&expect(0, predict("some.npz", &["--mc", "0"])));
+    assert!(
+        said.contains("note: the run has learnt from ")
+            && said.contains(" sweeps, which says nothing"),
+        "{said}"
+    );
+    let shown = stdout(&expect(0, predict("twin.h5", &[])));
+    assert!(shown.lines().next().unwrap().contains("named"), "{shown}");
+    assert!(shown.contains(" of 40 right"), "{shown}");
+    let plain = stdout(&expect(0, with(&lab, &["eval", "--mc", "0"], "run", &[])));
+    assert!(!plain.contains("MC dropout"), "{plain}");
+    let refused = stderr(&expect(2, predict("new", &["--rate", "100"])));
+    assert!(
+        refused.contains("new: the classifier expects 750 Hz")
+            && refused.contains("100 Hz, as `--rate` says"),
+        "{refused}"
+    );
+    let refused = stderr(&expect(2, predict("nothing", &[])));
+    assert!(refused.contains("nothing"), "{refused}");
+    // What is longer is cut, and a material is learnt from sweeps that nobody labelled.
+    let row = vec!["9"; 16].join(",") + "\n";
+    std::fs::write(lab.path("long.csv"), row.repeat(200)).unwrap();
+    let refused = stderr(&expect(2, predict("long.csv", &[])));
+    assert!(refused.contains("`--steps 120`"), "{refused}");
+    expect(0, predict("long.csv", &["--steps", "120"]));
+    let same = |options: &[&str]| {
+        let both = ["long.csv", "long.csv"];
+        with(&lab, &["same"], "run", &[&both[..], options].concat())
+    };
+    expect(2, same(&[]));
+    expect(0, same(&["--steps", "120"]));
+    let slow = lab.path("slow.npz").display().to_string();
+    let slower = ["--rate", "100", "--out", &slow];
+    let said = expect(0, with(&lab, &["data", "import"], "twin.h5", &slower));
+    let said = stderr(&said);
+    assert!(
+        said.contains("twin.h5 says 750 Hz; `--rate 100` is taken instead"),
+        "{said}"
+    );
+    for command in [
+        predict("slow.npz", &[]),
+        with(&lab, &["eval"], "run", &["--data", "slow.npz"]),
+        with(
+            &lab,
+            &["demo", "--listen", "0", "--data", "slow.npz", "--run"],
+            "run",
+            &[],
+        ),
+    ] {
+        let refused = stderr(&expect(2, command));
+        assert!(
+            refused.contains("slow.npz: the classifier expects"),
+            "{refused}"
+        );
+        assert!(refused.contains("100 Hz"), "{refused}");
+    }
+    let mut enroll = with(
+        &lab,
+        &["enroll"],
+        "run",
+        &["--data", "new", "--material", "felt"],
+    );
+    enroll.args(["--out", "grown", "--rate", "750", "--steps", "120"]);
+    expect(0, enroll);
+    let mut again = with(&lab, &["predict"], "grown", &["--data", "new", "--json"]);
+    again.arg("--one-object");
+    let found: serde_json::Value = serde_json::from_str(&stdout(&expect(0, again))).unwrap();
+    assert_eq!(found["materials"].as_array().unwrap().len(), 5);
+}
+
+/// Two files of one object each, and the object beside itself.
+#[test]
+fn two_objects_are_of_one_material_or_of_two() {
+    let lab = Lab::new();
+    own_sweeps(&lab, "own", ["glass", "felt"], 12, 4);
+    let recipe = lab.recipe(RecipeChange::default());
+    let data = lab.path("own").display().to_string();
+    let train = ["train", "--data", &data, "--rate", "750", "--epochs", "60"];
+    let mut training = tactnet(train);
+    training
+        .arg("--recipe")
+        .arg(&recipe)
+        .arg("--out")
+        .arg(lab.path("run"));
+    expect(0, training);
+    own_sweeps(&lab, "cup", ["glass", "other"], 2, 4);
+    own_sweeps(&lab, "cloth", ["other", "felt"], 2, 4);
+    let [cup, cloth] = [("cup", "glass"), ("cloth", "felt")]
+        .map(|(a, b)| lab.path(a).join(b).display().to_string());
+    let same = |first: &str, second: &str| -> f64 {
+        let call = with(&lab, &["same"], "run", &[first, second, "--json"]);
+        let found: serde_json::Value = serde_json::from_str(&stdout(&expect(0, call))).unwrap();
+        assert_eq!(found["objects"][0]["sweeps"], 2);
+        found["same"].as_f64().unwrap()
+    };
+    let (alone, apart) = (same(&cup, &cup), same(&cup, &cloth));
+    assert!(alone > apart, "{alone} {apart}");
+    assert!(
+        (same(&cloth, &cup) - apart).abs() < 1e-12,
+        "either way round"
+    );
+    let said = stdout(&expect(0, with(&lab, &["same"], "run", &[&cup, &cloth])));
+    assert!(said.contains("probability of one material "), "{said}");
+    expect(2, with(&lab, &["same"], "run", &[&cup, "nowhere.npz"]));
+    // Names in the files that contradict the verdict, and those that the run does not know.
+    let named = |file: &str, name: &str| {
+        let out = lab.path(file).display().to_string();
+        let more = ["--material", name, "--rate", "750", "--out", &out];
+        expect(0, with(&lab, &["data", "import"], "cup/glass", &more));
+        out
+    };
+    let (glass, silk) = (named("glass.npz", "glass"), named("silk.npz", "silk"));
+    let both = expect(0, with(&lab, &["same"], "run", &[&glass, &silk]));
+    let (verdict, hints) = (stdout(&both), stderr(&both));
+    assert!(
+        verdict.contains("the files say otherwise: glass names `glass`, silk `silk`"),
+        "{verdict}"
+    );
+    assert!(hints.contains("the run does not know `silk`"), "{hints}");
+    // The run is named either way, and what is odd about the files is said.
+    let named = with(&lab, &["same", "--run"], "run", &[&cup, &cloth]);
+    assert_eq!(stdout(&expect(0, named)), said);
+    expect(
+        2,
+        with(&lab, &["same", "--run"], "run", &[&cup, &cloth, &cup]),
+    );
+    expect(2, with(&lab, &["same"], "run", &[&cup]));
+    let several = stderr(&expect(2, with(&lab, &["same"], "run", &[&cup, &data])));
+    assert!(
+        several.contains("expected sweeps of one object, found 2 materials"),
+        "{several}"
+    );
+    let twice = stderr(&expect(0, with(&lab, &["same"], "run", &[&cup, &cup])));
+    assert!(twice.contains("are the same sweeps"), "{twice}");
+}
