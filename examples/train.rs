@@ -22,9 +22,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let recipe = Recipe::named("fast")?;
     let classifier = recipe
         .fit_while(&fold.train, |batch| {
-            if batch.ends_epoch() {
-                let (epoch, loss) = (batch.epoch + 1, batch.mean_loss);
-                eprintln!("epoch {epoch}: mean loss {loss:.3} nats");
+            if let (true, Some(loss)) = (batch.ends_epoch(), batch.mean_loss) {
+                eprintln!("epoch {}: mean loss {loss:.3} nats", batch.epoch + 1);
             }
             true
         })?

@@ -7,8 +7,8 @@
 Rows are those of `tactnet bench device` (`device`, `name`, `work`, `ms`), `rounds` of them, and for PyTorch `device` = "torch". Its work is
 TactNet-II on 36 sweeps of 1000 x 16 values that lie on the card: `step` (forward, backward, fused Adam) and `adversarial step` (the gradient of
 the input of a clean pass, then both losses, as recipe `thesis`). Its ways are 32-bit floats, TF32 or autocast to bf16, contiguous or
-channels-last memory, launched one by one or replayed as one CUDA graph; `way` says which. Our steps also load and normalise the sweeps, draw
-dropout, and read the loss back. Without PyTorch or a CUDA card its rows are missing, and `missing` says why.
+channels-last memory, launched one by one or replayed as one CUDA graph; `way` says which. Our steps also choose and normalise the sweeps, which lie on
+the card as digits, and draw dropout; losses are read at an epoch's end. Without PyTorch or a CUDA card its rows are missing, and `missing` says why.
 """
 
 import argparse

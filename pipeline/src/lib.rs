@@ -45,8 +45,9 @@ pub use network::embedding::Embedding;
 pub use network::fit_mlp::{
     MlpTraining, SweepPair, fit_difference, fit_embedding, fit_labels, predict_difference,
 };
+pub use network::measured::{Figures, Measured};
 pub use network::novelty::{NoveltyScore, NoveltyScorer};
-pub use network::objective::{AdversarialOutcome, Pass, Perturbation, adversarial_pass, base_pass};
+pub use network::objective::{Pass, Perturbation, adversarial_pass, base_pass};
 pub use network::train_embeddings::TrainEmbeddings;
 pub use network::train_network::{train_network, train_siamese};
 pub use network::training::{BatchReport, Position, Training, TrainingState};

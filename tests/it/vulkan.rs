@@ -70,7 +70,7 @@ fn vulkan_gives_the_logits_and_gradients_of_the_processor() {
     }
 }
 
-/// The mean loss after each of ten steps, and the weights after them: blocks of one map in and of several, Adam, running statistics.
+/// The mean loss of each epoch of ten steps, and the weights after them: blocks of one map in and of several, Adam, running statistics.
 ///
 /// With `threads` every step comes from a thread of its own.
 fn trained(device: Compute, layers: &str, method: &str, threads: bool) -> (Vec<f64>, Weights) {
@@ -103,7 +103,10 @@ fn trained(device: Compute, layers: &str, method: &str, threads: bool) -> (Vec<f
         } else {
             training.step()
         };
-        losses.push(report.unwrap().unwrap().mean_loss);
+        let report = report.unwrap().unwrap();
+        if report.ends_epoch() {
+            losses.push(report.mean_loss.unwrap());
+        }
     }
     (losses, training.state().unwrap().weights)
 }

@@ -1,11 +1,13 @@
 //! The loss and its gradients: plain cross entropy, and the adversarial objective of the thesis.
 
-use crate::AttackedLabel;
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::GradientsParams;
 use burn::tensor::{Gradients, Int, Tensor, TensorData};
 use rayon::prelude::*;
 use tactnet_models::{BatchStatistics, TactNet, cross_entropy, is_cpu, values};
+
+use super::measured::Measured;
+use crate::AttackedLabel;
 
 /// Values that a thread takes at once.
 const RUN: usize = 1 << 14;
@@ -16,20 +18,10 @@ pub struct Pass {
     pub gradients: GradientsParams,
     /// Batch statistics of the clean sweeps.
     pub statistics: Vec<BatchStatistics>,
-    /// What the adversarial sweeps gave, where there were any.
-    pub adversarial: Option<AdversarialOutcome>,
-    /// The objective, nats per sweep.
-    pub loss: f64,
-    /// Clean sweeps whose largest logit is their label's, with dropout on.
-    pub correct: usize,
-}
-
-/// What the adversarial half of a batch gave.
-pub struct AdversarialOutcome {
-    /// Its batch statistics.
-    pub statistics: Vec<BatchStatistics>,
-    /// Its sweeps whose largest logit is their label's, with dropout on.
-    pub correct: usize,
+    /// Those of the adversarial sweeps, where there were any.
+    pub adversarial_statistics: Option<Vec<BatchStatistics>>,
+    /// Loss and recognised sweeps, not read yet.
+    pub measured: Measured,
 }
 
 /// Settings of the adversarial objective.
@@ -54,15 +46,13 @@ pub fn base_pass(
     labels: Tensor<1, Int>,
     mask: Tensor<2>,
 ) -> Pass {
-    let (mut gradients, statistics, loss, correct) =
-        pass(net, sweeps.autodiff(), labels, mask, 1.0);
+    let (mut gradients, statistics, half) = pass(net, sweeps.autodiff(), labels, mask, 1.0);
     let gradients = GradientsParams::from_module(&mut gradients, net);
     Pass {
         gradients,
         statistics,
-        adversarial: None,
-        loss,
-        correct,
+        adversarial_statistics: None,
+        measured: Measured::clean(half),
     }
 }
 
@@ -88,7 +78,7 @@ pub fn adversarial_pass(
     // The sign of dE/dx needs a clean loss even where that has no weight.
     let clean_weight = if alpha > 0.0 { alpha } else { 1.0 };
     let predicted = (*attack == AttackedLabel::Predicted).then(|| clean_mask.clone());
-    let (mut clean, statistics, clean_loss, correct) = pass(
+    let (mut clean, statistics, clean_half) = pass(
         net,
         tracked.clone(),
         labels.clone(),
@@ -103,7 +93,7 @@ pub fn adversarial_pass(
     };
     drop(tracked);
     let perturbed = perturbed(sweeps, gradient, epsilon).autodiff();
-    let (mut adversarial, adversarial_statistics, adversarial_loss, adversarial_correct) =
+    let (mut adversarial, adversarial_statistics, adversarial_half) =
         pass(net, perturbed, labels, adversarial_mask, 1.0 - alpha);
     let mut gradients = GradientsParams::from_module(&mut adversarial, net);
     if alpha > 0.0 {
@@ -113,16 +103,11 @@ pub fn adversarial_pass(
             gradients,
         );
     }
-    let loss = alpha * clean_loss + (1.0 - alpha) * adversarial_loss;
     Pass {
         gradients,
         statistics,
-        adversarial: Some(AdversarialOutcome {
-            statistics: adversarial_statistics,
-            correct: adversarial_correct,
-        }),
-        loss,
-        correct,
+        adversarial_statistics: Some(adversarial_statistics),
+        measured: Measured::adversarial([clean_half, adversarial_half], alpha),
     }
 }
 
@@ -171,14 +156,14 @@ fn perturbed(sweeps: Tensor<4>, gradient: Tensor<4>, epsilon: &[f32]) -> Tensor<
     Tensor::from_data(TensorData::new(digits, extents), &device)
 }
 
-/// Gradients of `weight` times the loss, batch statistics, the loss itself and the sweeps recognised.
+/// Gradients of `weight` times the loss, batch statistics, and `[2]`: the loss itself, the sweeps recognised.
 fn pass(
     net: &TactNet,
     sweeps: Tensor<4>,
     labels: Tensor<1, Int>,
     mask: Tensor<2>,
     weight: f64,
-) -> (Gradients, Vec<BatchStatistics>, f64, usize) {
+) -> (Gradients, Vec<BatchStatistics>, Tensor<1>) {
     let forward = net.forward_train(sweeps, mask);
     let recognised = forward
         .logits
@@ -189,17 +174,8 @@ fn pass(
     let correct = recognised.float().sum();
     let loss = cross_entropy(forward.logits, labels);
     let gradients = loss.clone().mul_scalar(weight).backward();
-    // Read together, and last: a GPU has all of the pass to do by then.
-    let read = values(Tensor::cat(
-        vec![loss.without_autodiff(), correct.without_autodiff()],
-        0,
-    ));
-    (
-        gradients,
-        forward.statistics,
-        f64::from(read[0]),
-        read[1] as usize,
-    )
+    let half = Tensor::cat(vec![loss.without_autodiff(), correct.without_autodiff()], 0);
+    (gradients, forward.statistics, half)
 }
 
 /// `first + second`; on the processor on all threads.
@@ -314,10 +290,12 @@ mod tests {
         } = &batch;
         let base = base_pass(net, sweeps.clone(), labels.clone(), mask.clone());
         let expected = net.gradients(&base.gradients);
+        let base_loss = base.measured.read().loss;
         for alpha in [0.0, 0.1, 0.5, 1.0] {
             let pass = adversarial(&batch, alpha, 0.0);
-            assert!((pass.loss - base.loss).abs() < 1e-6, "{alpha}");
             let found = net.gradients(&pass.gradients);
+            let loss = pass.measured.read().loss;
+            assert!((loss - base_loss).abs() < 1e-6, "{alpha}");
             for (name, expected) in &expected.0 {
                 let largest = expected.values.iter().fold(1e-6_f32, |m, v| m.max(v.abs()));
                 for (found, expected) in found.0[name].values.iter().zip(&expected.values) {
@@ -331,7 +309,8 @@ mod tests {
     #[test]
     fn the_perturbation_raises_the_loss() {
         let batch = batch();
-        let losses = [0.0, 0.01, 0.02].map(|epsilon| adversarial(&batch, 0.0, epsilon).loss);
+        let losses =
+            [0.0, 0.01, 0.02].map(|epsilon| adversarial(&batch, 0.0, epsilon).measured.read().loss);
         assert!(losses.is_sorted_by(|a, b| a < b), "{losses:?}");
     }
 }

@@ -2,14 +2,15 @@
 
 use burn::optim::GradientsParams;
 use burn::tensor::Tensor;
-use tactnet_models::{TactNet, batch_contrastive_loss, values};
+use tactnet_models::{TactNet, batch_contrastive_loss};
 
+use super::measured::Measured;
 use super::objective::Pass;
 
 /// Distance that sweeps of two materials shall keep, in root mean squares of a unit: what a rectified, normalised unit has.
 const MARGIN: f64 = 1.0;
 
-/// Contrastive loss of all pairs of a batch on what the output layer sees, which itself learns nothing. `Pass::correct` counts sweeps
+/// Contrastive loss of all pairs of a batch on what the output layer sees, which itself learns nothing. Recognised are sweeps
 /// whose nearest neighbour in the batch is of their material.
 ///
 /// - `sweeps`: `[batch, 1, steps, taxels]` without autodiff
@@ -25,24 +26,19 @@ pub(crate) fn pairs_pass(
     let (loss, distances) = batch_contrastive_loss(forward.hidden, labels, MARGIN);
     let mut gradients = loss.backward();
     let gradients = GradientsParams::from_module(&mut gradients, net);
-    let read = values(Tensor::cat(
-        vec![
-            loss.without_autodiff(),
-            distances.without_autodiff().flatten(0, 1),
-        ],
-        0,
-    ));
+    let (loss, distances) = (loss.without_autodiff(), distances.without_autodiff());
     Pass {
         gradients,
         statistics: forward.statistics,
-        adversarial: None,
-        loss: f64::from(read[0]),
-        correct: near_their_own(&read[1..], labels),
+        adversarial_statistics: None,
+        measured: Measured::pairs(loss, distances, labels),
     }
 }
 
+/// Returns how many sweeps have their nearest neighbour among those of their own label.
+///
 /// - `distances`: `[sweeps][sweeps]`
-fn near_their_own(distances: &[f32], labels: &[usize]) -> usize {
+pub(super) fn near_their_own(distances: &[f32], labels: &[usize]) -> usize {
     let rows = distances.chunks_exact(labels.len()).enumerate();
     rows.filter(|(own, row)| {
         let others = (0..labels.len()).filter(|other| other != own);

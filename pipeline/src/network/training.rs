@@ -5,12 +5,14 @@ use burn::tensor::{Bytes, Device, Int, Tensor, TensorData};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use tactnet_data::{Seed, SweepView, TrainSplit, shuffle};
-use tactnet_models::{TactNet, TactNetConfig, Weights, dropout_masks, spare_memory};
+use tactnet_models::{TactNet, TactNetConfig, Weights, dropout_masks, is_cpu, spare_memory};
 
 use crate::network::adam::FusedAdam;
 use crate::network::in_pool::in_pool;
+use crate::network::measured::Measured;
 use crate::network::objective::{Pass, Perturbation, adversarial_pass, base_pass};
 use crate::network::pairs_pass::pairs_pass;
+use crate::network::resident::ResidentSweeps;
 use crate::{
     AdversarialMask, AdversarialStatistics, Normalizer, PipelineError, Recipe, TrainingMethod,
 };
@@ -54,11 +56,11 @@ pub struct BatchReport {
     pub batch: usize,
     /// Batches in an epoch.
     pub batches: usize,
-    /// Mean objective of the epoch so far, nats per sweep.
-    pub mean_loss: f64,
-    /// Share of the epoch's sweeps recognised so far, with dropout on.
-    pub accuracy: f64,
-    /// The same of the adversarial sweeps, where there are any.
+    /// Mean objective of the epoch so far, nats per sweep; on a GPU `None` until the epoch's last batch, since reading it would make the GPU wait.
+    pub mean_loss: Option<f64>,
+    /// Share of the epoch's sweeps recognised so far, with dropout on; as `mean_loss`.
+    pub accuracy: Option<f64>,
+    /// The same of the adversarial sweeps, where there are any; as `mean_loss`.
     pub adversarial_accuracy: Option<f64>,
     /// Learning rate used.
     pub learning_rate: f64,
@@ -92,7 +94,11 @@ pub struct Training<'a> {
     /// Absent only while the optimiser has it: what nobody else holds it changes in place.
     net: Option<TactNet>,
     optimizer: ModuleOptimizer,
+    /// The sweeps, where they lie on a GPU.
+    resident: Option<ResidentSweeps>,
     position: Position,
+    /// Batches of this epoch that have not been read, with their numbers and their numbers of sweeps.
+    unread: Vec<(usize, usize, Measured)>,
     /// Pairs are learnt, not materials.
     on_pairs: bool,
     /// Epoch and batch of the last step, counted from 0, for messages.
@@ -121,6 +127,13 @@ impl<'a> Training<'a> {
         }
         let device = device.clone().autodiff();
         let net = TactNet::init(config, &device, &mut seed.rng("initial weights"));
+        // Augmented sweeps are others in every epoch.
+        let resident = if is_cpu(&device) || !recipe.training.augmentation.is_none() {
+            None
+        } else {
+            let plain = device.clone().without_autodiff();
+            ResidentSweeps::new(train, normalizer, &plain)
+        };
         Ok(Self {
             recipe,
             train,
@@ -130,7 +143,9 @@ impl<'a> Training<'a> {
             device,
             net: Some(net),
             optimizer: adam(recipe),
+            resident,
             position: Position::default(),
+            unread: Vec::new(),
             on_pairs: false,
             last: (0, 0),
         })
@@ -161,11 +176,12 @@ impl<'a> Training<'a> {
         Ok(self)
     }
 
-    /// Returns what a restart needs.
+    /// Returns what a restart needs; waits for a GPU.
     ///
     /// # Errors
-    /// A weight that is not finite: such a state is not worth keeping.
-    pub fn state(&self) -> Result<TrainingState, PipelineError> {
+    /// A loss or a weight that is not finite: such a state is not worth keeping.
+    pub fn state(&mut self) -> Result<TrainingState, PipelineError> {
+        self.wait()?;
         let weights = self.net().weights();
         for (name, tensor) in &weights.0 {
             if tensor.values.iter().any(|v| !v.is_finite()) {
@@ -197,10 +213,11 @@ impl<'a> Training<'a> {
         self.train.len().div_ceil(self.recipe.training.batch)
     }
 
-    /// Trains on the next batch; `None` when all epochs are done.
+    /// Trains on the next batch; `None` when all epochs are done. On a GPU it asks for the batch and does not wait for it, but for the last of an
+    /// epoch.
     ///
     /// # Errors
-    /// A loss that is not finite, with its epoch and batch; the weights are then those before this batch.
+    /// A loss that is not finite, with its epoch and batch; on the processor the weights are then those before this batch.
     pub fn step(&mut self) -> Result<Option<BatchReport>, PipelineError> {
         let device = self.device.clone();
         in_pool(&device, || self.take_step())
@@ -223,35 +240,35 @@ impl<'a> Training<'a> {
                 self.mask(stream, (epoch, batch), positions.len())
             })
         };
-        if !pass.loss.is_finite() {
-            return Err(self.not_finite("loss"));
+        self.unread.push((batch, positions.len(), pass.measured));
+        if is_cpu(&self.device) {
+            self.wait()?;
         }
         let learning_rate = self.recipe.learning_rate(epoch, batch, self.batches());
         let net = self.net.take().unwrap_or_else(no_network);
         let mut net = self.optimizer.step(learning_rate, net, pass.gradients);
         net.update_running_stats(&pass.statistics);
-        if let (Some(adversarial), true) = (&pass.adversarial, self.follows_both()) {
-            net.update_running_stats(&adversarial.statistics);
+        if let (Some(adversarial), true) = (&pass.adversarial_statistics, self.follows_both()) {
+            net.update_running_stats(adversarial);
         }
         self.net = Some(net);
 
         let batches = self.batches();
-        let position = &mut self.position;
-        position.loss_sum += pass.loss * positions.len() as f64;
-        position.correct += pass.correct;
-        if let Some(adversarial) = &pass.adversarial {
-            position.adversarial_correct += adversarial.correct;
+        if batch + 1 == batches {
+            self.wait()?;
         }
-        position.sweeps += positions.len();
+        let position = &mut self.position;
+        let is_read = self.unread.is_empty();
+        let mean = |sum: f64| is_read.then(|| sum / position.sweeps as f64);
         let report = BatchReport {
             epoch,
             batch,
             batches,
-            mean_loss: position.loss_sum / position.sweeps as f64,
-            accuracy: position.correct as f64 / position.sweeps as f64,
+            mean_loss: mean(position.loss_sum),
+            accuracy: mean(position.correct as f64),
             adversarial_accuracy: pass
-                .adversarial
-                .map(|_| position.adversarial_correct as f64 / position.sweeps as f64),
+                .adversarial_statistics
+                .and_then(|_| mean(position.adversarial_correct as f64)),
             learning_rate,
         };
         position.batch += 1;
@@ -262,6 +279,32 @@ impl<'a> Training<'a> {
             };
         }
         Ok(Some(report))
+    }
+
+    /// Waits until the batches so far are computed, and reads what they measured.
+    ///
+    /// # Errors
+    /// A loss that is not finite.
+    pub fn wait(&mut self) -> Result<(), PipelineError> {
+        let unread = std::mem::take(&mut self.unread);
+        let mut about = Vec::with_capacity(unread.len());
+        let mut measured = Vec::with_capacity(unread.len());
+        for (batch, sweeps, of) in unread {
+            about.push((batch, sweeps));
+            measured.push(of);
+        }
+        for ((batch, sweeps), figures) in about.into_iter().zip(Measured::read_all(measured)) {
+            if !figures.loss.is_finite() {
+                self.last.1 = batch;
+                return Err(self.not_finite("loss"));
+            }
+            let position = &mut self.position;
+            position.loss_sum += figures.loss * sweeps as f64;
+            position.correct += figures.correct;
+            position.adversarial_correct += figures.adversarial_correct.unwrap_or_default();
+            position.sweeps += sweeps;
+        }
+        Ok(())
     }
 
     /// Forward and backward through the network as it stands, by the recipe's method.
@@ -314,12 +357,13 @@ impl<'a> Training<'a> {
                     let stream = format!("watched {stream}");
                     self.mask(&stream, (epoch, batch), positions.len())
                 });
-                if !pass.loss.is_finite() {
+                let figures = pass.measured.read();
+                if !figures.loss.is_finite() {
                     return Err(self.not_finite("loss of watched sweeps"));
                 }
-                correct += pass.correct;
-                if let Some(found) = pass.adversarial {
-                    *adversarial.get_or_insert(0) += found.correct;
+                correct += figures.correct;
+                if let Some(found) = figures.adversarial_correct {
+                    *adversarial.get_or_insert(0) += found;
                 }
             }
             let share = |correct: usize| correct as f64 / watched.len().max(1) as f64;
@@ -355,6 +399,9 @@ impl<'a> Training<'a> {
 
     /// `[batch, 1, steps, taxels]`, augmented and normalised, on the device without autodiff.
     fn load(&self, epoch: usize, positions: &[usize]) -> Tensor<4> {
+        if let Some(resident) = &self.resident {
+            return resident.batch(positions);
+        }
         let taxels = self.train.shape().taxels();
         let augmentation = self.recipe.training.augmentation;
         self.loaded(self.train, positions, |position, sweep| {

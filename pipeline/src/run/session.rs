@@ -349,7 +349,7 @@ impl Session {
         if !ended {
             return Ok(None);
         }
-        record.save(&training)?;
+        record.save(&mut training)?;
         self.run.write_weights(&training.state()?.weights)?;
         Ok(Some(TrainingSummary {
             seconds: record.seconds(),

@@ -59,8 +59,8 @@ impl<'a> TrainingRecord<'a> {
         if batch.ends_epoch() {
             self.metrics.push(EpochMetrics {
                 epoch: batch.epoch + 1,
-                train_loss: batch.mean_loss,
-                train_accuracy: batch.accuracy,
+                train_loss: batch.mean_loss.unwrap_or(f64::NAN),
+                train_accuracy: batch.accuracy.unwrap_or(f64::NAN),
                 adversarial_accuracy: batch.adversarial_accuracy,
                 test_accuracy: None,
                 adversarial_test_accuracy: None,
@@ -89,7 +89,7 @@ impl<'a> TrainingRecord<'a> {
     ///
     /// # Errors
     /// It cannot be written.
-    pub fn save(&mut self, training: &Training<'_>) -> Result<(), PipelineError> {
+    pub fn save(&mut self, training: &mut Training<'_>) -> Result<(), PipelineError> {
         self.run.write_metrics(&self.metrics)?;
         self.run
             .write_checkpoint(&training.state()?, self.seconds)?;
@@ -102,7 +102,7 @@ impl<'a> TrainingRecord<'a> {
     ///
     /// # Errors
     /// None with weights of a network.
-    pub fn keep(&mut self, training: &Training<'_>) -> Result<(), PipelineError> {
+    pub fn keep(&mut self, training: &mut Training<'_>) -> Result<(), PipelineError> {
         self.unsaved = Some((training.state()?, self.seconds));
         Ok(())
     }

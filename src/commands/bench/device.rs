@@ -44,7 +44,7 @@ struct Row {
     name: String,
     /// `step`, `adversarial step` or `epoch`.
     work: &'static str,
-    /// Milliseconds: the median of steps, or the one epoch.
+    /// Milliseconds: a step (the median on the processor, the mean on a GPU), or the one epoch.
     ms: f64,
 }
 

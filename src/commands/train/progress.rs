@@ -142,12 +142,15 @@ fn batch_bar(batches: usize, target: ProgressDrawTarget) -> ProgressBar {
 
 /// In at most 46 columns, so that the time left beside it fits.
 fn epoch_text(batch: &BatchReport, epochs: usize) -> String {
-    format!(
-        "epoch {}/{epochs}: loss {}, training {:.1} %",
-        batch.epoch + 1,
-        in_five_columns(batch.mean_loss),
-        100.0 * batch.accuracy
-    )
+    let epoch = batch.epoch + 1;
+    match (batch.mean_loss, batch.accuracy) {
+        (Some(loss), Some(accuracy)) => format!(
+            "epoch {epoch}/{epochs}: loss {}, training {:.1} %",
+            in_five_columns(loss),
+            100.0 * accuracy
+        ),
+        _ => format!("epoch {epoch}/{epochs}"),
+    }
 }
 
 #[cfg(test)]
@@ -163,8 +166,8 @@ mod tests {
             epoch: 999,
             batch: 0,
             batches: 1,
-            mean_loss: 99_999.0,
-            accuracy: 1.0,
+            mean_loss: Some(99_999.0),
+            accuracy: Some(1.0),
             adversarial_accuracy: None,
             learning_rate: 1e-4,
         };

@@ -61,7 +61,7 @@ class Classifier:
         epochs: int | None = None,
         seed: int = 1,
         levels: str | None = None,
-        progress: Callable[[int, int, int, float, float], Any] | None = None,
+        progress: Callable[[int, int, int, float | None, float | None], Any] | None = None,
     ) -> Classifier: ...
     @staticmethod
     def load(folder: str | PathLike[str]) -> Classifier: ...

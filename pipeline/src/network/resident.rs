@@ -1,0 +1,226 @@
+//! Training sweeps that lie on the device for as long as a training takes: 8-bit and 16-bit digits packed into words, batches taken from there by
+//! number and normalised there.
+
+use burn::tensor::{Device, Int, Tensor, TensorData};
+use tactnet_data::{Samples, SweepView};
+
+use crate::Normalizer;
+
+/// Sweeps that are larger are not kept there: what a WebGPU buffer that a kernel reads may have at least on every card.
+const MOST_BYTES: usize = 128 << 20;
+/// Bits of a word.
+const WORD: usize = 32;
+
+/// Sweeps on a device.
+pub(crate) struct ResidentSweeps {
+    kept: Kept,
+    /// Values of a sweep, `[1, steps, taxels]`.
+    extents: [usize; 3],
+}
+
+enum Kept {
+    /// `[sweeps, words]`, the first value of a word in its lowest bits.
+    Packed {
+        words: Tensor<2, Int>,
+        bits: usize,
+        /// `[1, 1, 1, taxels]`
+        offset: Tensor<4>,
+        gain: Tensor<4>,
+    },
+    /// `[sweeps, values]`, normalised.
+    Normalized(Tensor<2>),
+}
+
+impl ResidentSweeps {
+    /// Puts sweeps onto `device`; `None` where they are too large for it.
+    pub(crate) fn new(
+        sweeps: &SweepView<'_>,
+        normalizer: &Normalizer,
+        device: &Device,
+    ) -> Option<Self> {
+        let shape = sweeps.shape();
+        let kept = match sweeps.dataset().samples() {
+            Samples::U8(digits) if !normalizer.needs_whole_sweep() => {
+                Kept::packed(sweeps, digits, normalizer, device)
+            }
+            Samples::U16(digits) if !normalizer.needs_whole_sweep() => {
+                Kept::packed(sweeps, digits, normalizer, device)
+            }
+            _ => Kept::normalized(sweeps, normalizer, device),
+        };
+        Some(Self {
+            kept: kept?,
+            extents: [1, shape.steps, shape.taxels()],
+        })
+    }
+
+    /// Returns the normalised sweeps at `positions`: `[batch, 1, steps, taxels]`.
+    pub(crate) fn batch(&self, positions: &[usize]) -> Tensor<4> {
+        let [_, steps, taxels] = self.extents;
+        let (batch, values) = (positions.len(), steps * taxels);
+        match &self.kept {
+            Kept::Normalized(sweeps) => sweeps
+                .clone()
+                .select(0, numbers(positions, &sweeps.device()))
+                .reshape([batch, 1, steps, taxels]),
+            Kept::Packed {
+                words,
+                bits,
+                offset,
+                gain,
+            } => {
+                let chosen = words.clone().select(0, numbers(positions, &words.device()));
+                let mask = (1_i64 << bits) - 1;
+                let parts = (0..WORD / bits).map(|part| {
+                    let shifted = match part {
+                        0 => chosen.clone(),
+                        part => chosen
+                            .clone()
+                            .bitwise_right_shift_scalar((part * bits) as i64),
+                    };
+                    shifted
+                        .bitwise_and_scalar(mask)
+                        .float()
+                        .unsqueeze_dim::<3>(2)
+                });
+                let digits = Tensor::cat(parts.collect(), 2).flatten::<2>(1, 2);
+                let digits = digits.slice([0..batch, 0..values]);
+                let digits = digits.reshape([batch, 1, steps, taxels]);
+                (digits - offset.clone()) * gain.clone()
+            }
+        }
+    }
+}
+
+impl Kept {
+    fn packed<T: Copy + Into<u32>>(
+        sweeps: &SweepView<'_>,
+        digits: &[T],
+        normalizer: &Normalizer,
+        device: &Device,
+    ) -> Option<Self> {
+        let (bits, values) = (8 * size_of::<T>(), sweeps.shape().values());
+        let width = values.div_ceil(WORD / bits);
+        if sweeps.len() * width * size_of::<u32>() > MOST_BYTES {
+            return None;
+        }
+        let mut words = Vec::with_capacity(sweeps.len() * width);
+        for &index in sweeps.indices() {
+            let sweep = &digits[index * values..][..values];
+            words.extend(sweep.chunks(WORD / bits).map(|chunk| {
+                let parts = chunk.iter().enumerate();
+                let word = parts.fold(0_u32, |word, (part, digit)| {
+                    word | (*digit).into() << (part * bits)
+                });
+                word.cast_signed()
+            }));
+        }
+        let row = |values: &[f32]| {
+            Tensor::from_data(
+                TensorData::new(values.to_vec(), [1, 1, 1, values.len()]),
+                device,
+            )
+        };
+        Some(Self::Packed {
+            words: Tensor::from_data(TensorData::new(words, [sweeps.len(), width]), device),
+            bits,
+            offset: row(normalizer.offset()),
+            gain: row(normalizer.gain()),
+        })
+    }
+
+    fn normalized(
+        sweeps: &SweepView<'_>,
+        normalizer: &Normalizer,
+        device: &Device,
+    ) -> Option<Self> {
+        let (count, shape) = (sweeps.len(), sweeps.shape());
+        if count * shape.values() * size_of::<f32>() > MOST_BYTES {
+            return None;
+        }
+        let mut values = vec![0.0; count * shape.values()];
+        let all: Vec<usize> = (0..count).collect();
+        sweeps.copy_batch(&all, &mut values);
+        normalizer.apply(&mut values, shape);
+        let extents = [count, shape.values()];
+        let values = TensorData::new(values, extents);
+        Some(Self::Normalized(Tensor::from_data(values, device)))
+    }
+}
+
+fn numbers(positions: &[usize], device: &Device) -> Tensor<1, Int> {
+    let numbers: Vec<i32> = positions.iter().map(|&position| position as i32).collect();
+    let extent = [numbers.len()];
+    Tensor::from_data(TensorData::new(numbers, extent), device)
+}
+
+#[cfg(test)]
+mod tests {
+    use tactnet_data::twin::{TwinConfig, generate};
+    use tactnet_data::{Dataset, Fold, Scheme, Seed};
+    use tactnet_models::{Compute, values};
+
+    use super::*;
+    use crate::{MeanRemoval, Scaling};
+
+    /// Three materials of ten sweeps, 7 steps of 3 taxels: rows that end within a word.
+    fn sweeps(samples: impl Fn(Vec<f32>) -> Samples) -> Dataset {
+        let twin = generate(&TwinConfig {
+            materials: 3,
+            sweeps: 10,
+            steps: 60,
+            ..TwinConfig::default()
+        })
+        .unwrap();
+        let shape = tactnet_data::SweepShape {
+            steps: 7,
+            rows: 1,
+            cols: 3,
+        };
+        let digits = (0..twin.len() * shape.values()).map(|i| ((i * 7919) % 256) as f32);
+        Dataset::new(
+            "some",
+            750.0,
+            shape,
+            twin.labels().clone(),
+            twin.records().to_vec(),
+            samples(digits.collect()),
+        )
+        .unwrap()
+    }
+
+    fn check(dataset: &Dataset, levels: MeanRemoval, device: &Device) {
+        let fold = Fold::new(dataset, Scheme::default(), Seed(1), 0, 0).unwrap();
+        let normalizer = Normalizer::fit(Scaling::PerTaxel, levels, &fold.train);
+        let resident = ResidentSweeps::new(&fold.train, &normalizer, device).unwrap();
+        let positions = [5, 0, 23, 5];
+        let mut expected = vec![0.0; positions.len() * dataset.shape().values()];
+        fold.train.copy_batch(&positions, &mut expected);
+        normalizer.apply(&mut expected, dataset.shape());
+        assert_eq!(resident.batch(&positions).dims(), [4, 1, 7, 3]);
+        assert_eq!(values(resident.batch(&positions)), expected);
+    }
+
+    fn check_all_on(device: &Device) {
+        let u8s = |digits: Vec<f32>| Samples::U8(digits.iter().map(|d| *d as u8).collect());
+        let u16s =
+            |digits: Vec<f32>| Samples::U16(digits.iter().map(|d| *d as u16 * 257).collect());
+        let thirds = |digits: Vec<f32>| Samples::F32(digits.iter().map(|d| d / 3.0).collect());
+        for dataset in [sweeps(u8s), sweeps(u16s), sweeps(thirds)] {
+            for levels in [MeanRemoval::None, MeanRemoval::PerSweep] {
+                check(&dataset, levels, device);
+            }
+        }
+    }
+
+    #[test]
+    fn batches_are_those_that_the_processor_makes() {
+        check_all_on(&Compute::Cpu.open().unwrap());
+    }
+
+    #[test]
+    #[cfg(feature = "vulkan")]
+    fn batches_are_those_that_the_processor_makes_on_a_vulkan_device_too() {
+        check_all_on(&Compute::Vulkan.open().unwrap());
+    }
+}
