@@ -30,6 +30,8 @@ pub struct Trail {
     rate: f64,
     /// Share of [`BACK`]: half after every time that it had to brake on the way, and growing again.
     share: f64,
+    /// It has stopped at `place`, between two points, which stay.
+    stopped: bool,
 }
 
 impl Trail {
@@ -42,12 +44,13 @@ impl Trail {
             place: 0.0,
             rate: 0.0,
             share: 1.0,
+            stopped: false,
         }
     }
 
     /// Takes where the robot is. Returns false if no more can be kept.
     pub fn push(&mut self, q: &[f64; JOINTS]) -> bool {
-        let stands = self.points.last() == Some(q);
+        let stands = self.stopped || self.points.last() == Some(q);
         if stands {
             return true;
         }
@@ -58,9 +61,12 @@ impl Trail {
         true
     }
 
-    /// Begins to go back.
+    /// Begins to go back, or goes on with it.
     pub fn turn_round(&mut self) {
-        self.place = (self.points.len() - 1) as f64;
+        if !self.stopped {
+            self.place = (self.points.len() - 1) as f64;
+        }
+        self.stopped = false;
         self.rate = 0.0;
     }
 
@@ -96,9 +102,8 @@ impl Trail {
         if self.rate > 0.0 {
             return (q, dq, false);
         }
-        // It stands between two points: the one behind it is no longer on its way.
-        self.points.truncate(self.place.floor() as usize + 1);
-        self.push(&q);
+        // Where it stands is no point of its own: a shorter step among others would be a jump of the velocity.
+        self.stopped = true;
         (q, [0.0; JOINTS], true)
     }
 

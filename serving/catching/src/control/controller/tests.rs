@@ -172,6 +172,41 @@ fn the_way_back_is_the_way_that_it_came() {
     assert!((1400..2200).contains(&ticks), "half as fast: {ticks}");
 }
 
+/// Wherever it stops on the way back, it sets out from there without a jump.
+#[test]
+fn a_way_back_that_is_interrupted_goes_on_smoothly() {
+    let robot = robot();
+    let ready = robot.waiting();
+    for ticks in (40..400).step_by(7) {
+        let mut controller = Controller::new(robot.clone(), ready, &ready);
+        controller.tick(TICK_NS);
+        let way = path(&robot, &controller.state(0), 0, 5 * TICK_NS, &[0.9; 7], 0.5);
+        controller.arm_path(TICK_NS, &way).unwrap();
+        let (mut now, mut last) = (TICK_NS, [0.0; JOINTS]);
+        let mut run = |controller: &mut Controller, ticks: usize| {
+            for _ in 0..ticks {
+                now += TICK_NS;
+                let dq = *controller.tick(now).1;
+                for (i, limits) in robot.joints().iter().enumerate() {
+                    let change = (dq[i] - last[i]).abs();
+                    let most = limits.acceleration * 1.1e-3 + 1e-3;
+                    assert!(change <= most, "joint {i} changes by {change}");
+                }
+                last = dq;
+            }
+        };
+        run(&mut controller, 600);
+        controller.go_back();
+        run(&mut controller, ticks);
+        controller.brake("asked");
+        run(&mut controller, 200);
+        assert_eq!(controller.mode(), ControllerMode::Standing);
+        controller.go_back();
+        run(&mut controller, 4000);
+        assert_eq!(controller.mode(), ControllerMode::Ready);
+    }
+}
+
 #[test]
 fn a_controller_that_starts_elsewhere_goes_back_where_the_way_is_free() {
     let robot = robot();
