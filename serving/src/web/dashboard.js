@@ -158,7 +158,8 @@ function drawHeat() {
     const x = left + i % cols * side, y = top + Math.floor(i / cols) * side;
     const share = part(digit);
     c.fillStyle = heat(share); c.fillRect(x + gap, y + gap, side - 2 * gap, side - 2 * gap);
-    if (side >= 24) { c.fillStyle = share > .6 ? "#000" : "#fff"; c.fillText(number(digit), x + side / 2, y + side / 2); }
+    const text = number(digit);
+    if (side >= 24 && c.measureText(text).width <= side - 4) { c.fillStyle = share > .6 ? "#000" : "#fff"; c.fillText(text, x + side / 2, y + side / 2); }
   });
   if (chosen >= 0) {
     c.strokeStyle = color("--pick"); c.lineWidth = Math.max(2, Math.min(4, side / 8));
