@@ -19,16 +19,19 @@ pub(crate) struct ResidentSweeps {
 }
 
 enum Kept {
-    /// `[sweeps, words]`, the first value of a word in its lowest bits.
-    Packed {
-        words: Tensor<2, Int>,
-        bits: usize,
-        /// `[1, 1, 1, taxels]`
-        offset: Tensor<4>,
-        gain: Tensor<4>,
-    },
+    Packed(Box<Packed>),
     /// `[sweeps, values]`, normalised.
-    Normalized(Tensor<2>),
+    Normalized(Box<Tensor<2>>),
+}
+
+/// Digits as they were recorded.
+struct Packed {
+    /// `[sweeps, words]`, the first value of a word in its lowest bits.
+    words: Tensor<2, Int>,
+    bits: usize,
+    /// `[1, 1, 1, taxels]`
+    offset: Tensor<4>,
+    gain: Tensor<4>,
 }
 
 impl ResidentSweeps {
@@ -60,35 +63,38 @@ impl ResidentSweeps {
         let (batch, values) = (positions.len(), steps * taxels);
         match &self.kept {
             Kept::Normalized(sweeps) => sweeps
+                .as_ref()
                 .clone()
                 .select(0, numbers(positions, &sweeps.device()))
                 .reshape([batch, 1, steps, taxels]),
-            Kept::Packed {
-                words,
-                bits,
-                offset,
-                gain,
-            } => {
-                let chosen = words.clone().select(0, numbers(positions, &words.device()));
-                let mask = (1_i64 << bits) - 1;
-                let parts = (0..WORD / bits).map(|part| {
-                    let shifted = match part {
-                        0 => chosen.clone(),
-                        part => chosen
-                            .clone()
-                            .bitwise_right_shift_scalar((part * bits) as i64),
-                    };
-                    shifted
-                        .bitwise_and_scalar(mask)
-                        .float()
-                        .unsqueeze_dim::<3>(2)
-                });
-                let digits = Tensor::cat(parts.collect(), 2).flatten::<2>(1, 2);
-                let digits = digits.slice([0..batch, 0..values]);
+            Kept::Packed(packed) => {
+                let digits = packed.digits(positions).slice([0..batch, 0..values]);
                 let digits = digits.reshape([batch, 1, steps, taxels]);
-                (digits - offset.clone()) * gain.clone()
+                (digits - packed.offset.clone()) * packed.gain.clone()
             }
         }
+    }
+}
+
+impl Packed {
+    /// Returns the digits of the sweeps at `positions`, and what fills up their last words: `[batch, values of the words]`.
+    fn digits(&self, positions: &[usize]) -> Tensor<2> {
+        let numbers = numbers(positions, &self.words.device());
+        let words = self.words.clone().select(0, numbers);
+        let mask = (1_i64 << self.bits) - 1;
+        let parts = (0..WORD / self.bits).map(|part| {
+            let shifted = match part {
+                0 => words.clone(),
+                part => words
+                    .clone()
+                    .bitwise_right_shift_scalar((part * self.bits) as i64),
+            };
+            shifted
+                .bitwise_and_scalar(mask)
+                .float()
+                .unsqueeze_dim::<3>(2)
+        });
+        Tensor::cat(parts.collect(), 2).flatten::<2>(1, 2)
     }
 }
 
@@ -121,12 +127,12 @@ impl Kept {
                 device,
             )
         };
-        Some(Self::Packed {
+        Some(Self::Packed(Box::new(Packed {
             words: Tensor::from_data(TensorData::new(words, [sweeps.len(), width]), device),
             bits,
             offset: row(normalizer.offset()),
             gain: row(normalizer.gain()),
-        })
+        })))
     }
 
     fn normalized(
@@ -144,7 +150,9 @@ impl Kept {
         normalizer.apply(&mut values, shape);
         let extents = [count, shape.values()];
         let values = TensorData::new(values, extents);
-        Some(Self::Normalized(Tensor::from_data(values, device)))
+        Some(Self::Normalized(Box::new(Tensor::from_data(
+            values, device,
+        ))))
     }
 }
 
