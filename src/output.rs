@@ -43,7 +43,7 @@ pub fn refuse_to_overwrite(out: &Path, force: bool) -> anyhow::Result<()> {
     if let Some(folder) = out.parent().filter(|folder| !folder.as_os_str().is_empty())
         && !folder.is_dir()
     {
-        bail!("{}: no such folder", folder.display());
+        bail!("{}: its folder does not exist", out.display());
     }
     Ok(())
 }

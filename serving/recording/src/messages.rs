@@ -188,7 +188,8 @@ mod tests {
         let mut answer = PlanResult::zeroed();
         answer.request.last_q[6] = 0.25;
         answer.ramps[6].end = 0.5;
-        let asked = 3 * (2 + 56) + 2 + 3 * (2 + 24);
+        // The last is that of the other arm, whose number takes two bytes.
+        let asked = 3 * (2 + 56) + 2 + 3 * (2 + 24) + 7 * 3;
         comes_back(&answer, 3 + asked + (2 + 56) + 6 * 2 + (2 + 9));
         let mut state = ControllerState::zeroed();
         state.reason = Text::new("stuck");
