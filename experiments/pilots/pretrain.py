@@ -7,7 +7,8 @@
     tactnet data twin --seed 8 --contact-force 0.7 --speed 1.5 --out skin8.npz
     python experiments/pilots/pretrain.py twin3.npz --skins skin5.npz skin6.npz skin7.npz skin8.npz biotac_electrodes.h5 \\
         --out experiments/pilots/pretrain.jsonl
-    python experiments/pilots/pretrain.py twin3.npz --skins biotac_electrodes.h5 --counts 5 --out experiments/pilots/pretrain_of_biotac.jsonl
+    python experiments/pilots/pretrain.py twin3.npz --skins biotac_electrodes.h5 --counts 5 --encoders wide \\
+        --out experiments/pilots/pretrain_of_biotac.jsonl
     python experiments/pilots/pretrain.py biotac_electrodes.h5 --skins skin5.npz skin6.npz skin7.npz skin8.npz --counts 5 10 \\
         --out experiments/pilots/pretrain_for_biotac.jsonl
 
@@ -17,10 +18,9 @@ learn with layers of taxels and materials that every skin has for itself. Skins 
 learn its odd ones: none of the materials was seen before. BioTac electrodes (400 steps, 19 electrodes) give all of theirs.
 
 The new skin's sweeps are drawn five times from the training sweeps of spectra.py's split (of fold 0 of normalised.py where the new skin is
-the BioTac's, with all of its materials); the network is trained as the recipe has it, from
-scratch, on the encoder as it came ("frozen"), or with it ("fine-tuned"). Test sweeps are those of the split.
-"wide" is an encoder of two
-layers, 64 and 32 units, beside that of `spectra`, one of 32.
+the BioTac's, with all of its materials). The network is trained as the recipe has it, from scratch, on the encoder as it came ("frozen"), or
+with it ("fine-tuned"). Test sweeps are those of the split. "wide" is an encoder of two layers, 64 and 32 units, beside that of `spectra`,
+one of 32.
 
 Prediction, written before measuring: experiments/twin/PREDICTIONS.md.
 """
@@ -95,6 +95,7 @@ def main():
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--draws", type=int, default=5)
     parser.add_argument("--counts", nargs="*", type=int, default=[5, 10, 20], help="sweeps of a material")
+    parser.add_argument("--encoders", nargs="*", default=list(ENCODERS), choices=list(ENCODERS), metavar="NAME")
     parser.add_argument("--out", help="JSON lines")
     arguments = parser.parse_args()
     torch.set_num_threads(1)
@@ -108,7 +109,8 @@ def main():
         odd = labels % 2 == 1
         sweeps, labels, test = sweeps[odd], labels[odd] // 2, test[odd]
     materials = int(labels.max()) + 1
-    for name, units in ENCODERS.items():
+    for name in arguments.encoders:
+        units = ENCODERS[name]
         for seed in range(1, arguments.seeds + 1):
             ready = pretrained(skins, units, seed)
             for count in arguments.counts:
