@@ -63,7 +63,7 @@ pub use rally::{Rally, RallyConfig, RallyFlight, RallyReport, rally_page};
 pub use safety_bench::{PeerHulls, SafetyBench, SafetyReport};
 pub use series::{AHEAD, Series, SeriesReport};
 pub use throw::{BallOutcome, ThrowConfig, ThrowOutcome};
-pub use throw_bench::{Goal, SpeedRow, ThrowBench, ThrowBenchConfig, ThrowReport};
+pub use throw_bench::{Goal, SpeedRow, ThrowBench, ThrowBenchConfig, ThrowReport, down_to};
 pub use timing::{Ablation, Timing};
 pub use trace::{Trace, TracePlan, TraceTick};
 pub use track_bench::{TrackBench, TrackFigures, TrackReport};
