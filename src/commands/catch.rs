@@ -2,6 +2,7 @@
 
 mod calibrate;
 mod detect_bench;
+mod place;
 mod plan_bench;
 mod rally;
 mod recorded;

@@ -35,10 +35,7 @@ impl Default for ThrowBack {
             height: 1.2,
             after_feeling: false,
             tries: 2,
-            planner: ThrowPlanConfig {
-                pace: 0.8,
-                ..ThrowPlanConfig::default()
-            },
+            planner: ThrowPlanConfig::live(),
         }
     }
 }

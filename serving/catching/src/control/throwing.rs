@@ -124,11 +124,7 @@ mod tests {
     /// A throw to 4 m that begins after 20 ms.
     fn throw(robot: &Robot) -> ThrowPath {
         let target = Vector3::new(4.0, 0.0, 1.2);
-        let config = ThrowPlanConfig {
-            pace: 0.8,
-            ..ThrowPlanConfig::default()
-        };
-        let plan = Thrower::new(robot, config)
+        let plan = Thrower::new(robot, ThrowPlanConfig::live())
             .plan(&ThrowRequest {
                 q: robot.waiting(),
                 holding: Some(ARM),

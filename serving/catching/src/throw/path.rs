@@ -3,8 +3,18 @@
 use tactnet_catching_packets::THROW_JOINTS;
 use tactnet_catching_packets::packets::{RampPacket, ThrowPath};
 
-use super::planner::ThrowPlan;
+use super::planner::{ThrowPlan, ThrowPlanConfig};
 use super::swing::throw_joint;
+
+impl ThrowPlanConfig {
+    /// Returns the settings of throws that travel: the robot goes to the swing twice as fast.
+    pub fn live() -> Self {
+        Self {
+            pace: 0.8,
+            ..Self::default()
+        }
+    }
+}
 
 impl ThrowPlan {
     /// Returns what controller and hand are told: the motion from `start_ns` on, and when the ball leaves the hand. `None` for a way to the
