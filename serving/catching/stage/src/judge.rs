@@ -29,7 +29,7 @@ pub(crate) struct Over {
 
 /// What is judged.
 pub(crate) enum Judged {
-    Over(Over),
+    Over(Box<Over>),
     Thrown(Box<Thrown>),
 }
 

@@ -396,7 +396,7 @@ impl LiveWorld<'_> {
             let gone = now > held.until_ns || !self.world.holding()[held.arm];
             if let Some(mut over) = held.over.take_if(|_| felt.is_some() || gone) {
                 over.felt = felt;
-                let _ = self.over.send(Judged::Over(over));
+                let _ = self.over.send(Judged::Over(Box::new(over)));
                 held.until_ns = now + LONGEST_HELD_NS;
             }
             let waits = held.over.is_some() || self.settings.throw_back;
@@ -438,7 +438,7 @@ impl LiveWorld<'_> {
                 over.material = self.material_of(self.grips).map(Into::into);
             }
             // The judge ends only with the world.
-            let tell = |over: Over| drop(self.over.send(Judged::Over(over)));
+            let tell = |over: Over| drop(self.over.send(Judged::Over(Box::new(over))));
             let stays = verdict.caught() && self.settings.throw_back;
             if self.held.is_some() || !(over.material.is_some() || stays) {
                 tell(over);
