@@ -27,12 +27,12 @@
 //! | [`ThrownBack`] | the judge | when a ball that was thrown back has come down |
 
 mod motions;
+mod throws;
 
 use tactnet_packet::{Described, Description, choices, packets};
 
-pub use motions::{
-    ArmPath, BodyPath, FlightPacket, PlanRequest, PlanResult, RampPacket, ThrowPath,
-};
+pub use motions::{ArmPath, BodyPath, FlightPacket, PlanRequest, PlanResult, RampPacket};
+pub use throws::{HandOpening, ThrowPath, ThrowPhase, ThrowStatus, ThrownBack};
 
 pub use tactnet_packet::Text;
 
@@ -413,75 +413,6 @@ packets! {
         #[recorded(2)]
         pub catch_ns: u64,
     }
-
-    /// When a hand lets go of its ball. It does so only if it has heard of it in the last moments before its fingers begin to open.
-    #[derive(PartialEq)]
-    #[version(1)]
-    pub struct HandOpening {
-        /// 0 left, 1 right.
-        #[recorded(1)]
-        pub arm: u64,
-        /// When the ball is to leave the hand.
-        #[recorded(2)]
-        pub open_ns: u64,
-    }
-
-    /// What the thrower is about, and why.
-    #[derive(PartialEq)]
-    #[version(1)]
-    pub struct ThrowStatus {
-        /// When.
-        #[recorded(1)]
-        pub t_ns: u64,
-        /// A [`ThrowPhase`].
-        #[recorded(2)]
-        pub phase: u64,
-        /// Which grip it is about, as [`HandState`] counts.
-        #[recorded(3)]
-        pub grip: u64,
-        /// Throws that came to nothing since it started.
-        #[recorded(4)]
-        pub failed: u64,
-        /// Why the last of them did.
-        #[recorded(5)]
-        pub reason: Text<64>,
-    }
-
-    /// What became of a ball that was thrown back.
-    #[derive(PartialEq)]
-    #[version(1)]
-    pub struct ThrownBack {
-        /// Counts balls that were thrown back.
-        #[recorded(1)]
-        pub number: u64,
-        /// Which grip it was, as [`HandState`] counts.
-        #[recorded(2)]
-        pub grip: u64,
-        /// 0 left, 1 right.
-        #[recorded(3)]
-        pub arm: u64,
-        /// When the ball was to leave the hand.
-        #[recorded(4)]
-        pub open_ns: u64,
-        /// When it left.
-        #[recorded(5)]
-        pub left_ns: u64,
-        /// Where it was to come down, m.
-        #[recorded(6)]
-        pub target: [f64; 3],
-        /// Where it came down to that height, m; one that did not rise so high: where it was nearest to it.
-        #[recorded(7)]
-        pub came_down: [f64; 3],
-        /// From one to the other, m.
-        #[recorded(8)]
-        pub miss: f64,
-        /// Speed at which it left the hand, m/s.
-        #[recorded(9)]
-        pub speed: f64,
-        /// From the hand to where it came down, over the ground, m.
-        #[recorded(10)]
-        pub length: f64,
-    }
 }
 
 choices! {
@@ -524,18 +455,6 @@ choices! {
         /// Throws a ball back.
         Throwing = 9,
     }
-
-    /// What the thrower is about.
-    pub enum ThrowPhase {
-        /// No hand holds a ball.
-        Empty = 1,
-        /// A hand holds a ball, and the robot does not stand where it waits, or the ball has not been felt yet.
-        Waiting = 2,
-        /// A throw is carried out.
-        Throwing = 3,
-        /// Lets the ball drop, since it cannot be thrown.
-        Dropping = 4,
-    }
 }
 
 impl ControllerState {
@@ -549,13 +468,6 @@ impl CatchStatus {
     /// Returns what the robot is about; `None` for a number that is no phase.
     pub fn phase(&self) -> Option<CatchPhase> {
         CatchPhase::of(u32::try_from(self.phase).ok()?)
-    }
-}
-
-impl ThrowStatus {
-    /// Returns what the thrower is about; `None` for a number that is no phase.
-    pub fn phase(&self) -> Option<ThrowPhase> {
-        ThrowPhase::of(u32::try_from(self.phase).ok()?)
     }
 }
 
@@ -635,10 +547,6 @@ mod tests {
         assert_eq!(size_of::<CatchStatus>(), 96);
         assert_eq!(size_of::<CatchOutcome>(), 200);
         assert_eq!(size_of::<JointState>(), 496);
-        assert_eq!(size_of::<ThrowPath>(), 832);
-        assert_eq!(size_of::<HandOpening>(), 16);
-        assert_eq!(size_of::<ThrowStatus>(), 96);
-        assert_eq!(size_of::<ThrownBack>(), 112);
     }
 
     #[test]

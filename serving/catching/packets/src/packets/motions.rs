@@ -2,7 +2,7 @@
 
 use tactnet_packet::packets;
 
-use crate::{ARM_JOINTS, THROW_JOINTS};
+use crate::ARM_JOINTS;
 
 packets! {
     /// A joint's motion: speeds up until `t1`, keeps its velocity until `t2`, slows down until `end`; thesis, equation 3.1.
@@ -65,37 +65,6 @@ packets! {
         /// The torso's turn about the vertical.
         #[recorded(3)]
         pub turn: RampPacket,
-    }
-
-    /// The motion of a throw in absolute time: from where the robot waits to where the swing begins, a rest, the swing; and when the hand
-    /// lets go. Joints are the turn about the vertical, then the arm's from the shoulder; all others stand.
-    #[derive(PartialEq)]
-    #[version(1)]
-    pub struct ThrowPath {
-        /// 0 left, 1 right.
-        #[recorded(1)]
-        pub arm: u64,
-        /// Which grip it throws, as `HandState` counts.
-        #[recorded(2)]
-        pub grip: u64,
-        /// When the way to the swing begins.
-        #[recorded(3)]
-        pub start_ns: u64,
-        /// When the swing begins.
-        #[recorded(4)]
-        pub swing_ns: u64,
-        /// When the ball is to leave the hand.
-        #[recorded(5)]
-        pub open_ns: u64,
-        /// Where the ball is to come down, m.
-        #[recorded(6)]
-        pub target: [f64; 3],
-        /// The way to the swing.
-        #[recorded(7)]
-        pub way: [RampPacket; THROW_JOINTS],
-        /// The swing.
-        #[recorded(8)]
-        pub swing: [RampPacket; THROW_JOINTS],
     }
 
     /// A flight at one moment.
