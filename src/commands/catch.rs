@@ -2,6 +2,7 @@
 
 mod calibrate;
 mod detect_bench;
+mod place;
 mod plan_bench;
 mod rally;
 mod recorded;
@@ -50,7 +51,7 @@ pub enum CatchCommand {
     ThrowSeries(throw_series::ThrowSeriesArgs),
     /// Let two robots play catch, in stepped time: each throws back what it has caught
     Rally(rally::RallyArgs),
-    /// Throw as far as possible, as planned and in the simulated world, and say what binds
+    /// Throw as far as possible, or at a place, as planned and in the simulated world
     Throw(throw::ThrowArgs),
     /// Measure the planner on random catches, against a dense grid
     PlanBench(plan_bench::PlanBenchArgs),

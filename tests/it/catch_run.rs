@@ -244,7 +244,7 @@ fn packets_of_the_stack_are_echoed_and_recorded() {
     assert!(told["messages"].as_u64().unwrap() > 1000, "{told}");
     assert_eq!(
         (told["lost"].as_u64(), told["channels"].as_u64()),
-        (Some(0), Some(20))
+        (Some(0), Some(25))
     );
     let mut timing = tactnet(["catch", "timing", "--json"]);
     timing.arg(&file);
@@ -262,7 +262,7 @@ fn packets_of_the_stack_are_echoed_and_recorded() {
 
 #[test]
 fn every_process_may_be_killed_at_any_moment() {
-    let mut run = Run::start(&["--seed", "5"]);
+    let mut run = Run::start(&["--seed", "5", "--throw-back=3.6,0,1.2"]);
     let mut processes = run.processes();
     run.wait_for("throw 1:");
     // In an order of its own; the last ones while the robot still recovers from those before.
@@ -275,6 +275,7 @@ fn every_process_may_be_killed_at_any_moment() {
         "planner-left",
         "hand",
         "planner-right",
+        "thrower",
         "world",
     ] {
         signal("KILL", processes[name]);
@@ -285,10 +286,28 @@ fn every_process_may_be_killed_at_any_moment() {
     }
     // It finds back, and goes on.
     run.wait_for("throw ");
+    run.wait_for("thrown back ");
+    // A throw is given up where its thrower ends, and the ball thrown again by the next one.
     run.wait_for("throw ");
+    signal("KILL", processes["thrower"]);
+    let ended = run.wait_for("the thrower has ended");
+    assert!(!ended.contains("brakes"), "{ended}");
+    run.wait_for("the thrower begins again");
+    run.wait_for("thrown back ");
     let report = run.end();
-    assert_eq!(report["restarts"], 9);
+    assert_eq!(report["restarts"], 11);
+    assert!(report["throws_back"].as_u64().unwrap() >= 2, "{report}");
+    assert!(report["throw_miss_mm"]["p50"].as_f64().unwrap() < 1000.0);
     assert!(processes.values().all(|process| !is_there(*process)));
+    for wrong in [
+        &["--throw-back", "--balls", "2"][..],
+        &["--throw-back=4,0"],
+        &["--aim-beside", "1,0,0"],
+    ] {
+        let mut command = tactnet(["catch", "run"]);
+        let output = command.args(wrong).output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{wrong:?}");
+    }
 }
 
 /// After a catch the free hand sweeps over the ball, and the network says of what it is; whoever is killed among those who feel does not

@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! Ready ── a path ──> Following ── brake ──> Braking ──> Standing ── go back ──> GoingBack ──> Ready
-//!                         └────────────────── go back (it stands) ─────────────────┘
+//!   │                     └────────────────── go back (it stands) ─────────────────┘
+//!   └──── a throw ──> Throwing ── brake, or it is over ─> Braking, Standing
 //! ```
 //!
 //! A path is carried out only where it goes on from what the arm does anyway, and within ranges, speeds and accelerations: whoever sends
@@ -10,6 +11,7 @@
 //! at most half as fast, so that it passes nothing that it has not passed before.
 
 mod controller;
+mod throwing;
 mod trail;
 
 pub use controller::{Controller, PathError};

@@ -10,18 +10,22 @@
 //! release q, u, T ─> hand p, v ─> flight with drag ─> where it comes down      q -+ w u (T / 2 + coast) ─> ends of the swing
 //! ```
 
+mod beside;
 mod descent;
 mod landing;
 mod motion;
+mod path;
 mod planner;
 mod problem;
 mod starts;
 mod swing;
 mod way;
 
+pub use tactnet_catching_packets::THROW_JOINTS;
+
 pub use landing::Landing;
 pub use motion::ThrowMotion;
 pub use planner::{NoThrow, ThrowEffort, ThrowPlan, ThrowPlanConfig, ThrowRequest, Thrower};
 pub use problem::{Aim, THROW_UNKNOWNS, ThrowViolation};
-pub use swing::{Swing, THROW_JOINTS, ThrowJoints, throw_joint};
+pub use swing::{Swing, ThrowJoints, throw_joint};
 pub use way::Way;

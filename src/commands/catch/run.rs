@@ -6,11 +6,12 @@ use std::process::ExitCode;
 use anyhow::bail;
 use clap::Args;
 use tactnet_catching::track::CLUTTER_OF_PICTURES;
-use tactnet_catching_packets::packets::CatchOutcome;
+use tactnet_catching_packets::packets::{CatchOutcome, ThrownBack};
 use tactnet_catching_roles::{Milliseconds, RoleSettings};
-use tactnet_catching_stage::{CatchRun, Feel, RunEvent, RunReport, WorldSettings};
+use tactnet_catching_stage::{CatchRun, Feel, RunEvent, RunReport, ThrowBackReport, WorldSettings};
 use tactnet_pipeline::RunDir;
 
+use super::place::place;
 use super::skin::SkinSettings;
 use crate::stop::Stop;
 use crate::{GIT, output};
@@ -21,8 +22,9 @@ use crate::{GIT, output};
     tactnet catch run --seconds 60 --json     a minute, with times of every process\n  \
     tactnet catch run --pixels                from pictures: wants more than two cores\n  \
     tactnet catch run --throws 10 --record run.mcap     and keep every packet\n  \
-    tactnet catch run --throws 10 --feel runs/a         and feel what the caught balls are made of\n\n\
-    Every part is a process: world, pose, tracker, coordinator, two planners, controller, safety, hand (and eyes, with --pixels). One that \
+    tactnet catch run --throws 10 --feel runs/a         and feel what the caught balls are made of\n  \
+    tactnet catch run --throws 10 --throw-back          and throw them back; `--throw-back=4,0,1.2`: to there\n\n\
+    Every part is a process: world, pose, tracker, coordinator, two planners, controller, safety, hand (and eyes, with --pixels; thrower, with --throw-back). One that \
     ends by itself brakes the robot, is named and begins again. Ctrl-C ends all of them.")]
 pub struct RunArgs {
     /// End after so many throws [default: go on]
@@ -46,6 +48,12 @@ pub struct RunArgs {
     /// Whose sweeps are felt [default: those of the run's data that it was not trained on]
     #[arg(long, value_name = "FILE|twin", requires = "feel")]
     data: Option<String>,
+    /// Throw caught balls back: to where they came from, as far as the robot can, or to a place, m (x ahead, y left, z up)
+    #[arg(long, value_name = "X,Y,Z", num_args = 0..=1, require_equals = true, value_parser = place)]
+    throw_back: Option<Option<[f64; 3]>>,
+    /// Aim them so far beside that, m, as `catch throw --at` has learnt; given twice: of the left hand, then of the right
+    #[arg(long, value_name = "DX,DY,DZ", requires = "throw_back", allow_hyphen_values = true, value_parser = place)]
+    aim_beside: Vec<[f64; 3]>,
     /// The monitor of self-collisions only reports, and does not brake
     #[arg(long)]
     watch: bool,
@@ -91,6 +99,12 @@ pub fn run(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
     }
     // With two balls only the arms move, as in the thesis.
     stack.coordinator.lower_body = arguments.balls == 1;
+    stack.throw.at = arguments.throw_back.flatten();
+    stack.throw.beside = super::throw::hands(&arguments.aim_beside)?;
+    stack.throw.after_feeling = arguments.feel.is_some();
+    if arguments.throw_back.is_some() && arguments.balls > 1 {
+        bail!("--throw-back: a hand throws one ball; expected `--balls 1`");
+    }
     // A mistake in a file is named before anything starts.
     super::robot(arguments.robot.as_ref())?;
     if arguments.feel.is_some() && arguments.balls > 1 {
@@ -109,6 +123,7 @@ pub fn run(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
         world: super::world(arguments.world.as_deref())?,
         seed: arguments.seed,
         balls: usize::from(arguments.balls),
+        throw_back: arguments.throw_back.is_some(),
         pixels: arguments.pixels,
         ..WorldSettings::default()
     };
@@ -203,6 +218,8 @@ pub fn show(event: RunEvent) {
             let felt = feeling(&outcome);
             say!("throw {throws}: {became}{note}{felt}; {caught} of {throws} caught");
         }
+        RunEvent::ThrownBack(thrown) => say!("{}", thrown_back(&thrown)),
+        RunEvent::NotThrown(why) => say!("not thrown back: {why}"),
         RunEvent::Ended { name, said, brakes } => {
             let why = if said.is_empty() {
                 String::new()
@@ -215,6 +232,16 @@ pub fn show(event: RunEvent) {
         RunEvent::Restarted { name, process } => say!("the {name} begins again, process {process}"),
         RunEvent::Braked(why) => say!("brakes: {why}"),
     }
+}
+
+fn thrown_back(thrown: &ThrownBack) -> String {
+    let side = if thrown.arm == 0 { "left" } else { "right" };
+    format!(
+        "thrown back {}: {side} hand, {:.2} m far, {:.0} mm beside its target",
+        thrown.number,
+        thrown.length,
+        1e3 * thrown.miss
+    )
 }
 
 /// What the ball was felt to be, behind what became of it.
@@ -271,6 +298,9 @@ fn print(report: &RunReport, file: Option<&Path>) -> anyhow::Result<()> {
             report.correct_materials, report.beliefs_after_catch
         ))?;
     }
+    if let Some(throws) = &report.throw_back {
+        print_throws(throws)?;
+    }
     let times = |name: &str, times: Option<Milliseconds>| {
         times.map_or(format!("{name}: none"), |t| {
             format!(
@@ -299,6 +329,27 @@ fn print(report: &RunReport, file: Option<&Path>) -> anyhow::Result<()> {
             recording.messages,
             recording.lost
         ))?;
+    }
+    Ok(())
+}
+
+fn print_throws(report: &ThrowBackReport) -> anyhow::Result<()> {
+    let misses = report.throw_miss_mm.map_or_else(String::new, |miss| {
+        format!(
+            ", {:.0} mm beside their targets, 95 % below {:.0}, farthest {:.0}",
+            miss.p50, miss.p95, miss.max
+        )
+    });
+    output::print(format_args!("thrown back: {}{misses}", report.throws_back))?;
+    for (side, beside) in ["left", "right"].iter().zip(report.throw_beside_mm) {
+        if let Some([x, y]) = beside {
+            output::print(format_args!(
+                "  {side} hand: {x:+.0} mm ahead and {y:+.0} mm to the left of them, on average"
+            ))?;
+        }
+    }
+    for (why, times) in &report.throws_failed {
+        output::print(format_args!("  not thrown: {why}, {times} times"))?;
     }
     Ok(())
 }

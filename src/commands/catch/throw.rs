@@ -1,14 +1,19 @@
-//! `tactnet catch throw`: how far the robot throws.
+//! `tactnet catch throw`: how far the robot throws, and how near to a place.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use clap::Args;
-use tactnet_catching_trials::{ThrowBench, ThrowBenchConfig, ThrowReport, Timing, peer_throws};
+use tactnet_catching::Robot;
+use tactnet_catching_packets::ARMS;
+use tactnet_catching_trials::{
+    ThrowAim, ThrowAimReport, ThrowBench, ThrowBenchConfig, ThrowReport, Timing, peer_throws,
+};
 
+use super::place::place;
 use crate::commands::progress_line::about;
 use crate::output;
 
@@ -16,14 +21,24 @@ use crate::output;
 #[command(after_help = "Examples:\n  \
     tactnet catch throw --throws 100 --seed 1 --json\n  \
     tactnet catch throw --wheels 0.36                        the platform turns: 1.4 m/s at its wheels\n  \
+    tactnet catch throw --at 4.2,0,1.2 --practice 3          to a place, and what to aim beside it: for `catch run --aim-beside`\n  \
     tactnet catch throw --peer-throws throws.json            for other planners")]
 pub struct ThrowArgs {
-    /// Throws in the simulated world, of both arms in turn
+    /// Throws in the simulated world, of both arms in turn; with `--at`, of each round
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     throws: u32,
     /// Of noise, balls, everything drawn
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+    /// Throw to this place, m (x ahead, y left, z up), instead of as far as possible
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, conflicts_with_all = ["height", "peer_throws"], value_parser = place)]
+    at: Option<[f64; 3]>,
+    /// Aim so far beside it, m; given twice: with the left hand, then with the right
+    #[arg(long, value_name = "DX,DY,DZ", requires = "at", allow_hyphen_values = true, value_parser = place)]
+    aim_beside: Vec<[f64; 3]>,
+    /// Rounds of practice: by how much balls came down beside it on average is taken from the next aim
+    #[arg(long, value_name = "N", requires = "at", default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=20))]
+    practice: u8,
     /// Flights end at this height, m [default: 1.1]
     #[arg(long, value_name = "M")]
     height: Option<f64>,
@@ -54,6 +69,9 @@ pub fn run(arguments: &ThrowArgs) -> anyhow::Result<ExitCode> {
             .with_context(|| path.display().to_string())?;
         return Ok(ExitCode::SUCCESS);
     }
+    if let Some(target) = arguments.at {
+        return throw_at(target, robot, arguments);
+    }
     let defaults = ThrowBenchConfig::default();
     let bench = ThrowBench {
         config: ThrowBenchConfig {
@@ -67,9 +85,56 @@ pub fn run(arguments: &ThrowArgs) -> anyhow::Result<ExitCode> {
         throws,
         seed: arguments.seed,
     };
+    let report = bench.run(saying(u64::from(arguments.throws)))?;
+    if arguments.json {
+        output::print_json(&report)?;
+    } else {
+        print(&report)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn throw_at(target: [f64; 3], robot: Robot, arguments: &ThrowArgs) -> anyhow::Result<ExitCode> {
+    let aim = ThrowAim {
+        robot,
+        world: super::world(arguments.world.as_deref())?,
+        timing: Timing::ours(),
+        wheels: arguments.wheels,
+        target,
+        beside: hands(&arguments.aim_beside)?,
+        practice: usize::from(arguments.practice),
+        // Both hands throw.
+        throws: (arguments.throws as usize).max(ARMS),
+        seed: arguments.seed,
+    };
+    let rounds = u64::from(arguments.practice) + 1;
+    let report = aim.run(saying(u64::from(arguments.throws) * rounds))?;
+    if arguments.json {
+        output::print_json(&report)?;
+    } else {
+        print_aim(&report)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Returns what the left and the right hand aim beside a target, from offsets as they are given.
+pub fn hands(aim_beside: &[[f64; 3]]) -> anyhow::Result<[[f64; 3]; ARMS]> {
+    match *aim_beside {
+        [] => Ok([[0.0; 3]; ARMS]),
+        [both] => Ok([both; ARMS]),
+        [left, right] => Ok([left, right]),
+        _ => bail!(
+            "--aim-beside: given {} times; expected once, or for the left and the right hand",
+            aim_beside.len()
+        ),
+    }
+}
+
+/// Says now and then how many throws of all are done.
+fn saying(all: u64) -> impl Fn() + Sync {
     let begun = Instant::now();
     let (done, said) = (AtomicU64::new(0), AtomicU64::new(2));
-    let report = bench.run(|| {
+    move || {
         let done = done.fetch_add(1, Ordering::Relaxed) + 1;
         let (elapsed, next) = (begun.elapsed(), said.load(Ordering::Relaxed));
         if elapsed.as_secs() >= next
@@ -77,17 +142,33 @@ pub fn run(arguments: &ThrowArgs) -> anyhow::Result<ExitCode> {
                 .compare_exchange(next, next + 2, Ordering::Relaxed, Ordering::Relaxed)
                 .is_ok()
         {
-            let all = u64::from(arguments.throws);
             let left = elapsed.mul_f64(all.saturating_sub(done) as f64 / done as f64);
             say!("{done} of {all} throws, {} to go", about(left));
         }
-    })?;
-    if arguments.json {
-        output::print_json(&report)?;
-    } else {
-        print(&report)?;
     }
-    Ok(ExitCode::SUCCESS)
+}
+
+fn print_aim(report: &ThrowAimReport) -> anyhow::Result<()> {
+    for (number, round) in report.rounds.iter().enumerate() {
+        output::print(format_args!(
+            "round {}: {:.0} mm beside the target, 95 % below {:.0}, farthest {:.0}; {} throws",
+            number + 1,
+            round.miss_p50_mm,
+            round.miss_p95_mm,
+            round.miss_max_mm,
+            report.throws
+        ))?;
+    }
+    let Some(last) = report.rounds.last() else {
+        return Ok(());
+    };
+    let aims = last
+        .aim_beside_m
+        .map(|[x, y, z]| format!("--aim-beside={x:.3},{y:.3},{z:.3}"));
+    output::print(format_args!(
+        "the last round's aim: {} (left hand, right hand)",
+        aims.join(" ")
+    ))
 }
 
 fn print(report: &ThrowReport) -> anyhow::Result<()> {

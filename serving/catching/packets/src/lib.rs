@@ -16,6 +16,8 @@ pub use description::{
 pub const JOINTS: usize = 20;
 /// Joints of an arm.
 pub const ARM_JOINTS: usize = 7;
+/// Joints that throw: the turn about the vertical, then an arm's.
+pub const THROW_JOINTS: usize = ARM_JOINTS + 1;
 /// Arms.
 pub const ARMS: usize = 2;
 

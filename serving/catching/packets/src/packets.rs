@@ -21,12 +21,18 @@
 //! | [`CatchOutcome`] | the judge | when a throw is over, and the ball has been felt |
 //! | [`HandState`] | the hands | 50 Hz |
 //! | [`FeltMaterial`] | who lets the free hand sweep | when it is sure, or after three sweeps |
+//! | [`ThrowPath`] | the thrower | when a throw back is planned |
+//! | [`HandOpening`] | the thrower, and the hands' process for the hands | again and again in the last tenth of a second before a hand opens |
+//! | [`ThrowStatus`] | the thrower | when it changes, and 10 times a second |
+//! | [`ThrownBack`] | the judge | when a ball that was thrown back has come down |
 
 mod motions;
+mod throws;
 
 use tactnet_packet::{Described, Description, choices, packets};
 
 pub use motions::{ArmPath, BodyPath, FlightPacket, PlanRequest, PlanResult, RampPacket};
+pub use throws::{HandOpening, ThrowPath, ThrowPhase, ThrowStatus, ThrownBack};
 
 pub use tactnet_packet::Text;
 
@@ -424,6 +430,8 @@ choices! {
         GoingBack = 5,
         /// Stands, and knows no way back.
         Stuck = 6,
+        /// Throws.
+        Throwing = 7,
     }
 
     /// What the robot is about.
@@ -444,6 +452,8 @@ choices! {
         Braking = 7,
         /// Knows no way back.
         Stuck = 8,
+        /// Throws a ball back.
+        Throwing = 9,
     }
 }
 
@@ -483,7 +493,11 @@ pub const DESCRIPTION: Description = Description {
         ("MAX_CIRCLES", "Most circles of a picture.", MAX_CIRCLES),
         ("MAX_BALLS", "Most balls at once.", MAX_BALLS),
     ],
-    choices: &[ControllerMode::CHOICE, CatchPhase::CHOICE],
+    choices: &[
+        ControllerMode::CHOICE,
+        CatchPhase::CHOICE,
+        ThrowPhase::CHOICE,
+    ],
     packets: &[
         JointState::LAYOUT,
         JointCommand::LAYOUT,
@@ -508,6 +522,10 @@ pub const DESCRIPTION: Description = Description {
         HandState::LAYOUT,
         FeltMaterial::LAYOUT,
         HandCommand::LAYOUT,
+        ThrowPath::LAYOUT,
+        HandOpening::LAYOUT,
+        ThrowStatus::LAYOUT,
+        ThrownBack::LAYOUT,
     ],
 };
 

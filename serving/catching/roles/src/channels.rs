@@ -2,8 +2,9 @@
 
 use tactnet_catching_packets::packets::{
     ArmPath, BallPredictions, BodyPath, CatchOutcome, CatchStatus, Circles, ControllerCommand,
-    ControllerState, FeltMaterial, Gaze, HandCommand, HandState, HeadPose, ImuSample, JointCommand,
-    JointState, PlanRequest, PlanResult, SafetyState,
+    ControllerState, FeltMaterial, Gaze, HandCommand, HandOpening, HandState, HeadPose, ImuSample,
+    JointCommand, JointState, PlanRequest, PlanResult, SafetyState, ThrowPath, ThrowStatus,
+    ThrownBack,
 };
 use tactnet_channel::{ChannelConfig, Packet, Table};
 
@@ -25,6 +26,11 @@ pub(crate) const ARM_PATH: &str = "arm/path";
 pub(crate) const BODY_PATH: &str = "body/path";
 pub(crate) const HAND_COMMAND: &str = "hand/command";
 pub(crate) const HAND_TARGET: &str = "hand/target";
+pub(crate) const HAND_RELEASE: &str = "hand/release";
+pub(crate) const HAND_OPEN: &str = "hand/open";
+pub(crate) const THROW_PATH: &str = "throw/path";
+pub(crate) const THROW_STATE: &str = "throw/state";
+pub(crate) const THROW_OUTCOME: &str = "throw/outcome";
 pub(crate) const CONTROLLER_COMMAND: &str = "controller/command";
 pub(crate) const CONTROLLER_STATE: &str = "controller/state";
 pub(crate) const SAFETY_STATE: &str = "safety/state";
@@ -52,6 +58,11 @@ pub fn catching_channels(table: Table, pixels: Option<usize>) -> Table {
         .with(HEAD_GAZE, seldom::<Gaze>(8))
         .with(HAND_COMMAND, seldom::<HandCommand>(16))
         .with(HAND_TARGET, seldom::<HandCommand>(16))
+        .with(HAND_RELEASE, seldom::<HandOpening>(16))
+        .with(HAND_OPEN, seldom::<HandOpening>(16))
+        .with(THROW_PATH, seldom::<ThrowPath>(8))
+        .with(THROW_STATE, seldom::<ThrowStatus>(16))
+        .with(THROW_OUTCOME, seldom::<ThrownBack>(16))
         .with(HAND_STATE, seldom::<HandState>(8))
         .with(CATCH_FELT, seldom::<FeltMaterial>(8))
         .with(CONTROLLER_COMMAND, seldom::<ControllerCommand>(8))

@@ -4,13 +4,13 @@ use tactnet_catching::control::Controller;
 use tactnet_catching::safety::Bodies;
 use tactnet_catching_packets::packets::{
     ArmPath, BodyPath, ControllerCommand, ControllerMode, ControllerState, Gaze, JointCommand,
-    JointState, SafetyState,
+    JointState, SafetyState, ThrowPath,
 };
 use tactnet_channel::{Bus, Priority, Start, Ticker, now_ns};
 
 use crate::channels::{
     ARM_PATH, BODY_PATH, CONTROLLER_COMMAND, CONTROLLER_STATE, HEAD_GAZE, JOINT_COMMAND,
-    JOINT_STATE, SAFETY_STATE,
+    JOINT_STATE, SAFETY_STATE, THROW_PATH,
 };
 use crate::newest::{Newest, PATIENCE};
 use crate::times::Times;
@@ -29,6 +29,7 @@ pub(crate) fn run(
     let bodies = Bodies::new(robot.description());
     let paths = bus.get_port::<ArmPath>(ARM_PATH, Start::Now)?;
     let body_paths = bus.get_port::<BodyPath>(BODY_PATH, Start::Now)?;
+    let throws = bus.get_port::<ThrowPath>(THROW_PATH, Start::Now)?;
     let gazes = bus.get_port::<Gaze>(HEAD_GAZE, Start::Now)?;
     let orders = bus.get_port::<ControllerCommand>(CONTROLLER_COMMAND, Start::Now)?;
     let joints = bus.get_port::<JointState>(JOINT_STATE, Start::Now)?;
@@ -93,6 +94,12 @@ pub(crate) fn run(
                 changed = true;
             }
         }
+        while let Some(packet) = throws.try_get()? {
+            for path in packet.iter() {
+                let _ = controller.throw_path(effect_ns, path);
+                changed = true;
+            }
+        }
         while let Some(packet) = body_paths.try_get()? {
             packet.iter().for_each(|path| {
                 controller.body_path(path);
@@ -110,7 +117,7 @@ pub(crate) fn run(
             .filter(|word| settings.brakes && word.go == 0 && word.number + 50 > number)
             && matches!(
                 controller.mode(),
-                ControllerMode::Following | ControllerMode::GoingBack
+                ControllerMode::Following | ControllerMode::GoingBack | ControllerMode::Throwing
             )
         {
             let [a, b] = bodies.names(word.pair as usize % tactnet_catching::safety::PAIRS);
@@ -137,7 +144,7 @@ pub(crate) fn run(
         }
     }
     Ok(RoleReport {
-        lost: paths.lost() + orders.lost(),
+        lost: paths.lost() + throws.lost() + orders.lost(),
         ..times.report()
     })
 }

@@ -265,6 +265,10 @@ impl Live {
                 self.enter(now_ns, CatchPhase::Braking, state.reason.as_str())?;
             }
             Some(ControllerMode::Standing) => self.order_back(now_ns, state.reason.as_str())?,
+            Some(ControllerMode::Throwing) => {
+                self.disarm();
+                self.enter(now_ns, CatchPhase::Throwing, state.reason.as_str())?;
+            }
             Some(ControllerMode::GoingBack) => {
                 self.disarm();
                 self.enter(now_ns, CatchPhase::GoingBack, state.reason.as_str())?;

@@ -1,16 +1,16 @@
-//! Closing times, checked, to the hands.
+//! Closing times and releases, checked, to the hands.
 
 use std::time::Duration;
 
 use tactnet_catching_packets::ARMS;
-use tactnet_catching_packets::packets::HandCommand;
+use tactnet_catching_packets::packets::{HandCommand, HandOpening};
 use tactnet_channel::{Bus, Priority, Start, Wait, now_ns};
 
-use crate::channels::{HAND_COMMAND, HAND_TARGET};
+use crate::channels::{HAND_COMMAND, HAND_OPEN, HAND_RELEASE, HAND_TARGET};
 use crate::times::Times;
 use crate::{RoleError, RoleReport};
 
-/// A closing time farther ahead is a mistake, ns.
+/// A time farther ahead is a mistake, ns.
 const FARTHEST_NS: u64 = 3_000_000_000;
 /// How often a closing time is repeated: hands that missed it, or begin again, still close.
 const AGAIN: Wait = Wait::Block {
@@ -24,6 +24,8 @@ pub(crate) fn run(
 ) -> Result<RoleReport, RoleError> {
     let commands = bus.get_port::<HandCommand>(HAND_COMMAND, Start::Now)?;
     let targets = bus.put_port::<HandCommand>(HAND_TARGET, Priority::RealTime)?;
+    let releases = bus.get_port::<HandOpening>(HAND_RELEASE, Start::Now)?;
+    let openings = bus.put_port::<HandOpening>(HAND_OPEN, Priority::RealTime)?;
     let mut times = Times::at(200);
     let mut told: [Option<HandCommand>; ARMS] = [None; ARMS];
     ready();
@@ -33,11 +35,20 @@ pub(crate) fn run(
             times.push(now_ns().saturating_sub(packet.header().put_ns));
             if let Some(command) = packet
                 .first()
-                .filter(|command| makes_sense(command, now_ns()))
+                .filter(|command| makes_sense(command.arm, command.catch_ns, now_ns()))
             {
                 told[command.arm as usize] = Some(*command);
             }
             next = commands.try_get()?;
+        }
+        // Not repeated: whoever falls silent takes a release back.
+        while let Some(packet) = releases.try_get()? {
+            if let Some(release) = packet
+                .first()
+                .filter(|release| makes_sense(release.arm, release.open_ns, now_ns()))
+            {
+                openings.put_copy(&[*release])?;
+            }
         }
         for target in &mut told {
             if target
@@ -52,13 +63,13 @@ pub(crate) fn run(
         }
     }
     Ok(RoleReport {
-        lost: commands.lost(),
+        lost: commands.lost() + releases.lost(),
         ..times.report()
     })
 }
 
-fn makes_sense(command: &HandCommand, now_ns: u64) -> bool {
-    command.arm < ARMS as u64 && (now_ns..now_ns + FARTHEST_NS).contains(&command.catch_ns)
+fn makes_sense(arm: u64, at_ns: u64, now_ns: u64) -> bool {
+    arm < ARMS as u64 && (now_ns..now_ns + FARTHEST_NS).contains(&at_ns)
 }
 
 #[cfg(test)]
@@ -66,11 +77,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn closing_times_are_near_and_of_an_arm() {
-        let command = |arm, catch_ns| HandCommand { arm, catch_ns };
-        assert!(makes_sense(&command(1, 2_000), 1_000));
-        assert!(!makes_sense(&command(2, 2_000), 1_000));
-        assert!(!makes_sense(&command(0, 999), 1_000));
-        assert!(!makes_sense(&command(0, u64::MAX), 1_000));
+    fn times_are_near_and_of_an_arm() {
+        assert!(makes_sense(1, 2_000, 1_000));
+        assert!(!makes_sense(2, 2_000, 1_000));
+        assert!(!makes_sense(0, 999, 1_000));
+        assert!(!makes_sense(0, u64::MAX, 1_000));
     }
 }

@@ -6,7 +6,9 @@
 //!                                                                     ├─ arm/path, body/path, head/gaze ─> controller ─ joint/command ─> drives
 //!                                                                     │                                       ^            │
 //!                                                                     │                        safety/state ──┴── safety <─┘
-//!                                                                     └─ hand/command ─> hand ─ hand/target ─> hands
+//!                                                                     └─ hand/command ─> hand ─ hand/target, hand/open ─> hands
+//! hand/state ─> thrower ─ throw/path ─> controller                                             ^
+//!                  └──────────────────────────────────────── hand/release ─────────────────────┘
 //! ```
 //!
 //! The parts that think are in `tactnet-catching`, which knows neither clocks nor channels; here they get both. Nothing here depends on the
@@ -29,6 +31,9 @@ mod role;
 mod safety;
 mod settings;
 mod stage_view;
+mod throw_back;
+mod throw_duty;
+mod thrower;
 mod times;
 mod tracker;
 mod translate;
@@ -42,5 +47,6 @@ pub use planner::answer;
 pub use role::Role;
 pub use settings::RoleSettings;
 pub use stage_view::{Side, Stage, StageView};
+pub use throw_back::ThrowBack;
 pub use times::RoleReport;
 pub use tracker::Sight;

@@ -7,7 +7,7 @@ use tactnet_channel::Bus;
 
 use crate::{
     RoleError, RoleReport, RoleSettings, controller, coordinator, eyes, feel, hand, planner, pose,
-    safety, tracker,
+    safety, thrower, tracker,
 };
 
 /// A process of the stack.
@@ -34,11 +34,13 @@ pub enum Role {
     Hand,
     /// A caught ball in, what it is made of out.
     Feel,
+    /// A caught ball in, the motion of a throw and the hand's release out.
+    Thrower,
 }
 
 impl Role {
     /// All of them, in an order in which they may start.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Safety,
         Self::Hand,
         Self::PlannerLeft,
@@ -49,6 +51,7 @@ impl Role {
         Self::Controller,
         Self::Coordinator,
         Self::Feel,
+        Self::Thrower,
     ];
 
     /// Returns its name on the command line.
@@ -64,6 +67,7 @@ impl Role {
             Self::Safety => "safety",
             Self::Hand => "hand",
             Self::Feel => "feel",
+            Self::Thrower => "thrower",
         }
     }
 
@@ -94,6 +98,7 @@ impl Role {
             Self::Safety => safety::run(bus, &settings, ready, stopped),
             Self::Hand => hand::run(bus, ready, stopped),
             Self::Feel => feel::run(bus, &settings, ready, stopped),
+            Self::Thrower => thrower::run(bus, &settings, ready, stopped),
         }
     }
 }

@@ -9,7 +9,7 @@ use tactnet_catching::plan::PlanConfig;
 use tactnet_catching_packets::RobotDescription;
 use tactnet_channel::Table;
 
-use crate::RoleError;
+use crate::{RoleError, ThrowBack};
 
 /// Name of the section.
 const SECTION: &str = "catching";
@@ -39,6 +39,8 @@ pub struct RoleSettings {
     pub most_sweeps: u32,
     /// A robot that has closed its hands, or whose ball is gone, goes back after so long, s.
     pub after_catch: f64,
+    /// Throwing back.
+    pub throw: ThrowBack,
 }
 
 impl Default for RoleSettings {
@@ -54,6 +56,7 @@ impl Default for RoleSettings {
             sure: 0.95,
             most_sweeps: 3,
             after_catch: 0.4,
+            throw: ThrowBack::default(),
         }
     }
 }

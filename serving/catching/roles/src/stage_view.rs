@@ -190,6 +190,7 @@ fn about(phase: Option<CatchPhase>, holds: bool) -> &'static str {
         Some(CatchPhase::GoingBack) => "goes back",
         Some(CatchPhase::Braking) => "brakes",
         Some(CatchPhase::Stuck) => "is stuck",
+        Some(CatchPhase::Throwing) => "throws the ball back",
     }
 }
 

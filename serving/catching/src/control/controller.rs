@@ -1,10 +1,11 @@
 //! What all joints are to do, tick by tick.
 
 use tactnet_catching_packets::packets::{
-    ArmPath, BodyPath, ControllerMode, ControllerState, Gaze, Text,
+    ArmPath, BodyPath, ControllerMode, ControllerState, Gaze, Text, ThrowPath,
 };
-use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, joint};
+use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, Joint, joint};
 
+use super::throwing::Throwing;
 use super::trail::Trail;
 use crate::coordinate::{BodyMotion, Neck};
 use crate::flight::Flight;
@@ -13,13 +14,13 @@ use crate::robot::Robot;
 use crate::safety::Bodies;
 
 /// A path goes on from where the arm is then, rad,
-const SAME_PLACE: f64 = 1e-4;
+pub(super) const SAME_PLACE: f64 = 1e-4;
 /// and rad/s.
-const SAME_SPEED: f64 = 1e-3;
+pub(super) const SAME_SPEED: f64 = 1e-3;
 /// Limits are kept to rounding.
 const ROUNDING: f64 = 1e-6;
 /// A path that begins later than this has a wrong clock, ns.
-const FARTHEST_NS: u64 = 2_000_000_000;
+pub(super) const FARTHEST_NS: u64 = 2_000_000_000;
 /// A robot this near to where it waits, at its start, is there, rad and m.
 const THERE: f64 = 2e-3;
 
@@ -29,6 +30,9 @@ pub enum PathError {
     /// The robot brakes, goes back or stands elsewhere.
     #[error("a path while the robot does not follow any")]
     NotFollowing,
+    /// The robot does not stand where it waits.
+    #[error("a throw while the robot does not stand where it waits")]
+    NotReady,
     /// There are two arms.
     #[error("a path of no arm")]
     Arm,
@@ -44,6 +48,9 @@ pub enum PathError {
     /// Another one waits for its begin, which is earlier.
     #[error("a path behind one that has not begun yet")]
     Waiting,
+    /// A throw's way, swing and release do not follow each other.
+    #[error("a throw whose way, swing and release are not in order")]
+    Order,
     /// It does not go on from what the arm does.
     #[error("a path that jumps at joint {joint}")]
     Jump {
@@ -68,6 +75,7 @@ pub struct Controller {
     next: [Option<ArmPath>; ARMS],
     body: BodyMotion,
     neck: Neck,
+    throwing: Option<Throwing>,
     brakes: [Ramp; JOINTS],
     braking_ns: u64,
     /// Brakes on the way back.
@@ -112,6 +120,7 @@ impl Controller {
             next: [None; ARMS],
             body: BodyMotion::standing(&q),
             neck: Neck::standing(&q),
+            throwing: None,
             brakes: q.map(Ramp::standing),
             braking_ns: 0,
             on_trail: false,
@@ -134,6 +143,11 @@ impl Controller {
 
     /// Returns what it does, as it travels.
     pub fn state(&self, now_ns: u64) -> ControllerState {
+        let throwing = self.throwing.map(|throwing| throwing.arm_path(now_ns));
+        let carried_out = |arm: usize| {
+            let throws = throwing.filter(|path| path.arm == arm as u64);
+            throws.unwrap_or_else(|| self.next[arm].unwrap_or(self.arms[arm]))
+        };
         ControllerState {
             t_ns: now_ns,
             mode: self.mode as u64,
@@ -141,7 +155,7 @@ impl Controller {
             beats: self.beats,
             loop_ns: 0,
             reason: self.why,
-            paths: std::array::from_fn(|arm| self.next[arm].unwrap_or(self.arms[arm])),
+            paths: std::array::from_fn(carried_out),
         }
     }
 
@@ -165,6 +179,30 @@ impl Controller {
         taken.map(|_| ())
     }
 
+    /// Takes a throw; it is carried out only from where the robot waits, and nothing else is taken until it is over.
+    ///
+    /// # Errors
+    /// Where it does not begin there, or is outside limits; nothing changes then.
+    pub fn throw_path(&mut self, now_ns: u64, path: &ThrowPath) -> Result<(), PathError> {
+        let since_ns = self.last.unwrap_or(now_ns).max(now_ns);
+        let taken = match self.mode {
+            ControllerMode::Ready => Throwing::new(path, &self.robot, &self.q, since_ns),
+            _ => Err(PathError::NotReady),
+        };
+        match taken {
+            Ok(throwing) => {
+                self.throwing = Some(throwing);
+                self.mode = ControllerMode::Throwing;
+                self.why = Text::new("a throw");
+            }
+            Err(error) => {
+                self.refused += 1;
+                self.why = Text::new(&error.to_string());
+            }
+        }
+        taken.map(|_| ())
+    }
+
     fn check(&self, now_ns: u64, path: &ArmPath) -> Result<usize, PathError> {
         if !matches!(self.mode, ControllerMode::Ready | ControllerMode::Following) {
             return Err(PathError::NotFollowing);
@@ -172,15 +210,7 @@ impl Controller {
         let arm = usize::try_from(path.arm).ok().filter(|arm| *arm < ARMS);
         let arm = arm.ok_or(PathError::Arm)?;
         let ramps: [Ramp; ARM_JOINTS] = std::array::from_fn(|i| Ramp::of(&path.ramps[i]));
-        let finite = |ramp: &Ramp| {
-            [ramp.q0, ramp.w0, ramp.a, ramp.t1, ramp.t2, ramp.end]
-                .iter()
-                .all(|number| number.is_finite())
-                && (0.0..=ramp.t2).contains(&ramp.t1)
-                && ramp.t2 <= ramp.end
-                && ramp.end < 10.0
-        };
-        if !ramps.iter().all(finite) {
+        if !ramps.iter().all(is_whole) {
             return Err(PathError::NotFinite);
         }
         let since = self.last.unwrap_or(now_ns).max(now_ns);
@@ -198,15 +228,7 @@ impl Controller {
                 return Err(PathError::Jump { joint: i });
             }
             let limits = &self.robot.joints()[joint::ARM[arm].start + i];
-            let [low, high] = ramp.extent();
-            // It has to come to rest as well.
-            let stands = (ramp.w0 + ramp.a * (ramp.t1 + ramp.t2 - ramp.end)).abs();
-            let kept = low >= limits.range[0] - ROUNDING
-                && high <= limits.range[1] + ROUNDING
-                && ramp.top_speed() <= limits.speed * (1.0 + ROUNDING) + ROUNDING
-                && ramp.a.abs() <= limits.acceleration * (1.0 + 1e-3)
-                && stands <= 1e-3 + limits.acceleration * 1e-3;
-            if !kept {
+            if !keeps(ramp, limits) {
                 return Err(PathError::Limits { joint: i });
             }
         }
@@ -297,6 +319,7 @@ impl Controller {
         self.why = Text::new(why);
         self.on_trail = self.mode == ControllerMode::GoingBack;
         self.mode = ControllerMode::Braking;
+        self.throwing = None;
         if self.on_trail {
             self.trail.slower();
             return;
@@ -321,7 +344,10 @@ impl Controller {
                 self.mode = ControllerMode::GoingBack;
                 self.why = Text::new("told to go back");
             }
-            ControllerMode::Braking | ControllerMode::GoingBack | ControllerMode::Stuck => {}
+            ControllerMode::Braking
+            | ControllerMode::GoingBack
+            | ControllerMode::Stuck
+            | ControllerMode::Throwing => {}
         }
     }
 
@@ -351,6 +377,7 @@ impl Controller {
                 }
                 return (&self.q, &self.dq);
             }
+            ControllerMode::Throwing => self.throw(now_ns),
             ControllerMode::Standing | ControllerMode::Stuck => self.dq = [0.0; JOINTS],
         }
         if !self.trail.push(&self.q) {
@@ -378,6 +405,18 @@ impl Controller {
         (self.q, self.dq) = (q, dq);
     }
 
+    fn throw(&mut self, now_ns: u64) {
+        self.dq = [0.0; JOINTS];
+        let goes_on = self
+            .throwing
+            .is_some_and(|throwing| throwing.write(now_ns, &mut self.q, &mut self.dq));
+        if !goes_on {
+            self.stand();
+            self.mode = ControllerMode::Standing;
+            self.why = Text::new("the throw is over");
+        }
+    }
+
     fn brake_on(&mut self, now_ns: u64) {
         let t = (now_ns.saturating_sub(self.braking_ns)) as f64 * 1e-9;
         let mut moves = false;
@@ -400,8 +439,30 @@ impl Controller {
         self.next = [None; ARMS];
         self.body = BodyMotion::standing(&self.q);
         self.neck = Neck::standing(&self.q);
+        self.throwing = None;
         self.dq = [0.0; JOINTS];
     }
+}
+
+/// True of numbers that are a motion of at most 10 s.
+pub(super) fn is_whole(ramp: &Ramp) -> bool {
+    [ramp.q0, ramp.w0, ramp.a, ramp.t1, ramp.t2, ramp.end]
+        .iter()
+        .all(|number| number.is_finite())
+        && (0.0..=ramp.t2).contains(&ramp.t1)
+        && ramp.t2 <= ramp.end
+        && ramp.end < 10.0
+}
+
+/// True if a motion is within range, speed and acceleration of its joint, and comes to rest.
+pub(super) fn keeps(ramp: &Ramp, limits: &Joint) -> bool {
+    let [low, high] = ramp.extent();
+    let stands = (ramp.w0 + ramp.a * (ramp.t1 + ramp.t2 - ramp.end)).abs();
+    low >= limits.range[0] - ROUNDING
+        && high <= limits.range[1] + ROUNDING
+        && ramp.top_speed() <= limits.speed * (1.0 + ROUNDING) + ROUNDING
+        && ramp.a.abs() <= limits.acceleration * (1.0 + 1e-3)
+        && stands <= 1e-3 + limits.acceleration * 1e-3
 }
 
 fn standing(arm: usize, q: &[f64; JOINTS]) -> ArmPath {

@@ -1,8 +1,8 @@
 //! The whole motion of a throw: to where the swing begins, a rest, the swing.
 
-use tactnet_catching_packets::JOINTS;
+use tactnet_catching_packets::{JOINTS, THROW_JOINTS};
 
-use super::swing::{THROW_JOINTS, ThrowJoints, throw_joint};
+use super::swing::{ThrowJoints, throw_joint};
 use super::way::{Way, touching};
 use crate::ramp::Ramp;
 use crate::robot::Robot;
@@ -27,6 +27,7 @@ impl ThrowMotion {
     /// - `posture`: of all joints that do not throw
     /// - `ends`: where the joints that throw swing from and to
     /// - `time`, `coast`: in which they speed up; for how long they keep their speeds before and after the release, s
+    /// - `pace`: of the way to the swing, share of the greatest speeds
     ///
     /// # Errors
     /// With the pair of bodies that comes too near.
@@ -37,6 +38,7 @@ impl ThrowMotion {
         [from, posture]: [&[f64; JOINTS]; 2],
         ends: [ThrowJoints; 2],
         [time, coast, margin]: [f64; 3],
+        pace: f64,
     ) -> Result<Self, usize> {
         let mut begin = *posture;
         let mut swing = posture.map(Ramp::standing);
@@ -59,7 +61,7 @@ impl ThrowMotion {
         }
         let over = robot.waiting();
         Ok(Self {
-            way: Way::free(robot, bodies, [from, &begin], &over, margin)?,
+            way: Way::free(robot, bodies, [from, &begin], &over, [margin, pace])?,
             swing,
             lets_go: time + coast,
             stands,
@@ -79,6 +81,11 @@ impl ThrowMotion {
     /// Returns when the robot stands again, s.
     pub fn end(&self) -> f64 {
         self.swing_begin() + self.stands
+    }
+
+    /// Returns the way to the swing, if it is straight, and the swing.
+    pub(super) fn legs(&self) -> Option<[&[Ramp; JOINTS]; 2]> {
+        Some([self.way.straight()?, &self.swing])
     }
 
     /// Returns positions and velocities of all joints at a time.

@@ -28,6 +28,8 @@ pub struct ThrowPlanConfig {
     pub clearance: f64,
     /// All bodies keep this distance on the whole motion, m.
     pub margin: f64,
+    /// The robot goes to the swing with this share of its greatest speeds; of accelerations, its square.
+    pub pace: f64,
     /// Configurations that are looked at.
     pub candidates: usize,
     /// Descents.
@@ -44,6 +46,7 @@ impl Default for ThrowPlanConfig {
             rise: 0.75,
             clearance: 0.025,
             margin: 0.015,
+            pace: 0.4,
             candidates: 1000,
             starts: 24,
             iterations: 100,
@@ -64,6 +67,7 @@ impl ThrowPlanConfig {
             ),
             ("rise", self.rise, [0.05, 1.5], "0.05 to 1.5 rad"),
             ("clearance", self.clearance, [0.0, most], "0 m or more"),
+            ("pace", self.pace, [0.05, 1.0], "0.05 to 1"),
             (
                 "margin",
                 self.margin,
@@ -266,6 +270,7 @@ impl Thrower {
                 [&request.q, &posture],
                 ends,
                 [time, self.config.coast, self.config.margin],
+                self.config.pace,
             ) {
                 Ok(motion) => return Ok(self.answer(problem, throw, motion, *effort)),
                 Err(pair) => touching = touching.or(Some(pair)),

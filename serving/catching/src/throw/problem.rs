@@ -9,10 +9,11 @@
 //! The thesis (section 3.5.4) says "unknowns" of the catch with the catch's equations replaced; it does not print the programme.
 
 use nalgebra::Vector3;
+use tactnet_catching_packets::THROW_JOINTS;
 
 use super::landing::Landing;
 use super::planner::ThrowPlanConfig;
-use super::swing::{HandMotion, Swing, THROW_JOINTS, ThrowJoints};
+use super::swing::{HandMotion, Swing, ThrowJoints};
 use crate::plan::clearance::Clearance;
 use crate::plan::qp::Row;
 

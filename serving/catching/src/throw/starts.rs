@@ -3,8 +3,8 @@
 use nalgebra::Vector3;
 
 use super::problem::{Aim, Point, Problem, THROW_UNKNOWNS};
-use super::swing::THROW_JOINTS;
 use crate::flight::GRAVITY;
+use tactnet_catching_packets::THROW_JOINTS;
 
 /// Directions that a hand is thrown towards from a configuration, before the turn: so many about the vertical.
 const DIRECTIONS: usize = 12;

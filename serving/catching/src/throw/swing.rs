@@ -4,12 +4,9 @@
 //! vertical axis in the same place, and that is the turn here: joint 1 of a robot, with its limits.
 
 use nalgebra::{SMatrix, Vector3};
-use tactnet_catching_packets::{ARM_JOINTS, JOINTS, Joint, joint};
+use tactnet_catching_packets::{ARM_JOINTS, JOINTS, Joint, THROW_JOINTS, joint};
 
 use crate::robot::{ArmKinematics, Robot};
-
-/// Joints that throw: the turn, then the arm from the shoulder.
-pub const THROW_JOINTS: usize = ARM_JOINTS + 1;
 
 /// A number for each of them.
 pub type ThrowJoints = [f64; THROW_JOINTS];

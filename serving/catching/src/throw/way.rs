@@ -6,8 +6,6 @@ use crate::ramp::{LeastTime, Ramp};
 use crate::robot::Robot;
 use crate::safety::{Bodies, PAIRS, distance};
 
-/// Share of the greatest speeds; of accelerations, its square.
-const GENTLE: f64 = 0.4;
 /// Moments that are looked at, s apart.
 const DENSE: f64 = 0.01;
 /// Straight legs, at most.
@@ -24,6 +22,8 @@ impl Way {
     /// Returns the straight way, or the one over `over`, if all bodies stay `margin` m apart on it, or come no nearer than they are at its
     /// begin.
     ///
+    /// - `pace`: share of the greatest speeds; of accelerations, its square
+    ///
     /// # Errors
     /// With the pair of bodies that comes too near on the straight way.
     pub fn free(
@@ -31,23 +31,23 @@ impl Way {
         bodies: &Bodies,
         [from, to]: [&[f64; JOINTS]; 2],
         over: &[f64; JOINTS],
-        margin: f64,
+        [margin, pace]: [f64; 2],
     ) -> Result<Self, usize> {
-        let straight = Self::through(robot, [from, to, to]);
+        let straight = Self::through(robot, [from, to, to], pace);
         let Some(pair) = touching(bodies, margin, straight.end(), |t| straight.at(t).0) else {
             return Ok(straight);
         };
-        let round = Self::through(robot, [from, over, to]);
+        let round = Self::through(robot, [from, over, to], pace);
         match touching(bodies, margin, round.end(), |t| round.at(t).0) {
             None => Ok(round),
             Some(_) => Err(pair),
         }
     }
 
-    fn through(robot: &Robot, stops: [&[f64; JOINTS]; LEGS + 1]) -> Self {
+    fn through(robot: &Robot, stops: [&[f64; JOINTS]; LEGS + 1], pace: f64) -> Self {
         let gentle = robot.joints().map(|mut joint| {
-            joint.speed *= GENTLE;
-            joint.acceleration *= GENTLE * GENTLE;
+            joint.speed *= pace;
+            joint.acceleration *= pace * pace;
             joint
         });
         let mut ends = [0.0; LEGS];
@@ -65,6 +65,12 @@ impl Way {
             })
         });
         Self { legs, ends }
+    }
+
+    /// Returns its ramps, if it is one straight leg.
+    pub(super) fn straight(&self) -> Option<&[Ramp; JOINTS]> {
+        let [_, round] = self.ends;
+        (round == 0.0).then_some(&self.legs[0])
     }
 
     /// Returns when it ends, s.

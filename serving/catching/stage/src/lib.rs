@@ -4,7 +4,7 @@
 //!            joint/command, hand/target
 //! stack ───────────────────────────────> world ─ truth (inside the process) ─> painter ─ camera/left, camera/right ─> eyes
 //!   ^                                      │  └─ flights, verdicts (inside the process) ─> judge ─ catch/outcome
-//!   └── joint/state, imu, ball/circles ────┘
+//!   └── joint/state, imu, ball/circles ────┘   balls that are thrown back: hand/open ─> world ─> judge ─ throw/outcome
 //! ```
 //!
 //! What is true never leaves the world's process: it is on no channel and in no shared memory, so that no process of the stack can get at it.
@@ -12,16 +12,19 @@
 
 mod drive_watch;
 mod error;
+mod hands;
 mod judge;
 mod painter;
 mod pairs;
 mod run;
 mod run_recorder;
 mod run_report;
+mod throw_report;
 mod world_role;
 
 pub use error::StageError;
 pub use pairs::PairReport;
 pub use run::{CatchRun, Feel, RunEvent};
 pub use run_report::{RecordingReport, RunReport, cause};
+pub use throw_report::{Misses, ThrowBackReport};
 pub use world_role::{WorldReport, WorldRole, WorldSettings, material_of_grip};

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use tactnet_catching_packets::packets::{
     ArmPath, CatchOutcome, CatchPhase, CatchStatus, ControllerCommand, ControllerMode,
-    ControllerState, Text,
+    ControllerState, HandState, Text, ThrowStatus, ThrownBack,
 };
 use tactnet_catching_roles::{Role, RoleReport, RoleSettings, catching_channels};
 use tactnet_channel::{
@@ -18,6 +18,7 @@ use tactnet_skin::ServeConfig;
 
 use crate::run_recorder::RunRecorder;
 use crate::run_report::Heard;
+use crate::throw_report::HeardThrows;
 use crate::world_role::WorldReport;
 use crate::{RunReport, StageError, WorldSettings};
 
@@ -25,6 +26,8 @@ use crate::{RunReport, StageError, WorldSettings};
 const LOOK: Duration = Duration::from_millis(10);
 /// A robot that is not thrown at for so long does not get ready any more, s.
 const NO_THROW: u64 = 60;
+/// A run ends so long after nothing was held and nothing flew any more.
+const QUIET: Duration = Duration::from_millis(1500);
 /// A process that ends so often, each time soon after its start, is given up.
 const TRIES: usize = 5;
 /// Soon.
@@ -85,7 +88,11 @@ impl Part {
 
     /// Whether the robot brakes where it ends.
     fn is_needed_to_move(self) -> bool {
-        !matches!(self, Self::Skin | Self::Classifier | Self::Role(Role::Feel))
+        // Without a thrower the hand keeps its ball.
+        !matches!(
+            self,
+            Self::Skin | Self::Classifier | Self::Role(Role::Feel | Role::Thrower)
+        )
     }
 }
 
@@ -103,6 +110,10 @@ pub enum RunEvent {
         /// This one.
         outcome: CatchOutcome,
     },
+    /// A ball that was thrown back has come down.
+    ThrownBack(ThrownBack),
+    /// A throw back came to nothing, and why.
+    NotThrown(String),
     /// A process has ended by itself, and begins again.
     Ended {
         /// Its name.
@@ -216,16 +227,15 @@ impl CatchRun<'_> {
             for child in &mut children {
                 restarts += self.look_after(child, path, &watched.orders, on_event)?;
             }
-            let before = watched.heard.outcomes.len();
-            watched.look(on_event)?;
-            if watched.heard.outcomes.len() > before {
+            if watched.look(on_event)? {
                 last_throw = Instant::now();
             }
             let balls = self.world.balls as u64;
-            if self
+            let over = self
                 .throws
-                .is_some_and(|throws| watched.heard.outcomes.len() as u64 >= throws * balls)
-            {
+                .is_some_and(|throws| watched.heard.outcomes.len() as u64 >= throws * balls);
+            // The last ball is thrown back as well.
+            if over && (!self.world.throw_back || watched.busy.elapsed() > QUIET) {
                 break;
             }
             if last_throw.elapsed().as_secs() >= NO_THROW {
@@ -252,14 +262,9 @@ impl CatchRun<'_> {
         }
         parts.reverse();
         let recorded = recording.map(RunRecorder::finish);
-        Ok(RunReport::of(
-            &watched.heard,
-            parts,
-            world,
-            restarts,
-            seconds,
-            recorded,
-        ))
+        let mut report = RunReport::of(&watched.heard, parts, world, restarts, seconds, recorded);
+        report.throw_back = self.world.throw_back.then(|| watched.throws.report());
+        Ok(report)
     }
 
     /// Its processes, in an order in which they may start.
@@ -271,6 +276,7 @@ impl CatchRun<'_> {
         let roles = Role::ALL.into_iter().filter(|role| match role {
             Role::Eyes => self.world.pixels,
             Role::Feel => self.feel.is_some(),
+            Role::Thrower => self.world.throw_back,
             _ => true,
         });
         parts.extend(roles.map(Part::Role));
@@ -373,8 +379,14 @@ struct Watched {
     paths: GetPort<ArmPath>,
     states: GetPort<ControllerState>,
     status: GetPort<CatchStatus>,
+    hands: GetPort<HandState>,
+    throw_states: GetPort<ThrowStatus>,
+    backs: GetPort<ThrownBack>,
     orders: PutPort<ControllerCommand>,
     heard: Heard,
+    throws: HeardThrows,
+    /// When a hand held something last, or a throw was over.
+    busy: Instant,
     mode: Option<ControllerMode>,
     phase: CatchStatus,
 }
@@ -386,14 +398,21 @@ impl Watched {
             paths: bus.get_port("arm/path", Start::Now)?,
             states: bus.get_port("controller/state", Start::Now)?,
             status: bus.get_port("catch/state", Start::Now)?,
+            hands: bus.get_port("hand/state", Start::Now)?,
+            throw_states: bus.get_port("throw/state", Start::Now)?,
+            backs: bus.get_port("throw/outcome", Start::Now)?,
             orders: bus.put_port("controller/command", Priority::High)?,
             heard: Heard::default(),
+            throws: HeardThrows::default(),
+            busy: Instant::now(),
             mode: None,
             phase: bytemuck::Zeroable::zeroed(),
         })
     }
 
-    fn look(&mut self, on_event: &mut dyn FnMut(RunEvent)) -> Result<(), StageError> {
+    /// Takes what has come; returns true if a throw was over.
+    fn look(&mut self, on_event: &mut dyn FnMut(RunEvent)) -> Result<bool, StageError> {
+        let before = self.heard.outcomes.len() + self.throws.count();
         while let Some(packet) = self.paths.try_get()? {
             let put_ns = packet.header().put_ns;
             packet
@@ -429,7 +448,29 @@ impl Watched {
                 });
             }
         }
-        Ok(())
+        while let Some(packet) = self.throw_states.try_get()? {
+            for why in packet
+                .iter()
+                .filter_map(|status| self.throws.status(status))
+            {
+                on_event(RunEvent::NotThrown(why));
+            }
+        }
+        while let Some(packet) = self.backs.try_get()? {
+            for thrown in packet.iter() {
+                self.throws.thrown(thrown);
+                on_event(RunEvent::ThrownBack(*thrown));
+            }
+        }
+        let over = self.heard.outcomes.len() + self.throws.count() > before;
+        let mut holds = false;
+        while let Some(packet) = self.hands.try_get()? {
+            holds |= packet.iter().any(|hand| hand.holds == 1);
+        }
+        if over || holds {
+            self.busy = Instant::now();
+        }
+        Ok(over)
     }
 
     fn no_throw(&self) -> StageError {
@@ -442,6 +483,7 @@ impl Watched {
             Some(CatchPhase::GoingBack) => "goes back",
             Some(CatchPhase::Braking) => "brakes",
             Some(CatchPhase::Stuck) => "is stuck",
+            Some(CatchPhase::Throwing) => "throws",
         };
         StageError::NoThrow {
             seconds: NO_THROW,

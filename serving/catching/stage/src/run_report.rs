@@ -7,8 +7,8 @@ use tactnet_catching_packets::packets::CatchOutcome;
 use tactnet_catching_roles::{CatchTimes, Milliseconds, RoleReport};
 use tactnet_catching_trials::wilson;
 
-use crate::PairReport;
 use crate::world_role::WorldReport;
+use crate::{PairReport, ThrowBackReport};
 
 /// What was heard on the channels.
 #[derive(Debug, Default)]
@@ -63,6 +63,9 @@ pub struct RunReport {
     /// Throws of two balls, each counted once, as in stepped time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pairs: Option<PairReport>,
+    /// Balls that were thrown back, where the robot does that.
+    #[serde(flatten, skip_serializing_if = "Option::is_none")]
+    pub throw_back: Option<ThrowBackReport>,
     /// Caught balls that were felt to be of a material.
     pub beliefs_after_catch: usize,
     /// Of them, of the right one.
@@ -144,6 +147,7 @@ impl RunReport {
                 .count(),
             misses,
             pairs: PairReport::of(&heard.outcomes),
+            throw_back: None,
             beliefs_after_catch: felt.len(),
             correct_materials: felt.iter().filter(|of| of.felt == of.material).count(),
             sweeps_a_ball: (!felt.is_empty()).then(|| sweeps as f64 / felt.len() as f64),

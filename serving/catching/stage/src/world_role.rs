@@ -6,8 +6,8 @@ use std::sync::mpsc::{Sender, SyncSender, TrySendError, channel, sync_channel};
 use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_packets::packets::{
-    CatchPhase, CatchStatus, Circles, FeltMaterial, HandCommand, HandState, ImuSample,
-    JointCommand, JointState,
+    CatchPhase, CatchStatus, Circles, FeltMaterial, HandCommand, HandOpening, HandState, ImuSample,
+    JointCommand, JointState, ThrowPath,
 };
 use tactnet_catching_roles::RoleSettings;
 use tactnet_catching_world::{FlightSample, TICK_NS, World, WorldConfig};
@@ -15,7 +15,8 @@ use tactnet_channel::{Bus, GetPort, Priority, PutPort, Start, Ticker};
 
 use crate::StageError;
 use crate::drive_watch::DriveWatch;
-use crate::judge::{Over, judge};
+use crate::hands::{Held, Letting};
+use crate::judge::{Judged, Over, judge};
 use crate::painter::{Exposure, paint};
 
 /// The drives take commands half a millisecond after the controllers' beats.
@@ -23,8 +24,8 @@ const AFTER_BEAT_NS: u64 = 500_000;
 /// A throw's ball is on its way for at most so long; the next throw waits for it, ns.
 const LONGEST_NS: u64 = 3_200_000_000;
 
-/// A ball that nobody feels is let go after so long, ns.
-const LONGEST_HELD_NS: u64 = 25_000_000_000;
+/// A ball that nobody feels or throws is let go after so long, ns.
+const LONGEST_HELD_NS: u64 = 30_000_000_000;
 /// Ticks between two packets about the hands.
 const HAND_STATE_EVERY: u64 = 20;
 
@@ -59,6 +60,8 @@ pub struct WorldSettings {
     pub detection: f64,
     /// Materials of which balls may be, by number of the grip; caught balls are held until they have been felt. Empty: nobody feels them.
     pub materials: Vec<String>,
+    /// Caught balls stay in the hand until it is told to let go.
+    pub throw_back: bool,
     /// Pictures are drawn; otherwise circles come straight from the truth, with noise, misses and clutter.
     pub pixels: bool,
 }
@@ -73,6 +76,7 @@ impl Default for WorldSettings {
             camera: 0.04,
             detection: 0.0145,
             materials: Vec::new(),
+            throw_back: false,
             pixels: false,
         }
     }
@@ -108,6 +112,8 @@ struct Ports {
     targets: GetPort<HandCommand>,
     status: GetPort<CatchStatus>,
     felt: GetPort<FeltMaterial>,
+    openings: GetPort<HandOpening>,
+    throws: GetPort<ThrowPath>,
     hands: PutPort<HandState>,
     joints: PutPort<JointState>,
     imu: PutPort<ImuSample>,
@@ -136,6 +142,8 @@ impl WorldRole {
             targets: bus.get_port("hand/target", Start::Now)?,
             status: bus.get_port("catch/state", Start::Now)?,
             felt: bus.get_port("catch/felt", Start::Now)?,
+            openings: bus.get_port("hand/open", Start::Now)?,
+            throws: bus.get_port("throw/path", Start::Now)?,
             hands: bus.put_port("hand/state", Priority::Normal)?,
             joints: bus.put_port("joint/state", Priority::RealTime)?,
             imu: bus.put_port("imu", Priority::High)?,
@@ -145,7 +153,7 @@ impl WorldRole {
             },
         };
         std::thread::scope(|scope| {
-            let (over, throws) = channel::<Over>();
+            let (over, throws) = channel::<Judged>();
             let judged = scope.spawn(|| {
                 let throws = throws;
                 judge(bus, &robot, &start, stack.coordinator.lower_body, &throws)
@@ -182,6 +190,7 @@ impl WorldRole {
                 thrown_ns: None,
                 grips: 0,
                 held: None,
+                letting: Letting::default(),
                 judged: 0,
                 flights: Vec::new(),
                 balls: 0,
@@ -209,20 +218,12 @@ fn joined<T>(
         .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
 }
 
-/// A ball that is held until it has been felt.
-struct Held {
-    over: Over,
-    arm: u32,
-    /// Nobody waits for longer.
-    until_ns: u64,
-}
-
 struct LiveWorld<'a> {
     world: World,
     drives: DriveWatch,
     settings: &'a WorldSettings,
     ports: Ports,
-    over: Sender<Over>,
+    over: Sender<Judged>,
     exposures: Option<SyncSender<Exposure>>,
     report: WorldReport,
     /// Adds to the world's time to make it the host's.
@@ -236,6 +237,7 @@ struct LiveWorld<'a> {
     grips: u64,
     /// A ball that a hand holds.
     held: Option<Held>,
+    letting: Letting,
     judged: usize,
     /// Of the balls of the last throw, by number.
     flights: Vec<(u64, Vec<FlightSample>)>,
@@ -280,7 +282,15 @@ impl LiveWorld<'_> {
                 self.phase = (phase, status.since_ns);
             }
         }
+        while let Some(packet) = self.ports.throws.try_get()? {
+            packet.iter().for_each(|path| self.letting.plan(path));
+        }
+        let now = self.now_ns();
+        while let Some(packet) = self.ports.openings.try_get()? {
+            packet.iter().for_each(|told| self.letting.tell(now, told));
+        }
         self.throw();
+        self.letting.open(&mut self.world, self.epoch_ns);
         let command = *self.drives.tick(newest.as_ref());
         let sensed = *self.world.step(&command, &hands);
         let epoch_ns = self.epoch_ns;
@@ -299,6 +309,9 @@ impl LiveWorld<'_> {
         }
         self.deliver()?;
         self.judge();
+        if let Some(thrown) = self.letting.follow(&mut self.world, self.epoch_ns) {
+            let _ = self.over.send(Judged::Thrown(Box::new(thrown)));
+        }
         self.feel()?;
         Ok(())
     }
@@ -310,6 +323,7 @@ impl LiveWorld<'_> {
         let rested = phase == CatchPhase::Armed
             && now.saturating_sub(since) > (self.settings.rest * 1e9) as u64;
         let free = self.held.is_none()
+            && !self.letting.is_away()
             && self
                 .thrown_ns
                 .is_none_or(|thrown| now > thrown + LONGEST_NS);
@@ -378,18 +392,24 @@ impl LiveWorld<'_> {
             let grips = self.grips;
             felt = packet.iter().find(|felt| felt.grip == grips).copied();
         }
-        if let Some(mut held) = self
-            .held
-            .take_if(|held| felt.is_some() || now > held.until_ns)
-        {
-            held.over.felt = felt;
-            let _ = self.over.send(held.over);
+        if let Some(held) = &mut self.held {
+            let gone = now > held.until_ns || !self.world.holding()[held.arm];
+            if let Some(mut over) = held.over.take_if(|_| felt.is_some() || gone) {
+                over.felt = felt;
+                let _ = self.over.send(Judged::Over(Box::new(over)));
+                held.until_ns = now + LONGEST_HELD_NS;
+            }
+            let waits = held.over.is_some() || self.settings.throw_back;
+            if gone || !waits {
+                self.world.take(held.arm);
+                self.held = None;
+            }
         }
         if self.report.ticks.is_multiple_of(HAND_STATE_EVERY) {
             let held = self.held.as_ref();
             self.ports.hands.put_copy(&[HandState {
                 t_ns: now,
-                arm: held.map_or(0, |held| held.arm),
+                arm: held.map_or(0, |held| held.arm as u32),
                 holds: u32::from(held.is_some()),
                 grip: self.grips,
             }])?;
@@ -417,16 +437,22 @@ impl LiveWorld<'_> {
                 self.grips += 1;
                 over.material = self.material_of(self.grips).map(Into::into);
             }
-            if over.material.is_none() || self.held.is_some() {
-                // The judge ends only with the world.
-                let _ = self.over.send(over);
+            // The judge ends only with the world.
+            let tell = |over: Over| drop(self.over.send(Judged::Over(Box::new(over))));
+            let stays = verdict.caught() && self.settings.throw_back;
+            if self.held.is_some() || !(over.material.is_some() || stays) {
+                tell(over);
                 continue;
+            }
+            let mut waits = Some(over);
+            if let Some(over) = waits.take_if(|over| over.material.is_none()) {
+                tell(over);
             }
             let crossing = verdict.crossing.as_ref();
             self.held = Some(Held {
-                arm: crossing.map_or(0, |crossing| crossing.arm as u32),
+                arm: crossing.map_or(0, |crossing| crossing.arm),
                 until_ns: self.now_ns() + LONGEST_HELD_NS,
-                over,
+                over: waits,
             });
         }
     }

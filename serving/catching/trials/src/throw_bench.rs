@@ -330,8 +330,8 @@ struct Flown {
     torques: ThrowJoints,
 }
 
-/// Returns where a flight comes down to a height, between its samples.
-pub(crate) fn down_to(flight: &[FlightSample], height: f64) -> Option<nalgebra::Vector2<f64>> {
+/// Returns where a flight comes down to a height, between its samples, m; `None` where it never does.
+pub fn down_to(flight: &[FlightSample], height: f64) -> Option<nalgebra::Vector2<f64>> {
     flight.windows(2).find_map(|pair| {
         let [a, b] = [pair[0].state.position, pair[1].state.position];
         (a.z >= height && b.z < height).then(|| {

@@ -23,6 +23,7 @@ use crate::release::{Held, Released};
 use crate::robot::{FrameMotion, Robot};
 use crate::shape::{CAPSULES, Capsule, capsules};
 use crate::stream::Stream;
+use held_balls::Away;
 use surroundings::PUT_APART;
 
 /// A tick, ns.
@@ -137,6 +138,7 @@ pub struct World {
     held: [Option<Held>; ARMS],
     releases: u64,
     released: Option<Released>,
+    away: Option<Away>,
     sensed: Sensed,
 }
 
@@ -207,6 +209,7 @@ impl World {
             held: [None; ARMS],
             releases: 0,
             released: None,
+            away: None,
             sensed,
         })
     }
@@ -287,6 +290,7 @@ impl World {
             }
         }
         self.time_ns = end_ns;
+        self.fly_on();
         if !self.boxes.is_empty()
             && let Some(contact) = deepest(end_ns, &self.capsules, &self.robot.places, &self.boxes)
         {
@@ -310,7 +314,8 @@ impl World {
             .thrown
             .iter()
             .filter(|ball| ball.in_sight())
-            .map(|ball| (ball.number, ball.state.position));
+            .map(|ball| (ball.number, ball.state.position))
+            .chain(self.away.map(|away| (away.number, away.state.position)));
         self.sensed.circles = self.cameras.due(self.time_ns).then(|| {
             self.cameras.take(
                 self.time_ns,
@@ -329,12 +334,13 @@ impl World {
     /// Returns what is.
     pub fn truth(&self) -> Truth {
         let mut balls = [None; MAX_BALLS];
-        let seen = self.thrown.iter().filter(|ball| ball.in_sight());
+        let truth = |number: u64, state: BallState| BallTruth { number, state };
+        let thrown = self.thrown.iter().filter(|ball| ball.in_sight());
+        let seen = thrown
+            .map(|ball| truth(ball.number, ball.state))
+            .chain(self.away.map(|away| truth(away.number, away.state)));
         for (place, ball) in balls.iter_mut().zip(seen) {
-            *place = Some(BallTruth {
-                number: ball.number,
-                state: ball.state,
-            });
+            *place = Some(ball);
         }
         Truth {
             time_ns: self.time_ns,

@@ -24,6 +24,8 @@ const TOLD: f64 = 0.05;
 const SETTLES: f64 = 3.0;
 /// Bodies keep this distance on the way back, m.
 const MARGIN: f64 = 0.015;
+/// Share of the greatest speeds with which it goes back.
+const PACE: f64 = 0.4;
 
 /// A robot with its world.
 pub(crate) struct Player {
@@ -154,7 +156,13 @@ impl Player {
     pub fn go_home(&mut self) -> bool {
         let home = self.config.ready();
         let ends = [&self.q, &home];
-        let way = Way::free(&self.throwing, &self.bodies, ends, &self.begun, MARGIN);
+        let way = Way::free(
+            &self.throwing,
+            &self.bodies,
+            ends,
+            &self.begun,
+            [MARGIN, PACE],
+        );
         let Ok(way) = way else {
             return false;
         };

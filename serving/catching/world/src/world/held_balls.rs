@@ -2,12 +2,20 @@
 
 use tactnet_catching_packets::ARMS;
 
-use super::{FlightSample, Phase, Thrown, World};
-use crate::ball::{Aerodynamics, BALL_STEP};
+use super::{BALL_STEPS, FlightSample, Phase, Thrown, World, touches};
+use crate::ball::{Aerodynamics, BALL_STEP, BallState};
 use crate::error::WorldError;
 use crate::judge::Crossings;
 use crate::release::{Held, OpenCommand, Released};
 use crate::stream::Stream;
+
+/// A ball that has left a hand and flies in this world, where nobody judges it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Away {
+    pub number: u64,
+    pub state: BallState,
+    air: Aerodynamics,
+}
 
 impl World {
     /// Puts a ball into an empty hand, its drag as drawn for the next ball's number. A ball that a hand catches is in it without that.
@@ -75,6 +83,37 @@ impl World {
         self.flight(released.at_ns, &released.state, &air)
     }
 
+    /// Lets the ball that left a hand last fly on in this world. Cameras see it, and nobody judges it; where it touches floor or box, it is
+    /// gone. To be called in the tick in which it has left: it has flown since.
+    pub fn let_fly(&mut self) {
+        self.away = self.released.map(|released| {
+            let air = Aerodynamics::new(&self.config.ball, released.drag, released.spin);
+            let ago = self.time_ns.saturating_sub(released.at_ns) as f64 * 1e-9;
+            Away {
+                // Far from those of balls that are thrown.
+                number: u64::MAX - self.releases,
+                state: flown(&air, released.state, ago),
+                air,
+            }
+        });
+    }
+
+    /// Returns the ball that [`World::let_fly`] lets fly, as long as it does.
+    pub fn flying(&self) -> Option<&BallState> {
+        self.away.as_ref().map(|away| &away.state)
+    }
+
+    pub(super) fn fly_on(&mut self) {
+        let (boxes, radius) = (&self.boxes, self.config.ball.radius);
+        self.away = self.away.and_then(|mut away| {
+            for _ in 0..BALL_STEPS {
+                away.state = away.air.fly(&away.state, BALL_STEP);
+            }
+            let stops = away.state.position.z <= radius || touches(boxes, &away.state, radius);
+            (!stops).then_some(away)
+        });
+    }
+
     /// Lets a ball fly that has left a hand `ago` seconds before, in this world's inertial frame; its number goes on from the last one's.
     ///
     /// # Panics
@@ -82,9 +121,7 @@ impl World {
     pub fn launch(&mut self, released: &Released, ago: f64) {
         self.take_away_missed(1);
         let air = Aerodynamics::new(&self.config.ball, released.drag, released.spin);
-        let steps = (ago / BALL_STEP).ceil().max(1.0);
-        let release =
-            (0..steps as usize).fold(released.state, |state, _| air.fly(&state, ago / steps));
+        let release = flown(&air, released.state, ago);
         self.thrown.push(Thrown {
             number: self.thrown.len() as u64,
             air,
@@ -96,4 +133,10 @@ impl World {
         });
         self.verdicts.reserve(self.thrown.len());
     }
+}
+
+/// Where a ball is after so many seconds.
+fn flown(air: &Aerodynamics, from: BallState, seconds: f64) -> BallState {
+    let steps = (seconds / BALL_STEP).ceil().max(1.0);
+    (0..steps as usize).fold(from, |state, _| air.fly(&state, seconds / steps))
 }

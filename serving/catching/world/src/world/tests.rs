@@ -344,6 +344,23 @@ fn a_ball_leaves_the_hand_that_it_was_given_to_and_flies_on_in_another_world() {
     assert_eq!((released.at_ns, first.holding()), (open_ns, [false; ARMS]));
     let hand = first.truth().hands[1].position;
     assert!((released.state.position - hand).norm() < 1e-9, "it stands");
+    // Let fall here.
+    let mut third = first.clone();
+    third.let_fly();
+    let begun = third.time_ns();
+    let flight = third.flight_of(&released);
+    while let Some(ball) = third.flying().copied() {
+        assert_eq!(third.truth().balls[0].map(|truth| truth.state), Some(ball));
+        // From one of its samples to now.
+        let since = (third.time_ns() - released.at_ns) / TICK_NS;
+        let part = (third.time_ns() - flight[since as usize].t_ns) as f64 * 1e-9;
+        let sample = &flight[since as usize].state;
+        let there = sample.position.z + (sample.velocity.z - 4.9 * part) * part;
+        assert!((ball.position.z - there).abs() < 1e-4);
+        third.step(&stay(), &NOBODY);
+    }
+    assert!((300..600).contains(&((third.time_ns() - begun) / TICK_NS)));
+    assert!(third.verdicts().is_empty() && third.truth().balls == [None; MAX_BALLS]);
     // Let fall elsewhere, 0.6 ms later.
     let mut second = world(&config, 6);
     second.launch(&released, 0.0006);

@@ -1,0 +1,377 @@
+//! What is to be done with a ball that a hand holds, from what hands, coordinator and controller say.
+//!
+//! ```text
+//! Empty ── a hand holds a ball ─> Waiting ── the robot stands where it waits: a path is sent ─> Throwing ── the ball has left ─> Empty
+//!                                    ^ └── tried too often, or no plan ─> Dropping ─> Empty       │
+//!                                    └────────── refused, braked, the hand kept it ───────────────┘
+//! ```
+
+use tactnet_catching_packets::packets::{
+    CatchPhase, CatchStatus, ControllerMode, ControllerState, HandOpening, HandState, ThrowPath,
+    ThrowPhase,
+};
+
+/// What is silent for so long is not there, ns.
+const SILENT_NS: u64 = 300_000_000;
+/// The robot stands so long before it throws, ns.
+const STANDS_NS: u64 = 200_000_000;
+/// The controller takes a path within this, ns.
+const TAKEN_NS: u64 = 300_000_000;
+/// A hand is told from so long before it opens, ns.
+const TOLD_NS: u64 = 100_000_000;
+/// Hands say within this that a ball has left, ns.
+const LEFT_NS: u64 = 150_000_000;
+
+/// The newest word of everybody.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Seen {
+    pub hand: Option<HandState>,
+    pub status: Option<CatchStatus>,
+    pub controller: Option<ControllerState>,
+    /// Grip of the ball that was felt last; `None`: nobody waits for that.
+    pub felt: Option<u64>,
+}
+
+/// What is to be done now.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Do {
+    Nothing,
+    /// A throw is to be planned.
+    Plan {
+        arm: usize,
+        grip: u64,
+    },
+    /// The hand is to be told.
+    Open(HandOpening),
+}
+
+#[derive(Debug, Clone, Copy)]
+enum About {
+    Empty,
+    Waiting,
+    Throwing {
+        opening: HandOpening,
+        sent_ns: u64,
+        begun: bool,
+    },
+    Dropping(HandOpening),
+}
+
+/// Follows one ball after the other.
+#[derive(Debug)]
+pub(crate) struct ThrowDuty {
+    about: About,
+    tries: u32,
+    grip: u64,
+    tried: u32,
+    /// Throws that came to nothing.
+    pub failed: u64,
+    /// Why the last of them did.
+    pub reason: String,
+}
+
+impl ThrowDuty {
+    /// - `tries`: a ball is thrown so often, then it drops
+    pub fn new(tries: u32) -> Self {
+        Self {
+            about: About::Empty,
+            tries,
+            grip: 0,
+            tried: 0,
+            failed: 0,
+            reason: String::new(),
+        }
+    }
+
+    /// Returns the grip that it is about, and what it is about.
+    pub fn about(&self) -> (u64, ThrowPhase) {
+        let phase = match self.about {
+            About::Empty => ThrowPhase::Empty,
+            About::Waiting => ThrowPhase::Waiting,
+            About::Throwing { .. } => ThrowPhase::Throwing,
+            About::Dropping(_) => ThrowPhase::Dropping,
+        };
+        (self.grip, phase)
+    }
+
+    /// Draws conclusions from what was heard.
+    pub fn look(&mut self, now_ns: u64, seen: &Seen) -> Do {
+        let fresh = |t_ns: u64| now_ns.saturating_sub(t_ns) < SILENT_NS;
+        let held = seen
+            .hand
+            .filter(|hand| hand.holds == 1 && hand.arm < 2 && fresh(hand.t_ns));
+        let controller = seen.controller.filter(|state| fresh(state.t_ns));
+        match self.about {
+            About::Empty | About::Waiting => {
+                let Some(hand) = held else {
+                    self.about = About::Empty;
+                    return Do::Nothing;
+                };
+                if hand.grip != self.grip || matches!(self.about, About::Empty) {
+                    (self.grip, self.tried) = (hand.grip, 0);
+                }
+                self.about = About::Waiting;
+                let felt = seen.felt.is_none_or(|felt| felt == hand.grip);
+                let waits = seen.status.is_some_and(|status| {
+                    status.phase() == Some(CatchPhase::Armed)
+                        && fresh(status.t_ns)
+                        && now_ns.saturating_sub(status.since_ns) > STANDS_NS
+                });
+                let mode = controller.and_then(|state| state.mode());
+                if !(felt && waits && mode == Some(ControllerMode::Ready)) {
+                    return Do::Nothing;
+                }
+                let arm = hand.arm as usize;
+                if self.tried < self.tries {
+                    let grip = self.grip;
+                    return Do::Plan { arm, grip };
+                }
+                self.about = About::Dropping(HandOpening {
+                    arm: arm as u64,
+                    open_ns: now_ns + TOLD_NS,
+                });
+                Do::Nothing
+            }
+            About::Throwing {
+                opening,
+                sent_ns,
+                begun,
+            } => self.follow(
+                now_ns,
+                held.is_some(),
+                controller,
+                (opening, sent_ns, begun),
+            ),
+            About::Dropping(opening) => {
+                if now_ns < opening.open_ns {
+                    return Do::Open(opening);
+                }
+                if held.is_none() || now_ns > opening.open_ns + LEFT_NS {
+                    self.about = About::Empty;
+                }
+                Do::Nothing
+            }
+        }
+    }
+
+    fn follow(
+        &mut self,
+        now_ns: u64,
+        holds: bool,
+        controller: Option<ControllerState>,
+        (opening, sent_ns, begun): (HandOpening, u64, bool),
+    ) -> Do {
+        if !holds {
+            if now_ns < opening.open_ns {
+                self.fail("the hand holds nothing any more");
+            }
+            // It is on its way.
+            self.about = About::Empty;
+            return Do::Nothing;
+        }
+        if now_ns > opening.open_ns + LEFT_NS {
+            self.fail("the hand did not let go");
+            return Do::Nothing;
+        }
+        let Some(controller) = controller else {
+            self.fail("the controller is silent");
+            return Do::Nothing;
+        };
+        let throws = controller.mode() == Some(ControllerMode::Throwing);
+        if throws && !begun {
+            self.about = About::Throwing {
+                opening,
+                sent_ns,
+                begun: true,
+            };
+        }
+        if !throws && begun && now_ns < opening.open_ns {
+            self.fail(controller.reason.as_str());
+        } else if !throws && !begun && now_ns > sent_ns + TAKEN_NS {
+            self.fail(&format!("not taken: {}", controller.reason.as_str()));
+        } else if throws
+            && (opening.open_ns.saturating_sub(TOLD_NS)..opening.open_ns).contains(&now_ns)
+        {
+            return Do::Open(opening);
+        }
+        Do::Nothing
+    }
+
+    /// Takes the path that was sent.
+    pub fn sent(&mut self, now_ns: u64, path: &ThrowPath) {
+        self.tried += 1;
+        self.about = About::Throwing {
+            opening: HandOpening {
+                arm: path.arm,
+                open_ns: path.open_ns,
+            },
+            sent_ns: now_ns,
+            begun: false,
+        };
+    }
+
+    /// There is no throw: the next question would have the same answer.
+    pub fn no_plan(&mut self, why: &str) {
+        self.fail(why);
+        self.tried = self.tries;
+    }
+
+    fn fail(&mut self, why: &str) {
+        self.failed += 1;
+        self.reason = why.into();
+        self.about = About::Waiting;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bytemuck::Zeroable;
+    use tactnet_catching_packets::packets::Text;
+
+    use super::*;
+
+    const MS: u64 = 1_000_000;
+
+    /// Everybody's word at a time.
+    fn seen(now_ns: u64, grip: Option<u64>, mode: ControllerMode) -> Seen {
+        Seen {
+            hand: Some(HandState {
+                t_ns: now_ns,
+                arm: 1,
+                holds: u32::from(grip.is_some()),
+                grip: grip.unwrap_or_default(),
+            }),
+            status: Some(CatchStatus {
+                t_ns: now_ns,
+                phase: CatchPhase::Armed as u64,
+                ..CatchStatus::zeroed()
+            }),
+            controller: Some(ControllerState {
+                t_ns: now_ns,
+                mode: mode as u64,
+                reason: Text::new("trunk and forearm"),
+                ..ControllerState::zeroed()
+            }),
+            felt: None,
+        }
+    }
+
+    fn path(open_ns: u64) -> ThrowPath {
+        ThrowPath {
+            arm: 1,
+            open_ns,
+            ..ThrowPath::zeroed()
+        }
+    }
+
+    const PLAN: Do = Do::Plan { arm: 1, grip: 7 };
+
+    /// A duty that has sent a path which lets go at 5 s.
+    fn sent() -> ThrowDuty {
+        let mut duty = ThrowDuty::new(2);
+        let ready = seen(1000 * MS, Some(7), ControllerMode::Ready);
+        assert_eq!(duty.look(1000 * MS, &ready), PLAN);
+        duty.sent(1000 * MS, &path(5000 * MS));
+        duty
+    }
+
+    #[test]
+    fn a_held_ball_is_thrown_once_the_robot_stands_and_the_hand_is_told_in_time() {
+        let mut duty = ThrowDuty::new(2);
+        let empty = seen(1000 * MS, None, ControllerMode::Ready);
+        assert_eq!(duty.look(1000 * MS, &empty), Do::Nothing);
+        let mut moves = seen(1000 * MS, Some(7), ControllerMode::Ready);
+        moves.status = moves.status.map(|status| CatchStatus {
+            phase: CatchPhase::GoingBack as u64,
+            ..status
+        });
+        assert_eq!(duty.look(1000 * MS, &moves), Do::Nothing);
+        assert_eq!(duty.about(), (7, ThrowPhase::Waiting));
+        let mut unfelt = seen(1000 * MS, Some(7), ControllerMode::Ready);
+        unfelt.felt = Some(6);
+        assert_eq!(duty.look(1000 * MS, &unfelt), Do::Nothing);
+        let mut duty = sent();
+        let opening = HandOpening {
+            arm: 1,
+            open_ns: 5000 * MS,
+        };
+        for (ms, expected) in [
+            (1100, Do::Nothing),
+            (4899, Do::Nothing),
+            (4900, Do::Open(opening)),
+            (4999, Do::Open(opening)),
+            (5000, Do::Nothing),
+        ] {
+            let throws = seen(ms * MS, Some(7), ControllerMode::Throwing);
+            assert_eq!(duty.look(ms * MS, &throws), expected, "{ms}");
+        }
+        let left = seen(5030 * MS, None, ControllerMode::Throwing);
+        assert_eq!(duty.look(5030 * MS, &left), Do::Nothing);
+        assert_eq!(duty.about().1, ThrowPhase::Empty);
+        assert_eq!(duty.failed, 0);
+    }
+
+    #[test]
+    fn a_throw_that_is_braked_keeps_its_ball_is_tried_again_and_dropped_in_the_end() {
+        let mut duty = sent();
+        let throws = seen(2000 * MS, Some(7), ControllerMode::Throwing);
+        duty.look(2000 * MS, &throws);
+        let brakes = seen(4950 * MS, Some(7), ControllerMode::Braking);
+        assert_eq!(duty.look(4950 * MS, &brakes), Do::Nothing);
+        assert_eq!(
+            (duty.failed, duty.reason.as_str()),
+            (1, "trunk and forearm")
+        );
+        // Still on its way back.
+        assert_eq!(duty.look(4960 * MS, &brakes), Do::Nothing);
+        let ready = seen(9000 * MS, Some(7), ControllerMode::Ready);
+        assert_eq!(duty.look(9000 * MS, &ready), PLAN);
+        duty.sent(9000 * MS, &path(13_000 * MS));
+        let refused = seen(9301 * MS, Some(7), ControllerMode::Ready);
+        duty.look(9301 * MS, &refused);
+        assert_eq!(
+            (duty.failed, duty.reason.as_str()),
+            (2, "not taken: trunk and forearm")
+        );
+        assert_eq!(duty.look(9301 * MS, &refused), Do::Nothing);
+        assert_eq!(duty.about().1, ThrowPhase::Dropping);
+        let Do::Open(drop) = duty.look(9302 * MS, &refused) else {
+            panic!("it drops");
+        };
+        assert_eq!((drop.arm, drop.open_ns), (1, 9401 * MS));
+        let gone = seen(9430 * MS, None, ControllerMode::Ready);
+        duty.look(9430 * MS, &gone);
+        assert_eq!(duty.about().1, ThrowPhase::Empty);
+    }
+
+    #[test]
+    fn without_a_plan_a_ball_is_dropped_at_once() {
+        let mut duty = ThrowDuty::new(2);
+        let ready = seen(1000 * MS, Some(7), ControllerMode::Ready);
+        assert_eq!(duty.look(1000 * MS, &ready), PLAN);
+        duty.no_plan("out of reach");
+        assert_eq!(duty.look(1001 * MS, &ready), Do::Nothing);
+        assert_eq!(duty.about().1, ThrowPhase::Dropping);
+        assert_eq!((duty.failed, duty.reason.as_str()), (1, "out of reach"));
+    }
+
+    /// The world began again, the hand's word was lost, the controller was killed.
+    #[test]
+    fn a_ball_that_is_gone_a_hand_that_keeps_it_and_a_silent_controller_are_named() {
+        let mut duty = sent();
+        let gone = seen(3000 * MS, None, ControllerMode::Throwing);
+        duty.look(3000 * MS, &gone);
+        assert_eq!(duty.reason, "the hand holds nothing any more");
+        assert_eq!(duty.about().1, ThrowPhase::Empty);
+        let mut duty = sent();
+        let keeps = seen(5151 * MS, Some(7), ControllerMode::Throwing);
+        duty.look(5151 * MS, &keeps);
+        assert_eq!(duty.reason, "the hand did not let go");
+        let mut duty = sent();
+        let mut silent = seen(2000 * MS, Some(7), ControllerMode::Throwing);
+        silent.controller = None;
+        duty.look(2000 * MS, &silent);
+        assert_eq!(duty.reason, "the controller is silent");
+        assert_eq!(duty.failed, 1);
+    }
+}

@@ -1,0 +1,61 @@
+//! A throw that is aimed beside its target by what was learnt of earlier ones.
+
+use nalgebra::Vector3;
+
+use super::planner::{NoThrow, ThrowPlan, ThrowRequest, Thrower};
+use super::problem::Aim;
+
+impl Thrower {
+    /// Plans the throw that is asked for, and from it the one that comes down `beside` the target, m, rather than any other to there: what
+    /// was learnt of the one holds for the other.
+    ///
+    /// # Errors
+    /// As [`Thrower::plan`].
+    pub fn plan_beside(
+        &self,
+        request: &ThrowRequest,
+        beside: &Vector3<f64>,
+    ) -> Result<ThrowPlan, NoThrow> {
+        let plan = self.plan(request)?;
+        match request.aim {
+            Aim::At { target } if *beside != Vector3::zeros() => self.plan(&ThrowRequest {
+                aim: Aim::At {
+                    target: target + beside,
+                },
+                last: Some(plan.unknowns),
+                ..*request
+            }),
+            _ => Ok(plan),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tactnet_catching_packets::RobotDescription;
+
+    use super::*;
+    use crate::flight::DRAG;
+    use crate::robot::Robot;
+    use crate::throw::ThrowPlanConfig;
+
+    #[test]
+    fn a_throw_beside_is_the_throw_to_the_place_aimed_differently() {
+        let robot = Robot::new(RobotDescription::nominal());
+        let thrower = Thrower::new(&robot, ThrowPlanConfig::default());
+        let target = Vector3::new(4.2, 0.1, 1.2);
+        let request = ThrowRequest {
+            q: robot.waiting(),
+            holding: Some(1),
+            aim: Aim::At { target },
+            drag: DRAG,
+            last: None,
+        };
+        let plan = thrower.plan(&request).unwrap();
+        assert_eq!(thrower.plan_beside(&request, &Vector3::zeros()), Ok(plan));
+        let beside = Vector3::new(-0.2, 0.05, 0.0);
+        let aimed = thrower.plan_beside(&request, &beside).unwrap();
+        assert!((aimed.landing.p - target - beside).norm() < 1e-3);
+        assert_eq!(aimed.effort.starts, 1, "found from the throw to the place");
+    }
+}

@@ -1,0 +1,89 @@
+//! A throw in absolute time, as it travels.
+
+use tactnet_catching_packets::THROW_JOINTS;
+use tactnet_catching_packets::packets::{RampPacket, ThrowPath};
+
+use super::planner::{ThrowPlan, ThrowPlanConfig};
+use super::swing::throw_joint;
+
+impl ThrowPlanConfig {
+    /// Returns the settings of throws that travel: the robot goes to the swing twice as fast.
+    pub fn live() -> Self {
+        Self {
+            pace: 0.8,
+            ..Self::default()
+        }
+    }
+}
+
+impl ThrowPlan {
+    /// Returns what controller and hand are told: the motion from `start_ns` on, and when the ball leaves the hand. `None` for a way to the
+    /// swing that leads over another posture, or moves joints that do not throw: from where the robot waits it never does.
+    ///
+    /// - `grip`: as hands count; `target`: where the ball is to come down, m
+    pub fn path(&self, start_ns: u64, grip: u64, target: [f64; 3]) -> Option<ThrowPath> {
+        let [way, swing] = self.motion.legs()?;
+        let throws = |joint: usize| (0..THROW_JOINTS).any(|i| throw_joint(self.arm, i) == joint);
+        let moves_others = (0..way.len()).any(|joint| way[joint].a != 0.0 && !throws(joint));
+        let after = |seconds: f64| start_ns + (seconds * 1e9).round() as u64;
+        (!moves_others).then(|| ThrowPath {
+            arm: self.arm as u64,
+            grip,
+            start_ns,
+            swing_ns: after(self.motion.swing_begin()),
+            open_ns: after(self.motion.release()),
+            target,
+            way: self.of_throw(|joint| way[joint].packet()),
+            swing: self.of_throw(|joint| swing[joint].packet()),
+        })
+    }
+
+    fn of_throw(&self, of: impl Fn(usize) -> RampPacket) -> [RampPacket; THROW_JOINTS] {
+        std::array::from_fn(|i| of(throw_joint(self.arm, i)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+    use tactnet_catching_packets::{RobotDescription, joint};
+
+    use crate::flight::DRAG;
+    use crate::ramp::Ramp;
+    use crate::robot::Robot;
+    use crate::throw::{Aim, Landing, Swing, ThrowPlanConfig, ThrowRequest, Thrower};
+
+    #[test]
+    fn a_throw_in_absolute_time_is_the_planned_one_and_comes_down_at_its_target() {
+        let robot = Robot::new(RobotDescription::nominal());
+        let thrower = Thrower::new(&robot, ThrowPlanConfig::default());
+        let target = Vector3::new(4.0, 0.2, 1.2);
+        let mut request = ThrowRequest {
+            q: robot.waiting(),
+            holding: Some(0),
+            aim: Aim::At { target },
+            drag: DRAG,
+            last: None,
+        };
+        let plan = thrower.plan(&request).unwrap();
+        let start_ns = 7_000_000_123;
+        let path = plan.path(start_ns, 3, target.into()).unwrap();
+        assert_eq!((path.arm, path.grip, path.start_ns), (0, 3, start_ns));
+        let release = (path.open_ns - path.start_ns) as f64 * 1e-9;
+        assert!((release - plan.motion.release()).abs() < 1e-9);
+        let since = (path.open_ns - path.swing_ns) as f64 * 1e-9;
+        let swing = path.swing.map(|ramp| Ramp::of(&ramp).at(since));
+        let (p, v) = Swing::new(&robot, 0, &robot.waiting())
+            .hand(&swing.map(|(q, _)| q), &swing.map(|(_, w)| w));
+        let landing = Landing::of(&p, &v, DRAG, target.z).unwrap();
+        assert!((landing.p - target).norm() < 1e-3, "{}", landing.p);
+        // The way ends where the swing begins.
+        for (way, swing) in path.way.iter().zip(&path.swing) {
+            assert!((Ramp::of(way).at(way.end).0 - swing.q0).abs() < 1e-9);
+        }
+        // From another posture there is no such path.
+        request.q[joint::PLATFORM] = 0.1;
+        let plan = thrower.plan(&request).unwrap();
+        assert_eq!(plan.path(start_ns, 3, target.into()), None);
+    }
+}

@@ -1,0 +1,85 @@
+//! Catching and throwing back live: every part in a thread of its own, on channels, before the simulated world.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use tactnet_catching_packets::packets::{CatchOutcome, ThrowStatus, ThrownBack};
+use tactnet_catching_roles::{Role, RoleSettings, catching_channels};
+use tactnet_catching_stage::{WorldRole, WorldSettings};
+use tactnet_channel::{Bus, Domain, Hub, Start, Table, remove_bus};
+
+/// Nothing here takes so long, unless the machine does.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+#[test]
+fn a_caught_ball_is_thrown_back_and_comes_down_near_its_target() {
+    let mut stack = RoleSettings::default();
+    stack.throw.at = Some([3.5, 0.0, 1.2]);
+    let name = format!("throw-back{}", std::process::id());
+    let table = stack.into_table(catching_channels(Table::new(&name), None));
+    let hub = Hub::spawn(&table).unwrap();
+    let stop = AtomicBool::new(false);
+    let stopped = || stop.load(Ordering::Relaxed);
+    let world = WorldRole {
+        settings: WorldSettings {
+            seed: 3,
+            throw_back: true,
+            ..WorldSettings::default()
+        },
+    };
+    let bus = Bus::open(Domain::Host, &table).unwrap();
+    let outcomes = bus
+        .get_port::<CatchOutcome>("catch/outcome", Start::Now)
+        .unwrap();
+    let states = bus
+        .get_port::<ThrowStatus>("throw/state", Start::Now)
+        .unwrap();
+    let backs = bus
+        .get_port::<ThrownBack>("throw/outcome", Start::Now)
+        .unwrap();
+    let (mut caught, mut thrown, mut failed) = (0, Vec::new(), Vec::new());
+    std::thread::scope(|scope| {
+        let (table, stopped) = (&table, &stopped);
+        scope.spawn(move || {
+            let bus = Bus::open(Domain::Host, table).unwrap();
+            world.run(&bus, &|| (), stopped).unwrap();
+        });
+        let roles = Role::ALL.into_iter();
+        for role in roles.filter(|role| !matches!(role, Role::Eyes | Role::Feel)) {
+            scope.spawn(move || {
+                let bus = Bus::open(Domain::Host, table).unwrap();
+                role.run(&bus, &|| (), stopped).unwrap();
+            });
+        }
+        let begun = Instant::now();
+        let mut reasons = 0;
+        while thrown.is_empty() && begun.elapsed() < PATIENCE {
+            std::thread::sleep(Duration::from_millis(10));
+            while let Some(packet) = outcomes.try_get().unwrap() {
+                caught += packet.iter().filter(|outcome| outcome.caught == 1).count();
+            }
+            while let Some(packet) = states.try_get().unwrap() {
+                for status in packet.iter() {
+                    if status.failed > reasons {
+                        failed.push(status.reason.as_str().to_string());
+                    }
+                    reasons = status.failed;
+                }
+            }
+            while let Some(packet) = backs.try_get().unwrap() {
+                thrown.extend(packet.iter().copied());
+            }
+        }
+        println!("{:?}", begun.elapsed());
+        stop.store(true, Ordering::Relaxed);
+    });
+    println!("{caught} {failed:?} {thrown:?}");
+    let back = thrown.first().expect("thrown back");
+    assert!(caught >= 1, "before it was thrown: {failed:?}");
+    assert_eq!(back.target, [3.5, 0.0, 1.2]);
+    // Half a millisecond of jitter.
+    assert!(back.left_ns.abs_diff(back.open_ns) < 3_000_000, "{back:?}");
+    assert!(back.miss < 0.8, "{back:?}");
+    drop((outcomes, states, backs, bus, hub));
+    remove_bus(&table).unwrap();
+}
