@@ -5,7 +5,7 @@
     tactnet data twin --seed 3 --speed 0.5 --out slow.npz
     python experiments/pilots/distil.py twin3.npz --felt weak.npz slow.npz --seeds 2 --out experiments/pilots/distil.jsonl
 
-Needs torch, numpy, scikit-learn and aeon; the split is that of spectra.py. The teacher's transforms are aeon's, fitted without labels to
+Needs torch, numpy, scikit-learn and aeon, and half an hour of a busy core. The split is that of spectra.py. The teacher's transforms are aeon's, fitted without labels to
 the training sweeps; its ridge classifier is fitted five times, each time to four fifths of them, and scores the fifth that it was not
 fitted to. The ridge's strength and the temperature that makes probabilities of its scores are those of the best log-likelihood on these
 scores. The student's loss is (1 - weight) x cross-entropy + weight x T^2 x cross-entropy with the teacher's probabilities at T.

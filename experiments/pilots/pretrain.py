@@ -7,7 +7,7 @@
     tactnet data twin --seed 8 --contact-force 0.7 --speed 1.5 --out skin8.npz
     python experiments/pilots/pretrain.py twin3.npz --skins skin5.npz skin6.npz skin7.npz skin8.npz biotac_electrodes.h5 \\
         --out experiments/pilots/pretrain.jsonl
-    python experiments/pilots/pretrain.py twin3.npz --skins biotac_electrodes.h5 --counts 5 --encoders wide \\
+    python experiments/pilots/pretrain.py twin3.npz --skins biotac_electrodes.h5 --counts 5 --encoders wide --seeds 1 \\
         --out experiments/pilots/pretrain_of_biotac.jsonl
     python experiments/pilots/pretrain.py biotac_electrodes.h5 --skins skin5.npz skin6.npz skin7.npz skin8.npz --counts 5 10 \\
         --out experiments/pilots/pretrain_for_biotac.jsonl
