@@ -247,8 +247,8 @@ mod tests {
             PathError::Jump { joint: 0 },
         );
         refused(
-            &|path| path.swing[5].a *= 9.0,
-            PathError::Limits { joint: 5 },
+            &|path| path.swing[0].a *= 1e3,
+            PathError::Limits { joint: 0 },
         );
         assert_eq!(controller.mode(), ControllerMode::Ready);
         controller.throw_path(TICK_NS, &good).unwrap();
