@@ -7,7 +7,7 @@ use tactnet_pipeline::{
     TrainingSteps, quoted,
 };
 
-use crate::{ExperimentRecipe, published_for};
+use crate::{ExperimentRecipe, Probe, published_for};
 
 /// Accuracy from which on nobody needs advice.
 const GOOD: f64 = 0.95;
@@ -181,7 +181,15 @@ fn beside_others(recipe: &str, counts: &[usize]) -> Option<String> {
         true => String::new(),
         false => format!(" --set 'models={models:?}'"),
     };
-    Some(set_folds + &set_models)
+    let probes = Probe::ALL
+        .into_iter()
+        .filter(|probe| !ModelRecipe::not_starved([probe.recipe()], &to_train_on).is_empty());
+    let probes: Vec<&str> = probes.map(Probe::name).collect();
+    let set_probes = match probes.len() == Probe::ALL.len() {
+        true => String::new(),
+        false => format!(" --set 'probes={probes:?}'"),
+    };
+    Some(set_folds + &set_models + &set_probes)
 }
 
 #[cfg(test)]
@@ -206,7 +214,7 @@ mod tests {
         assert_eq!(beside_others("fast", &[3, 9]).unwrap(), " --set folds=3");
         assert_eq!(
             beside_others("fast", &[2, 2]).unwrap(),
-            " --set folds=2 --set 'models=[\"knn-l\", \"knn-h\", \"fast\"]'"
+            " --set folds=2 --set 'models=[\"knn-l\", \"knn-h\", \"fast\"]' --set 'probes=[\"means\"]'"
         );
         assert_eq!(beside_others("fast", &[1, 9]), None);
         assert!(with_few_sweeps(&[1, 1]).starts_with("record more"));

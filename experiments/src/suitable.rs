@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use tactnet_data::{DataError, DataSource, Dataset, Finding, Fold, Scheme, refuse_errors};
 use tactnet_pipeline::{ModelRecipe, PipelineError, TrainSpec};
 
-use crate::{ExperimentError, ExperimentRecipe, Job, Question, Task};
+use crate::{ExperimentError, ExperimentRecipe, Job, Probe, Question, Task};
 
 /// Materials that have to stay known, since one alone cannot be told apart from anything.
 const LEAST_KNOWN: usize = 2;
@@ -67,15 +67,14 @@ pub(crate) fn refuse_unsuitable(
         match &task.job {
             Job::Train(spec) => {
                 has_fold(spec, dataset).map_err(of_data)?;
-                let model = task.model.as_str();
+                let model = (task.probe, task.model.as_str());
                 match recipe_of(spec).and_then(|recipe| lacking(&recipe, spec, dataset)) {
                     Some(lacking) => {
                         starved.entry(model).or_insert_with(|| of_data(lacking));
                     }
-                    None if task.probe.is_none() => {
+                    None => {
                         fed.insert(model);
                     }
-                    None => {}
                 }
             }
             Job::Question(task) => suits(&task.question, dataset).map_err(of_data)?,
@@ -84,22 +83,40 @@ pub(crate) fn refuse_unsuitable(
     let Some(lacking) = starved.values().next() else {
         return Ok(());
     };
-    let names = |models: Vec<&&str>| {
-        let quoted: Vec<String> = models.iter().map(|model| format!("\"{model}\"")).collect();
-        quoted.join(", ")
-    };
-    let remedy = match names(
-        fed.iter()
-            .filter(|model| !starved.contains_key(*model))
-            .collect(),
-    ) {
-        none if none.is_empty() => "record more sweeps".into(),
-        others => format!("`--set 'models=[{others}]'` leaves them out"),
-    };
+    fed.retain(|model| !starved.contains_key(model));
+    let (probes, models): (Vec<Asked<'_>>, Vec<_>) =
+        fed.iter().partition(|(probe, _)| probe.is_some());
+    let mut remedies = Vec::new();
+    if starved.keys().any(|(probe, _)| probe.is_none()) {
+        if models.is_empty() {
+            return Err(format!(
+                "{lacking} for {}; record more sweeps",
+                names(starved.keys())
+            ));
+        }
+        remedies.push(format!("`--set 'models=[{}]'`", names(&models)));
+    }
+    if starved.keys().any(|(probe, _)| probe.is_some()) {
+        let kinds = probes.iter().filter_map(|(probe, _)| *probe);
+        let kinds: Vec<String> = kinds.map(|probe| format!("\"{}\"", probe.name())).collect();
+        remedies.push(format!("`--set 'probes=[{}]'`", kinds.join(", ")));
+    }
     Err(format!(
-        "{lacking} for {}; {remedy}",
-        names(starved.keys().collect())
+        "{lacking} for {}; left out by {}",
+        names(starved.keys()),
+        remedies.join(" ")
     ))
+}
+
+/// A model, or a probe and its model.
+type Asked<'a> = (Option<Probe>, &'a str);
+
+fn names<'a>(asked: impl IntoIterator<Item = &'a Asked<'a>>) -> String {
+    let quoted: Vec<String> = asked
+        .into_iter()
+        .map(|(_, model)| format!("\"{model}\""))
+        .collect();
+    quoted.join(", ")
 }
 
 /// Returns of which material there are too few training sweeps for a model, if there is one.

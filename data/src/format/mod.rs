@@ -144,6 +144,15 @@ fn table_with_gaps(
     keep: Keep,
     labels: Labels,
 ) -> Option<Result<NamedSweeps, DataError>> {
+    if path.join("config.json").is_file() && path.join("split.json").is_file() {
+        let found = "a run directory, which holds a classifier";
+        return Some(Err(DataError::format(
+            path,
+            "folder",
+            folder::LAYOUT,
+            found,
+        )));
+    }
     if path.is_dir() && folder::is_folder_of_sweeps(path) {
         return Some(folder::read_with_gaps(path, keep));
     }
@@ -160,9 +169,6 @@ fn table_with_gaps(
             match folder::holds_arrays(path) {
                 true => {
                     "arrays (.npy) of no material; sort them into folders, one a material, or stack them into one file: np.savez_compressed(\"sweeps.npz\", X=X, y=y) with X [n][steps][taxels] and y [n]"
-                }
-                false if path.join("config.json").is_file() => {
-                    "a run directory, it seems: `tactnet train`, not recorded sweeps"
                 }
                 false => "neither",
             },

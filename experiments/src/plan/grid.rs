@@ -94,17 +94,15 @@ impl GridPoint<'_> {
 
     /// A training that shows what a data set gives away.
     pub(crate) fn probe(&self, probe: Probe, place: (SplitKind, usize, usize)) -> Task {
-        let (name, model, recipe, label_order) = match probe {
+        let (name, model, label_order) = match probe {
             Probe::Means => (
                 "probe_means",
                 "probe: nearest taxel means",
-                "means",
                 LabelOrder::True,
             ),
             Probe::Permuted => (
                 "probe_permuted",
                 "probe: permuted labels (minirocket)",
-                "minirocket",
                 LabelOrder::Permuted,
             ),
         };
@@ -113,7 +111,7 @@ impl GridPoint<'_> {
             model: model.into(),
             job: Job::Train(TrainSpec {
                 label_order,
-                ..self.spec(recipe, place)
+                ..self.spec(probe.recipe(), place)
             }),
             probe: Some(probe),
         }

@@ -87,13 +87,34 @@ fn k_fold() -> Vec<SplitKind> {
 }
 
 /// A classifier that shows how much a data set gives away.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, PartialOrd, Ord)]
 #[serde(rename_all = "kebab-case")]
 pub enum Probe {
     /// Nearest neighbour on taxel means.
     Means,
     /// MiniRocket on sweeps whose labels are dealt anew: must score chance.
     Permuted,
+}
+
+impl Probe {
+    /// All of them.
+    pub(crate) const ALL: [Self; 2] = [Self::Means, Self::Permuted];
+
+    /// Returns its name in recipes of experiments.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Means => "means",
+            Self::Permuted => "permuted",
+        }
+    }
+
+    /// Returns the recipe of its model.
+    pub(crate) fn recipe(self) -> &'static str {
+        match self {
+            Self::Means => "means",
+            Self::Permuted => "minirocket",
+        }
+    }
 }
 
 impl Ask for Crossval {

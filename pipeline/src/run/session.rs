@@ -92,10 +92,10 @@ fn refuse_starved(recipe: &ModelRecipe, train: &TrainSplit<'_>) -> Result<(), Da
             train.dataset().labels().name(label)
         ),
         format!(
-            "at least 2 for model `{}`, to fit and to calibrate; `--model {others}` learn from one",
+            "at least 2 for model `{}`, to fit and to calibrate",
             recipe.name()
         ),
-        counts[label].to_string(),
+        format!("{}; `--model {others}` learn from one", counts[label]),
     ))
 }
 
