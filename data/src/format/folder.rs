@@ -250,6 +250,15 @@ pub(super) fn holds_arrays(folder: &Path) -> bool {
     list(folder).is_ok_and(|paths| paths.iter().any(is_array))
 }
 
+/// Returns the first file in a folder that is a data set by itself.
+pub(super) fn data_set_in(folder: &Path) -> Option<PathBuf> {
+    let is_whole = |path: &PathBuf| {
+        let extension = path.extension().and_then(|extension| extension.to_str());
+        extension.is_some_and(|e| ["npz", "h5", "hdf5", "parquet", "pq"].contains(&e))
+    };
+    list(folder).ok()?.into_iter().find(is_whole)
+}
+
 /// What lies in a folder, in the order of names.
 fn list(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
     let io = |error| DataError::io(folder, "list", error);

@@ -166,11 +166,14 @@ fn table_with_gaps(
             path,
             "folder",
             folder::LAYOUT,
-            match folder::holds_arrays(path) {
-                true => {
-                    "arrays (.npy) of no material; sort them into folders, one a material, or stack them into one file: np.savez_compressed(\"sweeps.npz\", X=X, y=y) with X [n][steps][taxels] and y [n]"
+            match (folder::holds_arrays(path), folder::data_set_in(path)) {
+                (true, _) => {
+                    "arrays (.npy) of no material; sort them into folders, one a material, or stack them into one file: np.savez_compressed(\"sweeps.npz\", X=X, y=y) with X [n][steps][taxels] and y [n]".to_owned()
                 }
-                false => "neither",
+                (false, Some(file)) => {
+                    format!("{}, which is a data set by itself: name that file", file.display())
+                }
+                (false, None) => "neither".to_owned(),
             },
         )));
     }
