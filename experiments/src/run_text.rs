@@ -213,7 +213,7 @@ mod tests {
     fn few_sweeps_make_few_folds_of_models_that_can_learn_from_them() {
         assert_eq!(beside_others("fast", &[3, 9]).unwrap(), " --set folds=3");
         assert_eq!(
-            beside_others("fast", &[2, 2]).unwrap(),
+            beside_others("fast", &[2; 5]).unwrap(),
             " --set folds=2 --set 'models=[\"knn-l\", \"knn-h\", \"fast\"]' --set 'probes=[\"means\"]'"
         );
         assert_eq!(beside_others("fast", &[1, 9]), None);

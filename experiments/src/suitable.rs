@@ -135,7 +135,7 @@ fn lacking(recipe: &ModelRecipe, spec: &TrainSpec, dataset: &Dataset) -> Option<
         Some(part) => fold.nested(part).ok()?,
     };
     let counts = fold.train.sweeps_per_label();
-    let label = recipe.starved(&counts)?;
+    let (label, _) = recipe.starved(&counts)?;
     Some(format!(
         "`{}` has {} training sweep{} in fold {number}, which is too few",
         dataset.labels().name(label),

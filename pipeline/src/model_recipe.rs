@@ -114,12 +114,12 @@ impl ModelRecipe {
         }
     }
 
-    /// Returns the first material of which there are too few training sweeps for this recipe, or `None`.
+    /// Returns a material of which there are too few training sweeps for this recipe, and how many it takes; `None` where there are enough.
     ///
     /// Networks learn from one sweep of each; a baseline that chooses settings or calibrates on a part of them takes two.
     ///
     /// - `counts`: training sweeps of every material
-    pub fn starved(&self, counts: &[usize]) -> Option<usize> {
+    pub fn starved(&self, counts: &[usize]) -> Option<(usize, usize)> {
         match self {
             Self::TactNet2(_) => None,
             Self::Baseline(recipe) => recipe.starved(counts),

@@ -62,16 +62,24 @@ pub enum ClassicalClassifier {
 }
 
 impl BaselineRecipe {
-    /// Returns the first material with too few training sweeps for this classifier: settings and calibration take two of every material,
-    /// to fit to and to judge by; a covariance takes two of any.
+    /// Returns a material with too few training sweeps for this classifier, and how many it takes: settings and calibration take two of every
+    /// material, to fit to and to judge by; a covariance takes two of any; neighbours take as many sweeps as there are to be.
     ///
     /// - `counts`: training sweeps of every material
-    pub(crate) fn starved(&self, counts: &[usize]) -> Option<usize> {
-        let first = || counts.iter().position(|&count| count < 2);
+    pub(crate) fn starved(&self, counts: &[usize]) -> Option<(usize, usize)> {
+        let fewest = || (0..counts.len()).min_by_key(|label| counts[*label]);
         match &self.classifier {
-            ClassicalClassifier::Knn { neighbours } if neighbours.len() == 1 => None,
+            ClassicalClassifier::Knn { neighbours } if neighbours.len() == 1 => {
+                let all: usize = counts.iter().sum();
+                let least = neighbours[0].div_ceil(counts.len().max(1));
+                fewest()
+                    .filter(|_| all < neighbours[0])
+                    .map(|label| (label, least))
+            }
             ClassicalClassifier::Lda if counts.iter().any(|&count| count > 1) => None,
-            _ => first(),
+            _ => fewest()
+                .filter(|label| counts[*label] < 2)
+                .map(|label| (label, 2)),
         }
     }
 

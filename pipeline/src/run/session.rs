@@ -82,20 +82,23 @@ pub struct Session {
 /// A material with fewer training sweeps than `recipe` learns from.
 fn refuse_starved(recipe: &ModelRecipe, train: &TrainSplit<'_>) -> Result<(), DataError> {
     let counts = train.sweeps_per_label();
-    let Some(label) = recipe.starved(&counts) else {
+    let Some((label, least)) = recipe.starved(&counts) else {
         return Ok(());
     };
-    let others = ModelRecipe::not_starved(["fast", "knn-h"], &counts).join("` and `--model ");
+    let others = match &ModelRecipe::not_starved(["fast", "knn-h"], &counts)[..] {
+        [one] => format!("`--model {one}` learns from fewer"),
+        several => format!(
+            "`--model {}` learn from fewer",
+            several.join("` and `--model ")
+        ),
+    };
     Err(DataError::inconsistent(
         format!(
             "training sweeps of `{}`",
             train.dataset().labels().name(label)
         ),
-        format!(
-            "at least 2 for model `{}`, to fit and to calibrate",
-            recipe.name()
-        ),
-        format!("{}; `--model {others}` learn from one", counts[label]),
+        format!("at least {least} for model `{}`", recipe.name()),
+        format!("{}; {others}", counts[label]),
     ))
 }
 
