@@ -69,9 +69,11 @@ fn few_training_steps_are_named_and_what_comes_next() {
     let why = "note: 10 epochs instead of 3, since these few sweeps make 4 batches an epoch, and the recipe trains on at least 40 batches";
     assert!(said.contains(why), "{said}");
 
+    std::fs::create_dir(lab.path("held")).unwrap();
+    std::fs::copy(lab.path("twin.h5"), lab.path("held/a.h5")).unwrap();
     for (folder, found) in [
         ("run", "a run directory, which holds a classifier"),
-        (".", "twin.h5, which is a data set by itself"),
+        ("held", "a.h5, which is a data set by itself"),
     ] {
         let refused = stderr(&expect(2, with(&lab, &["data", "check"], folder, &[])));
         assert!(refused.contains(found), "{refused}");
