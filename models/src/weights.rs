@@ -10,6 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use safetensors::tensor::{Dtype, TensorView};
 
 use crate::initial::parameter;
+use crate::safetensors_bytes::safetensors_bytes;
 use crate::tactnet::{TactNet, TrunkNet};
 use crate::{ModelError, TactNetConfig};
 
@@ -29,7 +30,7 @@ pub struct NamedTensor {
 pub struct Weights(pub BTreeMap<String, NamedTensor>);
 
 impl Weights {
-    /// The bytes of a safetensors file with `metadata` in its header.
+    /// The bytes of a safetensors file with `metadata` in its header; equal weights and metadata give equal bytes.
     ///
     /// # Errors
     /// Shapes that do not match their values.
@@ -54,10 +55,7 @@ impl Weights {
                 TensorView::new(Dtype::F32, tensor.shape.clone(), &bytes[name])?,
             ));
         }
-        Ok(safetensors::serialize(
-            views,
-            Some(metadata.into_iter().collect()),
-        )?)
+        Ok(safetensors_bytes(views, metadata)?)
     }
 
     /// Reads the `f32` tensors of a safetensors file; tensors of other types are left out.

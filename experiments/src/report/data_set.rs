@@ -51,7 +51,9 @@ impl<'a> DataSet<'a> {
         let (Some(best), others) = (rows.first(), rows.iter().skip(1)) else {
             return Vec::new();
         };
-        let tied = others.filter(|row| rank(row.one_sweep.mean) == rank(best.one_sweep.mean));
+        let tied = others.filter(|row| {
+            row.key != best.key && rank(row.one_sweep.mean) == rank(best.one_sweep.mean)
+        });
         tied.map(|row| self.name(row)).collect()
     }
 

@@ -7,7 +7,7 @@ use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, TensorView};
 use sha2::{Digest, Sha256};
 use tactnet_data::hex;
-use tactnet_models::Weights;
+use tactnet_models::{Weights, safetensors_bytes};
 
 use crate::{PipelineError, Position, TrainingState};
 
@@ -54,7 +54,7 @@ pub(crate) fn encode_checkpoint(
         ("position".to_string(), position),
         ("train_seconds".to_string(), seconds),
     ];
-    safetensors::serialize(views, Some(metadata.into_iter().collect())).map_err(failed)
+    safetensors_bytes(views, metadata).map_err(failed)
 }
 
 /// SHA-256 of all that a training goes on from, so that a damaged checkpoint is not gone on with.
