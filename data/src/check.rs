@@ -608,8 +608,7 @@ fn sweeps_per_material(dataset: &Dataset) -> Vec<Finding> {
     let few = counts
         .iter()
         .filter(|count| (2..USUAL_FOLDS).contains(*count));
-    // Where one is refused anyway, there are no folds to speak of.
-    if let Some(fewest) = few.clone().min().filter(|_| findings.is_empty()) {
+    if let Some(fewest) = few.clone().min() {
         let message = format!(
             "{} of {} materials have fewer than {USUAL_FOLDS} sweeps: `train` deals {fewest} folds instead of {USUAL_FOLDS} \
              (`--folds N`, `--split hold-out`); studies of few sweeps refuse them",
