@@ -1,6 +1,6 @@
 //! Reading data sets, with a word on the twin and on rates that nobody named.
 
-use tactnet_data::{DataError, DataSource, Dataset, Finding, FindingKind, Severity};
+use tactnet_data::{DataError, DataSource, Dataset, Finding, FindingKind, Severity, SweepShape};
 use tactnet_pipeline::{LabelOrder, PipelineError, TrainSpec, quoted};
 
 /// Says so where the twin is about to be generated, which takes a moment and is no recording.
@@ -20,6 +20,15 @@ pub fn load(data: &str) -> Result<Dataset, DataError> {
 pub fn load_as(spec: &TrainSpec, data: &str, order: LabelOrder) -> Result<Dataset, DataError> {
     announce(data);
     spec.read_sweeps_of(data, order)
+}
+
+/// Says that the taxels were put into a run's rows and columns.
+pub fn note_arranged(shape: SweepShape) {
+    say!(
+        "note: the taxels are read row by row as the run's {}x{}, since the data does not say how they are arranged",
+        shape.rows,
+        shape.cols
+    );
 }
 
 /// Warns of what concerns a data set as a whole; a rate that nobody named has a warning of its own.
@@ -76,7 +85,7 @@ pub fn in_file(data: &str, rate: Option<f64>, error: PipelineError) -> PipelineE
             PipelineError::Incompatible {
                 item: data.into(),
                 expected,
-                found,
+                found: with_names(&found, data, rate),
             }
         }
         PipelineError::Data(DataError::Inconsistent {
@@ -86,6 +95,13 @@ pub fn in_file(data: &str, rate: Option<f64>, error: PipelineError) -> PipelineE
         }) => DataError::inconsistent(format!("{data}: {item}"), expected, found).into(),
         other => other,
     }
+}
+
+/// Puts names into a command that a message proposes: the file, a new one and what `--rate` said.
+fn with_names(message: &str, data: &str, rate: Option<f64>) -> String {
+    let rate = rate.map_or(String::new(), |rate| format!(" --rate {rate}"));
+    let named = format!("data import {} --out arranged.npz{rate}", quoted(data));
+    message.replace("data import FILE --out NEW", &named)
 }
 
 /// Says so where the sample rate is assumed.

@@ -25,6 +25,7 @@
 
 mod lengths;
 mod names;
+mod sweeps_per_material;
 
 pub use lengths::check_lengths;
 
@@ -54,8 +55,6 @@ const LONG_SECONDS: f64 = 600.0;
 const SLOW_HZ: f64 = 5.0;
 /// A side of the patch with more taxels, and more than there are time steps, looks like time.
 const WIDE_PATCH: usize = 32;
-/// Folds of the published cross-validation.
-const USUAL_FOLDS: usize = 5;
 
 /// Everything suspicious about `dataset`, errors first, then in the order of the sweeps.
 pub fn check(dataset: &Dataset) -> Vec<Finding> {
@@ -70,7 +69,7 @@ pub fn check(dataset: &Dataset) -> Vec<Finding> {
     findings.extend(identical(dataset, &sweeps));
     findings.extend(saturated(dataset, &sweeps));
     findings.extend(out_of_range(dataset, &sweeps));
-    findings.extend(sweeps_per_material(dataset));
+    findings.extend(sweeps_per_material::check(dataset));
     findings.extend(names::numbered(dataset));
     findings.extend(names::that_mislead(dataset));
     findings.extend(clock_taxels(dataset, &sweeps));
@@ -578,61 +577,6 @@ fn not_read(dataset: &Dataset) -> impl Iterator<Item = Finding> + use<'_> {
     let kind = FindingKind::NotRead;
     let sentences = dataset.left_out().iter();
     sentences.map(move |said| finding(Severity::Note, kind, Place::default(), said.clone()))
-}
-
-fn sweeps_per_material(dataset: &Dataset) -> Vec<Finding> {
-    let counts = dataset.sweeps_per_label();
-    let mut findings = Vec::new();
-    let nowhere = Place::default();
-    for (label, &count) in counts.iter().enumerate().filter(|&(_, &count)| count < 2) {
-        let name = dataset.labels().name(label);
-        let message =
-            format!("`{name}`: found {count} of the 2 sweeps that training and testing need");
-        findings.push(finding(
-            Severity::Error,
-            FindingKind::FewSweeps,
-            nowhere,
-            message,
-        ));
-    }
-    let extreme = |by: fn(&usize, &usize) -> bool| {
-        let best = |best: usize, label: usize| {
-            if by(&counts[label], &counts[best]) {
-                label
-            } else {
-                best
-            }
-        };
-        (1..counts.len()).fold(0, best)
-    };
-    let few = counts
-        .iter()
-        .filter(|count| (2..USUAL_FOLDS).contains(*count));
-    if let Some(fewest) = few.clone().min() {
-        let message = format!(
-            "{} of {} materials have fewer than {USUAL_FOLDS} sweeps: `train` deals {fewest} folds instead of {USUAL_FOLDS} \
-             (`--folds N`, `--split hold-out`); studies of few sweeps refuse them",
-            few.count(),
-            counts.len()
-        );
-        findings.push(finding(
-            Severity::Warning,
-            FindingKind::FewSweeps,
-            nowhere,
-            message,
-        ));
-    }
-    let (least, most) = (extreme(|a, b| a < b), extreme(|a, b| a > b));
-    if counts[least] != counts[most] {
-        let (few, many) = (dataset.labels().name(least), dataset.labels().name(most));
-        let message = format!(
-            "from {} (`{few}`) to {} (`{many}`) sweeps per material: accuracy leans to those with more; record more of `{few}`, or leave some of the others out",
-            counts[least], counts[most]
-        );
-        let kind = FindingKind::UnbalancedMaterials;
-        findings.push(finding(Severity::Warning, kind, nowhere, message));
-    }
-    findings
 }
 
 #[cfg(test)]

@@ -71,9 +71,13 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
     let data = arguments.data.as_deref().unwrap_or(&spec.data);
     source::announce(data);
     let in_file = |error| source::in_file(data, arguments.rate, error);
-    let dataset = spec
-        .read_sweeps_of_run(arguments.data.as_deref())
+    let shape = config.classifier.shape;
+    let (dataset, arranged) = spec
+        .read_sweeps_to_judge(arguments.data.as_deref(), shape)
         .map_err(in_file)?;
+    if arranged {
+        source::note_arranged(shape);
+    }
     let tested = TestSweeps::of_run(&run, &dataset)?;
     if !tested.training_sweeps_known {
         say!("{}: {}", dataset.name(), tested.description);

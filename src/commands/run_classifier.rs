@@ -82,12 +82,19 @@ impl RunClassifier {
         let sweeps = spec
             .read_to_classify(data, known.shape, known.sample_rate_hz)
             .map_err(|error| source::in_file(data, rate, error.into()))?;
+        let found = ClassifiedSweeps::of(
+            &sweeps,
+            &self.classifier,
+            self.calibration
+                .as_ref()
+                .map(|(bounds, known)| (bounds, known)),
+            self.method,
+            one_object,
+        );
+        let found = found.map_err(|error| source::in_file(data, rate, error))?;
+        // Of sweeps that are refused there is nothing else to say.
         if sweeps.arranged {
-            say!(
-                "note: the taxels are read row by row as the run's {}x{}, since the data does not say how they are arranged",
-                known.shape.rows,
-                known.shape.cols
-            );
+            source::note_arranged(known.shape);
         }
         let seen = self.learnt_from(&sweeps.dataset)?;
         if seen > 0 {
@@ -102,16 +109,7 @@ impl RunClassifier {
                 quoted(&self.dir.display().to_string())
             );
         }
-        let found = ClassifiedSweeps::of(
-            &sweeps,
-            &self.classifier,
-            self.calibration
-                .as_ref()
-                .map(|(bounds, known)| (bounds, known)),
-            self.method,
-            one_object,
-        );
-        Ok(found.map_err(|error| source::in_file(data, rate, error))?)
+        Ok(found)
     }
 
     /// Returns how many of the sweeps the run was trained on or has learnt a material from; trained on none where its training data cannot be

@@ -84,16 +84,25 @@ fn few_training_steps_are_named_and_what_comes_next() {
     expect(0, with(&lab, &["data", "import"], "twin.h5", &shape));
     let refused = stderr(&expect(2, with(&lab, &["eval"], "run", &["--data", &flat])));
     assert!(
-        refused.contains("`tactnet data import FILE --out NEW --shape 4x4`"),
+        refused.contains("flat.npz") && refused.contains(" --out arranged.npz --shape 4x4`"),
         "{refused}"
     );
     // A shape that was declared is no more rearranged than the run's own.
     let refused = with(&lab, &["predict"], "run", &["--data", &flat]);
     let refused = stderr(&expect(2, refused));
     assert!(
-        refused.contains("`tactnet data import FILE --out NEW --shape 4x4`"),
+        refused.contains(" --out arranged.npz --shape 4x4`"),
         "{refused}"
     );
+    // Of taxels that nobody arranged, both say what they take them for.
+    let known = ["synthetic leather rough", "metallic jersey"];
+    own_sweeps(&lab, "tables", known, 3, 16);
+    for command in ["eval", "predict"] {
+        let tables = lab.path("tables").display().to_string();
+        let judged = with(&lab, &[command], "run", &["--data", &tables]);
+        let said = stderr(&expect(0, judged));
+        assert!(said.contains("row by row as the run's 4x4"), "{said}");
+    }
     let again = stderr(&expect(2, lab.train(&recipe, "run")));
     assert!(
         again.contains("which has ended; name another folder"),

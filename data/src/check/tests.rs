@@ -206,6 +206,11 @@ fn few_and_unbalanced_sweeps_are_found() {
             .message
             .contains("from 1 (`wood`) to 3 (`cork`) sweeps")
     );
+    assert!(
+        !findings[1].message.contains("deals"),
+        "no folds are dealt: {}",
+        findings[1].message
+    );
 }
 
 #[test]

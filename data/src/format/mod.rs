@@ -23,6 +23,7 @@ mod named_sweeps;
 mod narrow;
 mod npy;
 pub mod npz;
+mod npz_write;
 #[cfg(feature = "parquet")]
 pub mod parquet;
 #[cfg(feature = "parquet")]

@@ -14,16 +14,16 @@
 
 use super::DEFLATE_LIMIT;
 use super::named_sweeps::{Labels, NAMED, UNLABELLED, records, some_names, some_of, sorted_names};
-use super::npy::{self, Array, Header};
+use super::npy::{Array, Header};
 use super::tactmat::{RATE_ATTRIBUTE, SYNTHETIC_ATTRIBUTE};
 use crate::twin::TwinVersion;
-use crate::{DataError, Dataset, LabelSet, Samples, SweepShape, write_whole};
+use crate::{DataError, Dataset, LabelSet, SweepShape};
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufReader, Cursor, Write};
+use std::io::BufReader;
 use std::path::Path;
-use zip::CompressionMethod;
-use zip::write::{SimpleFileOptions, ZipWriter};
+
+pub use super::npz_write::write;
 
 /// Arrays that are read; whatever else is in an archive is left alone.
 const KNOWN: [&str; 9] = [
@@ -550,95 +550,4 @@ fn unpack(
     } else {
         Array::read(member, room)
     }
-}
-
-/// Writes `dataset`: five dimensions if it is ordered by material with equally many sweeps of each, else four with
-/// `labels`.
-///
-/// # Errors
-/// A file that cannot be written.
-pub fn write(path: &Path, dataset: &Dataset) -> Result<(), DataError> {
-    let bytes = archive(dataset).map_err(|error| DataError::io(path, "write", error.into()))?;
-    write_whole(path, &bytes)
-}
-
-fn archive(dataset: &Dataset) -> zip::result::ZipResult<Vec<u8>> {
-    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
-    let options = SimpleFileOptions::default()
-        .compression_method(CompressionMethod::Deflated)
-        .large_file(true);
-    let mut add = |name: &str, descr: &str, shape: &[usize], values: &[u8]| {
-        zip.start_file(format!("{name}.npy"), options)?;
-        zip.write_all(&npy::encode(descr, shape, values))
-            .map_err(zip::result::ZipError::from)
-    };
-    let records = dataset.records();
-    let materials = dataset.labels().len();
-    let sweeps = dataset.len() / materials;
-    let in_order = dataset.len() == materials * sweeps
-        && records
-            .iter()
-            .enumerate()
-            .all(|(i, r)| r.label == i / sweeps && r.sweep == i % sweeps);
-    let leading = if in_order {
-        vec![materials, sweeps]
-    } else {
-        vec![dataset.len()]
-    };
-    let sweep = dataset.shape();
-    let shape = [leading.as_slice(), &[sweep.steps, sweep.rows, sweep.cols]].concat();
-    let descr = match dataset.samples() {
-        Samples::U8(_) => "|u1",
-        Samples::U16(_) => "<u2",
-        Samples::F32(_) => "<f4",
-    };
-    let mut values = Vec::with_capacity(dataset.samples().bytes());
-    dataset
-        .samples()
-        .for_each_le_chunk(|chunk| values.extend_from_slice(chunk));
-    add("samples", descr, &shape, &values)?;
-    let names: Vec<Vec<char>> = dataset
-        .labels()
-        .names()
-        .map(|n| n.chars().collect())
-        .collect();
-    let width = names.iter().map(Vec::len).max().unwrap_or(1);
-    let text: Vec<u8> = names
-        .iter()
-        .flat_map(|name| (0..width).map(|i| name.get(i).map_or(0, |&letter| letter as u32)))
-        .flat_map(u32::to_le_bytes)
-        .collect();
-    add("materials", &format!("<U{width}"), &[materials], &text)?;
-    if !in_order {
-        let labels: Vec<u8> = records
-            .iter()
-            .flat_map(|r| (r.label as u32).to_le_bytes())
-            .collect();
-        add("labels", "<u4", &leading, &labels)?;
-    }
-    if dataset.has_blocks() {
-        let blocks: Vec<u8> = records
-            .iter()
-            .filter_map(|r| r.block)
-            .flat_map(u32::to_le_bytes)
-            .collect();
-        add("blocks", "<u4", &leading, &blocks)?;
-    }
-    if dataset.has_test_flag() {
-        let flags: Vec<u8> = records
-            .iter()
-            .filter_map(|r| r.test)
-            .map(u8::from)
-            .collect();
-        add("test_flag", "|b1", &leading, &flags)?;
-    }
-    if let Some(version) = dataset.origin().twin_version() {
-        let mark = f64::from(version.number()).to_le_bytes();
-        add(SYNTHETIC_ATTRIBUTE, "<f8", &[], &mark)?;
-    }
-    if !dataset.is_rate_assumed() {
-        let rate = dataset.sample_rate_hz().to_le_bytes();
-        add(RATE_ATTRIBUTE, "<f8", &[], &rate)?;
-    }
-    Ok(zip.finish()?.into_inner())
 }

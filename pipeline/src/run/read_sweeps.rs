@@ -68,9 +68,8 @@ impl TrainSpec {
             // Not so many sweeps, but the frames of a single one with its rows and columns.
             sweeps.dataset = sweeps.dataset.as_one_sweep(shape)?;
             sweeps.names.truncate(1);
-        } else if sweeps.dataset.is_patch_assumed() && own.taxels() == shape.taxels() {
-            sweeps.dataset = sweeps.dataset.with_patch(shape.rows, shape.cols)?;
-            sweeps.arranged = shape.rows != own.rows;
+        } else {
+            (sweeps.dataset, sweeps.arranged) = arranged(sweeps.dataset, shape)?;
         }
         let is_named = self.rate_hz.is_some() || !sweeps.dataset.is_rate_assumed();
         let rate_hz = if is_named {
@@ -91,6 +90,19 @@ impl TrainSpec {
         Ok(self.read_sweeps_of(place, self.label_order)?)
     }
 
+    /// Reads the sweeps that a classifier of this is judged by: of `other`, or else those that it was trained on. Returns also whether their taxels
+    /// were put into the rows and columns of `shape`, the classifier's, since the data does not say how they are arranged.
+    ///
+    /// # Errors
+    /// As [`TrainSpec::read_sweeps_of_run`].
+    pub fn read_sweeps_to_judge(
+        &self,
+        other: Option<&str>,
+        shape: SweepShape,
+    ) -> Result<(Dataset, bool), PipelineError> {
+        Ok(arranged(self.read_sweeps_of_run(other)?, shape)?)
+    }
+
     /// Returns `moved_to`, or where the data were that a run of this was trained on: `twin`, or a file.
     ///
     /// # Errors
@@ -108,4 +120,16 @@ impl TrainSpec {
         }
         Ok(place)
     }
+}
+
+/// Puts the taxels of a file that does not say how they are arranged into the rows and columns of `shape`; returns whether that changed anything.
+fn arranged(dataset: Dataset, shape: SweepShape) -> Result<(Dataset, bool), DataError> {
+    let own = dataset.shape();
+    if !dataset.is_patch_assumed() || own.taxels() != shape.taxels() {
+        return Ok((dataset, false));
+    }
+    Ok((
+        dataset.with_patch(shape.rows, shape.cols)?,
+        shape.rows != own.rows,
+    ))
 }

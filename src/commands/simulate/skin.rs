@@ -176,6 +176,7 @@ pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
         driver = driver.without_commands();
     }
     let rest = rest_frames(dataset.sample_rate_hz());
+    let in_order = order.len() as u64;
     let mut skin = SkinSimulator::new(&dataset, order, config.segmenter.skip, rest);
     if object_sweeps > 0 {
         skin = skin.with_objects_of(object_sweeps);
@@ -189,6 +190,12 @@ pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
     let on_start = |skin: &SkinSimulator<'_>, motion: u64| {
         let sweep = skin.sweep_of(motion);
         let material = dataset.labels().name(dataset.records()[sweep].label);
+        if motion == in_order + 1 {
+            say!(
+                "note: all {} were played; from here they come again",
+                output::counted(in_order as usize, "sweep")
+            );
+        }
         output::print(format_args!("motion {motion}: sweep {sweep}, {material}"))
     };
     let sweeps = arguments.sweeps.unwrap_or(u64::MAX);

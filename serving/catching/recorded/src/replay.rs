@@ -4,7 +4,7 @@ use serde::Serialize;
 use tactnet_catching::plan::Planner;
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_packets::packets::{BallPredictions, Circles, HeadPose, PlanResult};
-use tactnet_catching_roles::{RoleSettings, Sight, answer};
+use tactnet_catching_roles::{RoleSettings, Sight, answer, planning_ends_ns};
 use tactnet_recording::{RecordedPacket, Recording};
 
 use crate::RecordedError;
@@ -19,7 +19,7 @@ pub struct Compared {
     pub answers: usize,
     /// Of them, the same bit by bit.
     pub same: usize,
-    /// Plans that ran out of time in the recording: how far they come depends on the machine.
+    /// Plans that ran out of time in the recording, or were there only when it had run out: how far they come depends on the machine.
     pub out_of_time: usize,
     /// Answers without a question in the recording, or the other way round: packets that it lacks.
     pub alone: usize,
@@ -53,7 +53,7 @@ pub fn replay(recording: &Recording) -> Result<Replayed, RecordedError> {
             continue;
         };
         if let Some(recorded) = packet.get::<PlanResult>() {
-            replayed.plans.plan(&planners, &recorded);
+            replayed.plans.plan(&planners, &recorded, entry.time_ns);
         } else if let Some(pose) = packet.get::<HeadPose>() {
             sight.pose(&pose);
         } else if let Some(circles) = packet.get::<Circles>() {
@@ -71,12 +71,13 @@ pub fn replay(recording: &Recording) -> Result<Replayed, RecordedError> {
 }
 
 impl Compared {
-    fn plan(&mut self, planners: &[Planner; ARMS], recorded: &PlanResult) {
-        if recorded.failure == OUT_OF_TIME {
+    /// - `put_ns`: when the answer was put
+    fn plan(&mut self, planners: &[Planner; ARMS], recorded: &PlanResult, put_ns: u64) {
+        let question = &recorded.request;
+        if recorded.failure == OUT_OF_TIME || put_ns >= planning_ends_ns(question) {
             self.out_of_time += 1;
             return;
         }
-        let question = &recorded.request;
         let planner = planners.get(question.arm as usize);
         let again = planner.and_then(|planner| answer(planner, question, || false));
         let Some(again) = again else {

@@ -43,7 +43,7 @@ pub use channels::{PICTURE_HEAD, catching_channels};
 pub use error::RoleError;
 pub use milliseconds::Milliseconds;
 pub use picture::PictureHead;
-pub use planner::answer;
+pub use planner::{answer, planning_ends_ns};
 pub use role::Role;
 pub use settings::RoleSettings;
 pub use stage_view::{Side, Stage, StageView};

@@ -13,6 +13,11 @@ use crate::{RoleError, RoleReport, RoleSettings};
 /// An answer is to be there so long before its motion begins, ns.
 const ON_THE_WAY_NS: u64 = 5_500_000;
 
+/// Returns when a planner gives up a question, ns: it answers then with the best that it has.
+pub fn planning_ends_ns(question: &PlanRequest) -> u64 {
+    question.start_ns.saturating_sub(ON_THE_WAY_NS)
+}
+
 /// Returns the plan for a question, or the nearest miss; `None` for a question with an arm or an objective that there is not.
 ///
 /// - `planner`: of the arm that the question is for
@@ -51,7 +56,7 @@ pub(crate) fn run(
             continue;
         };
         let begun = now_ns();
-        let deadline = question.start_ns.saturating_sub(ON_THE_WAY_NS);
+        let deadline = planning_ends_ns(question);
         let out_of_time = || now_ns() >= deadline;
         let Some(mut answer) = answer(&planner, question, out_of_time) else {
             continue;

@@ -98,10 +98,18 @@ struct Reaching {
     q: [f64; ARM_JOINTS],
 }
 
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 struct ArmMotion {
     start_ns: u64,
     ramps: [Ramp; ARM_JOINTS],
+}
+
+/// What an arm does, and for what.
+#[derive(Debug, Clone, Copy)]
+struct Task {
+    motion: ArmMotion,
+    reaching: Option<Reaching>,
+    hand: Option<HandCommand>,
 }
 
 /// Decides who catches what, and when.
@@ -114,6 +122,8 @@ pub struct Coordinator {
     arms: [ArmMotion; ARMS],
     reaching: [Option<Reaching>; ARMS],
     hands: [Option<HandCommand>; ARMS],
+    /// What the controller said last that it carries out.
+    taken: [Option<Task>; ARMS],
     neck: Neck,
     state: CatchState,
     pending: bool,
@@ -136,6 +146,7 @@ impl Coordinator {
             arms: [standing(0), standing(1)],
             reaching: [None; ARMS],
             hands: [None; ARMS],
+            taken: [None; ARMS],
             neck: Neck::standing(&ready),
             state: CatchState::Armed,
             pending: false,
@@ -194,15 +205,22 @@ impl Coordinator {
         (self.arms[arm].start_ns, &self.arms[arm].ramps)
     }
 
-    /// Takes what a controller carries out with an arm: where that is not what was planned, the plan was refused, and the arm is not on its way to
-    /// anything.
+    /// Takes what a controller carries out with an arm. Where that is not what was planned, the plan was refused: the arm is on its way to what it
+    /// was on its way to before, or to nothing.
     pub fn carried_out(&mut self, arm: usize, start_ns: u64, ramps: [Ramp; ARM_JOINTS]) {
-        if self.arms[arm].start_ns == start_ns && self.arms[arm].ramps == ramps {
+        let motion = ArmMotion { start_ns, ramps };
+        if self.arms[arm] == motion {
+            self.taken[arm] = Some(Task {
+                motion,
+                reaching: self.reaching[arm],
+                hand: self.hands[arm],
+            });
             return;
         }
-        self.arms[arm] = ArmMotion { start_ns, ramps };
-        self.reaching[arm] = None;
-        self.hands[arm] = None;
+        let task = self.taken[arm].filter(|task| task.motion == motion);
+        self.arms[arm] = motion;
+        self.reaching[arm] = task.and_then(|task| task.reaching);
+        self.hands[arm] = task.and_then(|task| task.hand);
         if self.state == CatchState::Reaching && self.reaching.iter().all(Option::is_none) {
             self.state = CatchState::Tracking;
         }
@@ -454,5 +472,82 @@ fn in_frame(flight: &Flight, to_frame: &Isometry3<f64>) -> Flight {
         v: to_frame.rotation * flight.v,
         k: flight.k,
         lift: to_frame.rotation * flight.lift,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tactnet_catching_packets::RobotDescription;
+
+    use super::*;
+    use crate::plan::{Effort, Violation};
+
+    /// A plan that reaches `q` at all joints after a second.
+    fn planned(coordinator: &Coordinator, start_ns: u64, q: f64) -> Planned {
+        let (_, ramps) = coordinator.arm(0);
+        let ball = Flight {
+            p: Vector3::zeros(),
+            v: Vector3::x(),
+            k: 0.0,
+            lift: Vector3::zeros(),
+        };
+        let catch = CatchRequest {
+            ball,
+            q0: ramps.map(|ramp| ramp.q0),
+            w0: [0.0; ARM_JOINTS],
+            earliest: 0.0,
+            latest: 1.8,
+            objective: Objective::Soft,
+            other: None,
+        };
+        Planned {
+            request: PlanRequest {
+                ball: 7,
+                arm: 0,
+                start_ns,
+                last: None,
+                catch,
+            },
+            plan: Ok(CatchPlan {
+                q: [q; ARM_JOINTS],
+                t: 1.0,
+                ramps: [Ramp::standing(q); ARM_JOINTS],
+                cost: 1.0,
+                violation: Violation::default(),
+                effort: Effort::default(),
+            }),
+        }
+    }
+
+    #[test]
+    fn a_refused_correction_leaves_the_arm_on_its_way_and_the_hand_told() {
+        let robot = Robot::new(RobotDescription::nominal());
+        let mut coordinator = Coordinator::new(robot, CoordinatorConfig::default(), [0.0; JOINTS]);
+        let carried = |coordinator: &Coordinator| {
+            let (start_ns, ramps) = coordinator.arm(0);
+            (start_ns, *ramps)
+        };
+        let standing = carried(&coordinator);
+
+        // A first path that is refused: on the way to nothing.
+        coordinator.planned(&[planned(&coordinator, 1_000, 0.1)]);
+        coordinator.carried_out(0, standing.0, standing.1);
+        assert_eq!(coordinator.target(0), None);
+        assert_eq!(coordinator.state(), CatchState::Tracking);
+
+        coordinator.planned(&[planned(&coordinator, 2_000, 0.2)]);
+        let first = carried(&coordinator);
+        coordinator.carried_out(0, first.0, first.1);
+        // Two corrections that are refused.
+        for start_ns in [3_000, 4_000] {
+            coordinator.planned(&[planned(&coordinator, start_ns, 0.3)]);
+            assert_eq!(coordinator.target(0), Some((7, 1_000_000_000 + start_ns)));
+        }
+        coordinator.carried_out(0, first.0, first.1);
+        assert_eq!(coordinator.target(0), Some((7, 1_000_002_000)));
+        assert_eq!(coordinator.state(), CatchState::Reaching);
+        let hand = coordinator.hands()[0].map(|hand| hand.catch_ns);
+        assert_eq!(hand, Some(1_000_002_000));
+        assert_eq!(carried(&coordinator), first);
     }
 }

@@ -427,7 +427,7 @@ impl Watched {
                     self.heard.braked(&why);
                     on_event(RunEvent::Braked(why));
                 }
-                self.heard.refused(state.refused);
+                self.heard.refused(state.refused, state.reason.as_str());
                 self.mode = mode;
             }
         }

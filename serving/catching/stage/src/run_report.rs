@@ -19,6 +19,7 @@ pub(crate) struct Heard {
     brakes: BTreeMap<String, u64>,
     refused: u64,
     refused_now: u64,
+    refusals: BTreeMap<String, u64>,
 }
 
 impl Heard {
@@ -26,12 +27,22 @@ impl Heard {
         *self.brakes.entry(why.into()).or_default() += 1;
     }
 
-    /// Takes how many paths a controller has refused since it began.
-    pub fn refused(&mut self, count: u64) {
+    /// Takes how many paths a controller has refused since it began, and what it said last.
+    pub fn refused(&mut self, count: u64, why: &str) {
         if count < self.refused_now {
             self.refused_now = 0;
         }
-        self.refused += count - self.refused_now;
+        let new = count - self.refused_now;
+        if new > 0 {
+            // By how much each was late would make a line of each.
+            let why = if why.ends_with(" us late") {
+                "a path that came late"
+            } else {
+                why
+            };
+            *self.refusals.entry(why.into()).or_default() += new;
+        }
+        self.refused += new;
         self.refused_now = count;
     }
 
@@ -89,6 +100,8 @@ pub struct RunReport {
     pub brakes: BTreeMap<String, u64>,
     /// Paths that the controller refused.
     pub paths_refused: u64,
+    /// Why, as far as it was heard.
+    pub refusals: BTreeMap<String, u64>,
     /// Plans that found nothing.
     pub no_plans: u64,
     /// Processes that ended by themselves and began again.
@@ -159,6 +172,7 @@ impl RunReport {
             false_brakes: safety.brakes_in_vain,
             brakes: heard.brakes.clone(),
             paths_refused: heard.refused,
+            refusals: heard.refusals.clone(),
             no_plans: heard.no_plans,
             restarts,
             seconds,
@@ -242,9 +256,9 @@ mod tests {
             sweeps: 3,
             ..outcome(1, 0, 0, 19_150_000_000)
         });
-        heard.refused(2);
-        heard.refused(3);
-        heard.refused(1);
+        heard.refused(2, "a path that came 12 us late");
+        heard.refused(3, "a path that came 345 us late");
+        heard.refused(1, "a path of no arm");
         let report = RunReport::of(&heard, Vec::new(), WorldReport::default(), 0, 1.0, None);
         assert_eq!(
             (
@@ -271,5 +285,10 @@ mod tests {
         );
         assert_eq!(report.last_measurement_age_ms.map(|ms| ms.p50), Some(50.0));
         assert_eq!(report.paths_refused, 4);
+        let refusals = [("a path of no arm", 1), ("a path that came late", 3)];
+        assert_eq!(
+            report.refusals,
+            refusals.map(|(why, n)| (why.to_owned(), n)).into()
+        );
     }
 }

@@ -1,0 +1,69 @@
+//! Whether there are enough sweeps of each material, and as many of each.
+
+use super::finding;
+use crate::{Dataset, Finding, FindingKind, Place, Severity};
+
+/// Folds of the published cross-validation.
+const USUAL_FOLDS: usize = 5;
+
+/// Materials with few sweeps, and with more or fewer than others.
+pub(super) fn check(dataset: &Dataset) -> Vec<Finding> {
+    let counts = dataset.sweeps_per_label();
+    let mut findings = Vec::new();
+    let nowhere = Place::default();
+    for (label, &count) in counts.iter().enumerate().filter(|&(_, &count)| count < 2) {
+        let name = dataset.labels().name(label);
+        let message =
+            format!("`{name}`: found {count} of the 2 sweeps that training and testing need");
+        findings.push(finding(
+            Severity::Error,
+            FindingKind::FewSweeps,
+            nowhere,
+            message,
+        ));
+    }
+    let extreme = |by: fn(&usize, &usize) -> bool| {
+        let best = |best: usize, label: usize| {
+            if by(&counts[label], &counts[best]) {
+                label
+            } else {
+                best
+            }
+        };
+        (1..counts.len()).fold(0, best)
+    };
+    let few = counts
+        .iter()
+        .filter(|count| (2..USUAL_FOLDS).contains(*count));
+    if let Some(fewest) = few.clone().min() {
+        // Folds are dealt once every material has two.
+        let folds = match findings.is_empty() {
+            true => format!(
+                "`train` deals {fewest} folds instead of {USUAL_FOLDS} (`--folds N`, `--split hold-out`); "
+            ),
+            false => String::new(),
+        };
+        let message = format!(
+            "{} of {} materials have fewer than {USUAL_FOLDS} sweeps: {folds}studies of few sweeps refuse them",
+            few.count(),
+            counts.len()
+        );
+        findings.push(finding(
+            Severity::Warning,
+            FindingKind::FewSweeps,
+            nowhere,
+            message,
+        ));
+    }
+    let (least, most) = (extreme(|a, b| a < b), extreme(|a, b| a > b));
+    if counts[least] != counts[most] {
+        let (few, many) = (dataset.labels().name(least), dataset.labels().name(most));
+        let message = format!(
+            "from {} (`{few}`) to {} (`{many}`) sweeps per material: accuracy leans to those with more; record more of `{few}`, or leave some of the others out",
+            counts[least], counts[most]
+        );
+        let kind = FindingKind::UnbalancedMaterials;
+        findings.push(finding(Severity::Warning, kind, nowhere, message));
+    }
+    findings
+}
