@@ -1,9 +1,13 @@
 //! The same packets through the same parts again.
 
+use std::collections::VecDeque;
+
 use serde::Serialize;
 use tactnet_catching::plan::Planner;
 use tactnet_catching_packets::ARMS;
-use tactnet_catching_packets::packets::{BallPredictions, Circles, HeadPose, PlanResult};
+use tactnet_catching_packets::packets::{
+    BallPredictions, Circles, HeadPose, PlanRequest, PlanResult,
+};
 use tactnet_catching_roles::{RoleSettings, Sight, answer, planning_ends_ns};
 use tactnet_recording::{RecordedPacket, Recording};
 
@@ -11,6 +15,8 @@ use crate::RecordedError;
 
 /// A plan that ran out of time, as [`PlanResult::failure`] says.
 const OUT_OF_TIME: u64 = 4;
+/// Questions by which the clocks of recorder and robot are compared.
+const QUESTIONS: usize = 64;
 
 /// Answers of a part, in the recording and again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
@@ -19,7 +25,7 @@ pub struct Compared {
     pub answers: usize,
     /// Of them, the same bit by bit.
     pub same: usize,
-    /// Plans that ran out of time in the recording, or were there only when it had run out: how far they come depends on the machine.
+    /// Plans that ran out of time in the recording, or differ and were there only when it had run out: how far they come depends on the machine.
     pub out_of_time: usize,
     /// Answers without a question in the recording, or the other way round: packets that it lacks.
     pub alone: usize,
@@ -48,12 +54,19 @@ pub fn replay(recording: &Recording) -> Result<Replayed, RecordedError> {
     let mut sight = Sight::new(&settings)?;
     let mut replayed = Replayed::default();
     let mut expected: Vec<BallPredictions> = Vec::new();
+    let mut clocks = Clocks {
+        ahead_ns: (settings.coordinator.plan_delay * 1e9) as u64,
+        differ_ns: VecDeque::new(),
+    };
     for entry in &recording.entries {
         let RecordedPacket::Plain(packet) = &entry.packet else {
             continue;
         };
         if let Some(recorded) = packet.get::<PlanResult>() {
-            replayed.plans.plan(&planners, &recorded, entry.time_ns);
+            let late = clocks.was_late(&recorded.request, entry.time_ns);
+            replayed.plans.plan(&planners, &recorded, late);
+        } else if let Some(question) = packet.get::<PlanRequest>() {
+            clocks.ask(&question, entry.time_ns);
         } else if let Some(pose) = packet.get::<HeadPose>() {
             sight.pose(&pose);
         } else if let Some(circles) = packet.get::<Circles>() {
@@ -70,27 +83,57 @@ pub fn replay(recording: &Recording) -> Result<Replayed, RecordedError> {
     Ok(replayed)
 }
 
+/// By how much the recorder's clock, which says when packets were put, is ahead of the robot's, which packets have in them.
+struct Clocks {
+    /// From a question to the motion that it is for, ns.
+    ahead_ns: u64,
+    /// What the newest questions tell, each with the time that it took to its channel, ns.
+    differ_ns: VecDeque<i128>,
+}
+
+impl Clocks {
+    fn ask(&mut self, question: &PlanRequest, put_ns: u64) {
+        if self.differ_ns.len() == QUESTIONS {
+            self.differ_ns.pop_front();
+        }
+        let asked_ns = i128::from(question.start_ns) - i128::from(self.ahead_ns);
+        self.differ_ns.push_back(i128::from(put_ns) - asked_ns);
+    }
+
+    /// Returns true if an answer that was put at `put_ns` came when time was up.
+    fn was_late(&self, question: &PlanRequest, put_ns: u64) -> bool {
+        let ends_ns = i128::from(planning_ends_ns(question));
+        let least = self.differ_ns.iter().min();
+        least.is_some_and(|differ_ns| i128::from(put_ns) >= ends_ns + differ_ns)
+    }
+}
+
 impl Compared {
-    /// - `put_ns`: when the answer was put
-    fn plan(&mut self, planners: &[Planner; ARMS], recorded: &PlanResult, put_ns: u64) {
-        let question = &recorded.request;
-        if recorded.failure == OUT_OF_TIME || put_ns >= planning_ends_ns(question) {
+    /// - `late`: the answer was there when time was up
+    fn plan(&mut self, planners: &[Planner; ARMS], recorded: &PlanResult, late: bool) {
+        if recorded.failure == OUT_OF_TIME {
             self.out_of_time += 1;
             return;
         }
+        let question = &recorded.request;
         let planner = planners.get(question.arm as usize);
         let again = planner.and_then(|planner| answer(planner, question, || false));
         let Some(again) = again else {
             self.alone += 1;
             return;
         };
-        self.answers += 1;
         // What it took is another matter.
         let again = PlanResult {
             computing_ns: recorded.computing_ns,
             ..again
         };
-        self.same += usize::from(bytemuck::bytes_of(&again) == bytemuck::bytes_of(recorded));
+        let same = bytemuck::bytes_of(&again) == bytemuck::bytes_of(recorded);
+        if late && !same {
+            self.out_of_time += 1;
+            return;
+        }
+        self.answers += 1;
+        self.same += usize::from(same);
     }
 
     fn prediction(&mut self, expected: &mut Vec<BallPredictions>, recorded: &BallPredictions) {

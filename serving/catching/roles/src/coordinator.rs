@@ -40,8 +40,6 @@ const GONE_NS: u64 = 500_000_000;
 const AGAIN_NS: u64 = 100_000_000;
 /// The last correction is asked for within so long of the last moment for it, ns: two beats.
 const LAST_CHANCE_NS: u64 = 4_000_000;
-/// What an answer takes at least, ns: a path that begins within this has begun when the next one is there.
-const ANSWER_NS: u64 = 1_000_000;
 /// The phase is told so often, where it does not change, ns.
 const TELL_NS: u64 = 100_000_000;
 
@@ -77,7 +75,7 @@ pub(crate) fn run(
                 continue;
             };
             let begun = now_ns();
-            live.predictions(begun, seen, joints, pose)?;
+            live.predictions([true; ARMS], begun, seen, joints, pose)?;
             times.push(now_ns() - begun);
         }
         while let Some(packet) = results.try_get()? {
@@ -122,7 +120,6 @@ struct Live {
     coordinator: Option<Coordinator>,
     controller: Option<ControllerState>,
     asked: Option<Asked>,
-    asked_ns: u64,
     /// The newest predictions of this throw.
     seen: Option<BallPredictions>,
     calls: u64,
@@ -156,7 +153,6 @@ impl Live {
             coordinator: None,
             controller: None,
             asked: None,
-            asked_ns: 0,
             seen: None,
             calls: now_ns(),
             sent: [0; ARMS],
@@ -281,8 +277,12 @@ impl Live {
         Ok(())
     }
 
+    /// Asks the planners what follows from a prediction.
+    ///
+    /// - `arms`: whose paths are asked for
     fn predictions(
         &mut self,
+        arms: [bool; ARMS],
         now_ns: u64,
         seen: &BallPredictions,
         joints: &JointState,
@@ -296,7 +296,7 @@ impl Live {
         self.seen = Some(*seen);
         let chest = isometry(pose) * self.robot.head(&joints.q).inverse();
         let before = coordinator.state();
-        let requests = coordinator.predictions(now_ns, seen, &chest);
+        let requests = coordinator.predictions_for(arms, now_ns, seen, &chest);
         if coordinator.state() == CatchState::Armed {
             return Ok(());
         }
@@ -333,7 +333,6 @@ impl Live {
                     .requests
                     .put_copy(&[request_packet(request, origin)])?;
             }
-            self.asked_ns = now_ns;
             self.asked = Some(Asked {
                 origin,
                 start_ns,
@@ -358,19 +357,21 @@ impl Live {
         let Some(seen) = self.seen.filter(|_| self.asked.is_none()) else {
             return Ok(());
         };
-        let is_due = |coordinator: &Coordinator| {
-            coordinator.state() == CatchState::Reaching
-                && (0..ARMS)
-                    .filter_map(|arm| coordinator.target(arm))
-                    .any(|(_, catch_ns)| {
-                        let last = catch_ns.saturating_sub(ahead);
-                        (last.saturating_sub(LAST_CHANCE_NS)..last).contains(&now_ns)
-                    })
+        let Some(coordinator) = self
+            .coordinator
+            .as_ref()
+            .filter(|coordinator| coordinator.state() == CatchState::Reaching)
+        else {
+            return Ok(());
         };
-        // The path before has begun by the time that the new one is there.
-        let begun = self.asked_ns + nanoseconds(config.plan_delay) <= now_ns + ANSWER_NS;
-        if begun && self.coordinator.as_ref().is_some_and(is_due) {
-            self.predictions(now_ns, &seen, joints, pose)?;
+        let due = std::array::from_fn(|arm| {
+            coordinator.target(arm).is_some_and(|(_, catch_ns)| {
+                let last = catch_ns.saturating_sub(ahead);
+                (last.saturating_sub(LAST_CHANCE_NS)..last).contains(&now_ns)
+            })
+        });
+        if due != [false; ARMS] {
+            self.predictions(due, now_ns, &seen, joints, pose)?;
         }
         Ok(())
     }

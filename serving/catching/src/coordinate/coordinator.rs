@@ -90,6 +90,8 @@ pub struct Planned {
 const MAX_REQUESTS: usize = ARMS * MAX_BALLS;
 /// A hand takes no new closing time later than this before it, ns.
 const LAST_CLOSING_NS: u64 = 10_000_000;
+/// What an answer takes at least, ns: a path that begins within this has begun when the next one is there.
+const ANSWER_NS: u64 = 1_000_000;
 
 #[derive(Debug, Clone, Copy)]
 struct Reaching {
@@ -235,6 +237,17 @@ impl Coordinator {
         predictions: &BallPredictions,
         chest: &Isometry3<f64>,
     ) -> [Option<PlanRequest>; MAX_REQUESTS] {
+        self.predictions_for([true; ARMS], now_ns, predictions, chest)
+    }
+
+    /// As [`Coordinator::predictions`], and asks for these arms alone.
+    pub fn predictions_for(
+        &mut self,
+        arms: [bool; ARMS],
+        now_ns: u64,
+        predictions: &BallPredictions,
+        chest: &Isometry3<f64>,
+    ) -> [Option<PlanRequest>; MAX_REQUESTS] {
         let mut requests = [None; MAX_REQUESTS];
         let (q_now, _) = self.command(now_ns);
         let deviation = self.robot.chest(&q_now).inverse() * chest;
@@ -282,7 +295,11 @@ impl Coordinator {
             if holder.is_some() && !self.config.replan {
                 continue;
             }
-            for arm in 0..ARMS {
+            for arm in (0..ARMS).filter(|&arm| arms[arm]) {
+                // A path behind one that has not begun is refused.
+                if self.arms[arm].start_ns > now_ns + ANSWER_NS {
+                    continue;
+                }
                 // A ball that an arm is on its way to is its own; an arm that is on its way has no time for another.
                 let mine = holder == Some(arm);
                 if !mine && (holder.is_some() || self.reaching[arm].is_some()) {
@@ -476,78 +493,4 @@ fn in_frame(flight: &Flight, to_frame: &Isometry3<f64>) -> Flight {
 }
 
 #[cfg(test)]
-mod tests {
-    use tactnet_catching_packets::RobotDescription;
-
-    use super::*;
-    use crate::plan::{Effort, Violation};
-
-    /// A plan that reaches `q` at all joints after a second.
-    fn planned(coordinator: &Coordinator, start_ns: u64, q: f64) -> Planned {
-        let (_, ramps) = coordinator.arm(0);
-        let ball = Flight {
-            p: Vector3::zeros(),
-            v: Vector3::x(),
-            k: 0.0,
-            lift: Vector3::zeros(),
-        };
-        let catch = CatchRequest {
-            ball,
-            q0: ramps.map(|ramp| ramp.q0),
-            w0: [0.0; ARM_JOINTS],
-            earliest: 0.0,
-            latest: 1.8,
-            objective: Objective::Soft,
-            other: None,
-        };
-        Planned {
-            request: PlanRequest {
-                ball: 7,
-                arm: 0,
-                start_ns,
-                last: None,
-                catch,
-            },
-            plan: Ok(CatchPlan {
-                q: [q; ARM_JOINTS],
-                t: 1.0,
-                ramps: [Ramp::standing(q); ARM_JOINTS],
-                cost: 1.0,
-                violation: Violation::default(),
-                effort: Effort::default(),
-            }),
-        }
-    }
-
-    #[test]
-    fn a_refused_correction_leaves_the_arm_on_its_way_and_the_hand_told() {
-        let robot = Robot::new(RobotDescription::nominal());
-        let mut coordinator = Coordinator::new(robot, CoordinatorConfig::default(), [0.0; JOINTS]);
-        let carried = |coordinator: &Coordinator| {
-            let (start_ns, ramps) = coordinator.arm(0);
-            (start_ns, *ramps)
-        };
-        let standing = carried(&coordinator);
-
-        // A first path that is refused: on the way to nothing.
-        coordinator.planned(&[planned(&coordinator, 1_000, 0.1)]);
-        coordinator.carried_out(0, standing.0, standing.1);
-        assert_eq!(coordinator.target(0), None);
-        assert_eq!(coordinator.state(), CatchState::Tracking);
-
-        coordinator.planned(&[planned(&coordinator, 2_000, 0.2)]);
-        let first = carried(&coordinator);
-        coordinator.carried_out(0, first.0, first.1);
-        // Two corrections that are refused.
-        for start_ns in [3_000, 4_000] {
-            coordinator.planned(&[planned(&coordinator, start_ns, 0.3)]);
-            assert_eq!(coordinator.target(0), Some((7, 1_000_000_000 + start_ns)));
-        }
-        coordinator.carried_out(0, first.0, first.1);
-        assert_eq!(coordinator.target(0), Some((7, 1_000_002_000)));
-        assert_eq!(coordinator.state(), CatchState::Reaching);
-        let hand = coordinator.hands()[0].map(|hand| hand.catch_ns);
-        assert_eq!(hand, Some(1_000_002_000));
-        assert_eq!(carried(&coordinator), first);
-    }
-}
+mod tests;
