@@ -18,28 +18,63 @@ pub fn dropout_masks(
     device: &Device,
     rng: &mut impl Rng,
 ) -> Tensor<2> {
+    let kept = (1.0 / keep_probability) as f32;
+    let mut keep = keeper(keep_probability);
+    let values: Vec<f32> = (0..rows * features)
+        .map(|_| if keep(rng) { kept } else { 0.0 })
+        .collect();
+    Tensor::from_data(TensorData::new(values, [rows, features]), device)
+}
+
+/// Writes the same masks as bits into `words`, `[rows][words]` with `features` rounded up to whole words: a feature that is kept is one, the first in the
+/// lowest bit.
+///
+/// # Panics
+/// If `keep_probability` is not in `(0, 1]`.
+pub fn dropout_bits(words: &mut [u32], features: usize, keep_probability: f64, rng: &mut impl Rng) {
+    const BITS: usize = u32::BITS as usize;
+    let mut keep = keeper(keep_probability);
+    for row in words.chunks_exact_mut(features.div_ceil(BITS)) {
+        row.fill(0);
+        for feature in 0..features {
+            row[feature / BITS] |= u32::from(keep(rng)) << (feature % BITS);
+        }
+    }
+}
+
+/// Draws whether a feature is kept.
+fn keeper<R: Rng>(keep_probability: f64) -> impl FnMut(&mut R) -> bool {
     assert!(
         keep_probability > 0.0 && keep_probability <= 1.0,
         "keep probability {keep_probability} is not in (0, 1]"
     );
     let threshold = (keep_probability * (f64::from(u32::MAX) + 1.0)).round() as u64;
-    let kept = (1.0 / keep_probability) as f32;
-    let values: Vec<f32> = (0..rows * features)
-        .map(|_| {
-            if u64::from(rng.next_u32()) < threshold {
-                kept
-            } else {
-                0.0
-            }
-        })
-        .collect();
-    Tensor::from_data(TensorData::new(values, [rows, features]), device)
+    move |rng| u64::from(rng.next_u32()) < threshold
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use rand::SeedableRng;
+
+    #[test]
+    fn bits_are_those_of_the_masks() {
+        let rng = || rand_chacha::ChaCha8Rng::seed_from_u64(5);
+        let (rows, features) = (3, 70);
+        let masks: Vec<f32> = dropout_masks(rows, features, 0.8, &Device::flex(), &mut rng())
+            .into_data()
+            .try_to_vec()
+            .unwrap();
+        let mut words = vec![u32::MAX; rows * 3];
+        dropout_bits(&mut words, features, 0.8, &mut rng());
+        for (row, mask) in masks.chunks(features).enumerate() {
+            for (feature, value) in mask.iter().enumerate() {
+                let bit = words[row * 3 + feature / 32] >> (feature % 32) & 1;
+                assert_eq!(bit == 1, *value != 0.0, "{row} {feature}");
+            }
+        }
+        assert_eq!(words[2] >> 6, 0, "no feature");
+    }
 
     #[test]
     fn masks_keep_the_stated_share_and_the_mean() {

@@ -36,6 +36,8 @@ mod log_spectra;
 mod log_spectra_op;
 mod loss;
 mod mlp;
+#[cfg(any(feature = "vulkan", feature = "cuda"))]
+mod net_stack;
 mod norm_relu;
 mod ridge;
 mod safetensors_bytes;
@@ -60,7 +62,7 @@ pub use compute::{Adapter, Compute};
 pub use config::TactNetConfig;
 pub use conv::{is_cpu, is_fused};
 pub use dense::NormalizedDense;
-pub use dropout::dropout_masks;
+pub use dropout::{dropout_bits, dropout_masks};
 pub use features::Features;
 pub use heads::{
     LinearHead, NearestMean, NewClass, SimpleShot, WeightPrior, Whitening, fit_new_class,
@@ -71,6 +73,8 @@ pub use left_out::left_out;
 pub use log_spectra::{ENERGY_FLOOR, LOG_GAIN, LOG_OFFSET, SpectralTables};
 pub use loss::cross_entropy;
 pub use mlp::{DenseWeights, Mlp, matrix};
+#[cfg(any(feature = "vulkan", feature = "cuda"))]
+pub use net_stack::{NetStack, StackSettings, StackedNet};
 pub use ridge::{Gram, Ridge, default_penalties};
 pub use safetensors_bytes::safetensors_bytes;
 pub use siamese::{batch_contrastive_loss, contrastive_loss, distance, probability_of_difference};
@@ -81,6 +85,8 @@ pub use svm::{Pair, PlattSigmoids, Svm, SvmSettings, fit_platt};
 pub use tactnet::{TactNet, TrainingForward};
 pub use tactnet_conv::spare::take as spare_memory;
 pub use tactnet_conv::{AdamStep, Isa};
+#[cfg(any(feature = "vulkan", feature = "cuda"))]
+pub use tactnet_conv_gpu::{StackAttack, StackBatch, StackDigits, StackMeasured, StackSweeps};
 pub use temperature::fit_inverse_temperature;
 pub use weights::{NamedTensor, Weights, values};
 

@@ -48,6 +48,8 @@ pub use network::fit_mlp::{
 pub use network::measured::{Figures, Measured};
 pub use network::novelty::{NoveltyScore, NoveltyScorer};
 pub use network::objective::{Pass, Perturbation, adversarial_pass, base_pass};
+#[cfg(any(feature = "vulkan", feature = "cuda"))]
+pub use network::stacked::{StackMember, StackedTraining};
 pub use network::train_embeddings::TrainEmbeddings;
 pub use network::train_network::{train_network, train_siamese};
 pub use network::training::{BatchReport, Position, Training, TrainingState};
@@ -82,6 +84,7 @@ pub use run::run_config::{EpochMetrics, LabelOrder, RunConfig};
 pub use run::run_dir::RunDir;
 pub use run::session::{Session, TrainEvent, TrainOutcome};
 pub use run::test_sweeps::TestSweeps;
+pub use run::together::{Ended, train_together};
 pub use run::training_steps::TrainingSteps;
 pub use run::write_whole::write_whole;
 pub use spec::{SplitKind, TrainJob, TrainSpec, quoted};

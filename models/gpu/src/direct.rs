@@ -1,16 +1,17 @@
 //! The convolution as one product over the kernel's taps.
 
-use cubecl::client::Client;
 use cubecl::prelude::*;
-use cubecl::server::Handle;
 use tactnet_conv::BlockShape;
 
-use crate::device::{Buffer, buffer, floats};
 use crate::matrix::{InOrder, Layout, Patches, Shared2, Taps, Transposed};
+use crate::networks::{Place, Stacked, begin};
+use crate::norm::Run;
 use crate::product::{Problem, Side, product};
 
 /// Parts that the sum over positions is cut into: the weights' gradient is one small product over many positions.
 const PARTS: usize = 256;
+/// Most bytes of what positions give to taps, of as many networks at a time as fit.
+const SHARES: usize = 1 << 30;
 
 /// Taps of one output map.
 fn taps(shape: &BlockShape) -> usize {
@@ -18,61 +19,73 @@ fn taps(shape: &BlockShape) -> usize {
 }
 
 /// Returns the convolution `[batch][steps][taxels][maps out]`.
-pub(crate) fn convolve(
-    client: &Client,
-    shape: &BlockShape,
-    input: &Buffer,
-    weight: &Buffer,
-) -> Handle {
+pub(crate) fn convolve(run: &Run<'_>, input: &Stacked, weight: &Stacked) -> Stacked {
+    let shape = run.shape;
     let layout = Layout::of(shape);
-    let out = floats(client, shape.count() * shape.maps_out);
+    let out = Stacked::floats(run.client, run.networks, shape.count() * shape.maps_out);
     let patches = if shape.maps_in > 1 {
         Side::along_depth(layout)
     } else {
         Side::across(layout)
     };
     let sizes = [shape.count(), taps(shape), shape.maps_out];
-    let problem = Problem::of(sizes, patches, Side::along_depth(layout));
-    product::<Patches, Taps, InOrder>(client, problem, input, weight, &out);
-    out.0
+    let weights = Side::along_depth(layout).of(weight.place);
+    let problem =
+        Problem::of(sizes, patches.of(input.place), weights).networks(run.networks, out.place);
+    let [input, weight, target] = [&input.buffer, &weight.buffer, &out.buffer];
+    product::<Patches, Taps, InOrder>(run.client, problem, input, weight, target);
+    out
 }
 
-/// Returns the gradient of the weights.
-pub(crate) fn weight_gradient(
-    client: &Client,
-    shape: &BlockShape,
-    input: &Buffer,
-    gradient: &Buffer,
-) -> Handle {
+/// Writes the gradient of the weights into `out`.
+pub(crate) fn weight_gradient(run: &Run<'_>, input: &Stacked, gradient: &Stacked, out: &Stacked) {
+    let shape = run.shape;
     let (positions, maps) = (shape.count(), shape.maps_out);
     let parts = PARTS.min(positions.div_ceil(64));
-    let partial = floats(client, parts * shape.weight_len());
+    let partial = Stacked::floats(run.client, run.networks, parts * shape.weight_len());
     let layout = Layout::of(shape);
     let patches = if shape.maps_in > 1 {
         Side::across(layout)
     } else {
         Side::along_depth(layout)
     };
-    let by_map = Side::across(Layout::in_order(positions, maps));
-    let problem = Problem::of([taps(shape), positions, maps], patches, by_map).parts(parts);
-    product::<Transposed<Patches>, Shared2, InOrder>(client, problem, input, gradient, &partial);
-    sum_parts(client, shape, parts, &partial)
+    let by_map = Side::across(Layout::in_order(positions, maps)).of(gradient.place);
+    let problem = Problem::of(
+        [taps(shape), positions, maps],
+        patches.of(input.place),
+        by_map,
+    )
+    .parts(parts)
+    .networks(run.networks, partial.place);
+    let [input, gradient, target] = [&input.buffer, &gradient.buffer, &partial.buffer];
+    product::<Transposed<Patches>, Shared2, InOrder>(run.client, problem, input, gradient, target);
+    sum_parts(run, parts, &partial, out);
 }
 
-/// Returns the gradient of the input: what each position gives to each tap, gathered. Holds `[positions][taps]` meanwhile.
-pub(crate) fn input_gradient(
-    client: &Client,
-    shape: &BlockShape,
-    gradient: &Buffer,
-    weight: &Buffer,
-) -> Handle {
+/// Returns the gradient of the input: what each position gives to each tap, gathered. Holds `[positions][taps]` meanwhile, of as many networks
+/// as fit.
+pub(crate) fn input_gradient(run: &Run<'_>, gradient: &Stacked, weight: &Stacked) -> Stacked {
+    let shape = run.shape;
     let (positions, maps) = (shape.count(), shape.maps_out);
-    let shares = floats(client, positions * taps(shape));
-    let by_map = Side::along_depth(Layout::in_order(positions, maps));
-    let weights = Side::across(Layout::of(shape));
-    let problem = Problem::of([positions, maps, taps(shape)], by_map, weights);
-    product::<Shared2, Transposed<Taps>, InOrder>(client, problem, gradient, weight, &shares);
-    gather(client, shape, &shares)
+    let len = positions * taps(shape);
+    let out = Stacked::floats(run.client, run.networks, shape.input_len());
+    let at_once = (SHARES / (len * size_of::<f32>())).clamp(1, run.networks);
+    for first in (0..run.networks).step_by(at_once) {
+        let networks = at_once.min(run.networks - first);
+        let shares = Stacked::floats(run.client, networks, len);
+        let by_map = Side::along_depth(Layout::in_order(positions, maps));
+        let weights = Side::across(Layout::of(shape));
+        let problem = Problem::of(
+            [positions, maps, taps(shape)],
+            by_map.of(gradient.place.from(first)),
+            weights.of(weight.place.from(first)),
+        )
+        .networks(networks, shares.place);
+        let [left, right, target] = [&gradient.buffer, &weight.buffer, &shares.buffer];
+        product::<Shared2, Transposed<Taps>, InOrder>(run.client, problem, left, right, target);
+        gather(run, networks, &shares, &out, out.place.from(first));
+    }
+    out
 }
 
 const UNITS: usize = 256;
@@ -103,9 +116,9 @@ impl Sizes {
         }
     }
 
-    fn cubes(&self) -> CubeCount {
+    fn cubes(&self, networks: usize) -> CubeCount {
         let rest = self.len.div_ceil(UNITS).div_ceil(self.grid);
-        CubeCount::Static(self.grid as u32, rest as u32, 1)
+        CubeCount::Static(self.grid as u32, rest as u32, networks as u32)
     }
 }
 
@@ -115,27 +128,33 @@ fn position(#[comptime] s: Sizes) -> usize {
 }
 
 /// Sums `parts` of `[parts][taps x maps in][maps out]` into weights `[maps out][maps in][taps]`.
-fn sum_parts(client: &Client, shape: &BlockShape, parts: usize, partial: &Buffer) -> Handle {
-    let out = floats(client, shape.weight_len());
-    let sizes = Sizes::of(shape, out.1, parts);
+fn sum_parts(run: &Run<'_>, parts: usize, partial: &Stacked, out: &Stacked) {
+    let sizes = Sizes::of(run.shape, run.shape.weight_len(), parts);
     // SAFETY: lengths are those of the buffers, and the kernel stays inside of `sizes`.
     unsafe {
         sum_weights::launch_unchecked(
-            client,
-            sizes.cubes(),
+            run.client,
+            sizes.cubes(run.networks),
             CubeDim::new_1d(UNITS as u32),
-            buffer(partial),
-            buffer(&out),
+            partial.arg(),
+            out.arg(),
             sizes,
+            [partial.place, out.place],
         );
     }
-    out.0
 }
 
 #[cube(launch_unchecked)]
-fn sum_weights(partial: &[f32], out: &mut [f32], #[comptime] s: Sizes) {
+fn sum_weights(
+    partial: &[f32],
+    out: &mut [f32],
+    #[comptime] s: Sizes,
+    #[comptime] places: [Place; 2],
+) {
     let at = position(s);
     if at < s.len {
+        let network = CUBE_POS_Z as usize;
+        let start = begin(network, comptime!(places[0]));
         let taps = comptime!(s.kernel[0] * s.kernel[1]);
         let tap = at % taps;
         let map = at / taps % s.maps;
@@ -143,34 +162,40 @@ fn sum_weights(partial: &[f32], out: &mut [f32], #[comptime] s: Sizes) {
         let from = (tap * s.maps + map) * s.others + other;
         let mut sum = 0.0f32;
         for part in 0..s.parts {
-            sum += partial[part * s.len + from];
+            sum += partial[start + part * s.len + from];
         }
-        out[at] = sum;
+        out[begin(network, comptime!(places[1])) + at] = sum;
     }
 }
 
-/// Adds up what each position gives to each tap, `[positions][taps][maps in]`, into the gradient of the input `[positions][maps in]`.
-fn gather(client: &Client, shape: &BlockShape, shares: &Buffer) -> Handle {
-    let out = floats(client, shape.input_len());
-    let sizes = Sizes::of(shape, out.1, 1);
+/// Adds up what each position gives to each tap, `[positions][taps][maps in]`, into the gradient of the input `[positions][maps in]` at `place`.
+fn gather(run: &Run<'_>, networks: usize, shares: &Stacked, out: &Stacked, place: Place) {
+    let sizes = Sizes::of(run.shape, run.shape.input_len(), 1);
     // SAFETY: lengths are those of the buffers, and the kernel stays inside of `sizes`.
     unsafe {
         gather_taps::launch_unchecked(
-            client,
-            sizes.cubes(),
+            run.client,
+            sizes.cubes(networks),
             CubeDim::new_1d(UNITS as u32),
-            buffer(shares),
-            buffer(&out),
+            shares.arg(),
+            out.arg(),
             sizes,
+            [shares.place, place],
         );
     }
-    out.0
 }
 
 #[cube(launch_unchecked)]
-fn gather_taps(shares: &[f32], out: &mut [f32], #[comptime] s: Sizes) {
+fn gather_taps(
+    shares: &[f32],
+    out: &mut [f32],
+    #[comptime] s: Sizes,
+    #[comptime] places: [Place; 2],
+) {
     let at = position(s);
     if at < s.len {
+        let network = CUBE_POS_Z as usize;
+        let start = begin(network, comptime!(places[0]));
         let (half_t, half_x) = comptime!((s.kernel[0] / 2, s.kernel[1] / 2));
         let (kernel_t, kernel_x) = comptime!((s.kernel[0], s.kernel[1]));
         let map = at % s.maps;
@@ -184,11 +209,12 @@ fn gather_taps(shares: &[f32], out: &mut [f32], #[comptime] s: Sizes) {
                     if x + half_x >= dx && x + half_x < s.taxels + dx {
                         let from = (row + half_t - dt) * s.taxels + x + half_x - dx;
                         let tap = dt * kernel_x + dx;
-                        sum += shares[(from * comptime!(kernel_t * kernel_x) + tap) * s.maps + map];
+                        let place = (from * comptime!(kernel_t * kernel_x) + tap) * s.maps + map;
+                        sum += shares[start + place];
                     }
                 }
             }
         }
-        out[at] = sum;
+        out[begin(network, comptime!(places[1])) + at] = sum;
     }
 }

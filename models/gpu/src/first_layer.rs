@@ -1,12 +1,10 @@
 //! The convolution of one map, tap by tap, with values in registers: a product has too few multiplications for each load here.
 
-use cubecl::client::Client;
 use cubecl::prelude::*;
-use cubecl::server::Handle;
 use tactnet_conv::BlockShape;
 
-use crate::device::{buffer, floats};
-use crate::norm::{Passed, Sizes as NormSizes, gradient_at};
+use crate::networks::{Place, Stacked, begin};
+use crate::norm::{Passed, Places, Run, Sizes as NormSizes, gradient_at};
 
 /// Steps of a unit.
 const STRIP: usize = 8;
@@ -104,75 +102,86 @@ impl FirstLayer {
     }
 
     /// Returns `[batch][steps][taxels][maps]`.
-    pub(crate) fn convolve(&self, client: &Client, input: &Handle, weight: &Handle) -> Handle {
+    pub(crate) fn convolve(&self, run: &Run<'_>, input: &Stacked, weight: &Stacked) -> Stacked {
         let s = self.sizes;
-        let out = floats(client, self.shape.count() * s.maps);
-        let cubes = s.pairs.div_ceil(s.pairs_of_cube);
+        let out = Stacked::floats(run.client, run.networks, self.shape.count() * s.maps);
+        let cubes = s.pairs.div_ceil(s.pairs_of_cube).div_ceil(s.grid);
         // SAFETY: lengths are those of the buffers, and the kernel stays inside of `s`.
         unsafe {
             convolve_strips::launch_unchecked(
-                client,
-                CubeCount::Static(s.grid as u32, cubes.div_ceil(s.grid) as u32, 1),
+                run.client,
+                CubeCount::Static(s.grid as u32, cubes as u32, run.networks as u32),
                 CubeDim::new_1d((s.groups * s.pairs_of_cube) as u32),
-                BufferArg::from_raw_parts(input.clone(), self.shape.input_len()),
-                BufferArg::from_raw_parts(weight.clone(), self.shape.weight_len()),
-                buffer(&out),
+                input.arg(),
+                weight.arg(),
+                out.arg(),
                 s,
+                [input.place, weight.place, out.place],
             );
         }
-        out.0
+        out
     }
 
-    /// Returns the gradient of the weights, from the convolution's output and what is known of its gradient.
+    /// Writes the gradient of the weights into `out`, from the convolution's output and what is known of its gradient.
     pub(crate) fn weight_gradient(
         &self,
-        client: &Client,
-        input: &Handle,
-        convolved: &Handle,
+        run: &Run<'_>,
+        input: &Stacked,
         passed: &Passed<'_>,
-        [of_gamma, of_beta]: [&Handle; 2],
-    ) -> Handle {
+        out: &Stacked,
+    ) {
         let s = self.sizes;
-        let partial = floats(client, s.parts * self.shape.weight_len());
-        let out = floats(client, self.shape.weight_len());
-        let map = |handle: &Handle| (handle.clone(), s.maps);
-        let pooled = |handle: &Handle| (handle.clone(), self.shape.output_len());
+        let len = self.shape.weight_len();
+        let partial = Stacked::floats(run.client, run.networks, s.parts * len);
         // SAFETY: lengths are those of the buffers, and kernels stay inside of `s`.
         unsafe {
             correlate::launch_unchecked(
-                client,
-                CubeCount::Static((s.parts / s.teams) as u32, 1, 1),
+                run.client,
+                CubeCount::Static((s.parts / s.teams) as u32, 1, run.networks as u32),
                 CubeDim::new_1d((s.teams * s.groups * s.kernel_t.div_ceil(TAPS)) as u32),
-                BufferArg::from_raw_parts(input.clone(), self.shape.input_len()),
-                BufferArg::from_raw_parts(convolved.clone(), self.shape.count() * s.maps),
-                buffer(&map(passed.gamma)),
-                buffer(&map(passed.mean)),
-                buffer(&map(passed.variance)),
-                buffer(&map(of_gamma)),
-                buffer(&map(of_beta)),
-                buffer(&pooled(passed.pooled)),
-                buffer(&pooled(passed.winners)),
-                buffer(&pooled(passed.gradient)),
-                buffer(&partial),
+                input.arg(),
+                passed.convolved.arg(),
+                passed.gamma.arg(),
+                passed.mean.arg(),
+                passed.variance.arg(),
+                passed.of_gamma.arg(),
+                passed.of_beta.arg(),
+                passed.pooled.arg(),
+                passed.winners.arg(),
+                passed.gradient.arg(),
+                run.counts.arg(),
+                partial.arg(),
                 s,
                 NormSizes::of(&self.shape, self.shape.count() * s.maps),
+                passed.places(run.counts),
+                [input.place, passed.convolved.place, partial.place],
             );
             sum_parts::launch_unchecked(
-                client,
-                CubeCount::Static(out.1.div_ceil(LANES) as u32, 1, 1),
+                run.client,
+                CubeCount::Static(len.div_ceil(LANES) as u32, 1, run.networks as u32),
                 CubeDim::new_1d(UNITS as u32),
-                buffer(&partial),
-                buffer(&out),
+                partial.arg(),
+                out.arg(),
                 s,
+                [partial.place, out.place],
             );
         }
-        out.0
     }
 }
 
 /// Each unit takes a strip of steps of one taxel and every `groups`-th map: neighbours in a cube write side by side.
 #[cube(launch_unchecked)]
-fn convolve_strips(input: &[f32], weight: &[f32], out: &mut [f32], #[comptime] s: Sizes) {
+fn convolve_strips(
+    input: &[f32],
+    weight: &[f32],
+    out: &mut [f32],
+    #[comptime] s: Sizes,
+    #[comptime] places: [Place; 3],
+) {
+    let network = CUBE_POS_Z as usize;
+    let from_input = begin(network, comptime!(places[0]));
+    let from_weight = begin(network, comptime!(places[1]));
+    let into = begin(network, comptime!(places[2]));
     let units = comptime!(s.groups * s.pairs_of_cube);
     let taps = comptime!(s.kernel_t * s.kernel_x);
     let (half_t, half_x) = comptime!((s.kernel_t / 2, s.kernel_x / 2));
@@ -184,7 +193,7 @@ fn convolve_strips(input: &[f32], weight: &[f32], out: &mut [f32], #[comptime] s
         let map = e % s.columns;
         let mut value = 0.0f32;
         if map < s.maps {
-            value = weight[map * taps + e / s.columns];
+            value = weight[from_weight + map * taps + e / s.columns];
         }
         weights[e] = value;
         e += units;
@@ -211,7 +220,8 @@ fn convolve_strips(input: &[f32], weight: &[f32], out: &mut [f32], #[comptime] s
                 let t = first + i;
                 let mut value = 0.0f32;
                 if inside && t >= half_t && t < comptime!(s.steps + half_t) {
-                    value = input[(sweep * s.steps + t - half_t) * s.taxels + x + dx - half_x];
+                    let row = sweep * s.steps + t - half_t;
+                    value = input[from_input + row * s.taxels + x + dx - half_x];
                 }
                 values[i] = value;
             }
@@ -236,7 +246,7 @@ fn convolve_strips(input: &[f32], weight: &[f32], out: &mut [f32], #[comptime] s
                 let map = comptime!(j * s.groups) + group;
                 if t < s.steps && map < s.maps {
                     let at = ((sweep * s.steps + t) * s.taxels + x) * s.maps + map;
-                    out[at] = sums[comptime!(i * MAPS + j)];
+                    out[into + at] = sums[comptime!(i * MAPS + j)];
                 }
             }
         }
@@ -256,10 +266,17 @@ fn correlate(
     pooled: &[f32],
     winners: &[u32],
     gradient: &[f32],
+    counts: &[u32],
     partial: &mut [f32],
     #[comptime] s: Sizes,
     #[comptime] norm: NormSizes,
+    #[comptime] of_norm: Places,
+    #[comptime] places: [Place; 3],
 ) {
+    let network = CUBE_POS_Z as usize;
+    let from_input = begin(network, comptime!(places[0]));
+    let from_convolved = begin(network, comptime!(places[1]));
+    let into = begin(network, comptime!(places[2]));
     let apart = comptime!(s.kernel_t.div_ceil(TAPS));
     let units = comptime!(s.teams * s.groups * apart);
     let (half_t, half_x) = comptime!((s.kernel_t / 2, s.kernel_x / 2));
@@ -279,9 +296,9 @@ fn correlate(
     for i in 0..comptime!(TAPS * s.kernel_x * MAPS) {
         sums[i] = 0.0f32;
     }
-    let begin = CUBE_POS_X as usize * s.rows_of_part;
-    let end = (begin + s.rows_of_part).min(s.rows);
-    let mut first = begin;
+    let first_row = CUBE_POS_X as usize * s.rows_of_part;
+    let end = (first_row + s.rows_of_part).min(s.rows);
+    let mut first = first_row;
     while first < end {
         let mut e = unit;
         while e < comptime!(s.rows_at_once * frame) {
@@ -291,8 +308,9 @@ fn correlate(
             if map < s.maps && first + position / s.taxels < end {
                 let at = (first * s.taxels + position) * s.maps + map;
                 value = gradient_at(
+                    network,
                     at,
-                    convolved[at],
+                    convolved[from_convolved + at],
                     gamma,
                     mean,
                     variance,
@@ -301,7 +319,9 @@ fn correlate(
                     pooled,
                     winners,
                     gradient,
+                    counts,
                     norm,
+                    of_norm,
                 );
             }
             gradients[e] = value;
@@ -316,7 +336,7 @@ fn correlate(
                 && x >= half_x
                 && x < comptime!(s.taxels + half_x)
             {
-                value = input[(row - half_t) * s.taxels + x - half_x];
+                value = input[from_input + (row - half_t) * s.taxels + x - half_x];
             }
             slab[e] = value;
             e += units;
@@ -383,7 +403,8 @@ fn correlate(
                 if dt < s.kernel_t && map < s.maps {
                     let part = CUBE_POS_X as usize * s.teams + team;
                     let of = (part * s.kernel_t + dt) * s.kernel_x + k;
-                    partial[of * s.maps + map] = sums[comptime!((q * s.kernel_x + k) * MAPS + j)];
+                    partial[into + of * s.maps + map] =
+                        sums[comptime!((q * s.kernel_x + k) * MAPS + j)];
                 }
             }
         }
@@ -395,7 +416,15 @@ const LANES: usize = 32;
 
 /// Sums `[parts][taps][maps]` into `[maps][taps]`.
 #[cube(launch_unchecked)]
-fn sum_parts(partial: &[f32], out: &mut [f32], #[comptime] s: Sizes) {
+fn sum_parts(
+    partial: &[f32],
+    out: &mut [f32],
+    #[comptime] s: Sizes,
+    #[comptime] places: [Place; 2],
+) {
+    let network = CUBE_POS_Z as usize;
+    let from = begin(network, comptime!(places[0]));
+    let into = begin(network, comptime!(places[1]));
     let taps = comptime!(s.kernel_t * s.kernel_x);
     let len = comptime!(taps * s.maps);
     let unit = UNIT_POS as usize;
@@ -405,7 +434,7 @@ fn sum_parts(partial: &[f32], out: &mut [f32], #[comptime] s: Sizes) {
     if at < len {
         let mut part = unit / LANES;
         while part < s.parts {
-            sum += partial[part * len + at];
+            sum += partial[from + part * len + at];
             part += comptime!(UNITS / LANES);
         }
     }
@@ -416,6 +445,6 @@ fn sum_parts(partial: &[f32], out: &mut [f32], #[comptime] s: Sizes) {
         for i in 0..comptime!(UNITS / LANES) {
             sum += all[unit + i * LANES];
         }
-        out[at % s.maps * taps + at / s.maps] = sum;
+        out[into + at % s.maps * taps + at / s.maps] = sum;
     }
 }

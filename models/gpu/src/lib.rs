@@ -6,16 +6,32 @@
 //! maps remains, which takes a seventh of the multiplications of a kernel of 15 steps. All products are one kernel
 //! with rules for where entries lie. Results do not depend on the order of execution: no atomics, so runs on one device agree to the bit.
 
+//!
+//! [`Block`] is one block of one network. [`Stack`] is the whole training step of several networks at once, each kernel launched once for all of
+//! them.
+
 mod adam;
 mod block;
+mod blocks;
 mod device;
 mod direct;
 mod first_layer;
+mod head;
 mod matrix;
+mod networks;
 mod norm;
 mod product;
 mod spectral;
+mod stack;
+mod stack_adam;
+mod stack_shape;
+mod sweeps;
 mod tables;
 
 pub use adam::adam_update;
 pub use block::{Block, ForwardTrain, Gradients, Saved};
+pub use stack::{
+    Stack, StackAttack, StackBatch, StackDigits, StackMeasured, StackMethod, StackState,
+    StackSweeps,
+};
+pub use stack_shape::StackShape;

@@ -55,11 +55,11 @@ impl Layout {
     }
 }
 
-/// A matrix for each member of a batch.
+/// A matrix for each member of a batch, that of a network beginning at `from`.
 #[cube]
 pub(crate) trait Matrix: Send + Sync + 'static {
     /// Returns entry `[i][j]` of member `z`.
-    fn at(data: &[f32], z: usize, i: usize, j: usize, #[comptime] l: Layout) -> f32;
+    fn at(data: &[f32], from: usize, z: usize, i: usize, j: usize, #[comptime] l: Layout) -> f32;
 }
 
 /// The transpose of `M`.
@@ -69,8 +69,8 @@ pub(crate) struct Transposed<M> {
 
 #[cube]
 impl<M: Matrix> Matrix for Transposed<M> {
-    fn at(data: &[f32], z: usize, i: usize, j: usize, #[comptime] l: Layout) -> f32 {
-        M::at(data, z, j, i, l)
+    fn at(data: &[f32], from: usize, z: usize, i: usize, j: usize, #[comptime] l: Layout) -> f32 {
+        M::at(data, from, z, j, i, l)
     }
 }
 
@@ -79,8 +79,8 @@ pub(crate) struct Shared2;
 
 #[cube]
 impl Matrix for Shared2 {
-    fn at(data: &[f32], _z: usize, i: usize, j: usize, #[comptime] l: Layout) -> f32 {
-        data[i * l.columns + j]
+    fn at(data: &[f32], from: usize, _z: usize, i: usize, j: usize, #[comptime] l: Layout) -> f32 {
+        data[from + i * l.columns + j]
     }
 }
 
@@ -89,7 +89,7 @@ pub(crate) struct Patches;
 
 #[cube]
 impl Matrix for Patches {
-    fn at(data: &[f32], _z: usize, i: usize, j: usize, #[comptime] l: Layout) -> f32 {
+    fn at(data: &[f32], from: usize, _z: usize, i: usize, j: usize, #[comptime] l: Layout) -> f32 {
         let (half_t, half_x) = comptime!((l.kernel[0] / 2, l.kernel[1] / 2));
         let kernel_x = comptime!(l.kernel[1]);
         let map = j % l.maps;
@@ -100,7 +100,7 @@ impl Matrix for Patches {
         let t = row % l.steps + dt;
         let mut value = 0.0f32;
         if t >= half_t && t < l.steps + half_t && x >= half_x && x < l.taxels + half_x {
-            value = data[((row + dt - half_t) * l.taxels + x - half_x) * l.maps + map];
+            value = data[from + ((row + dt - half_t) * l.taxels + x - half_x) * l.maps + map];
         }
         value
     }
@@ -111,11 +111,11 @@ pub(crate) struct Taps;
 
 #[cube]
 impl Matrix for Taps {
-    fn at(data: &[f32], _z: usize, i: usize, j: usize, #[comptime] l: Layout) -> f32 {
+    fn at(data: &[f32], from: usize, _z: usize, i: usize, j: usize, #[comptime] l: Layout) -> f32 {
         let kernel = comptime!(l.kernel[0] * l.kernel[1]);
         let map = i % l.maps;
         let tap = i / l.maps;
-        data[(j * l.maps + map) * kernel + tap]
+        data[from + (j * l.maps + map) * kernel + tap]
     }
 }
 
@@ -124,12 +124,12 @@ pub(crate) struct TapsInTime;
 
 #[cube]
 impl Matrix for TapsInTime {
-    fn at(data: &[f32], _z: usize, i: usize, j: usize, #[comptime] l: Layout) -> f32 {
+    fn at(data: &[f32], from: usize, _z: usize, i: usize, j: usize, #[comptime] l: Layout) -> f32 {
         let (kernel_t, kernel_x) = comptime!((l.kernel[0], l.kernel[1]));
         let other = j % l.others;
         let map = j / l.others % l.maps;
         let dx = j / comptime!(l.others * l.maps);
-        data[((other * l.maps + map) * kernel_t + i) * kernel_x + dx]
+        data[from + ((other * l.maps + map) * kernel_t + i) * kernel_x + dx]
     }
 }
 
@@ -138,13 +138,13 @@ pub(crate) struct Windows;
 
 #[cube]
 impl Matrix for Windows {
-    fn at(data: &[f32], z: usize, i: usize, j: usize, #[comptime] l: Layout) -> f32 {
+    fn at(data: &[f32], from: usize, z: usize, i: usize, j: usize, #[comptime] l: Layout) -> f32 {
         let row = comptime!(l.taxels * l.maps);
         let sweep = z / l.ranges;
         let t = z % l.ranges * l.range + i;
         let mut value = 0.0f32;
         if i < l.filled && t >= l.offset && t < comptime!(l.steps + l.offset) {
-            value = data[(sweep * l.steps + t - l.offset) * row + j];
+            value = data[from + (sweep * l.steps + t - l.offset) * row + j];
         }
         value
     }
@@ -156,7 +156,7 @@ pub(crate) struct Neighbours;
 
 #[cube]
 impl Matrix for Neighbours {
-    fn at(data: &[f32], z: usize, i: usize, j: usize, #[comptime] l: Layout) -> f32 {
+    fn at(data: &[f32], from: usize, z: usize, i: usize, j: usize, #[comptime] l: Layout) -> f32 {
         let half = comptime!(l.kernel[1] / 2);
         let map = j % l.maps;
         let part = j / l.maps % 2;
@@ -169,7 +169,7 @@ impl Matrix for Neighbours {
         let mut value = 0.0f32;
         if x >= half && x < comptime!(l.taxels + half) {
             let row = window * comptime!(2 * l.bins) + 2 * z + part;
-            value = data[(row * l.taxels + x - half) * l.maps + map];
+            value = data[from + (row * l.taxels + x - half) * l.maps + map];
         }
         value
     }
@@ -181,13 +181,13 @@ pub(crate) struct Factors;
 
 #[cube]
 impl Matrix for Factors {
-    fn at(data: &[f32], z: usize, i: usize, j: usize, #[comptime] l: Layout) -> f32 {
+    fn at(data: &[f32], from: usize, z: usize, i: usize, j: usize, #[comptime] l: Layout) -> f32 {
         let map = i % l.maps;
         let part = i / l.maps % 2;
         let dx = i / comptime!(2 * l.maps);
         let other = j % l.others;
         let to = j / l.others;
-        factor(data, z, dx, part, to, map, other, l)
+        factor(data, from, z, dx, part, to, map, other, l)
     }
 }
 
@@ -196,19 +196,20 @@ pub(crate) struct AdjointFactors;
 
 #[cube]
 impl Matrix for AdjointFactors {
-    fn at(data: &[f32], z: usize, i: usize, j: usize, #[comptime] l: Layout) -> f32 {
+    fn at(data: &[f32], from: usize, z: usize, i: usize, j: usize, #[comptime] l: Layout) -> f32 {
         let other = i % l.others;
         let to = i / l.others % 2;
         let dx = i / comptime!(2 * l.others);
         let map = j % l.maps;
         let part = j / l.maps;
-        factor(data, z, dx, part, to, map, other, l)
+        factor(data, from, z, dx, part, to, map, other, l)
     }
 }
 
 #[cube]
 fn factor(
     data: &[f32],
+    from: usize,
     z: usize,
     dx: usize,
     part: usize,
@@ -220,7 +221,7 @@ fn factor(
     // Both real or both imaginary take the real part.
     let imaginary = (part + to) % 2;
     let row = (2 * z + imaginary) * comptime!(l.kernel[1]) + dx;
-    let value = data[(row * l.maps + map) * l.others + other];
+    let value = data[from + (row * l.maps + map) * l.others + other];
     let mut signed = value;
     if part > to {
         signed = -value;
@@ -233,7 +234,7 @@ pub(crate) struct ByBin;
 
 #[cube]
 impl Matrix for ByBin {
-    fn at(data: &[f32], z: usize, i: usize, j: usize, #[comptime] l: Layout) -> f32 {
+    fn at(data: &[f32], from: usize, z: usize, i: usize, j: usize, #[comptime] l: Layout) -> f32 {
         let map = j % l.maps;
         let x = j / l.maps;
         let part = i % 2;
@@ -244,7 +245,7 @@ impl Matrix for ByBin {
         if range >= l.neighbours && range < comptime!(l.ranges + l.neighbours) {
             let window = z + neighbour - l.neighbours;
             let row = (bin * l.windows + window) * l.taxels + x;
-            value = data[(row * 2 + part) * l.maps + map];
+            value = data[from + (row * 2 + part) * l.maps + map];
         }
         value
     }
@@ -256,7 +257,7 @@ pub(crate) struct Correlations;
 
 #[cube]
 impl Matrix for Correlations {
-    fn at(data: &[f32], _z: usize, i: usize, j: usize, #[comptime] l: Layout) -> f32 {
+    fn at(data: &[f32], from: usize, _z: usize, i: usize, j: usize, #[comptime] l: Layout) -> f32 {
         let other = j % l.others;
         let map = j / l.others % l.maps;
         let dx = j / comptime!(l.others * l.maps);
@@ -265,11 +266,11 @@ impl Matrix for Correlations {
         // Of x conj(y): re re + im im, and im re - re im.
         let first = ((row * 2 + part) * l.maps + map) * 2 * l.others + other;
         let second = ((row * 2 + 1 - part) * l.maps + map) * 2 * l.others + l.others + other;
-        let mut value = data[first];
+        let mut value = data[from + first];
         if part == 0 {
-            value += data[second];
+            value += data[from + second];
         } else {
-            value -= data[second];
+            value -= data[from + second];
         }
         value
     }
@@ -279,7 +280,15 @@ impl Matrix for Correlations {
 #[cube]
 pub(crate) trait Store: Send + Sync + 'static {
     /// Writes entry `[i][j]` of member `z`.
-    fn put(data: &mut [f32], z: usize, i: usize, j: usize, value: f32, #[comptime] l: Layout);
+    fn put(
+        data: &mut [f32],
+        from: usize,
+        z: usize,
+        i: usize,
+        j: usize,
+        value: f32,
+        #[comptime] l: Layout,
+    );
 }
 
 /// `[members][rows][columns]`.
@@ -287,8 +296,16 @@ pub(crate) struct InOrder;
 
 #[cube]
 impl Store for InOrder {
-    fn put(data: &mut [f32], z: usize, i: usize, j: usize, value: f32, #[comptime] l: Layout) {
-        data[(z * l.rows + i) * l.columns + j] = value;
+    fn put(
+        data: &mut [f32],
+        from: usize,
+        z: usize,
+        i: usize,
+        j: usize,
+        value: f32,
+        #[comptime] l: Layout,
+    ) {
+        data[from + (z * l.rows + i) * l.columns + j] = value;
     }
 }
 
@@ -297,11 +314,19 @@ pub(crate) struct IntoSteps;
 
 #[cube]
 impl Store for IntoSteps {
-    fn put(data: &mut [f32], z: usize, i: usize, j: usize, value: f32, #[comptime] l: Layout) {
+    fn put(
+        data: &mut [f32],
+        from: usize,
+        z: usize,
+        i: usize,
+        j: usize,
+        value: f32,
+        #[comptime] l: Layout,
+    ) {
         let sweep = z / l.ranges;
         let t = z % l.ranges * l.range + i;
         if t < l.steps {
-            data[(sweep * l.steps + t) * l.columns + j] = value;
+            data[from + (sweep * l.steps + t) * l.columns + j] = value;
         }
     }
 }
@@ -311,11 +336,19 @@ pub(crate) struct IntoTaps;
 
 #[cube]
 impl Store for IntoTaps {
-    fn put(data: &mut [f32], _z: usize, i: usize, j: usize, value: f32, #[comptime] l: Layout) {
+    fn put(
+        data: &mut [f32],
+        from: usize,
+        _z: usize,
+        i: usize,
+        j: usize,
+        value: f32,
+        #[comptime] l: Layout,
+    ) {
         let (kernel_t, kernel_x) = comptime!((l.kernel[0], l.kernel[1]));
         let other = j % l.others;
         let map = j / l.others % l.maps;
         let dx = j / comptime!(l.others * l.maps);
-        data[((other * l.maps + map) * kernel_t + i) * kernel_x + dx] = value;
+        data[from + ((other * l.maps + map) * kernel_t + i) * kernel_x + dx] = value;
     }
 }

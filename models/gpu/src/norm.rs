@@ -2,50 +2,78 @@
 
 use cubecl::client::Client;
 use cubecl::prelude::*;
-use cubecl::server::Handle;
 use tactnet_conv::BlockShape;
 
-use crate::device::{buffer, floats};
+use crate::networks::{Place, Stacked, begin};
 
 /// Units of a cube.
 const UNITS: usize = 256;
 /// Most partial sums per map.
 const CHUNKS: usize = 512;
 /// Added to the variance before its root.
-const EPSILON: f32 = 1e-5;
+pub(crate) const EPSILON: f32 = 1e-5;
 
-/// How sums over rows of `[rows][maps]` are cut.
+/// What every pass of a block takes: its shape, and how many networks there are.
+#[derive(Clone, Copy)]
+pub(crate) struct Run<'a> {
+    pub(crate) client: &'a Client,
+    pub(crate) shape: &'a BlockShape,
+    pub(crate) networks: usize,
+    /// Sweeps of each network, in front of those that fill up the batch: `[1]` each, whole numbers.
+    pub(crate) counts: &'a Stacked,
+}
+
+/// How sums over rows of `[rows][maps]` are cut. The cut does not depend on how many rows are filled, so that a sum does not either.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 struct Sums {
     rows: usize,
+    /// Rows of a sweep.
+    sweep: usize,
     maps: usize,
     /// Maps of a cube, side by side.
     lanes: usize,
     /// Rows of a cube.
     chunk: usize,
     chunks: usize,
+    counts: Place,
 }
 
 impl Sums {
-    fn of(rows: usize, maps: usize) -> Self {
+    fn of(run: &Run<'_>, sweep: usize) -> Self {
+        let (rows, maps) = (run.shape.batch * sweep, run.shape.maps_out);
         let lanes = maps.next_power_of_two().min(64);
         let chunk = rows.div_ceil(CHUNKS).max(UNITS / lanes);
         Self {
             rows,
+            sweep,
             maps,
             lanes,
             chunk,
             chunks: rows.div_ceil(chunk),
+            counts: run.counts.place,
         }
     }
 
-    fn cubes(&self) -> CubeCount {
-        CubeCount::Static(self.chunks as u32, self.maps.div_ceil(self.lanes) as u32, 1)
+    fn cubes(&self, networks: usize) -> CubeCount {
+        let groups = self.maps.div_ceil(self.lanes);
+        CubeCount::Static(self.chunks as u32, groups as u32, networks as u32)
     }
 
-    fn partial(&self, client: &Client) -> (Handle, usize) {
-        floats(client, 2 * self.maps * self.chunks)
+    fn partial(&self, run: &Run<'_>) -> Stacked {
+        Stacked::floats(run.client, run.networks, 2 * self.maps * self.chunks)
     }
+}
+
+/// Where the values per map lie.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) struct Places {
+    gamma: Place,
+    beta: Place,
+    mean: Place,
+    variance: Place,
+    of_gamma: Place,
+    of_beta: Place,
+    counts: Place,
 }
 
 /// Sizes of a block as kernels take them.
@@ -59,8 +87,11 @@ pub(crate) struct Sizes {
     maps: usize,
     /// Values of what a kernel writes.
     len: usize,
-    /// Values that `len` is an average over, per map.
-    count: usize,
+    /// Values of a map in a sweep.
+    sweep: usize,
+    /// Values of a network's convolution and of its pooled output.
+    convolved: usize,
+    out: usize,
     grid: usize,
 }
 
@@ -73,14 +104,16 @@ impl Sizes {
             row: shape.taxels * shape.maps_out,
             maps: shape.maps_out,
             len,
-            count: shape.count(),
+            sweep: shape.steps * shape.taxels,
+            convolved: shape.count() * shape.maps_out,
+            out: shape.output_len(),
             grid: len.div_ceil(UNITS).min(65_535),
         }
     }
 
-    fn cubes(&self) -> CubeCount {
-        let cubes = self.len.div_ceil(UNITS);
-        CubeCount::Static(self.grid as u32, cubes.div_ceil(self.grid) as u32, 1)
+    fn cubes(&self, networks: usize) -> CubeCount {
+        let cubes = self.len.div_ceil(UNITS).div_ceil(self.grid);
+        CubeCount::Static(self.grid as u32, cubes as u32, networks as u32)
     }
 }
 
@@ -88,50 +121,58 @@ fn units() -> CubeDim {
     CubeDim::new_1d(UNITS as u32)
 }
 
-/// Returns mean and biased variance of each map of `convolved` `[rows][maps]`.
-pub(crate) fn statistics(client: &Client, shape: &BlockShape, convolved: &Handle) -> [Handle; 2] {
-    let (rows, maps) = (shape.count(), shape.maps_out);
-    let sums = Sums::of(rows, maps);
-    let partial = sums.partial(client);
-    let (mean, variance) = (floats(client, maps), floats(client, maps));
+/// Writes mean and biased variance of each map of `convolved` `[rows][maps]`.
+pub(crate) fn statistics(run: &Run<'_>, convolved: &Stacked, [mean, variance]: [&Stacked; 2]) {
+    let sums = Sums::of(run, run.shape.steps * run.shape.taxels);
+    let partial = sums.partial(run);
     // SAFETY: lengths are those of the buffers, and kernels stay inside of `sums`.
     unsafe {
         sum_up::launch_unchecked(
-            client,
-            sums.cubes(),
+            run.client,
+            sums.cubes(run.networks),
             units(),
-            BufferArg::from_raw_parts(convolved.clone(), rows * maps),
-            buffer(&partial),
+            convolved.arg(),
+            run.counts.arg(),
+            partial.arg(),
             sums,
         );
         finish_statistics::launch_unchecked(
-            client,
-            CubeCount::Static(maps as u32, 1, 1),
+            run.client,
+            CubeCount::Static(sums.maps as u32, 1, run.networks as u32),
             units(),
-            BufferArg::from_raw_parts(convolved.clone(), rows * maps),
-            buffer(&partial),
-            buffer(&mean),
-            buffer(&variance),
+            convolved.arg(),
+            run.counts.arg(),
+            partial.arg(),
+            mean.arg(),
+            variance.arg(),
             sums,
+            [mean.place, variance.place],
         );
     }
-    [mean.0, variance.0]
+}
+
+/// Rows that are filled of a network.
+#[cube]
+fn filled(network: usize, counts: &[u32], #[comptime] s: Sums) -> usize {
+    counts[begin(network, s.counts)] as usize * s.sweep
 }
 
 /// Sums of values and of their squares, both less the first row, which lies near the mean: so squares do not cancel.
 #[cube(launch_unchecked)]
-fn sum_up(values: &[f32], partial: &mut [f32], #[comptime] s: Sums) {
+fn sum_up(values: &[f32], counts: &[u32], partial: &mut [f32], #[comptime] s: Sums) {
+    let network = CUBE_POS_Z as usize;
+    let from = network * comptime!(s.rows * s.maps);
     let lane = UNIT_POS as usize % s.lanes;
     let map = CUBE_POS_Y as usize * s.lanes + lane;
-    let begin = CUBE_POS_X as usize * s.chunk;
-    let end = (begin + s.chunk).min(s.rows);
+    let first_row = CUBE_POS_X as usize * s.chunk;
+    let end = (first_row + s.chunk).min(filled(network, counts, s));
     let mut first = 0.0f32;
     let mut second = 0.0f32;
     if map < s.maps {
-        let near = values[map];
-        let mut row = begin + UNIT_POS as usize / s.lanes;
+        let near = values[from + map];
+        let mut row = first_row + UNIT_POS as usize / s.lanes;
         while row < end {
-            let value = values[row * s.maps + map] - near;
+            let value = values[from + row * s.maps + map] - near;
             first += value;
             second += value * value;
             row += comptime!(UNITS / s.lanes);
@@ -155,7 +196,8 @@ fn store_sums(first: f32, second: f32, map: usize, partial: &mut [f32], #[compti
             first += all[unit + i * s.lanes];
             second += all[unit + i * s.lanes + UNITS];
         }
-        let at = CUBE_POS_X as usize * comptime!(2 * s.maps) + map;
+        let chunk = CUBE_POS_Z as usize * s.chunks + CUBE_POS_X as usize;
+        let at = chunk * comptime!(2 * s.maps) + map;
         partial[at] = first;
         partial[at + s.maps] = second;
     }
@@ -166,12 +208,13 @@ fn store_sums(first: f32, second: f32, map: usize, partial: &mut [f32], #[compti
 fn total(partial: &[f32], #[comptime] s: Sums) -> (f32, f32) {
     let unit = UNIT_POS as usize;
     let map = CUBE_POS_X as usize;
+    let from = CUBE_POS_Z as usize * s.chunks;
     let mut all = Shared::<[f32]>::new_slice(comptime!(2 * UNITS));
     let mut first = 0.0f32;
     let mut second = 0.0f32;
     let mut chunk = unit;
     while chunk < s.chunks {
-        let at = chunk * comptime!(2 * s.maps) + map;
+        let at = (from + chunk) * comptime!(2 * s.maps) + map;
         first += partial[at];
         second += partial[at + s.maps];
         chunk += UNITS;
@@ -196,49 +239,62 @@ fn total(partial: &[f32], #[comptime] s: Sums) -> (f32, f32) {
 #[cube(launch_unchecked)]
 fn finish_statistics(
     values: &[f32],
+    counts: &[u32],
     partial: &[f32],
     mean: &mut [f32],
     variance: &mut [f32],
     #[comptime] s: Sums,
+    #[comptime] places: [Place; 2],
 ) {
+    let network = CUBE_POS_Z as usize;
     let map = CUBE_POS_X as usize;
     let (first, second) = total(partial, s);
     if UNIT_POS == 0 {
-        let count = f32::cast_from(s.rows);
+        let count = f32::cast_from(filled(network, counts, s).max(1));
         let off = first / count;
-        mean[map] = values[map] + off;
-        variance[map] = (second / count - off * off).max(0.0f32);
+        let near = values[network * comptime!(s.rows * s.maps) + map];
+        mean[begin(network, comptime!(places[0])) + map] = near + off;
+        variance[begin(network, comptime!(places[1])) + map] =
+            (second / count - off * off).max(0.0f32);
     }
 }
 
 /// The pooled output `[batch][pooled steps][taxels][maps]`, and the step that won in each pool.
 pub(crate) fn pool(
-    client: &Client,
-    shape: &BlockShape,
-    convolved: &Handle,
-    [gamma, beta, mean, variance]: [&Handle; 4],
-) -> [Handle; 2] {
-    let len = shape.output_len();
-    let sizes = Sizes::of(shape, len);
-    let (pooled, winners) = (floats(client, len), floats(client, len));
-    let map = |handle: &Handle| (handle.clone(), shape.maps_out);
+    run: &Run<'_>,
+    convolved: &Stacked,
+    [gamma, beta, mean, variance]: [&Stacked; 4],
+) -> [Stacked; 2] {
+    let len = run.shape.output_len();
+    let sizes = Sizes::of(run.shape, len);
+    let [pooled, winners] = [(); 2].map(|()| Stacked::floats(run.client, run.networks, len));
+    let places = Places {
+        gamma: gamma.place,
+        beta: beta.place,
+        mean: mean.place,
+        variance: variance.place,
+        of_gamma: Place::default(),
+        of_beta: Place::default(),
+        counts: run.counts.place,
+    };
     // SAFETY: lengths are those of the buffers, and the kernel stays inside of `sizes`.
     unsafe {
         normalise_and_pool::launch_unchecked(
-            client,
-            sizes.cubes(),
+            run.client,
+            sizes.cubes(run.networks),
             units(),
-            BufferArg::from_raw_parts(convolved.clone(), shape.count() * shape.maps_out),
-            buffer(&map(gamma)),
-            buffer(&map(beta)),
-            buffer(&map(mean)),
-            buffer(&map(variance)),
-            buffer(&pooled),
-            buffer(&winners),
+            convolved.arg(),
+            gamma.arg(),
+            beta.arg(),
+            mean.arg(),
+            variance.arg(),
+            pooled.arg(),
+            winners.arg(),
             sizes,
+            places,
         );
     }
-    [pooled.0, winners.0]
+    [pooled, winners]
 }
 
 #[cube]
@@ -256,16 +312,18 @@ fn normalise_and_pool(
     pooled: &mut [f32],
     winners: &mut [u32],
     #[comptime] s: Sizes,
+    #[comptime] p: Places,
 ) {
     let at = position(s);
     if at < s.len {
+        let network = CUBE_POS_Z as usize;
         let map = at % s.maps;
         let step = at / s.row % s.pooled;
         let sweep = at / comptime!(s.row * s.pooled);
-        let begin = step * s.pool;
-        let from = (sweep * s.steps + begin) * s.row + at % s.row;
-        let steps = (s.steps - begin).min(s.pool);
-        let gamma = gamma[map];
+        let first = step * s.pool;
+        let from = network * s.convolved + (sweep * s.steps + first) * s.row + at % s.row;
+        let steps = (s.steps - first).min(s.pool);
+        let gamma = gamma[begin(network, p.gamma) + map];
         // Normalised values rise or fall with those of the convolution.
         let mut sign = 1.0f32;
         if gamma < 0.0f32 {
@@ -280,108 +338,104 @@ fn normalise_and_pool(
                 winner = i as u32;
             }
         }
-        let scale = gamma / (variance[map] + EPSILON).sqrt();
-        let value = (sign * best - mean[map]) * scale + beta[map];
-        pooled[at] = value.max(0.0f32);
-        winners[at] = winner;
+        let scale = gamma / (variance[begin(network, p.variance) + map] + EPSILON).sqrt();
+        let value = (sign * best - mean[begin(network, p.mean) + map]) * scale
+            + beta[begin(network, p.beta) + map];
+        pooled[network * s.out + at] = value.max(0.0f32);
+        winners[network * s.out + at] = winner;
     }
 }
 
-/// What the backward pass of normalisation, ReLU and max-pool finds.
-pub(crate) struct NormGradients {
-    pub(crate) gamma: Handle,
-    pub(crate) beta: Handle,
-}
-
-/// What the forward pass left, and the gradient of the pooled output.
+/// What the forward pass left, the gradient of the pooled output, and where those of scale and shift are or will be.
 pub(crate) struct Passed<'a> {
-    pub(crate) gamma: &'a Handle,
-    pub(crate) mean: &'a Handle,
-    pub(crate) variance: &'a Handle,
-    pub(crate) pooled: &'a Handle,
-    pub(crate) winners: &'a Handle,
-    pub(crate) gradient: &'a Handle,
+    pub(crate) convolved: &'a Stacked,
+    pub(crate) gamma: &'a Stacked,
+    pub(crate) mean: &'a Stacked,
+    pub(crate) variance: &'a Stacked,
+    pub(crate) pooled: &'a Stacked,
+    pub(crate) winners: &'a Stacked,
+    pub(crate) gradient: &'a Stacked,
+    pub(crate) of_gamma: &'a Stacked,
+    pub(crate) of_beta: &'a Stacked,
 }
 
-/// Returns the gradients of scale and shift.
-pub(crate) fn gradients(
-    client: &Client,
-    shape: &BlockShape,
-    convolved: &Handle,
-    passed: &Passed<'_>,
-) -> NormGradients {
-    let (len, maps) = (shape.output_len(), shape.maps_out);
-    let sums = Sums::of(len / maps, maps);
-    let partial = sums.partial(client);
-    let (gamma, beta) = (floats(client, maps), floats(client, maps));
-    let map = |handle: &Handle| (handle.clone(), maps);
-    let out = |handle: &Handle| (handle.clone(), len);
+impl Passed<'_> {
+    pub(crate) fn places(&self, counts: &Stacked) -> Places {
+        Places {
+            gamma: self.gamma.place,
+            beta: Place::default(),
+            mean: self.mean.place,
+            variance: self.variance.place,
+            of_gamma: self.of_gamma.place,
+            of_beta: self.of_beta.place,
+            counts: counts.place,
+        }
+    }
+}
+
+/// Writes the gradients of scale and shift.
+pub(crate) fn gradients(run: &Run<'_>, passed: &Passed<'_>) {
+    let shape = run.shape;
+    let sums = Sums::of(run, shape.pooled_steps() * shape.taxels);
+    let partial = sums.partial(run);
     // SAFETY: lengths are those of the buffers, and kernels stay inside of their sizes.
     unsafe {
         sum_up_gradients::launch_unchecked(
-            client,
-            sums.cubes(),
+            run.client,
+            sums.cubes(run.networks),
             units(),
-            BufferArg::from_raw_parts(convolved.clone(), shape.count() * maps),
-            buffer(&map(passed.mean)),
-            buffer(&map(passed.variance)),
-            buffer(&out(passed.pooled)),
-            buffer(&out(passed.winners)),
-            buffer(&out(passed.gradient)),
-            buffer(&partial),
+            passed.convolved.arg(),
+            passed.mean.arg(),
+            passed.variance.arg(),
+            passed.pooled.arg(),
+            passed.winners.arg(),
+            passed.gradient.arg(),
+            run.counts.arg(),
+            partial.arg(),
             sums,
-            Sizes::of(shape, len),
+            Sizes::of(shape, shape.output_len()),
+            passed.places(run.counts),
         );
         finish_gradients::launch_unchecked(
-            client,
-            CubeCount::Static(maps as u32, 1, 1),
+            run.client,
+            CubeCount::Static(sums.maps as u32, 1, run.networks as u32),
             units(),
-            buffer(&partial),
-            buffer(&gamma),
-            buffer(&beta),
+            partial.arg(),
+            passed.of_gamma.arg(),
+            passed.of_beta.arg(),
             sums,
+            passed.places(run.counts),
         );
-    }
-    NormGradients {
-        gamma: gamma.0,
-        beta: beta.0,
     }
 }
 
-/// Returns the gradient of the convolution's output.
-pub(crate) fn spread(
-    client: &Client,
-    shape: &BlockShape,
-    convolved: &Handle,
-    passed: &Passed<'_>,
-    found: &NormGradients,
-) -> Handle {
-    let maps = shape.maps_out;
-    let all = shape.count() * maps;
-    let map = |handle: &Handle| (handle.clone(), maps);
-    let out = |handle: &Handle| (handle.clone(), shape.output_len());
-    let sizes = Sizes::of(shape, all);
-    let spread = floats(client, all);
+/// Returns the gradient of the convolution's output, zero for sweeps that fill up a batch.
+pub(crate) fn spread(run: &Run<'_>, passed: &Passed<'_>) -> Stacked {
+    let all = run.shape.count() * run.shape.maps_out;
+    let sizes = Sizes::of(run.shape, all);
+    let spread = Stacked::floats(run.client, run.networks, all);
     // SAFETY: lengths are those of the buffers, and the kernel stays inside of `sizes`.
     unsafe {
         spread_gradient::launch_unchecked(
-            client,
-            sizes.cubes(),
+            run.client,
+            sizes.cubes(run.networks),
             units(),
-            BufferArg::from_raw_parts(convolved.clone(), all),
-            buffer(&map(passed.gamma)),
-            buffer(&map(passed.mean)),
-            buffer(&map(passed.variance)),
-            buffer(&map(&found.gamma)),
-            buffer(&map(&found.beta)),
-            buffer(&out(passed.pooled)),
-            buffer(&out(passed.winners)),
-            buffer(&out(passed.gradient)),
-            buffer(&spread),
+            passed.convolved.arg(),
+            passed.gamma.arg(),
+            passed.mean.arg(),
+            passed.variance.arg(),
+            passed.of_gamma.arg(),
+            passed.of_beta.arg(),
+            passed.pooled.arg(),
+            passed.winners.arg(),
+            passed.gradient.arg(),
+            run.counts.arg(),
+            spread.arg(),
             sizes,
+            passed.places(run.counts),
         );
     }
-    spread.0
+    spread
 }
 
 #[cube(launch_unchecked)]
@@ -392,27 +446,34 @@ fn sum_up_gradients(
     pooled: &[f32],
     winners: &[u32],
     gradient: &[f32],
+    counts: &[u32],
     partial: &mut [f32],
     #[comptime] s: Sums,
     #[comptime] sizes: Sizes,
+    #[comptime] p: Places,
 ) {
+    let network = CUBE_POS_Z as usize;
+    let from_out = network * sizes.out;
     let lane = UNIT_POS as usize % s.lanes;
     let map = CUBE_POS_Y as usize * s.lanes + lane;
-    let begin = CUBE_POS_X as usize * s.chunk;
-    let end = (begin + s.chunk).min(s.rows);
+    let first_row = CUBE_POS_X as usize * s.chunk;
+    let end = (first_row + s.chunk).min(filled(network, counts, s));
     let mut first = 0.0f32;
     let mut second = 0.0f32;
     if map < s.maps {
-        let mean = mean[map];
-        let scale = 1.0f32 / (variance[map] + EPSILON).sqrt();
-        let mut row = begin + UNIT_POS as usize / s.lanes;
+        let mean = mean[begin(network, p.mean) + map];
+        let scale = 1.0f32 / (variance[begin(network, p.variance) + map] + EPSILON).sqrt();
+        let mut row = first_row + UNIT_POS as usize / s.lanes;
         while row < end {
             let at = row * s.maps + map;
-            if pooled[at] > 0.0f32 {
-                let value = gradient[at];
-                let step = at / sizes.row % sizes.pooled * sizes.pool + winners[at] as usize;
+            if pooled[from_out + at] > 0.0f32 {
+                let value = gradient[from_out + at];
+                let won = winners[from_out + at] as usize;
+                let step = at / sizes.row % sizes.pooled * sizes.pool + won;
                 let sweep = at / comptime!(sizes.row * sizes.pooled);
-                let from = (sweep * sizes.steps + step) * sizes.row + at % sizes.row;
+                let from = network * sizes.convolved
+                    + (sweep * sizes.steps + step) * sizes.row
+                    + at % sizes.row;
                 first += value;
                 second += value * (convolved[from] - mean) * scale;
             }
@@ -423,11 +484,19 @@ fn sum_up_gradients(
 }
 
 #[cube(launch_unchecked)]
-fn finish_gradients(partial: &[f32], gamma: &mut [f32], beta: &mut [f32], #[comptime] s: Sums) {
+fn finish_gradients(
+    partial: &[f32],
+    gamma: &mut [f32],
+    beta: &mut [f32],
+    #[comptime] s: Sums,
+    #[comptime] p: Places,
+) {
+    let network = CUBE_POS_Z as usize;
+    let map = CUBE_POS_X as usize;
     let (first, second) = total(partial, s);
     if UNIT_POS == 0 {
-        beta[CUBE_POS_X as usize] = first;
-        gamma[CUBE_POS_X as usize] = second;
+        beta[begin(network, p.of_beta) + map] = first;
+        gamma[begin(network, p.of_gamma) + map] = second;
     }
 }
 
@@ -442,14 +511,19 @@ fn spread_gradient(
     pooled: &[f32],
     winners: &[u32],
     gradient: &[f32],
+    counts: &[u32],
     spread: &mut [f32],
     #[comptime] s: Sizes,
+    #[comptime] p: Places,
 ) {
     let at = position(s);
     if at < s.len {
+        let network = CUBE_POS_Z as usize;
+        let from = network * s.convolved + at;
         let value = gradient_at(
+            network,
             at,
-            convolved[at],
+            convolved[from],
             gamma,
             mean,
             variance,
@@ -458,16 +532,20 @@ fn spread_gradient(
             pooled,
             winners,
             gradient,
+            counts,
             s,
+            p,
         );
-        spread[at] = value;
+        spread[from] = value;
     }
 }
 
-/// The gradient of the convolution's output at `at`:
-/// `gamma / deviation x (winner's gradient - mean of all - normalised value x mean of (gradient x normalised value))`.
+/// The gradient of the convolution's output at `at` of a network:
+/// `gamma / deviation x (winner's gradient - mean of all - normalised value x mean of (gradient x normalised value))`; zero for sweeps that
+/// fill up a batch.
 #[cube]
 pub(crate) fn gradient_at(
+    network: usize,
     at: usize,
     convolved: f32,
     gamma: &[f32],
@@ -478,19 +556,28 @@ pub(crate) fn gradient_at(
     pooled: &[f32],
     winners: &[u32],
     gradient: &[f32],
+    counts: &[u32],
     #[comptime] s: Sizes,
+    #[comptime] p: Places,
 ) -> f32 {
+    let sweeps = counts[begin(network, p.counts)] as usize;
     let map = at % s.maps;
     let row = at / s.row;
-    let t = row % s.steps;
-    let out = (row / s.steps * s.pooled + t / s.pool) * s.row + at % s.row;
-    let mut won = 0.0f32;
-    if winners[out] as usize == t % s.pool && pooled[out] > 0.0f32 {
-        won = gradient[out];
+    let mut found = 0.0f32;
+    if row / s.steps < sweeps {
+        let t = row % s.steps;
+        let out = network * s.out + (row / s.steps * s.pooled + t / s.pool) * s.row + at % s.row;
+        let mut won = 0.0f32;
+        if winners[out] as usize == t % s.pool && pooled[out] > 0.0f32 {
+            won = gradient[out];
+        }
+        let scale = 1.0f32 / (variance[begin(network, p.variance) + map] + EPSILON).sqrt();
+        let count = 1.0f32 / f32::cast_from(sweeps * s.sweep);
+        let normal = (convolved - mean[begin(network, p.mean) + map]) * scale;
+        let rest = (of_beta[begin(network, p.of_beta) + map]
+            + normal * of_gamma[begin(network, p.of_gamma) + map])
+            * count;
+        found = gamma[begin(network, p.gamma) + map] * scale * (won - rest);
     }
-    let scale = 1.0f32 / (variance[map] + EPSILON).sqrt();
-    let count = 1.0f32 / f32::cast_from(s.count);
-    let normal = (convolved - mean[map]) * scale;
-    let rest = (of_beta[map] + normal * of_gamma[map]) * count;
-    gamma[map] * scale * (won - rest)
+    found
 }

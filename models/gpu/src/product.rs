@@ -5,6 +5,7 @@ use cubecl::prelude::*;
 
 use crate::device::{Buffer, buffer};
 use crate::matrix::{Layout, Matrix, Store, Transposed};
+use crate::networks::{Place, begin};
 
 /// Most cubes along one axis of a launch that every GPU takes.
 const AXIS: usize = 65_535;
@@ -43,23 +44,31 @@ pub(crate) struct Side {
     layout: Layout,
     /// Whether neighbours along the depth lie side by side in memory, else along rows or columns.
     along_depth: bool,
+    place: Place,
 }
 
 impl Side {
-    /// A side whose neighbours along the depth lie side by side in memory.
+    /// A side whose neighbours along the depth lie side by side in memory, the same for all networks.
     pub(crate) fn along_depth(layout: Layout) -> Self {
         Self {
             layout,
             along_depth: true,
+            place: Place::default(),
         }
     }
 
-    /// A side whose neighbours along rows or columns lie side by side in memory.
+    /// A side whose neighbours along rows or columns lie side by side in memory, the same for all networks.
     pub(crate) fn across(layout: Layout) -> Self {
         Self {
             layout,
             along_depth: false,
+            place: Place::default(),
         }
+    }
+
+    /// With a matrix for each network.
+    pub(crate) fn of(self, place: Place) -> Self {
+        Self { place, ..self }
     }
 }
 
@@ -71,9 +80,11 @@ pub(crate) struct Problem {
     columns: usize,
     left: Side,
     right: Side,
+    networks: usize,
     members: usize,
     parts: usize,
     out: Layout,
+    out_place: Place,
 }
 
 impl Problem {
@@ -85,15 +96,26 @@ impl Problem {
             columns,
             left,
             right,
+            networks: 1,
             members: 1,
             parts: 1,
             out: Layout::in_order(rows, columns),
+            out_place: Place::default(),
         }
     }
 
     /// The same for as many matrices.
     pub(crate) fn members(self, members: usize) -> Self {
         Self { members, ..self }
+    }
+
+    /// The same for so many networks, with results at `out`.
+    pub(crate) fn networks(self, networks: usize, out: Place) -> Self {
+        Self {
+            networks,
+            out_place: out,
+            ..self
+        }
     }
 
     /// With the depth cut into `parts`, each summed apart as a member of the result.
@@ -117,7 +139,7 @@ struct Plan {
     part: usize,
 }
 
-/// Multiplies `left` `[rows][depth]` by `right` `[depth][columns]` into `out`, for every member.
+/// Multiplies `left` `[rows][depth]` by `right` `[depth][columns]` into `out`, for every member of every network.
 pub(crate) fn product<L: Matrix, R: Matrix, S: Store>(
     client: &Client,
     problem: Problem,
@@ -130,7 +152,11 @@ pub(crate) fn product<L: Matrix, R: Matrix, S: Store>(
     let tiles = problem.rows.div_ceil(tile.rows) * column_tiles;
     let grid_x = tiles.min(AXIS);
     let plan = Plan {
-        problem,
+        // A kernel does not depend on how many networks there are.
+        problem: Problem {
+            networks: 1,
+            ..problem
+        },
         tile,
         grid_x,
         tiles,
@@ -143,7 +169,7 @@ pub(crate) fn product<L: Matrix, R: Matrix, S: Store>(
     let count = CubeCount::Static(
         grid_x as u32,
         tiles.div_ceil(grid_x) as u32,
-        (problem.members * problem.parts) as u32,
+        (problem.networks * problem.members * problem.parts) as u32,
     );
     // SAFETY: lengths are those of the buffers; every access stays inside by the rules' own bounds and the tile's.
     unsafe {
@@ -186,9 +212,14 @@ fn multiply<L: Matrix, R: Matrix, S: Store>(
     }
     let first_row = tile / plan.column_tiles * t.rows;
     let first_column = tile % plan.column_tiles * t.columns;
-    let member = CUBE_POS_Z as usize / p.parts;
-    let begin = CUBE_POS_Z as usize % p.parts * plan.part;
-    let end = (begin + plan.part).min(p.depth);
+    let own = comptime!(p.members * p.parts);
+    let network = CUBE_POS_Z as usize / own;
+    let z = CUBE_POS_Z as usize % own;
+    let from_left = begin(network, p.left.place);
+    let from_right = begin(network, p.right.place);
+    let member = z / p.parts;
+    let first_depth = z % p.parts * plan.part;
+    let end = (first_depth + plan.part).min(p.depth);
     let unit = UNIT_POS as usize;
     let unit_column = unit % columns;
     let unit_row = unit / columns;
@@ -198,7 +229,7 @@ fn multiply<L: Matrix, R: Matrix, S: Store>(
         sums[i] = Quad::new(0.0f32);
     }
 
-    let mut at = begin;
+    let mut at = first_depth;
     while at < end {
         #[unroll]
         for i in 0..loads_l {
@@ -206,8 +237,16 @@ fn multiply<L: Matrix, R: Matrix, S: Store>(
             let (k, row) = split(e, rows, p.left.along_depth);
             if comptime!((i + 1) * units <= rows * DEPTH) || e < comptime!(rows * DEPTH) {
                 let first = first_row + row * FOUR;
-                tile_l[k * pitch_l + row] =
-                    four_of::<L>(left, member, first, at + k, end, p.rows, p.left.layout);
+                tile_l[k * pitch_l + row] = four_of::<L>(
+                    left,
+                    from_left,
+                    member,
+                    first,
+                    at + k,
+                    end,
+                    p.rows,
+                    p.left.layout,
+                );
             }
         }
         #[unroll]
@@ -218,6 +257,7 @@ fn multiply<L: Matrix, R: Matrix, S: Store>(
                 let first = first_column + column * FOUR;
                 tile_r[k * pitch_r + column] = four_of::<Transposed<R>>(
                     right,
+                    from_right,
                     member,
                     first,
                     at + k,
@@ -240,6 +280,7 @@ fn multiply<L: Matrix, R: Matrix, S: Store>(
         at += DEPTH;
     }
 
+    let into = begin(network, p.out_place);
     #[unroll]
     for i in 0..UNIT {
         let row = first_row + unit_row * UNIT + i;
@@ -248,7 +289,7 @@ fn multiply<L: Matrix, R: Matrix, S: Store>(
             let column = first_column + unit_column * UNIT + j;
             if row < p.rows && column < p.columns {
                 let value = sums[i].extract(j);
-                S::put(out, CUBE_POS_Z as usize, row, column, value, p.out);
+                S::put(out, into, z, row, column, value, p.out);
             }
         }
     }
@@ -258,6 +299,7 @@ fn multiply<L: Matrix, R: Matrix, S: Store>(
 #[cube]
 fn four_of<M: Matrix>(
     data: &[f32],
+    from: usize,
     member: usize,
     row: usize,
     column: usize,
@@ -270,7 +312,7 @@ fn four_of<M: Matrix>(
         #[unroll]
         for j in 0..FOUR {
             if row + j < rows {
-                quad.insert(j, M::at(data, member, row + j, column, layout));
+                quad.insert(j, M::at(data, from, member, row + j, column, layout));
             }
         }
     }

@@ -2,14 +2,15 @@
 
 use cubecl::client::Client;
 use cubecl::prelude::*;
-use cubecl::server::Handle;
 use tactnet_conv::BlockShape;
 
-use crate::device::{Buffer, floats};
+use crate::device::Buffer;
 use crate::matrix::{
     AdjointFactors, ByBin, Correlations, Factors, InOrder, IntoSteps, IntoTaps, Layout, Matrix,
     Neighbours, Shared2, TapsInTime, Transposed, Windows as InWindows,
 };
+use crate::networks::Stacked;
+use crate::norm::Run;
 use crate::product::{Problem, Side, product};
 use crate::tables::Windows;
 
@@ -29,11 +30,11 @@ pub(crate) struct Spectral {
 #[derive(Debug)]
 pub(crate) struct Convolved {
     /// `[batch][steps][taxels][maps out]`
-    pub(crate) out: Handle,
+    pub(crate) out: Stacked,
     /// Of the input: `[windows][2 bins][taxels][maps in]`.
-    pub(crate) spectra: Buffer,
+    pub(crate) spectra: Stacked,
     /// Of the weights, conjugated: `[2 bins][kernel taxels][maps in][maps out]`.
-    pub(crate) factors: Buffer,
+    pub(crate) factors: Stacked,
 }
 
 impl Spectral {
@@ -55,29 +56,30 @@ impl Spectral {
         }
     }
 
-    pub(crate) fn convolve(&self, client: &Client, input: &Buffer, weight: &Buffer) -> Convolved {
+    pub(crate) fn convolve(&self, run: &Run<'_>, input: &Stacked, weight: &Stacked) -> Convolved {
         let windows = &self.windows;
         let incoming = Layout {
             offset: windows.offset,
             filled: windows.window.min(self.shape.steps + windows.offset),
             ..self.windowed(self.shape.maps_in)
         };
-        let spectra = self.spectra(client, input, incoming);
+        let spectra = self.spectra(run, input, incoming);
         let taps = self.shape.kernel[0];
         let rows = 2 * windows.bins;
-        let factors = floats(client, rows * self.pairs());
+        let factors = Stacked::floats(run.client, run.networks, rows * self.pairs());
         let problem = Problem::of(
             [rows, taps, self.pairs()],
             Side::along_depth(Layout::in_order(rows, taps)),
-            Side::across(Layout::of(&self.shape)),
-        );
-        product::<Shared2, TapsInTime, InOrder>(client, problem, &self.of_taps, weight, &factors);
+            Side::across(Layout::of(&self.shape)).of(weight.place),
+        )
+        .networks(run.networks, factors.place);
+        let [weight, target] = [&weight.buffer, &factors.buffer];
+        product::<Shared2, TapsInTime, InOrder>(run.client, problem, &self.of_taps, weight, target);
         let taxels = Side::across(Layout::of(&self.shape));
         let maps = self.shape.maps_out;
-        let products =
-            self.multiply::<Factors>(client, incoming, taxels, maps, [&spectra, &factors]);
+        let products = self.multiply::<Factors>(run, incoming, taxels, maps, [&spectra, &factors]);
         let outgoing = self.windowed(maps);
-        let (out, _) = self.to_steps(client, outgoing, &self.backward, &products);
+        let out = self.to_steps(run, outgoing, &self.backward, &products);
         Convolved {
             out,
             spectra,
@@ -85,20 +87,21 @@ impl Spectral {
         }
     }
 
-    /// Returns the gradient of the weights, and that of the input if it is needed.
+    /// Writes the gradient of the weights into `of_weight`, and returns that of the input if it is needed.
     pub(crate) fn backward(
         &self,
-        client: &Client,
-        [spectra, factors]: [&Buffer; 2],
-        gradient: &Buffer,
+        run: &Run<'_>,
+        [spectra, factors]: [&Stacked; 2],
+        gradient: &Stacked,
+        of_weight: &Stacked,
         need_input: bool,
-    ) -> (Handle, Option<Handle>) {
+    ) -> Option<Stacked> {
         let windows = &self.windows;
         let outgoing = Layout {
             filled: windows.range.min(self.shape.steps),
             ..self.windowed(self.shape.maps_out)
         };
-        let of_gradient = self.spectra(client, gradient, outgoing);
+        let of_gradient = self.spectra(run, gradient, outgoing);
         let input = need_input.then(|| {
             let mirrored = Layout {
                 mirrored: true,
@@ -107,25 +110,24 @@ impl Spectral {
             let taxels = Side::along_depth(Layout::of(&self.shape));
             let maps = self.shape.maps_in;
             let sides = [&of_gradient, factors];
-            let products = self.multiply::<AdjointFactors>(client, mirrored, taxels, maps, sides);
+            let products = self.multiply::<AdjointFactors>(run, mirrored, taxels, maps, sides);
             let incoming = Layout {
                 neighbours: windows.neighbours,
                 ..self.windowed(maps)
             };
-            self.to_steps(client, incoming, &self.overlapped, &products)
-                .0
+            self.to_steps(run, incoming, &self.overlapped, &products)
         });
-        let weight = self.weight_gradient(client, outgoing, spectra, &of_gradient);
-        (weight, input)
+        self.weight_gradient(run, outgoing, [spectra, &of_gradient], of_weight);
+        input
     }
 
     fn weight_gradient(
         &self,
-        client: &Client,
+        run: &Run<'_>,
         outgoing: Layout,
-        spectra: &Buffer,
-        of_gradient: &Buffer,
-    ) -> Handle {
+        [spectra, of_gradient]: [&Stacked; 2],
+        out: &Stacked,
+    ) {
         let BlockShape {
             maps_in,
             maps_out,
@@ -134,40 +136,40 @@ impl Spectral {
         } = self.shape;
         let bins = self.windows.bins;
         let (rows, columns) = (across * 2 * maps_in, 2 * maps_out);
-        let correlations = floats(client, bins * rows * columns);
+        let correlations = Stacked::floats(run.client, run.networks, bins * rows * columns);
         let single = Layout {
             kernel: [1, 1],
             ..outgoing
         };
         let problem = Problem::of(
             [rows, outgoing.windows * self.shape.taxels, columns],
-            Side::across(self.windowed(maps_in)),
-            Side::across(single),
+            Side::across(self.windowed(maps_in)).of(spectra.place),
+            Side::across(single).of(of_gradient.place),
         )
-        .members(bins);
+        .members(bins)
+        .networks(run.networks, correlations.place);
         product::<Transposed<Neighbours>, Neighbours, InOrder>(
-            client,
+            run.client,
             problem,
-            spectra,
-            of_gradient,
-            &correlations,
+            &spectra.buffer,
+            &of_gradient.buffer,
+            &correlations.buffer,
         );
-        let weight = floats(client, self.shape.weight_len());
         let layout = Layout::of(&self.shape);
         let problem = Problem::of(
             [taps, 2 * bins, self.pairs()],
             Side::along_depth(Layout::in_order(taps, 2 * bins)),
-            Side::across(layout),
+            Side::across(layout).of(correlations.place),
         )
-        .into(layout);
+        .into(layout)
+        .networks(run.networks, out.place);
         product::<Shared2, Correlations, IntoTaps>(
-            client,
+            run.client,
             problem,
             &self.for_taps,
-            &correlations,
-            &weight,
+            &correlations.buffer,
+            &out.buffer,
         );
-        weight.0
     }
 
     /// Pairs of maps, for each taxel of the kernel.
@@ -189,56 +191,67 @@ impl Spectral {
     }
 
     /// Spectra `[windows][2 bins][taxels][maps]` of `values` `[batch][steps][taxels][maps]`.
-    fn spectra(&self, client: &Client, values: &Buffer, layout: Layout) -> Buffer {
+    fn spectra(&self, run: &Run<'_>, values: &Stacked, layout: Layout) -> Stacked {
         let (rows, columns) = (2 * self.windows.bins, self.shape.taxels * layout.maps);
-        let out = floats(client, layout.windows * rows * columns);
+        let out = Stacked::floats(run.client, run.networks, layout.windows * rows * columns);
         let problem = Problem::of(
             [rows, layout.filled, columns],
             Side::along_depth(Layout::in_order(rows, self.windows.window)),
-            Side::across(layout),
+            Side::across(layout).of(values.place),
         )
-        .members(layout.windows);
-        product::<Shared2, InWindows, InOrder>(client, problem, &self.forward, values, &out);
+        .members(layout.windows)
+        .networks(run.networks, out.place);
+        let [values, target] = [&values.buffer, &out.buffer];
+        product::<Shared2, InWindows, InOrder>(run.client, problem, &self.forward, values, target);
         out
     }
 
     /// Products over taxels and maps for each frequency: `[bins][windows][taxels][2][maps]`.
     fn multiply<F: Matrix>(
         &self,
-        client: &Client,
+        run: &Run<'_>,
         layout: Layout,
         factors: Side,
         maps: usize,
-        [left, right]: [&Buffer; 2],
-    ) -> Buffer {
+        [left, right]: [&Stacked; 2],
+    ) -> Stacked {
         let (rows, columns) = (layout.windows * self.shape.taxels, 2 * maps);
-        let out = floats(client, layout.bins * rows * columns);
+        let out = Stacked::floats(run.client, run.networks, layout.bins * rows * columns);
         let depth = self.shape.kernel[1] * 2 * layout.maps;
-        let problem = Problem::of([rows, depth, columns], Side::along_depth(layout), factors)
-            .members(layout.bins);
-        product::<Neighbours, F, InOrder>(client, problem, left, right, &out);
+        let problem = Problem::of(
+            [rows, depth, columns],
+            Side::along_depth(layout).of(left.place),
+            factors.of(right.place),
+        )
+        .members(layout.bins)
+        .networks(run.networks, out.place);
+        let [left, right, target] = [&left.buffer, &right.buffer, &out.buffer];
+        product::<Neighbours, F, InOrder>(run.client, problem, left, right, target);
         out
     }
 
     /// From products back to steps: `[batch][steps][taxels][maps]`.
     fn to_steps(
         &self,
-        client: &Client,
+        run: &Run<'_>,
         layout: Layout,
         table: &Buffer,
-        products: &Buffer,
-    ) -> Buffer {
+        products: &Stacked,
+    ) -> Stacked {
         let columns = self.shape.taxels * layout.maps;
         let depth = (2 * layout.neighbours + 1) * 2 * layout.bins;
-        let out = floats(client, self.shape.batch * self.shape.steps * columns);
+        let len = self.shape.batch * self.shape.steps * columns;
+        let out = Stacked::floats(run.client, run.networks, len);
         let problem = Problem::of(
             [layout.range, depth, columns],
             Side::along_depth(Layout::in_order(layout.range, depth)),
-            Side::across(layout),
+            Side::across(layout).of(products.place),
         )
         .members(layout.windows)
-        .into(Layout { columns, ..layout });
-        product::<Shared2, ByBin, IntoSteps>(client, problem, table, products, &out);
+        .into(Layout { columns, ..layout })
+        .networks(run.networks, out.place);
+        let [products, target] = [&products.buffer, &out.buffer];
+        product::<Shared2, ByBin, IntoSteps>(run.client, problem, table, products, target);
         out
     }
 }

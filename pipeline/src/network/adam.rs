@@ -13,7 +13,7 @@ use tactnet_models::{AdamStep, adam_update, is_fused};
 
 use crate::PenalizedParameters;
 
-const BETA: [f32; 2] = [0.9, 0.999];
+pub(crate) const BETA: [f32; 2] = [0.9, 0.999];
 const EPSILON: f32 = 1e-8;
 
 /// Adam (Kingma & Ba, 2015; beta 0.9 and 0.999, epsilon 1e-8) with an L2 penalty added to the gradient.
@@ -53,6 +53,17 @@ impl FusedAdam {
     }
 }
 
+/// Returns rate and epsilon of step `time`, counted from 1, with the bias of the moments corrected.
+pub(crate) fn corrected(learning_rate: LearningRate, time: usize) -> [f32; 2] {
+    let power = i32::try_from(time).unwrap_or(i32::MAX);
+    let correction = BETA.map(|beta| 1.0 - f64::from(beta).powi(power));
+    let root = correction[1].sqrt();
+    [
+        (learning_rate * root / correction[0]) as f32,
+        (f64::from(EPSILON) * root) as f32,
+    ]
+}
+
 impl Optimizer for FusedAdam {
     type State<const D: usize> = AdamState<D>;
 
@@ -71,14 +82,12 @@ impl Optimizer for FusedAdam {
             None => (1, tensor.zeros_like(), tensor.zeros_like()),
             Some(state) => (state.time + 1, state.moment_1, state.moment_2),
         };
-        let power = i32::try_from(time).unwrap_or(i32::MAX);
-        let correction = BETA.map(|beta| 1.0 - f64::from(beta).powi(power));
-        let root = correction[1].sqrt();
+        let [rate, epsilon] = corrected(learning_rate, time);
         let step = AdamStep {
             l2: if self.penalizes(D) { self.l2 } else { 0.0 },
             beta: BETA,
-            rate: (learning_rate * root / correction[0]) as f32,
-            epsilon: (f64::from(EPSILON) * root) as f32,
+            rate,
+            epsilon,
         };
         let [tensor, first, second] = adam_update(step, [tensor, gradient, first, second]);
         let momentum = AdaptiveMomentumState::new(time, first, second);

@@ -1,6 +1,9 @@
 //! Training of TactNet-II and of small networks on its features; embeddings and novelty.
 
 pub(crate) mod adam;
+#[cfg(any(feature = "vulkan", feature = "cuda"))]
+pub(crate) mod adam_state;
+pub(crate) mod batches;
 pub(crate) mod checkpoint;
 pub(crate) mod embedding;
 pub(crate) mod fit_mlp;
@@ -11,6 +14,8 @@ pub(crate) mod novelty;
 pub(crate) mod objective;
 pub(crate) mod pairs_pass;
 pub(crate) mod resident;
+#[cfg(any(feature = "vulkan", feature = "cuda"))]
+pub(crate) mod stacked;
 pub(crate) mod train_embeddings;
 pub(crate) mod train_network;
 pub(crate) mod training;

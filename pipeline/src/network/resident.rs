@@ -7,7 +7,7 @@ use tactnet_data::{Samples, SweepView};
 use crate::Normalizer;
 
 /// Sweeps that are larger are not kept there: what a WebGPU buffer that a kernel reads may have at least on every card.
-const MOST_BYTES: usize = 128 << 20;
+pub(crate) const MOST_BYTES: usize = 128 << 20;
 /// Bits of a word.
 const WORD: usize = 32;
 
@@ -113,13 +113,7 @@ impl Kept {
         let mut words = Vec::with_capacity(sweeps.len() * width);
         for &index in sweeps.indices() {
             let sweep = &digits[index * values..][..values];
-            words.extend(sweep.chunks(WORD / bits).map(|chunk| {
-                let parts = chunk.iter().enumerate();
-                let word = parts.fold(0_u32, |word, (part, digit)| {
-                    word | (*digit).into() << (part * bits)
-                });
-                word.cast_signed()
-            }));
+            words.extend(packed(sweep).map(u32::cast_signed));
         }
         let row = |values: &[f32]| {
             Tensor::from_data(
@@ -154,6 +148,17 @@ impl Kept {
             values, device,
         ))))
     }
+}
+
+/// Digits in words, the first in the lowest bits.
+pub(crate) fn packed<T: Copy + Into<u32>>(digits: &[T]) -> impl Iterator<Item = u32> {
+    let bits = 8 * size_of::<T>();
+    digits.chunks(WORD / bits).map(move |chunk| {
+        let parts = chunk.iter().enumerate();
+        parts.fold(0, |word, (part, digit)| {
+            word | (*digit).into() << (part * bits)
+        })
+    })
 }
 
 fn numbers(positions: &[usize], device: &Device) -> Tensor<1, Int> {

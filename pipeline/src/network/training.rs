@@ -2,12 +2,12 @@
 
 use burn::optim::ModuleOptimizer;
 use burn::tensor::{Bytes, Device, Int, Tensor, TensorData};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use tactnet_data::{Seed, SweepView, TrainSplit, shuffle};
+use tactnet_data::{Seed, SweepView, TrainSplit};
 use tactnet_models::{TactNet, TactNetConfig, Weights, dropout_masks, is_cpu, spare_memory};
 
 use crate::network::adam::FusedAdam;
+use crate::network::batches::{augment, batch_positions, fill_batch};
 use crate::network::in_pool::in_pool;
 use crate::network::measured::Measured;
 use crate::network::objective::{Pass, Perturbation, adversarial_pass, base_pass};
@@ -389,12 +389,8 @@ impl<'a> Training<'a> {
         self.net.as_ref().unwrap_or_else(no_network)
     }
 
-    /// The epoch's order is drawn afresh and cut into batches whose sizes differ by one at most.
     fn batch_positions(&self, epoch: usize, batch: usize) -> Vec<usize> {
-        let mut order: Vec<usize> = (0..self.train.len()).collect();
-        shuffle(&mut order, &mut self.seed.rng(("shuffle", epoch)));
-        let (sweeps, batches) = (self.train.len(), self.batches());
-        order[batch * sweeps / batches..(batch + 1) * sweeps / batches].to_vec()
+        batch_positions(self.train.len(), self.batches(), self.seed, (epoch, batch))
     }
 
     /// `[batch, 1, steps, taxels]`, augmented and normalised, on the device without autodiff.
@@ -402,13 +398,15 @@ impl<'a> Training<'a> {
         if let Some(resident) = &self.resident {
             return resident.batch(positions);
         }
-        let taxels = self.train.shape().taxels();
         let augmentation = self.recipe.training.augmentation;
         self.loaded(self.train, positions, |position, sweep| {
-            if !augmentation.is_none() {
-                let mut rng = self.seed.rng(("augmentation", epoch, position));
-                augmentation.apply(sweep, taxels, &mut rng);
-            }
+            augment(
+                augmentation,
+                self.train,
+                self.seed,
+                epoch,
+                (position, sweep),
+            );
         })
     }
 
@@ -421,14 +419,7 @@ impl<'a> Training<'a> {
     ) -> Tensor<4> {
         let shape = from.shape();
         let mut values = spare_memory(positions.len() * shape.values());
-        values
-            .par_chunks_exact_mut(shape.values())
-            .zip(positions)
-            .for_each(|(sweep, &position)| {
-                from.copy_batch(&[position], sweep);
-                change(position, sweep);
-                self.normalizer.apply(sweep, shape);
-            });
+        fill_batch(&mut values, from, positions, self.normalizer, change);
         let extents = [positions.len(), 1, shape.steps, shape.taxels()];
         Tensor::from_data(
             TensorData::new(values, extents),

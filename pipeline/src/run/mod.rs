@@ -13,6 +13,7 @@ pub(crate) mod run_config;
 pub(crate) mod run_dir;
 pub(crate) mod session;
 pub(crate) mod test_sweeps;
+pub(crate) mod together;
 pub(crate) mod training_record;
 pub(crate) mod training_steps;
 mod verified_result;

@@ -248,10 +248,42 @@ impl Session {
         mut on_event: impl FnMut(TrainEvent<'_>),
         stop: impl Fn() -> bool,
     ) -> Result<TrainOutcome, PipelineError> {
+        let begun = match self.open(&mut on_event)? {
+            Opened::Ended(result) => return Ok(TrainOutcome::Finished(result)),
+            Opened::Begun(begun) => begun,
+        };
+        let (config, fitted) = (&begun.config, &begun.fitted);
+        let trained = match (&config.recipe, &config.classifier.model) {
+            (ModelRecipe::TactNet2(recipe), ModelConfig::TactNet2(setup)) => {
+                let watched = config.spec.watch_test.then_some(&*begun.fold.test);
+                let trained = (&fitted.train, watched);
+                self.train_network(config, recipe, setup, trained, &mut on_event, &stop)?
+            }
+            (ModelRecipe::Baseline(recipe), ModelConfig::Baseline(_)) => {
+                self.fit_baseline(config, recipe, &fitted.train, &mut on_event, &stop)?
+            }
+            _ => {
+                return Err(PipelineError::Run {
+                    path: self.run.path().into(),
+                    reason: "recipe and model do not belong together".into(),
+                });
+            }
+        };
+        match trained {
+            Some(trained) => self.finish(*begun, trained, &mut on_event, &stop),
+            None => Ok(TrainOutcome::Stopped),
+        }
+    }
+
+    /// Notes that a session goes on with the run, and splits its sweeps as they were split before.
+    pub(super) fn open(
+        &self,
+        on_event: &mut impl FnMut(TrainEvent<'_>),
+    ) -> Result<Opened<'_>, PipelineError> {
         let run = &self.run;
         if let Some(result) = run.result()? {
             on_event(TrainEvent::AlreadyEnded);
-            return Ok(TrainOutcome::Finished(Box::new(result)));
+            return Ok(Opened::Ended(Box::new(result)));
         }
         let config = run.config()?;
         let fold = run.split()?.fold(&self.dataset)?;
@@ -263,26 +295,31 @@ impl Session {
         {
             on_event(TrainEvent::OtherBuild);
         }
+        Ok(Opened::Begun(Box::new(Begun {
+            config,
+            fold,
+            fitted,
+            aside,
+            sessions,
+        })))
+    }
 
-        let trained = match (&config.recipe, &config.classifier.model) {
-            (ModelRecipe::TactNet2(recipe), ModelConfig::TactNet2(setup)) => {
-                let watched = config.spec.watch_test.then_some(&*fold.test);
-                let trained = (&fitted.train, watched);
-                self.train_network(&config, recipe, setup, trained, &mut on_event, &stop)?
-            }
-            (ModelRecipe::Baseline(recipe), ModelConfig::Baseline(_)) => {
-                self.fit_baseline(&config, recipe, &fitted.train, &mut on_event, &stop)?
-            }
-            _ => {
-                return Err(PipelineError::Run {
-                    path: run.path().into(),
-                    reason: "recipe and model do not belong together".into(),
-                });
-            }
-        };
-        let Some(trained) = trained else {
-            return Ok(TrainOutcome::Stopped);
-        };
+    /// Calibrates and evaluates a trained classifier, whose weights lie in the run directory, and writes the result.
+    pub(super) fn finish(
+        &self,
+        begun: Begun<'_>,
+        trained: TrainingSummary,
+        on_event: &mut impl FnMut(TrainEvent<'_>),
+        stop: &impl Fn() -> bool,
+    ) -> Result<TrainOutcome, PipelineError> {
+        let run = &self.run;
+        let Begun {
+            config,
+            fold,
+            fitted,
+            aside,
+            sessions,
+        } = begun;
         let device = config.spec.device.open()?;
         let classifier = Classifier::new(config.classifier.clone(), &run.weights()?, &device)?;
         if let ModelConfig::TactNet2(_) = config.classifier.model {
@@ -337,14 +374,8 @@ impl Session {
         let (mut record, mut training) = TrainingRecord::resume(&self.run, training)?;
         let (epochs, batches) = (recipe.training.epochs, training.batches());
         let steps = TrainingSteps { epochs, batches };
-        on_event(TrainEvent::Begun {
-            batches_before: training.position().epoch * batches + training.position().batch,
-            steps,
-            why_more_epochs: self
-                .asked
-                .as_ref()
-                .and_then(|asked| steps.why_more_epochs(asked)),
-        });
+        let position = training.position();
+        self.tell_begin(position.epoch * batches + position.batch, steps, on_event);
         let ended = train_batches(&mut training, Some(&mut record), watched, |batch| {
             on_event(TrainEvent::Batch { batch, epochs });
             !stop()
@@ -360,6 +391,21 @@ impl Session {
             epochs: Some(epochs),
             ..TrainingSummary::default()
         }))
+    }
+
+    /// Tells that a network is about to be trained.
+    pub(super) fn tell_begin(
+        &self,
+        batches_before: usize,
+        steps: TrainingSteps,
+        on_event: &mut impl FnMut(TrainEvent<'_>),
+    ) {
+        let asked = self.asked.as_ref();
+        on_event(TrainEvent::Begun {
+            batches_before,
+            steps,
+            why_more_epochs: asked.and_then(|asked| steps.why_more_epochs(asked)),
+        });
     }
 
     /// `None` when somebody asked to stop; the fit then starts over.
@@ -390,6 +436,25 @@ impl Session {
             chosen: fitted.chosen,
         }))
     }
+}
+
+/// How a run stands when a session opens it.
+pub(super) enum Opened<'a> {
+    /// It has a result.
+    Ended(Box<RunResult>),
+    /// It is to be trained.
+    Begun(Box<Begun<'a>>),
+}
+
+/// A run that a session goes on with.
+pub(super) struct Begun<'a> {
+    pub(super) config: RunConfig,
+    fold: Fold<'a>,
+    /// What is fitted to.
+    pub(super) fitted: Fold<'a>,
+    aside: Option<(CalibrationTarget, ValidationSplit<'a>)>,
+    /// All sessions of the run so far.
+    sessions: Vec<Provenance>,
 }
 
 /// What is fitted to, and what a calibration has of the training sweeps, if there is one.

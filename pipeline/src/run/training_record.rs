@@ -6,9 +6,9 @@ use crate::network::training::Watched;
 use crate::{BatchReport, EpochMetrics, PipelineError, RunDir, Training, TrainingState};
 
 /// A long epoch is saved this often.
-const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
+pub(crate) const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 /// Epochs are saved at their ends, but not more often than this: small networks would spend most of their time on it.
-const EPOCHS_EVERY: Duration = Duration::from_secs(2);
+pub(crate) const EPOCHS_EVERY: Duration = Duration::from_secs(2);
 
 /// Metrics and checkpoints of a network's training.
 pub(crate) struct TrainingRecord<'a> {
@@ -31,20 +31,32 @@ impl<'a> TrainingRecord<'a> {
         run: &'a RunDir,
         mut training: Training<'b>,
     ) -> Result<(Self, Training<'b>), PipelineError> {
-        let mut seconds = 0.0;
-        if let Some((state, spent)) = run.checkpoint()? {
+        let (record, state) = Self::open(run)?;
+        if let Some(state) = state {
             training = training.resume(state)?;
-            seconds = spent;
         }
+        Ok((record, training))
+    }
+
+    /// Returns the record of `run`, and the state of its last checkpoint, if there is one.
+    ///
+    /// # Errors
+    /// A damaged file.
+    pub fn open(run: &'a RunDir) -> Result<(Self, Option<TrainingState>), PipelineError> {
+        let (state, seconds) = match run.checkpoint()? {
+            Some((state, seconds)) => (Some(state), seconds),
+            None => (None, 0.0),
+        };
+        let epoch = state.as_ref().map_or(0, |state| state.position.epoch);
         let record = Self {
             run,
-            metrics: run.metrics_before(training.position().epoch + 1)?,
+            metrics: run.metrics_before(epoch + 1)?,
             seconds,
             epoch_seconds: 0.0,
             saved: Instant::now(),
             unsaved: None,
         };
-        Ok((record, training))
+        Ok((record, state))
     }
 
     /// Time spent in training steps since the training began, seconds.
@@ -90,9 +102,25 @@ impl<'a> TrainingRecord<'a> {
     /// # Errors
     /// It cannot be written.
     pub fn save(&mut self, training: &mut Training<'_>) -> Result<(), PipelineError> {
+        self.write(&training.state()?)
+    }
+
+    /// Writes the metrics of the epochs so far.
+    ///
+    /// # Errors
+    /// They cannot be written.
+    #[cfg(any(feature = "vulkan", feature = "cuda"))]
+    pub fn write_metrics(&self) -> Result<(), PipelineError> {
+        self.run.write_metrics(&self.metrics)
+    }
+
+    /// Writes the metrics of the epochs so far, and `state` as a checkpoint.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn write(&mut self, state: &TrainingState) -> Result<(), PipelineError> {
         self.run.write_metrics(&self.metrics)?;
-        self.run
-            .write_checkpoint(&training.state()?, self.seconds)?;
+        self.run.write_checkpoint(state, self.seconds)?;
         self.saved = Instant::now();
         self.unsaved = None;
         Ok(())

@@ -1,0 +1,562 @@
+//! What follows the blocks: dropout, a normalised dense layer, the output layer and its loss, of several networks at once.
+
+use cubecl::client::Client;
+use cubecl::prelude::*;
+
+use crate::matrix::{InOrder, Layout, Matrix, Shared2, Transposed};
+use crate::networks::{Place, Stacked, begin};
+use crate::norm::EPSILON;
+use crate::product::{Problem, Side, product};
+use crate::stack_shape::WORD;
+
+/// Units of a cube.
+const UNITS: usize = 256;
+
+/// Sizes of one network's head.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) struct Head {
+    pub(crate) batch: usize,
+    /// Of the last block.
+    pub(crate) steps: usize,
+    pub(crate) taxels: usize,
+    pub(crate) maps: usize,
+    /// Words of a dropout mask.
+    pub(crate) words: usize,
+    pub(crate) hidden: usize,
+    pub(crate) materials: usize,
+    /// Where the number of sweeps of a network lies.
+    pub(crate) counts: Place,
+}
+
+/// Cubes of an elementwise kernel over `len` values of each network.
+fn elements(len: usize, networks: usize) -> CubeCount {
+    let cubes = len.div_ceil(UNITS);
+    let grid = row(len);
+    CubeCount::Static(grid as u32, cubes.div_ceil(grid) as u32, networks as u32)
+}
+
+/// Cubes along the first axis of [`elements`].
+pub(crate) fn row(len: usize) -> usize {
+    len.div_ceil(UNITS).clamp(1, 65_535)
+}
+
+/// The place of a unit among the values of its network.
+#[cube]
+pub(crate) fn element(#[comptime] row: usize) -> usize {
+    (CUBE_POS_Y as usize * row + CUBE_POS_X as usize) * UNITS + UNIT_POS as usize
+}
+
+/// How an elementwise kernel over `len` values of each of `networks` is launched.
+pub(crate) fn launch(len: usize, networks: usize) -> (CubeCount, CubeDim) {
+    (elements(len, networks), CubeDim::new_1d(UNITS as u32))
+}
+
+impl Head {
+    fn features(&self) -> usize {
+        self.maps * self.steps * self.taxels
+    }
+
+    /// Returns `[batch][features]` in the order of the dense layer's weights, dropped out, of the last block's `[batch][steps][taxels][maps]`.
+    ///
+    /// - `masks`: of each network `[batch][words]`
+    /// - `kept`: what a feature that is kept is multiplied by
+    pub(crate) fn drop_out(
+        &self,
+        client: &Client,
+        networks: usize,
+        pooled: &Stacked,
+        masks: &Stacked,
+        kept: f32,
+    ) -> Stacked {
+        let len = self.batch * self.features();
+        let out = Stacked::floats(client, networks, len);
+        let (count, dim) = launch(len, networks);
+        // SAFETY: lengths are those of the buffers, and the kernel stays below `len`.
+        unsafe {
+            drop_features::launch_unchecked(
+                client,
+                count,
+                dim,
+                pooled.arg(),
+                masks.arg(),
+                out.arg(),
+                kept,
+                *self,
+                [pooled.place, masks.place, out.place],
+                row(len),
+                false,
+            );
+        }
+        out
+    }
+
+    /// The gradient of [`Self::drop_out`]'s input from that of its output.
+    pub(crate) fn drop_out_gradient(
+        &self,
+        client: &Client,
+        networks: usize,
+        gradient: &Stacked,
+        masks: &Stacked,
+        kept: f32,
+    ) -> Stacked {
+        let len = self.batch * self.features();
+        let out = Stacked::floats(client, networks, len);
+        let (count, dim) = launch(len, networks);
+        // SAFETY: lengths are those of the buffers, and the kernel stays below `len`.
+        unsafe {
+            drop_features::launch_unchecked(
+                client,
+                count,
+                dim,
+                gradient.arg(),
+                masks.arg(),
+                out.arg(),
+                kept,
+                *self,
+                [gradient.place, masks.place, out.place],
+                row(len),
+                true,
+            );
+        }
+        out
+    }
+
+    /// Returns `relu(batch_norm(dense))`, `[batch][hidden]`, zero for sweeps that fill up a batch; mean and biased variance go to `statistics`.
+    pub(crate) fn normalise(
+        &self,
+        client: &Client,
+        networks: usize,
+        dense: &Stacked,
+        counts: &Stacked,
+        [gamma, beta]: [&Stacked; 2],
+        [mean, variance]: [&Stacked; 2],
+    ) -> Stacked {
+        let out = Stacked::floats(client, networks, self.batch * self.hidden);
+        let (count, dim) = launch(self.hidden, networks);
+        // SAFETY: lengths are those of the buffers, and the kernel stays inside of the head's sizes.
+        unsafe {
+            normalise_rows::launch_unchecked(
+                client,
+                count,
+                dim,
+                dense.arg(),
+                counts.arg(),
+                gamma.arg(),
+                beta.arg(),
+                mean.arg(),
+                variance.arg(),
+                out.arg(),
+                *self,
+                [gamma.place, beta.place, mean.place, variance.place],
+                row(self.hidden),
+            );
+        }
+        out
+    }
+
+    /// Returns the gradient of `dense` from that of the normalised, rectified `hidden`; those of scale and shift go to `into`.
+    pub(crate) fn normalise_gradient(
+        &self,
+        client: &Client,
+        networks: usize,
+        [dense, hidden, gradient]: [&Stacked; 3],
+        counts: &Stacked,
+        [gamma, mean, variance]: [&Stacked; 3],
+        [of_gamma, of_beta]: [&Stacked; 2],
+    ) -> Stacked {
+        let out = Stacked::floats(client, networks, self.batch * self.hidden);
+        let (count, dim) = launch(self.hidden, networks);
+        // SAFETY: lengths are those of the buffers, and the kernel stays inside of the head's sizes.
+        unsafe {
+            normalise_rows_gradient::launch_unchecked(
+                client,
+                count,
+                dim,
+                dense.arg(),
+                hidden.arg(),
+                gradient.arg(),
+                counts.arg(),
+                gamma.arg(),
+                mean.arg(),
+                variance.arg(),
+                of_gamma.arg(),
+                of_beta.arg(),
+                out.arg(),
+                *self,
+                [
+                    gamma.place,
+                    mean.place,
+                    variance.place,
+                    of_gamma.place,
+                    of_beta.place,
+                ],
+                row(self.hidden),
+            );
+        }
+        out
+    }
+
+    /// Returns the gradient of the logits, `[batch][materials]`, of `weight` times the mean cross entropy, and `[2]`: the cross entropy itself, the
+    /// sweeps recognised.
+    ///
+    /// - `logits`: `[batch][materials]` without the bias
+    /// - `labels`: `[batch]`
+    pub(crate) fn losses(
+        &self,
+        client: &Client,
+        networks: usize,
+        [logits, bias]: [&Stacked; 2],
+        [labels, counts]: [&Stacked; 2],
+        weight: f32,
+    ) -> [Stacked; 2] {
+        let gradient = Stacked::floats(client, networks, self.batch * self.materials);
+        let measured = Stacked::floats(client, networks, 2);
+        // SAFETY: lengths are those of the buffers, and the kernel stays inside of the head's sizes.
+        unsafe {
+            cross_entropy::launch_unchecked(
+                client,
+                CubeCount::Static(networks as u32, 1, 1),
+                CubeDim::new_1d(UNITS as u32),
+                logits.arg(),
+                bias.arg(),
+                labels.arg(),
+                counts.arg(),
+                gradient.arg(),
+                measured.arg(),
+                weight,
+                *self,
+                [bias.place, labels.place],
+            );
+        }
+        [gradient, measured]
+    }
+
+    /// Writes the sums over the rows of `gradient`, `[batch][materials]`, into `into`, `[materials]`.
+    pub(crate) fn bias_gradient(
+        &self,
+        client: &Client,
+        networks: usize,
+        gradient: &Stacked,
+        into: &Stacked,
+    ) {
+        let (count, dim) = launch(self.materials, networks);
+        // SAFETY: lengths are those of the buffers, and the kernel stays inside of the head's sizes.
+        unsafe {
+            sum_rows::launch_unchecked(
+                client,
+                count,
+                dim,
+                gradient.arg(),
+                into.arg(),
+                *self,
+                into.place,
+                row(self.materials),
+            );
+        }
+    }
+}
+
+/// `[rows][inputs]` by the transpose of `[outputs][inputs]`: `[rows][outputs]`.
+pub(crate) fn dense(
+    client: &Client,
+    networks: usize,
+    [rows, inputs, outputs]: [usize; 3],
+    [input, weight]: [&Stacked; 2],
+) -> Stacked {
+    let sides = [
+        Side::along_depth(Layout::in_order(rows, inputs)),
+        Side::along_depth(Layout::in_order(outputs, inputs)),
+    ];
+    let out = Stacked::floats(client, networks, rows * outputs);
+    let sizes = [rows, inputs, outputs];
+    multiply::<Shared2, Transposed<Shared2>>(client, networks, sizes, sides, [input, weight], &out);
+    out
+}
+
+/// The gradient of [`dense`]'s input from that of its output.
+pub(crate) fn dense_gradient(
+    client: &Client,
+    networks: usize,
+    [rows, inputs, outputs]: [usize; 3],
+    [gradient, weight]: [&Stacked; 2],
+) -> Stacked {
+    let sides = [
+        Side::along_depth(Layout::in_order(rows, outputs)),
+        Side::across(Layout::in_order(outputs, inputs)),
+    ];
+    let out = Stacked::floats(client, networks, rows * inputs);
+    let sizes = [rows, outputs, inputs];
+    multiply::<Shared2, Shared2>(client, networks, sizes, sides, [gradient, weight], &out);
+    out
+}
+
+/// Writes the gradient of [`dense`]'s weights into `into`.
+pub(crate) fn dense_weight_gradient(
+    client: &Client,
+    networks: usize,
+    [rows, inputs, outputs]: [usize; 3],
+    [gradient, input]: [&Stacked; 2],
+    into: &Stacked,
+) {
+    let sides = [
+        Side::across(Layout::in_order(rows, outputs)),
+        Side::across(Layout::in_order(rows, inputs)),
+    ];
+    let sizes = [outputs, rows, inputs];
+    multiply::<Transposed<Shared2>, Shared2>(
+        client,
+        networks,
+        sizes,
+        sides,
+        [gradient, input],
+        into,
+    );
+}
+
+fn multiply<L: Matrix, R: Matrix>(
+    client: &Client,
+    networks: usize,
+    sizes: [usize; 3],
+    [left_side, right_side]: [Side; 2],
+    [left, right]: [&Stacked; 2],
+    out: &Stacked,
+) {
+    let problem = Problem::of(sizes, left_side.of(left.place), right_side.of(right.place))
+        .networks(networks, out.place);
+    let [left, right, target] = [&left.buffer, &right.buffer, &out.buffer];
+    product::<L, R, InOrder>(client, problem, left, right, target);
+}
+
+/// Features in the order of the dense layer, `[maps][steps][taxels]`, from the blocks' order `[steps][taxels][maps]`, or `back`.
+#[cube(launch_unchecked)]
+fn drop_features(
+    values: &[f32],
+    masks: &[u32],
+    out: &mut [f32],
+    kept: f32,
+    #[comptime] s: Head,
+    #[comptime] places: [Place; 3],
+    #[comptime] cubes: usize,
+    #[comptime] back: bool,
+) {
+    let at = element(cubes);
+    let features = comptime!(s.maps * s.steps * s.taxels);
+    if at < comptime!(s.batch * features) {
+        let network = CUBE_POS_Z as usize;
+        let sweep = at / features;
+        // The position in the blocks' order, so that neighbours write (or read) side by side there.
+        let map = at % s.maps;
+        let position = at % features / s.maps;
+        let feature = map * comptime!(s.steps * s.taxels) + position;
+        let word = masks[begin(network, comptime!(places[1])) + sweep * s.words + feature / WORD];
+        let bit = (word >> ((feature % WORD) as u32)) & 1u32;
+        let by_feature = sweep * features + feature;
+        let mut from = begin(network, comptime!(places[0])) + at;
+        let mut into = begin(network, comptime!(places[2])) + by_feature;
+        if back {
+            from = begin(network, comptime!(places[0])) + by_feature;
+            into = begin(network, comptime!(places[2])) + at;
+        }
+        let mut value = 0.0f32;
+        if bit == 1u32 {
+            value = values[from] * kept;
+        }
+        out[into] = value;
+    }
+}
+
+/// Each unit takes one output of the dense layer and goes over the sweeps.
+#[cube(launch_unchecked)]
+fn normalise_rows(
+    dense: &[f32],
+    counts: &[u32],
+    gamma: &[f32],
+    beta: &[f32],
+    mean: &mut [f32],
+    variance: &mut [f32],
+    out: &mut [f32],
+    #[comptime] s: Head,
+    #[comptime] places: [Place; 4],
+    #[comptime] cubes: usize,
+) {
+    let unit = element(cubes);
+    if unit < s.hidden {
+        let network = CUBE_POS_Z as usize;
+        let sweeps = counts[begin(network, s.counts)] as usize;
+        let from = network * comptime!(s.batch * s.hidden) + unit;
+        let count = f32::cast_from(sweeps.max(1));
+        let mut sum = 0.0f32;
+        for row in 0..sweeps {
+            sum += dense[from + row * s.hidden];
+        }
+        let middle = sum / count;
+        let mut squares = 0.0f32;
+        for row in 0..sweeps {
+            let off = dense[from + row * s.hidden] - middle;
+            squares += off * off;
+        }
+        let spread = squares / count;
+        mean[begin(network, comptime!(places[2])) + unit] = middle;
+        variance[begin(network, comptime!(places[3])) + unit] = spread;
+        let scale = gamma[begin(network, comptime!(places[0])) + unit] / (spread + EPSILON).sqrt();
+        let shift = beta[begin(network, comptime!(places[1])) + unit];
+        for row in 0..s.batch {
+            let at = from + row * s.hidden;
+            let mut value = 0.0f32;
+            if row < sweeps {
+                value = ((dense[at] - middle) * scale + shift).max(0.0f32);
+            }
+            out[at] = value;
+        }
+    }
+}
+
+/// The gradient of [`normalise_rows`].
+#[cube(launch_unchecked)]
+fn normalise_rows_gradient(
+    dense: &[f32],
+    hidden: &[f32],
+    gradient: &[f32],
+    counts: &[u32],
+    gamma: &[f32],
+    mean: &[f32],
+    variance: &[f32],
+    of_gamma: &mut [f32],
+    of_beta: &mut [f32],
+    out: &mut [f32],
+    #[comptime] s: Head,
+    #[comptime] places: [Place; 5],
+    #[comptime] cubes: usize,
+) {
+    let unit = element(cubes);
+    if unit < s.hidden {
+        let network = CUBE_POS_Z as usize;
+        let sweeps = counts[begin(network, s.counts)] as usize;
+        let from = network * comptime!(s.batch * s.hidden) + unit;
+        let middle = mean[begin(network, comptime!(places[1])) + unit];
+        let spread = variance[begin(network, comptime!(places[2])) + unit];
+        let scale = 1.0f32 / (spread + EPSILON).sqrt();
+        let mut sum = 0.0f32;
+        let mut with_normal = 0.0f32;
+        for row in 0..sweeps {
+            let at = from + row * s.hidden;
+            if hidden[at] > 0.0f32 {
+                let value = gradient[at];
+                sum += value;
+                with_normal += value * (dense[at] - middle) * scale;
+            }
+        }
+        of_gamma[begin(network, comptime!(places[3])) + unit] = with_normal;
+        of_beta[begin(network, comptime!(places[4])) + unit] = sum;
+        let share = 1.0f32 / f32::cast_from(sweeps.max(1));
+        let factor = gamma[begin(network, comptime!(places[0])) + unit] * scale;
+        for row in 0..s.batch {
+            let at = from + row * s.hidden;
+            let mut found = 0.0f32;
+            if row < sweeps {
+                let mut passed = 0.0f32;
+                if hidden[at] > 0.0f32 {
+                    passed = gradient[at];
+                }
+                let normal = (dense[at] - middle) * scale;
+                found = factor * (passed - (sum + normal * with_normal) * share);
+            }
+            out[at] = found;
+        }
+    }
+}
+
+/// A cube takes a network, each of its units every so many sweeps.
+#[cube(launch_unchecked)]
+fn cross_entropy(
+    logits: &[f32],
+    bias: &[f32],
+    labels: &[u32],
+    counts: &[u32],
+    gradient: &mut [f32],
+    measured: &mut [f32],
+    weight: f32,
+    #[comptime] s: Head,
+    #[comptime] places: [Place; 2],
+) {
+    let network = CUBE_POS_X as usize;
+    let unit = UNIT_POS as usize;
+    let sweeps = counts[begin(network, s.counts)] as usize;
+    let count = f32::cast_from(sweeps.max(1));
+    let share = weight / count;
+    let of_bias = begin(network, comptime!(places[0]));
+    let of_labels = begin(network, comptime!(places[1]));
+    let mut all = Shared::<[f32]>::new_slice(comptime!(2 * UNITS));
+    let mut loss = 0.0f32;
+    let mut recognised = 0.0f32;
+    let mut sweep = unit;
+    while sweep < s.batch {
+        let from = (network * s.batch + sweep) * s.materials;
+        if sweep < sweeps {
+            let label = labels[of_labels + sweep] as usize;
+            let mut most = logits[from] + bias[of_bias];
+            let mut probable = 0u32;
+            for material in 1..s.materials {
+                let logit = logits[from + material] + bias[of_bias + material];
+                if logit > most {
+                    most = logit;
+                    probable = material as u32;
+                }
+            }
+            let mut sum = 0.0f32;
+            for material in 0..s.materials {
+                sum += (logits[from + material] + bias[of_bias + material] - most).exp();
+            }
+            let log_sum = sum.ln();
+            loss += log_sum - (logits[from + label] + bias[of_bias + label] - most);
+            if probable as usize == label {
+                recognised += 1.0f32;
+            }
+            for material in 0..s.materials {
+                let logit = logits[from + material] + bias[of_bias + material];
+                let mut off = (logit - most - log_sum).exp();
+                if material == label {
+                    off -= 1.0f32;
+                }
+                gradient[from + material] = off * share;
+            }
+        } else {
+            for material in 0..s.materials {
+                gradient[from + material] = 0.0f32;
+            }
+        }
+        sweep += UNITS;
+    }
+    all[unit] = loss;
+    all[unit + UNITS] = recognised;
+    sync_cube();
+    if unit == 0 {
+        let mut loss = 0.0f32;
+        let mut recognised = 0.0f32;
+        for i in 0..UNITS {
+            loss += all[i];
+            recognised += all[i + UNITS];
+        }
+        measured[network * 2] = loss / count;
+        measured[network * 2 + 1] = recognised;
+    }
+}
+
+#[cube(launch_unchecked)]
+fn sum_rows(
+    values: &[f32],
+    out: &mut [f32],
+    #[comptime] s: Head,
+    #[comptime] place: Place,
+    #[comptime] cubes: usize,
+) {
+    let column = element(cubes);
+    if column < s.materials {
+        let network = CUBE_POS_Z as usize;
+        let mut sum = 0.0f32;
+        for row in 0..s.batch {
+            sum += values[(network * s.batch + row) * s.materials + column];
+        }
+        out[begin(network, place) + column] = sum;
+    }
+}

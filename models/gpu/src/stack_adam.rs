@@ -1,0 +1,194 @@
+//! The end of a step of several networks: Adam over all parameters, and running statistics over all layers, one kernel each.
+
+use cubecl::client::Client;
+use cubecl::prelude::*;
+use tactnet_conv::AdamStep;
+
+use crate::head::{element, launch, row};
+use crate::networks::{Place, Stacked, begin};
+
+/// Weight of the newest batch in running statistics.
+const MOMENTUM: f32 = 0.1;
+
+/// Parameters of each network, or their moments: `[parameters]` each.
+#[derive(Debug, Clone)]
+pub(crate) struct Learning {
+    pub(crate) parameters: Stacked,
+    pub(crate) first: Stacked,
+    pub(crate) second: Stacked,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+struct Sizes {
+    /// Parameters of a network.
+    len: usize,
+    /// Of these, the first so many have an L2 penalty.
+    penalized: usize,
+    /// Numbers that each network has for its step.
+    of_step: Place,
+    counts: Place,
+    cubes: usize,
+    /// Whether a second gradient is added.
+    two: bool,
+}
+
+/// Returns parameters and moments after a step; those of networks without sweeps stay.
+///
+/// - `gradients`: one, or two that are added
+/// - `step`: its rate and epsilon are each network's own: in `of_step`, `[rate, epsilon, …]`
+pub(crate) fn adam(
+    client: &Client,
+    networks: usize,
+    learning: &Learning,
+    gradients: &[Stacked],
+    [of_step, counts]: [&Stacked; 2],
+    (step, penalized): (AdamStep, usize),
+) -> Learning {
+    let len = learning.parameters.place.stride;
+    let sizes = Sizes {
+        len,
+        penalized,
+        of_step: of_step.place,
+        counts: counts.place,
+        cubes: row(len),
+        two: gradients.len() > 1,
+    };
+    let (first, last) = (&gradients[0], &gradients[gradients.len() - 1]);
+    let [parameters, mean, square] = [(); 3].map(|()| Stacked::floats(client, networks, len));
+    let (count, dim) = launch(len, networks);
+    // SAFETY: lengths are those of the buffers, and the kernel stays below `len` of each network.
+    unsafe {
+        update::launch_unchecked(
+            client,
+            count,
+            dim,
+            learning.parameters.arg(),
+            first.arg(),
+            last.arg(),
+            learning.first.arg(),
+            learning.second.arg(),
+            of_step.arg(),
+            counts.arg(),
+            parameters.arg(),
+            mean.arg(),
+            square.arg(),
+            step.l2,
+            step.beta[0],
+            step.beta[1],
+            sizes,
+        );
+    }
+    Learning {
+        parameters,
+        first: mean,
+        second: square,
+    }
+}
+
+#[cube(launch_unchecked)]
+fn update(
+    parameter: &[f32],
+    gradient: &[f32],
+    other: &[f32],
+    first: &[f32],
+    second: &[f32],
+    of_step: &[f32],
+    counts: &[u32],
+    new_parameter: &mut [f32],
+    new_first: &mut [f32],
+    new_second: &mut [f32],
+    l2: f32,
+    beta_1: f32,
+    beta_2: f32,
+    #[comptime] s: Sizes,
+) {
+    let own = element(s.cubes);
+    if own < s.len {
+        let network = CUBE_POS_Z as usize;
+        let at = network * s.len + own;
+        let value = parameter[at];
+        let mut new_value = value;
+        let mut mean = first[at];
+        let mut square = second[at];
+        if counts[begin(network, s.counts)] > 0u32 {
+            let rate = of_step[begin(network, s.of_step)];
+            let epsilon = of_step[begin(network, s.of_step) + 1];
+            let mut gradient = gradient[at];
+            if s.two {
+                gradient += other[at];
+            }
+            if own < s.penalized {
+                gradient += l2 * value;
+            }
+            mean = beta_1 * mean + (1.0f32 - beta_1) * gradient;
+            square = beta_2 * square + (1.0f32 - beta_2) * gradient * gradient;
+            new_value = value - rate * mean / (square.sqrt() + epsilon);
+        }
+        new_first[at] = mean;
+        new_second[at] = square;
+        new_parameter[at] = new_value;
+    }
+}
+
+/// Returns the running statistics moved towards those of a batch; those of networks without sweeps stay.
+///
+/// - `batch`: means and biased variances
+/// - `factors`: for each statistic, which of the numbers of `of_step` it is multiplied by; 0: none
+pub(crate) fn follow(
+    client: &Client,
+    networks: usize,
+    [running, batch]: [&Stacked; 2],
+    factors: &Stacked,
+    [of_step, counts]: [&Stacked; 2],
+) -> Stacked {
+    let len = running.place.stride;
+    let out = Stacked::floats(client, networks, len);
+    let (count, dim) = launch(len, networks);
+    // SAFETY: lengths are those of the buffers, and the kernel stays below `len` of each network.
+    unsafe {
+        move_towards::launch_unchecked(
+            client,
+            count,
+            dim,
+            running.arg(),
+            batch.arg(),
+            factors.arg(),
+            of_step.arg(),
+            counts.arg(),
+            out.arg(),
+            len,
+            [of_step.place, counts.place],
+            row(len),
+        );
+    }
+    out
+}
+
+#[cube(launch_unchecked)]
+fn move_towards(
+    running: &[f32],
+    batch: &[f32],
+    factors: &[u32],
+    of_step: &[f32],
+    counts: &[u32],
+    out: &mut [f32],
+    #[comptime] len: usize,
+    #[comptime] places: [Place; 2],
+    #[comptime] cubes: usize,
+) {
+    let own = element(cubes);
+    if own < len {
+        let network = CUBE_POS_Z as usize;
+        let at = network * len + own;
+        let mut value = running[at];
+        if counts[begin(network, comptime!(places[1]))] > 0u32 {
+            let mut newest = batch[at];
+            let factor = factors[own] as usize;
+            if factor > 0 {
+                newest *= of_step[begin(network, comptime!(places[0])) + factor];
+            }
+            value = value * (1.0f32 - MOMENTUM) + newest * MOMENTUM;
+        }
+        out[at] = value;
+    }
+}

@@ -1,0 +1,183 @@
+//! The sweeps of a batch: chosen and normalised on the device, and moved along the sign of a gradient.
+
+use cubecl::client::Client;
+use cubecl::prelude::*;
+
+use crate::head::{element, launch, row};
+use crate::networks::{Place, Stacked, begin};
+
+/// Bits of a word of digits.
+const WORD: usize = 32;
+
+/// Digits of sweeps as they were recorded, on the device, the first in the lowest bits of a word.
+#[derive(Debug)]
+pub(crate) struct Digits {
+    /// `[sweeps][words]`, shared by all networks.
+    words: Stacked,
+    /// `[2][taxels]` of each network: what is subtracted from a digit, and what the rest is multiplied by.
+    scaling: Stacked,
+    sizes: Sizes,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+struct Sizes {
+    batch: usize,
+    /// Numbers of a sweep.
+    values: usize,
+    taxels: usize,
+    /// Bits of a digit.
+    bits: usize,
+    /// Words of a sweep.
+    width: usize,
+}
+
+impl Digits {
+    /// - `shape`: sweeps of a batch, steps and taxels of a sweep
+    /// - `bits`: of a digit, 8 or 16
+    /// - `words`: `[sweeps][words]`
+    /// - `scaling`: `[networks][2][taxels]`
+    pub(crate) fn upload(
+        client: &Client,
+        networks: usize,
+        [batch, steps, taxels]: [usize; 3],
+        bits: usize,
+        words: &[u32],
+        scaling: &[f32],
+    ) -> Self {
+        let values = steps * taxels;
+        let sizes = Sizes {
+            batch,
+            values,
+            taxels,
+            bits,
+            width: values.div_ceil(WORD / bits),
+        };
+        let of_all = client.create_from_slice(u32::as_bytes(words));
+        let own = client.create_from_slice(f32::as_bytes(scaling));
+        Self {
+            words: Stacked::single(&of_all, words.len()),
+            scaling: Stacked::each(&own, networks, 2 * taxels),
+            sizes,
+        }
+    }
+
+    /// Returns the normalised sweeps of a batch, `[batch][steps][taxels]`; those that fill up are zero.
+    ///
+    /// - `chosen`: `[batch]`, numbers of sweeps
+    pub(crate) fn batch(
+        &self,
+        client: &Client,
+        networks: usize,
+        chosen: &Stacked,
+        counts: &Stacked,
+    ) -> Stacked {
+        let len = self.sizes.batch * self.sizes.values;
+        let out = Stacked::floats(client, networks, len);
+        let (count, dim) = launch(len, networks);
+        // SAFETY: lengths are those of the buffers; numbers of sweeps are below those uploaded, as the caller of the stack promises.
+        unsafe {
+            unpack::launch_unchecked(
+                client,
+                count,
+                dim,
+                self.words.arg(),
+                self.scaling.arg(),
+                chosen.arg(),
+                counts.arg(),
+                out.arg(),
+                self.sizes,
+                [self.scaling.place, chosen.place, counts.place],
+                row(len),
+            );
+        }
+        out
+    }
+}
+
+#[cube(launch_unchecked)]
+fn unpack(
+    words: &[u32],
+    scaling: &[f32],
+    chosen: &[u32],
+    counts: &[u32],
+    out: &mut [f32],
+    #[comptime] s: Sizes,
+    #[comptime] places: [Place; 3],
+    #[comptime] cubes: usize,
+) {
+    let at = element(cubes);
+    if at < comptime!(s.batch * s.values) {
+        let network = CUBE_POS_Z as usize;
+        let sweep = at / s.values;
+        let value = at % s.values;
+        let mut found = 0.0f32;
+        if sweep < counts[begin(network, comptime!(places[2]))] as usize {
+            let number = chosen[begin(network, comptime!(places[1])) + sweep] as usize;
+            let parts = comptime!(WORD / s.bits);
+            let word = words[number * s.width + value / parts];
+            let shift = (value % parts * s.bits) as u32;
+            let digit = (word >> shift) & comptime!((1u32 << s.bits) - 1);
+            let taxel = begin(network, comptime!(places[0])) + value % s.taxels;
+            found = (f32::cast_from(digit) - scaling[taxel]) * scaling[taxel + s.taxels];
+        }
+        out[network * comptime!(s.batch * s.values) + at] = found;
+    }
+}
+
+/// Returns `sweeps + epsilon sign(gradient)`, each `[batch][steps][taxels]`.
+///
+/// - `len`: numbers of a network's batch
+/// - `epsilon`: `[taxels]`
+pub(crate) fn perturbed(
+    client: &Client,
+    networks: usize,
+    [len, taxels]: [usize; 2],
+    [sweeps, gradient, epsilon]: [&Stacked; 3],
+) -> Stacked {
+    let out = Stacked::floats(client, networks, len);
+    let (count, dim) = launch(len, networks);
+    // SAFETY: lengths are those of the buffers, and the kernel stays below `len`.
+    unsafe {
+        perturb::launch_unchecked(
+            client,
+            count,
+            dim,
+            sweeps.arg(),
+            gradient.arg(),
+            epsilon.arg(),
+            out.arg(),
+            len,
+            taxels,
+            epsilon.place,
+            row(len),
+        );
+    }
+    out
+}
+
+#[cube(launch_unchecked)]
+fn perturb(
+    sweeps: &[f32],
+    gradient: &[f32],
+    epsilon: &[f32],
+    out: &mut [f32],
+    #[comptime] len: usize,
+    #[comptime] taxels: usize,
+    #[comptime] place: Place,
+    #[comptime] cubes: usize,
+) {
+    let at = element(cubes);
+    if at < len {
+        let network = CUBE_POS_Z as usize;
+        let from = network * len + at;
+        let slope = gradient[from];
+        let step = epsilon[begin(network, place) + at % taxels];
+        let mut value = sweeps[from];
+        if slope > 0.0f32 {
+            value += step;
+        } else if slope < 0.0f32 {
+            value -= step;
+        }
+        out[from] = value;
+    }
+}

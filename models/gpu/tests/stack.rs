@@ -1,0 +1,282 @@
+//! Networks that are trained at once against each of them alone.
+#![cfg(feature = "vulkan")]
+
+use cubecl::client::Client;
+use tactnet_conv::AdamStep;
+use tactnet_conv_gpu::{
+    Stack, StackAttack, StackBatch, StackDigits, StackMeasured, StackMethod, StackShape,
+    StackState, StackSweeps,
+};
+
+fn noise(len: usize, seed: u64) -> Vec<f32> {
+    let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
+    (0..len)
+        .map(|_| {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            (state >> 40) as f32 / (1u64 << 24) as f32 - 0.5
+        })
+        .collect()
+}
+
+/// Sweeps of a batch, at most; of the second network one less in every other step, and of the third none in the last ones.
+const BATCH: usize = 4;
+const STEPS: usize = 5;
+const NETWORKS: usize = 3;
+const SWEEPS: usize = 9;
+
+fn shape(networks: usize, blocks: &[[usize; 2]]) -> StackShape {
+    StackShape {
+        networks,
+        batch: BATCH,
+        steps: 60,
+        taxels: 4,
+        blocks: blocks.to_vec(),
+        kernel: [15, 5],
+        hidden: 8,
+        materials: 3,
+    }
+}
+
+fn counts(step: usize) -> [u32; NETWORKS] {
+    let second = if step.is_multiple_of(2) { 3 } else { 4 };
+    let third = if step < 4 { 4 } else { 0 };
+    [4, second, third]
+}
+
+/// What `all` networks have, or the one at `only`: `[networks][len]`.
+fn of<T: Clone>(all: &[T], len: usize, only: Option<usize>) -> Vec<T> {
+    match only {
+        None => all.to_vec(),
+        Some(network) => all[network * len..][..len].to_vec(),
+    }
+}
+
+struct Case {
+    blocks: &'static [[usize; 2]],
+    attack: Option<(f64, bool)>,
+    /// Sweeps lie on the device as digits.
+    digits: bool,
+    capacity: usize,
+}
+
+/// State and measurements after all steps.
+fn trained(
+    client: &Client,
+    case: &Case,
+    only: Option<usize>,
+) -> (StackState, Vec<Vec<StackMeasured>>) {
+    let networks = if only.is_some() { 1 } else { NETWORKS };
+    let shape = StackShape {
+        batch: case.capacity,
+        ..shape(networks, case.blocks)
+    };
+    let (parameters, statistics) = (shape.parameters(), shape.statistics());
+    let mut running = noise(NETWORKS * statistics, 2);
+    running.iter_mut().for_each(|value| *value += 1.0);
+    let state = StackState {
+        parameters: of(&noise(NETWORKS * parameters, 1), parameters, only),
+        moments: [(); 2].map(|()| vec![0.0; networks * parameters]),
+        running: of(&running, statistics, only),
+    };
+    let taxels = shape.taxels;
+    let method = StackMethod {
+        kept: 1.25,
+        adam: AdamStep {
+            l2: 1e-3,
+            beta: [0.9, 0.999],
+            rate: 0.0,
+            epsilon: 0.0,
+        },
+        penalized: shape.weights(),
+        attack: case.attack.map(|(alpha, follow_both)| StackAttack {
+            alpha,
+            epsilon: of(&[0.05, 0.1, 0.2].map(|e| [e; 4]).concat(), taxels, only),
+            follow_both,
+        }),
+    };
+    // Sweeps of bytes, four of them in a word.
+    let bytes: Vec<u8> = noise(SWEEPS * shape.values(), 3)
+        .iter()
+        .map(|value| (value * 200.0 + 110.0) as u8)
+        .collect();
+    let words: Vec<u32> = bytes
+        .chunks(4)
+        .map(|four| u32::from_le_bytes([four[0], four[1], four[2], four[3]]))
+        .collect();
+    let scaling: Vec<f32> = (0..NETWORKS)
+        .flat_map(|network| {
+            let offset = (0..taxels).map(move |x| 100.0 + (network + x) as f32);
+            let gain = (0..taxels).map(move |x| 0.01 + 0.001 * (network * x) as f32);
+            offset.chain(gain)
+        })
+        .collect();
+    let own_scaling = of(&scaling, 2 * taxels, only);
+    let digits = case.digits.then_some(StackDigits {
+        bits: 8,
+        words: &words,
+        scaling: &own_scaling,
+    });
+    let mut stack = Stack::new(client, shape.clone(), method, &state, digits);
+    for step in 0..STEPS {
+        // Everything of all networks; a stack of one takes its part.
+        let draw = |seed: u64, up_to: f32| -> Vec<u32> {
+            let all = noise(NETWORKS * BATCH, 10 * step as u64 + seed);
+            all.iter().map(|v| ((v + 0.5) * up_to) as u32).collect()
+        };
+        let padded = |all: Vec<u32>, len: usize| -> Vec<u32> {
+            all.chunks(BATCH * len)
+                .flat_map(|own| {
+                    let mut own = own.to_vec();
+                    own.resize(case.capacity * len, 0);
+                    own
+                })
+                .collect()
+        };
+        let chosen = padded(draw(4, SWEEPS as f32), 1);
+        let labels = padded(draw(5, 3.0), 1);
+        let mask = |seed: u64| -> Vec<u32> {
+            let words = noise(
+                NETWORKS * BATCH * shape.mask_words(),
+                10 * step as u64 + seed,
+            );
+            let words = words
+                .iter()
+                .map(|v| v.to_bits().rotate_left(9) | 0x1111_1111);
+            padded(words.collect(), shape.mask_words())
+        };
+        let masks = [mask(6), mask(7)];
+        let mask_len = case.capacity * shape.mask_words();
+        let masks = masks.map(|mask| of(&mask, mask_len, only));
+        let passes = 1 + usize::from(case.attack.is_some());
+        let masks: Vec<&[u32]> = masks[..passes].iter().map(Vec::as_slice).collect();
+        let counts = of(&counts(step), 1, only);
+        let chosen = of(&chosen, case.capacity, only);
+        let values: Vec<f32> = chosen
+            .iter()
+            .enumerate()
+            .flat_map(|(at, &number)| {
+                let network = only.unwrap_or(at / case.capacity);
+                let own = &scaling[network * 2 * taxels..][..2 * taxels];
+                let fills = at % case.capacity >= BATCH;
+                let sweep = &bytes[number as usize * shape.values()..][..shape.values()];
+                sweep.iter().enumerate().map(move |(i, &digit)| {
+                    let x = i % taxels;
+                    if fills {
+                        0.0
+                    } else {
+                        (f32::from(digit) - own[x]) * own[taxels + x]
+                    }
+                })
+            })
+            .collect();
+        let rates = of(&[[1e-2, 1e-8], [2e-2, 1e-8], [5e-3, 1e-8]], 1, only);
+        stack.step(&StackBatch {
+            counts: &counts,
+            sweeps: if case.digits {
+                StackSweeps::Chosen(&chosen)
+            } else {
+                StackSweeps::Values(&values)
+            },
+            labels: &of(&labels, case.capacity, only),
+            masks: &masks,
+            rates: &rates,
+        });
+    }
+    let measured = stack.measured();
+    (stack.state(), measured)
+}
+
+fn case(blocks: &'static [[usize; 2]], attack: Option<(f64, bool)>) -> Case {
+    Case {
+        blocks,
+        attack,
+        digits: true,
+        capacity: BATCH,
+    }
+}
+
+fn client() -> Client {
+    cubecl::Device::default().client()
+}
+
+fn alone_and_beside_others(case: &Case) {
+    let client = client();
+    let (together, measured) = trained(&client, case, None);
+    let shape = shape(1, case.blocks);
+    for network in 0..NETWORKS {
+        let (alone, measured_alone) = trained(&client, case, Some(network));
+        let own = |all: &[f32], len: usize| all[network * len..][..len].to_vec();
+        assert_eq!(
+            alone.parameters,
+            own(&together.parameters, shape.parameters())
+        );
+        for (alone, together) in alone.moments.iter().zip(&together.moments) {
+            assert_eq!(alone, &own(together, shape.parameters()));
+        }
+        assert_eq!(alone.running, own(&together.running, shape.statistics()));
+        for (step, (alone, together)) in measured_alone.iter().zip(&measured).enumerate() {
+            assert_eq!(alone[0], together[network], "step {step}");
+            assert!(alone[0].loss[0].is_finite());
+        }
+        let start = own(&noise(NETWORKS * shape.parameters(), 1), shape.parameters());
+        // All but those of units that no sweep excites.
+        let pairs = alone.parameters.iter().zip(&start);
+        let learnt = pairs.filter(|(a, b)| a != b).count();
+        assert!(10 * learnt > 9 * start.len(), "{learnt} of {}", start.len());
+    }
+}
+
+/// Routes: taps in registers and spectra.
+const MAPS: &[[usize; 2]] = &[[4, 10], [6, 3]];
+/// Taps in registers and one product over taps.
+const FEW: &[[usize; 2]] = &[[2, 10], [5, 6]];
+
+#[test]
+fn a_network_is_the_same_to_the_bit_alone_and_beside_others() {
+    alone_and_beside_others(&case(MAPS, None));
+}
+
+#[test]
+fn so_it_is_with_blocks_of_few_maps() {
+    alone_and_beside_others(&case(FEW, Some((0.0, false))));
+}
+
+#[test]
+fn so_it_is_when_sweeps_are_attacked() {
+    alone_and_beside_others(&case(MAPS, Some((0.5, true))));
+}
+
+#[test]
+fn digits_are_normalised_on_the_device_as_elsewhere() {
+    let client = client();
+    let digits = case(MAPS, None);
+    let values = Case {
+        digits: false,
+        ..case(MAPS, None)
+    };
+    assert!(trained(&client, &digits, None) == trained(&client, &values, None));
+}
+
+/// Sums are cut otherwise then, so not to the bit.
+#[test]
+fn sweeps_that_fill_up_a_batch_count_for_nothing() {
+    let client = client();
+    let (tight, measured) = trained(&client, &case(MAPS, Some((0.5, true))), None);
+    let roomy = Case {
+        capacity: BATCH + 3,
+        ..case(MAPS, Some((0.5, true)))
+    };
+    let (roomy, also) = trained(&client, &roomy, None);
+    let apart = |a: &[f32], b: &[f32]| -> f64 {
+        let off: f64 = a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum();
+        let all: f64 = b.iter().map(|b| f64::from(*b).powi(2)).sum();
+        (off / all).sqrt()
+    };
+    assert!(apart(&roomy.parameters, &tight.parameters) < 1e-4);
+    assert!(apart(&roomy.running, &tight.running) < 1e-4);
+    for (a, b) in measured.iter().flatten().zip(also.iter().flatten()) {
+        assert!((a.loss[0] - b.loss[0]).abs() < 1e-3, "{a:?} {b:?}");
+    }
+}

@@ -1,0 +1,142 @@
+//! Adam's moments from and to the bytes that Burn stores: a checkpoint is the same whoever trained.
+
+use burn::module::{Module, ModuleVisitor, Param};
+use burn::optim::{
+    Adam, AdamState, AdaptiveMomentumState, GradientsParams, LearningRate, ModuleOptimizer,
+    Optimizer,
+};
+use burn::tensor::{Bytes, Device, Tensor};
+use tactnet_models::{TactNet, TactNetConfig, Weights};
+
+use crate::PipelineError;
+
+/// Takes what it is given for the first moment, and at the second step for the second.
+#[derive(Clone)]
+struct Planted {
+    /// Steps taken.
+    time: usize,
+}
+
+impl Optimizer for Planted {
+    type State<const D: usize> = AdamState<D>;
+
+    fn step<const D: usize>(
+        &self,
+        _learning_rate: LearningRate,
+        tensor: Tensor<D>,
+        given: Tensor<D>,
+        state: Option<AdamState<D>>,
+    ) -> (Tensor<D>, Option<AdamState<D>>) {
+        let [first, second] = match state {
+            None => [given.clone(), given.zeros_like()],
+            Some(state) => [state.momentum.moment_1, given],
+        };
+        let momentum = AdaptiveMomentumState::new(self.time, first, second);
+        (tensor, Some(AdamState::new(momentum)))
+    }
+
+    fn to_device<const D: usize>(state: AdamState<D>, device: &Device) -> AdamState<D> {
+        Adam::to_device(state, device)
+    }
+}
+
+/// Puts a moment in the place of each parameter.
+#[derive(Clone, Copy)]
+enum Shown {
+    First,
+    Second,
+}
+
+impl Optimizer for Shown {
+    type State<const D: usize> = AdamState<D>;
+
+    fn step<const D: usize>(
+        &self,
+        _learning_rate: LearningRate,
+        tensor: Tensor<D>,
+        _given: Tensor<D>,
+        state: Option<AdamState<D>>,
+    ) -> (Tensor<D>, Option<AdamState<D>>) {
+        let shown = match (self, &state) {
+            (_, None) => tensor.zeros_like(),
+            (Self::First, Some(state)) => state.momentum.moment_1.clone(),
+            (Self::Second, Some(state)) => state.momentum.moment_2.clone(),
+        };
+        (shown, state)
+    }
+
+    fn to_device<const D: usize>(state: AdamState<D>, device: &Device) -> AdamState<D> {
+        Adam::to_device(state, device)
+    }
+}
+
+/// Returns the bytes of an optimiser after `time` steps.
+///
+/// - `moments`: under the names of the parameters
+/// - `weights`: of the network, whose running statistics are taken for those that moments do not have
+///
+/// # Errors
+/// Moments of another network.
+pub(crate) fn optimizer_bytes(
+    config: &TactNetConfig,
+    weights: &Weights,
+    moments: &[Weights; 2],
+    time: usize,
+) -> Result<Vec<u8>, PipelineError> {
+    let mut optimizer = ModuleOptimizer::from(Planted { time });
+    let mut net = on_processor(config, weights)?;
+    for moment in moments {
+        let given = as_gradients(&on_processor(config, &filled(moment, weights))?);
+        net = optimizer.step(0.0, net, given);
+    }
+    let bytes = optimizer
+        .into_bytes()
+        .map_err(|error| PipelineError::Optimizer(error.to_string()))?;
+    Ok(bytes.to_vec())
+}
+
+/// Returns the moments that an optimiser's bytes hold, under the names of the parameters.
+///
+/// # Errors
+/// Bytes of no optimiser.
+pub(crate) fn moments_of(
+    config: &TactNetConfig,
+    weights: &Weights,
+    bytes: &[u8],
+) -> Result<[Weights; 2], PipelineError> {
+    let shown = |which: Shown| -> Result<Weights, PipelineError> {
+        let mut optimizer = ModuleOptimizer::from(which)
+            .from_bytes(Bytes::from_bytes_vec(bytes.to_vec()))
+            .map_err(|error| PipelineError::Optimizer(error.to_string()))?;
+        let net = on_processor(config, weights)?;
+        let any = as_gradients(&net);
+        Ok(optimizer.step(0.0, net, any).weights())
+    };
+    Ok([shown(Shown::First)?, shown(Shown::Second)?])
+}
+
+fn on_processor(config: &TactNetConfig, weights: &Weights) -> Result<TactNet, PipelineError> {
+    let device = Device::flex().autodiff();
+    Ok(TactNet::from_weights(config, weights, &device)?)
+}
+
+/// With the tensors of `others` that are missing.
+fn filled(weights: &Weights, others: &Weights) -> Weights {
+    let mut all = others.clone();
+    all.0.extend(weights.0.clone());
+    all
+}
+
+/// The parameters of a network in the place of their gradients.
+fn as_gradients(net: &TactNet) -> GradientsParams {
+    struct Given(GradientsParams);
+    impl ModuleVisitor for Given {
+        fn visit_float<const D: usize>(&mut self, parameter: &Param<Tensor<D>>) {
+            let value = parameter.val().without_autodiff();
+            self.0.register(parameter.id, value);
+        }
+    }
+    let mut given = Given(GradientsParams::new());
+    net.visit(&mut given);
+    given.0
+}

@@ -1,0 +1,51 @@
+//! Which sweeps a batch has, and what is done to them on the way to the network. Every choice is named by seed, epoch and batch.
+
+use rayon::prelude::*;
+use tactnet_data::{Seed, SweepView, TrainSplit, shuffle};
+
+use crate::{Augmentation, Normalizer};
+
+/// Positions of the sweeps of a batch: the epoch's order is drawn afresh and cut into `batches` whose sizes differ by one at most.
+pub(crate) fn batch_positions(
+    sweeps: usize,
+    batches: usize,
+    seed: Seed,
+    (epoch, batch): (usize, usize),
+) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..sweeps).collect();
+    shuffle(&mut order, &mut seed.rng(("shuffle", epoch)));
+    order[batch * sweeps / batches..(batch + 1) * sweeps / batches].to_vec()
+}
+
+/// Writes the sweeps at `positions` into `values`, changed by `change` and normalised: `[positions][steps][taxels]`.
+pub(crate) fn fill_batch(
+    values: &mut [f32],
+    from: &SweepView<'_>,
+    positions: &[usize],
+    normalizer: &Normalizer,
+    change: impl Fn(usize, &mut [f32]) + Sync,
+) {
+    let shape = from.shape();
+    values
+        .par_chunks_exact_mut(shape.values())
+        .zip(positions)
+        .for_each(|(sweep, &position)| {
+            from.copy_batch(&[position], sweep);
+            change(position, sweep);
+            normalizer.apply(sweep, shape);
+        });
+}
+
+/// Augments the training sweep at a position, otherwise in every epoch.
+pub(crate) fn augment(
+    augmentation: Augmentation,
+    train: &TrainSplit<'_>,
+    seed: Seed,
+    epoch: usize,
+    (position, sweep): (usize, &mut [f32]),
+) {
+    if !augmentation.is_none() {
+        let mut rng = seed.rng(("augmentation", epoch, position));
+        augmentation.apply(sweep, train.shape().taxels(), &mut rng);
+    }
+}

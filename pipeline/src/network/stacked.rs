@@ -1,0 +1,587 @@
+//! Training of several networks at once on one GPU, step by step as [`Training`](crate::Training) does it for one.
+//!
+//! Each network has its own training sweeps, normaliser, seed and number of epochs; architecture, batch size and method are the same for all.
+//! Batches, order, dropout and initial weights are those that the network would have alone. In every step each network goes on with its own
+//! next batch, so networks with fewer batches in an epoch do not wait for the others.
+
+use burn::tensor::Device;
+use rayon::prelude::*;
+use tactnet_data::{Samples, Seed, TrainSplit};
+use tactnet_models::{
+    AdamStep, NetStack, StackAttack, StackBatch, StackDigits, StackSettings, StackSweeps,
+    StackedNet, TactNet, TactNetConfig, dropout_bits,
+};
+
+use crate::network::adam::{BETA, corrected};
+use crate::network::adam_state::{moments_of, optimizer_bytes};
+use crate::network::batches::{augment, batch_positions, fill_batch};
+use crate::network::resident::{MOST_BYTES, packed};
+use crate::{
+    AdversarialMask, AdversarialStatistics, AttackedLabel, BatchReport, Normalizer,
+    PenalizedParameters, PipelineError, Position, Recipe, TrainingMethod, TrainingSettings,
+    TrainingState,
+};
+
+/// One of several networks that are trained at once.
+#[derive(Debug, Clone)]
+pub struct StackMember<'a> {
+    /// Epochs and learning rates are the network's own; all else is the same as of the others.
+    pub recipe: &'a Recipe,
+    /// What it learns from.
+    pub train: &'a TrainSplit<'a>,
+    /// What is done to its sweeps.
+    pub normalizer: &'a Normalizer,
+    /// Its layers.
+    pub config: &'a TactNetConfig,
+    /// Of every random choice.
+    pub seed: Seed,
+}
+
+impl StackMember<'_> {
+    /// Returns whether the network can be trained beside others: one of convolutions, whose attacked sweeps raise the loss of their own material.
+    pub fn can_be_stacked(&self) -> bool {
+        let attacks_own = !matches!(
+            self.recipe.training.method,
+            TrainingMethod::Adversarial {
+                attack: AttackedLabel::Predicted,
+                ..
+            }
+        );
+        attacks_own && !self.train.is_empty() && NetStack::shape(self.config, 1, 1).is_some()
+    }
+
+    /// Returns whether two networks can be trained at once.
+    pub fn fits(&self, other: &Self) -> bool {
+        let settings = |member: &Self| TrainingSettings {
+            epochs: 0,
+            least_steps: None,
+            learning_rate: 0.0,
+            learning_rate_drops: Vec::new(),
+            one_cycle: None,
+            ..member.recipe.training.clone()
+        };
+        self.can_be_stacked()
+            && other.can_be_stacked()
+            && self.config == other.config
+            && settings(self) == settings(other)
+    }
+
+    fn batches(&self) -> usize {
+        self.train.len().div_ceil(self.recipe.training.batch)
+    }
+
+    /// Sweeps of a batch, at most.
+    fn batch(&self) -> usize {
+        self.recipe.training.batch.min(self.train.len())
+    }
+}
+
+/// Where one network stands.
+struct Standing {
+    position: Position,
+    /// Why it is not trained any more.
+    failed: bool,
+}
+
+/// A batch that has not been read: its network, its epoch, its number and its number of sweeps.
+struct Unread {
+    member: usize,
+    epoch: usize,
+    batch: usize,
+    sweeps: usize,
+}
+
+/// Where the sweeps of all networks lie.
+enum Source {
+    /// Digits on the GPU, with the number of each member's first sweep, by positions in its training sweeps.
+    Digits(Vec<Vec<u32>>),
+    /// They are normalised by the processor, batch by batch.
+    Processor,
+}
+
+/// What the processor prepares of one network's batch, filled up.
+struct Prepared {
+    sweeps: usize,
+    labels: Vec<u32>,
+    masks: Vec<Vec<u32>>,
+    chosen: Vec<u32>,
+    values: Vec<f32>,
+    rates: [f32; 2],
+}
+
+/// Networks on their way.
+pub struct StackedTraining<'a> {
+    members: Vec<StackMember<'a>>,
+    standings: Vec<Standing>,
+    stack: NetStack,
+    source: Source,
+    /// Sweeps of a batch, at most.
+    batch: usize,
+    /// Of each step since the last reading.
+    unread: Vec<Vec<Unread>>,
+}
+
+impl<'a> StackedTraining<'a> {
+    /// Starts networks with fresh weights, or goes on from where they stand.
+    ///
+    /// - `states`: of each network where it stands, `None` for one that begins
+    ///
+    /// # Errors
+    /// A device that is no GPU; a state of another network.
+    ///
+    /// # Panics
+    /// If there is no network, or two do not fit each other.
+    pub fn start(
+        members: Vec<StackMember<'a>>,
+        states: Vec<Option<TrainingState>>,
+        device: &Device,
+    ) -> Result<Self, PipelineError> {
+        assert!(
+            members.len() == states.len() && members.iter().all(|member| member.fits(&members[0])),
+            "networks of a stack are of one kind"
+        );
+        let batch = members.iter().map(StackMember::batch).max().unwrap_or(0);
+        let nets: Result<Vec<StackedNet>, PipelineError> = members
+            .par_iter()
+            .zip(&states)
+            .map(|(member, state)| net_of(member, state.as_ref()))
+            .collect();
+        let settings = settings(&members, batch);
+        let packed = Packed::of(&members);
+        let scaling: Vec<f32> = members
+            .iter()
+            .flat_map(|member| [member.normalizer.offset(), member.normalizer.gain()].concat())
+            .collect();
+        let digits = packed.as_ref().map(|packed| StackDigits {
+            bits: packed.bits,
+            words: &packed.words,
+            scaling: &scaling,
+        });
+        let stack = NetStack::start(device, members[0].config, settings, &nets?, digits)?;
+        let standings = states.into_iter().map(|state| Standing {
+            position: state.map(|state| state.position).unwrap_or_default(),
+            failed: false,
+        });
+        Ok(Self {
+            standings: standings.collect(),
+            members,
+            stack,
+            source: packed.map_or(Source::Processor, |packed| Source::Digits(packed.numbers)),
+            batch,
+            unread: Vec::new(),
+        })
+    }
+
+    /// How many networks there are.
+    pub fn len(&self) -> usize {
+        self.members.len()
+    }
+
+    /// Returns true if there is none.
+    pub fn is_empty(&self) -> bool {
+        self.members.is_empty()
+    }
+
+    /// Where a network stands.
+    pub fn position(&self, member: usize) -> &Position {
+        &self.standings[member].position
+    }
+
+    /// Batches in an epoch of a network.
+    pub fn batches(&self, member: usize) -> usize {
+        self.members[member].batches()
+    }
+
+    /// Returns true if every network has had all its epochs, or has failed.
+    pub fn has_ended(&self) -> bool {
+        (0..self.members.len()).all(|member| !self.is_on_its_way(member))
+    }
+
+    fn is_on_its_way(&self, member: usize) -> bool {
+        let standing = &self.standings[member];
+        !standing.failed && standing.position.epoch < self.members[member].recipe.training.epochs
+    }
+
+    /// Trains every network that has not ended on its next batch, and returns what was done to each: `None` for those that have ended. Asks the GPU for
+    /// the batches and waits for them only where an epoch ends. A network whose loss is not finite ends with that error; the others go on.
+    pub fn step(&mut self) -> Vec<Option<Result<BatchReport, PipelineError>>> {
+        let on_their_way: Vec<bool> = (0..self.members.len())
+            .map(|member| self.is_on_its_way(member))
+            .collect();
+        if !on_their_way.contains(&true) {
+            return on_their_way.iter().map(|_| None).collect();
+        }
+        let prepared: Vec<Prepared> = on_their_way
+            .par_iter()
+            .enumerate()
+            .map(|(member, goes)| self.prepare(member, *goes))
+            .collect();
+        self.launch(&prepared);
+
+        let mut unread = Vec::new();
+        let mut reports = Vec::with_capacity(self.members.len());
+        for (member, goes) in on_their_way.iter().enumerate() {
+            if !goes {
+                reports.push(None);
+                continue;
+            }
+            let Position { epoch, batch, .. } = self.standings[member].position;
+            unread.push(Unread {
+                member,
+                epoch,
+                batch,
+                sweeps: prepared[member].sweeps,
+            });
+            let batches = self.batches(member);
+            let recipe = self.members[member].recipe;
+            reports.push(Some(Ok(BatchReport {
+                epoch,
+                batch,
+                batches,
+                mean_loss: None,
+                accuracy: None,
+                adversarial_accuracy: None,
+                learning_rate: recipe.learning_rate(epoch, batch, batches),
+            })));
+        }
+        self.unread.push(unread);
+        let ends = |report: &Option<Result<BatchReport, _>>| matches!(report, Some(Ok(report)) if report.ends_epoch());
+        if reports.iter().any(ends) {
+            for (member, error) in self.wait() {
+                reports[member] = Some(Err(error));
+            }
+        }
+        for (member, report) in reports.iter_mut().enumerate() {
+            let Some(Ok(report)) = report else { continue };
+            let attacks = self.attacks(member);
+            let position = &mut self.standings[member].position;
+            position.batch += 1;
+            if report.ends_epoch() {
+                let mean = |sum: f64| Some(sum / position.sweeps as f64);
+                report.mean_loss = mean(position.loss_sum);
+                report.accuracy = mean(position.correct as f64);
+                let attacked = mean(position.adversarial_correct as f64);
+                report.adversarial_accuracy = attacked.filter(|_| attacks.is_some());
+                *position = Position {
+                    epoch: report.epoch + 1,
+                    ..Position::default()
+                };
+            }
+        }
+        reports
+    }
+
+    /// Hands the batches of all networks, one after the other, to the GPU.
+    fn launch(&mut self, prepared: &[Prepared]) {
+        let counts: Vec<u32> = prepared.iter().map(|of| of.sweeps as u32).collect();
+        let rates: Vec<[f32; 2]> = prepared.iter().map(|of| of.rates).collect();
+        let joined = |words: fn(&Prepared) -> &[u32]| -> Vec<u32> {
+            prepared.iter().flat_map(words).copied().collect()
+        };
+        let labels = joined(|of| &of.labels);
+        let chosen = joined(|of| &of.chosen);
+        let passes = prepared.first().map_or(0, |of| of.masks.len());
+        let masks: Vec<Vec<u32>> = (0..passes)
+            .map(|pass| {
+                let all = prepared.iter().flat_map(|of| &of.masks[pass]);
+                all.copied().collect()
+            })
+            .collect();
+        let masks: Vec<&[u32]> = masks.iter().map(Vec::as_slice).collect();
+        let values: Vec<f32>;
+        let sweeps = match self.source {
+            Source::Digits(_) => StackSweeps::Chosen(&chosen),
+            Source::Processor => {
+                values = prepared.iter().flat_map(|of| &of.values).copied().collect();
+                StackSweeps::Values(&values)
+            }
+        };
+        self.stack.step(&StackBatch {
+            counts: &counts,
+            sweeps,
+            labels: &labels,
+            masks: &masks,
+            rates: &rates,
+        });
+    }
+
+    /// What a network's next batch has, on the processor; nothing for one that has ended.
+    fn prepare(&self, member: usize, goes: bool) -> Prepared {
+        let StackMember {
+            recipe,
+            train,
+            normalizer,
+            config,
+            seed,
+        } = &self.members[member];
+        let Position { epoch, batch, .. } = self.standings[member].position;
+        let batches = self.batches(member);
+        let positions = if goes {
+            batch_positions(train.len(), batches, *seed, (epoch, batch))
+        } else {
+            Vec::new()
+        };
+        let filled = |mut words: Vec<u32>| {
+            words.resize(self.batch, 0);
+            words
+        };
+        let features = config.features();
+        let words = features.div_ceil(u32::BITS as usize);
+        let mask = |stream: &str| {
+            let mut bits = vec![0; self.batch * words];
+            let rng = &mut seed.rng((stream, epoch, batch));
+            let keep = config.architecture().keep_probability;
+            dropout_bits(&mut bits[..positions.len() * words], features, keep, rng);
+            bits
+        };
+        let clean = mask("dropout");
+        let masks = match self.attacks(member) {
+            None => vec![clean],
+            Some(AdversarialMask::Shared) => vec![clean.clone(), clean],
+            Some(AdversarialMask::Own) => vec![clean, mask("adversarial dropout")],
+        };
+        let (mut chosen, mut values) = (Vec::new(), Vec::new());
+        match &self.source {
+            Source::Digits(numbers) => {
+                let of = &numbers[member];
+                chosen = filled(positions.iter().map(|&position| of[position]).collect());
+            }
+            Source::Processor => {
+                let of_sweep = train.shape().values();
+                values.resize(self.batch * of_sweep, 0.0);
+                let target = &mut values[..positions.len() * of_sweep];
+                fill_batch(target, train, &positions, normalizer, |position, sweep| {
+                    let augmentation = recipe.training.augmentation;
+                    augment(augmentation, train, *seed, epoch, (position, sweep));
+                });
+            }
+        }
+        let rate = recipe.learning_rate(epoch, batch, batches);
+        Prepared {
+            sweeps: positions.len(),
+            labels: filled(positions.iter().map(|&p| train.label(p) as u32).collect()),
+            masks,
+            chosen,
+            values,
+            rates: corrected(rate, epoch * batches + batch + 1),
+        }
+    }
+
+    /// Which mask attacked sweeps have; `None` where none are attacked.
+    fn attacks(&self, member: usize) -> Option<AdversarialMask> {
+        match self.members[member].recipe.training.method {
+            TrainingMethod::Base => None,
+            TrainingMethod::Adversarial { mask, .. } => Some(mask),
+        }
+    }
+
+    /// Waits until the batches so far are computed, and reads what they measured. Returns the networks whose loss is not finite: they are not
+    /// trained any further.
+    pub fn wait(&mut self) -> Vec<(usize, PipelineError)> {
+        let mut failures = Vec::new();
+        let unread = std::mem::take(&mut self.unread);
+        for (step, measured) in unread.into_iter().zip(self.stack.measured()) {
+            for Unread {
+                member,
+                epoch,
+                batch,
+                sweeps,
+            } in step
+            {
+                let found = measured[member];
+                let standing = &mut self.standings[member];
+                if standing.failed {
+                    continue;
+                }
+                let loss = match self.members[member].recipe.training.method {
+                    TrainingMethod::Base => f64::from(found.loss[0]),
+                    TrainingMethod::Adversarial { alpha, .. } => {
+                        alpha * f64::from(found.loss[0]) + (1.0 - alpha) * f64::from(found.loss[1])
+                    }
+                };
+                if !loss.is_finite() {
+                    standing.failed = true;
+                    let error = PipelineError::NotFinite {
+                        what: "loss".into(),
+                        epoch: epoch + 1,
+                        batch: batch + 1,
+                    };
+                    failures.push((member, error));
+                    continue;
+                }
+                let position = &mut standing.position;
+                position.loss_sum += loss * sweeps as f64;
+                position.correct += found.correct[0];
+                position.adversarial_correct += found.correct[1];
+                position.sweeps += sweeps;
+            }
+        }
+        failures
+    }
+
+    /// Returns what a restart of each network needs, be it alone or in a stack; waits for the GPU.
+    ///
+    /// # Errors
+    /// Of each network: a loss or a weight that is not finite.
+    pub fn states(&mut self) -> Vec<Result<TrainingState, PipelineError>> {
+        let mut failures = self.wait();
+        let nets = self.stack.nets();
+        nets.into_par_iter()
+            .enumerate()
+            .map(|(member, net)| self.state_of(member, &net))
+            .collect::<Vec<_>>()
+            .into_iter()
+            .enumerate()
+            .map(|(member, state)| {
+                let failed = failures.iter().position(|(of, _)| *of == member);
+                match failed {
+                    Some(at) => Err(failures.swap_remove(at).1),
+                    None => state,
+                }
+            })
+            .collect()
+    }
+
+    fn state_of(&self, member: usize, net: &StackedNet) -> Result<TrainingState, PipelineError> {
+        let position = self.standings[member].position.clone();
+        let steps = position.epoch * self.batches(member) + position.batch;
+        for (name, tensor) in &net.weights.0 {
+            if tensor.values.iter().any(|value| !value.is_finite()) {
+                return Err(PipelineError::NotFinite {
+                    what: format!("weight {name}"),
+                    epoch: position.epoch + 1,
+                    batch: position.batch + 1,
+                });
+            }
+        }
+        let config = self.members[member].config;
+        let optimizer = match &net.moments {
+            Some(moments) if steps > 0 => optimizer_bytes(config, &net.weights, moments, steps)?,
+            _ => Vec::new(),
+        };
+        Ok(TrainingState {
+            position,
+            weights: net.weights.clone(),
+            optimizer,
+        })
+    }
+}
+
+/// A network as it begins, or as it stands.
+fn net_of(
+    member: &StackMember<'_>,
+    state: Option<&TrainingState>,
+) -> Result<StackedNet, PipelineError> {
+    let Some(state) = state else {
+        let mut rng = member.seed.rng("initial weights");
+        let net = TactNet::init(member.config, &Device::flex(), &mut rng);
+        return Ok(StackedNet {
+            weights: net.weights(),
+            moments: None,
+        });
+    };
+    let moments = if state.optimizer.is_empty() {
+        None
+    } else {
+        Some(moments_of(member.config, &state.weights, &state.optimizer)?)
+    };
+    Ok(StackedNet {
+        weights: state.weights.clone(),
+        moments,
+    })
+}
+
+fn settings(members: &[StackMember<'_>], batch: usize) -> StackSettings {
+    let training = &members[0].recipe.training;
+    let attack = match training.method {
+        TrainingMethod::Base => None,
+        TrainingMethod::Adversarial {
+            alpha,
+            epsilon,
+            statistics,
+            ..
+        } => Some(StackAttack {
+            alpha,
+            epsilon: members
+                .iter()
+                .flat_map(|member| member.normalizer.scaled(epsilon))
+                .collect(),
+            follow_both: statistics == AdversarialStatistics::Both,
+        }),
+    };
+    StackSettings {
+        batch,
+        adam: AdamStep {
+            l2: training.l2 as f32,
+            beta: BETA,
+            rate: 0.0,
+            epsilon: 0.0,
+        },
+        penalize_weights_only: training.l2_on == PenalizedParameters::Weights,
+        attack,
+    }
+}
+
+/// The digits of all training sweeps in words.
+struct Packed {
+    bits: usize,
+    words: Vec<u32>,
+    /// Of each member the numbers of its sweeps, by position.
+    numbers: Vec<Vec<u32>>,
+}
+
+impl Packed {
+    /// `None` where sweeps are no digits, are too large, or change from epoch to epoch. Data sets of equal content lie there once.
+    fn of(members: &[StackMember<'_>]) -> Option<Self> {
+        let mut bits = None;
+        let mut words = Vec::new();
+        let mut numbers = Vec::with_capacity(members.len());
+        let mut known: Vec<(&str, usize, u32)> = Vec::new();
+        for member in members {
+            let dataset = member.train.dataset();
+            let changes = !member.recipe.training.augmentation.is_none();
+            if changes || member.normalizer.needs_whole_sweep() {
+                return None;
+            }
+            let of = match dataset.samples() {
+                Samples::U8(_) => u8::BITS as usize,
+                Samples::U16(_) => u16::BITS as usize,
+                Samples::F32(_) => return None,
+            };
+            if *bits.get_or_insert(of) != of {
+                return None;
+            }
+            let key = (dataset.sha256(), dataset.len());
+            let found = known.iter().find(|(sha, len, _)| (*sha, *len) == key);
+            let first = match found {
+                Some((_, _, first)) => *first,
+                None => {
+                    let values = dataset.shape().values();
+                    let width = values.div_ceil(u32::BITS as usize / of);
+                    let first = (words.len() / width) as u32;
+                    if (words.len() + dataset.len() * width) * size_of::<u32>() > MOST_BYTES {
+                        return None;
+                    }
+                    match dataset.samples() {
+                        Samples::U8(digits) => digits
+                            .chunks(values)
+                            .for_each(|sweep| words.extend(packed(sweep))),
+                        Samples::U16(digits) => digits
+                            .chunks(values)
+                            .for_each(|sweep| words.extend(packed(sweep))),
+                        Samples::F32(_) => return None,
+                    }
+                    known.push((key.0, key.1, first));
+                    first
+                }
+            };
+            let indices = member.train.indices().iter();
+            numbers.push(indices.map(|&index| first + index as u32).collect());
+        }
+        Some(Self {
+            bits: bits?,
+            words,
+            numbers,
+        })
+    }
+}

@@ -1,0 +1,322 @@
+//! Trainings of several run directories: on a GPU networks of one kind at once, all others one after the other.
+
+use crate::{PipelineError, Session, TrainEvent, TrainOutcome};
+
+/// How a session ended, or why it did not.
+pub type Ended = Result<TrainOutcome, PipelineError>;
+
+/// Trains each session from where its run stands to its result, and returns how each of them ended.
+///
+/// Networks of one architecture, method and batch size that train on a GPU are trained at once; their weights do not depend on which are beside
+/// them. All else is trained as [`Session::train`] does it. What ends is kept, and what is stopped or interrupted goes on from its last
+/// checkpoint, together or alone.
+///
+/// - `at_once`: networks at once; `None`: as many as fit into half of the GPU's memory, or into 4 GiB where its driver does not say how much it has
+/// - `on_event`: called as work goes on, with the session's number
+/// - `stop`: asked after every step; true ends all sessions as soon as they can be resumed
+pub fn train_together(
+    sessions: &[Session],
+    at_once: Option<usize>,
+    mut on_event: impl FnMut(usize, TrainEvent<'_>),
+    stop: impl Fn() -> bool,
+) -> Vec<Ended> {
+    let mut ended: Vec<Option<Ended>> = sessions.iter().map(|_| None).collect();
+    #[cfg(any(feature = "vulkan", feature = "cuda"))]
+    stacks::train(sessions, at_once, &mut ended, &mut on_event, &stop);
+    #[cfg(not(any(feature = "vulkan", feature = "cuda")))]
+    let _ = at_once;
+    let others = sessions.iter().zip(ended).enumerate();
+    others
+        .map(|(index, (session, ended))| {
+            ended.unwrap_or_else(|| session.train(|event| on_event(index, event), &stop))
+        })
+        .collect()
+}
+
+#[cfg(any(feature = "vulkan", feature = "cuda"))]
+mod stacks {
+    use std::time::{Duration, Instant};
+
+    use burn::tensor::Device;
+    use tactnet_models::{NetStack, TactNetConfig};
+
+    use super::Ended;
+    use crate::run::session::{Begun, Opened};
+    use crate::run::training_record::{CHECKPOINT_EVERY, EPOCHS_EVERY, TrainingRecord};
+    use crate::{
+        ModelConfig, ModelRecipe, PipelineError, Session, StackMember, StackedTraining, TrainEvent,
+        TrainOutcome, TrainingState, TrainingSteps, TrainingSummary,
+    };
+
+    /// Bytes that networks at once have on a GPU that does not say how many there are.
+    const BYTES: usize = 4 << 30;
+
+    /// A network that is about to be trained.
+    struct Ready<'a> {
+        index: usize,
+        session: &'a Session,
+        begun: Box<Begun<'a>>,
+        network: TactNetConfig,
+    }
+
+    impl<'a> Ready<'a> {
+        /// `None` for what is no network on a GPU, or has ended already.
+        fn of(
+            index: usize,
+            session: &'a Session,
+            on_event: &mut impl FnMut(usize, TrainEvent<'_>),
+        ) -> Result<Option<Self>, PipelineError> {
+            let config = session.run().config()?;
+            let (ModelRecipe::TactNet2(_), ModelConfig::TactNet2(setup)) =
+                (&config.recipe, &config.classifier.model)
+            else {
+                return Ok(None);
+            };
+            let on_gpu = config.spec.device != tactnet_models::Compute::Cpu;
+            if !on_gpu || config.spec.watch_test || session.run().result()?.is_some() {
+                return Ok(None);
+            }
+            let network = config.classifier.network_config(setup)?;
+            let Opened::Begun(begun) = session.open(&mut |event| on_event(index, event))? else {
+                return Ok(None);
+            };
+            Ok(Some(Self {
+                index,
+                session,
+                begun,
+                network,
+            }))
+        }
+
+        fn member(&self) -> StackMember<'_> {
+            let config = &self.begun.config;
+            let (ModelRecipe::TactNet2(recipe), ModelConfig::TactNet2(setup)) =
+                (&config.recipe, &config.classifier.model)
+            else {
+                panic!("networks alone are ready");
+            };
+            StackMember {
+                recipe,
+                train: &self.begun.fitted.train,
+                normalizer: &setup.normalizer,
+                config: &self.network,
+                seed: config.spec.seed,
+            }
+        }
+
+        fn fits(&self, other: &Self) -> bool {
+            self.begun.config.spec.device == other.begun.config.spec.device
+                && self.member().fits(&other.member())
+        }
+
+        /// How many networks of this kind are trained at once.
+        fn at_once(&self, device: &Device) -> usize {
+            let batch = self.member().recipe.training.batch;
+            NetStack::most(device, &self.network, batch, BYTES)
+        }
+    }
+
+    /// Trains those that can be trained at once, and notes how they ended.
+    pub(super) fn train(
+        sessions: &[Session],
+        at_once: Option<usize>,
+        ended: &mut [Option<Ended>],
+        on_event: &mut impl FnMut(usize, TrainEvent<'_>),
+        stop: &impl Fn() -> bool,
+    ) {
+        if at_once == Some(1) {
+            return;
+        }
+        let mut ready = Vec::new();
+        for (index, session) in sessions.iter().enumerate() {
+            match Ready::of(index, session, on_event) {
+                Ok(Some(network)) => ready.push(network),
+                Ok(None) => {}
+                Err(error) => ended[index] = Some(Err(error)),
+            }
+        }
+        while !ready.is_empty() && !stop() {
+            let first = ready.remove(0);
+            let kind: (Vec<_>, Vec<_>) = ready.into_iter().partition(|other| first.fits(other));
+            let (mut alike, others) = kind;
+            ready = others;
+            alike.insert(0, first);
+            let device = match alike[0].begun.config.spec.device.open() {
+                Ok(device) => device,
+                // Each then says so for itself.
+                Err(_) => continue,
+            };
+            let most = at_once.unwrap_or_else(|| alike[0].at_once(&device)).max(1);
+            // Stacks of about one size, so that the last is not of a single network.
+            let stacks = alike.len().div_ceil(most);
+            for left in (1..=stacks).rev() {
+                let rest = alike.split_off(alike.len().div_ceil(left));
+                let stack = std::mem::replace(&mut alike, rest);
+                if stack.len() > 1 {
+                    train_stack(stack, &device, ended, on_event, stop);
+                }
+            }
+        }
+    }
+
+    /// Trains one stack to its end, and notes how each network ended.
+    fn train_stack(
+        stack: Vec<Ready<'_>>,
+        device: &Device,
+        ended: &mut [Option<Ended>],
+        on_event: &mut impl FnMut(usize, TrainEvent<'_>),
+        stop: &impl Fn() -> bool,
+    ) {
+        let mut networks = Vec::with_capacity(stack.len());
+        let mut records = Vec::with_capacity(stack.len());
+        let mut states = Vec::with_capacity(stack.len());
+        for network in stack {
+            match TrainingRecord::open(network.session.run()) {
+                Ok((record, state)) => {
+                    networks.push(network);
+                    records.push(record);
+                    states.push(state);
+                }
+                Err(error) => ended[network.index] = Some(Err(error)),
+            }
+        }
+        let members: Vec<StackMember<'_>> = networks.iter().map(Ready::member).collect();
+        if members.is_empty() {
+            return;
+        }
+        let indices: Vec<usize> = networks.iter().map(|network| network.index).collect();
+        let trained = StackedTraining::start(members, states, device).and_then(|mut training| {
+            for (member, network) in networks.iter().enumerate() {
+                let epochs = network.member().recipe.training.epochs;
+                let batches = training.batches(member);
+                let position = training.position(member);
+                let before = position.epoch * batches + position.batch;
+                let steps = TrainingSteps { epochs, batches };
+                let mut tell = |event: TrainEvent<'_>| on_event(network.index, event);
+                network.session.tell_begin(before, steps, &mut tell);
+            }
+            take_steps(&mut training, &networks, &mut records, on_event, stop)
+        });
+        let trained = match trained {
+            Ok(trained) => trained,
+            // It concerns all of them: told for the first, and the others find it where they are trained alone.
+            Err(error) => {
+                ended[indices[0]] = Some(Err(error));
+                return;
+            }
+        };
+        for ((network, record), trained) in networks.into_iter().zip(records).zip(trained) {
+            let index = network.index;
+            ended[index] = Some(match trained {
+                Ok(Some(state)) => network.finish(record, &state, on_event, stop),
+                Ok(None) => Ok(TrainOutcome::Stopped),
+                Err(error) => Err(error),
+            });
+        }
+    }
+
+    /// How a network of a stack ended: with its last state, `None` where somebody asked to stop.
+    type Trained = Result<Option<TrainingState>, PipelineError>;
+
+    /// Trains until all networks have ended, or somebody asks to stop.
+    fn take_steps(
+        training: &mut StackedTraining<'_>,
+        networks: &[Ready<'_>],
+        records: &mut [TrainingRecord<'_>],
+        on_event: &mut impl FnMut(usize, TrainEvent<'_>),
+        stop: &impl Fn() -> bool,
+    ) -> Result<Vec<Trained>, PipelineError> {
+        let mut failed: Vec<Option<PipelineError>> = networks.iter().map(|_| None).collect();
+        let (mut saved, mut noted) = (Instant::now(), Instant::now());
+        let mut stopped = false;
+        while !training.has_ended() && !stopped {
+            let begun = Instant::now();
+            let reports = training.step();
+            // Networks share the time of a step.
+            let sharing = reports.iter().flatten().count().max(1) as u32;
+            let spent: Duration = begun.elapsed() / sharing;
+            let mut ends_epoch = false;
+            for (member, report) in reports.into_iter().enumerate() {
+                match report {
+                    None => {}
+                    Some(Ok(batch)) => {
+                        let epochs = networks[member].member().recipe.training.epochs;
+                        records[member].note(&batch, spent);
+                        ends_epoch |= batch.ends_epoch();
+                        let event = TrainEvent::Batch {
+                            batch: &batch,
+                            epochs,
+                        };
+                        on_event(networks[member].index, event);
+                    }
+                    Some(Err(error)) => failed[member] = Some(error),
+                }
+            }
+            stopped = stop();
+            if ends_epoch && !stopped && saved.elapsed() >= CHECKPOINT_EVERY {
+                write(training, records, &mut failed)?;
+                saved = Instant::now();
+            } else if ends_epoch && noted.elapsed() >= EPOCHS_EVERY {
+                records.iter().try_for_each(TrainingRecord::write_metrics)?;
+                noted = Instant::now();
+            }
+        }
+        let states = write(training, records, &mut failed)?;
+        let ends = states.into_iter().zip(failed).enumerate();
+        Ok(ends
+            .map(|(member, (state, failed))| match (failed, state) {
+                (Some(error), _) => Err(error),
+                (None, state) => {
+                    let epochs = networks[member].member().recipe.training.epochs;
+                    Ok(state.filter(|state| state.position.epoch >= epochs))
+                }
+            })
+            .collect())
+    }
+
+    /// Writes a checkpoint of each network that has not failed; its state, or why there is none.
+    fn write(
+        training: &mut StackedTraining<'_>,
+        records: &mut [TrainingRecord<'_>],
+        failed: &mut [Option<PipelineError>],
+    ) -> Result<Vec<Option<TrainingState>>, PipelineError> {
+        let mut states = Vec::with_capacity(records.len());
+        let all = training.states().into_iter().zip(records).zip(failed);
+        for ((state, record), failed) in all {
+            states.push(match (state, &failed) {
+                (Ok(state), None) => {
+                    record.write(&state)?;
+                    Some(state)
+                }
+                (Err(error), None) => {
+                    *failed = Some(error);
+                    None
+                }
+                (_, Some(_)) => None,
+            });
+        }
+        Ok(states)
+    }
+
+    impl Ready<'_> {
+        /// Writes the weights and evaluates them.
+        fn finish(
+            self,
+            record: TrainingRecord<'_>,
+            state: &TrainingState,
+            on_event: &mut impl FnMut(usize, TrainEvent<'_>),
+            stop: &impl Fn() -> bool,
+        ) -> Ended {
+            self.session.run().write_weights(&state.weights)?;
+            let summary = TrainingSummary {
+                seconds: record.seconds(),
+                sweeps: self.begun.fitted.train.len(),
+                epochs: Some(self.member().recipe.training.epochs),
+                ..TrainingSummary::default()
+            };
+            let index = self.index;
+            let mut tell = |event: TrainEvent<'_>| on_event(index, event);
+            self.session.finish(*self.begun, summary, &mut tell, stop)
+        }
+    }
+}
