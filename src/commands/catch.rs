@@ -31,7 +31,7 @@ pub use skin::SkinSettings;
 use tactnet_catching::Robot;
 use tactnet_catching::plan::Objective;
 use tactnet_catching_packets::RobotDescription;
-use tactnet_catching_world::WorldConfig;
+use tactnet_catching_world::{PlantedErrors, WorldConfig};
 
 #[derive(Subcommand)]
 #[command(after_help = "Examples:\n  \
@@ -122,6 +122,17 @@ fn world(path: Option<&Path>) -> anyhow::Result<WorldConfig> {
     };
     let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
     serde_json::from_str(&text).with_context(|| path.display().to_string())
+}
+
+/// The same, with a robot that was put together and never calibrated.
+///
+/// - `robot`: its number; `None`: the world's own errors
+fn planted(path: Option<&Path>, robot: Option<u64>) -> anyhow::Result<WorldConfig> {
+    let mut world = world(path)?;
+    if let Some(robot) = robot {
+        world.errors = PlantedErrors::uncalibrated(robot);
+    }
+    Ok(world)
 }
 
 /// Fails where a file cannot be written because its folder is missing: before something is run in vain.

@@ -16,9 +16,12 @@
 //! | `solve` | Levenberg-Marquardt, covariance, the worst-determined direction |
 //! | `routine`, `recorder` | how the robot moves in a session, and what is kept of it |
 //! | `choose` | configurations by greedy D-optimal choice |
-//! | `parameters` | the result, a TOML file |
+//! | `parameters` | the result |
+//! | `kept` | the result as a TOML file, with how sure it is and of which robot |
+//! | `identity` | what robots and calibrations are known by |
 //! | `corrections` | what the result does to measurements and commands |
-//! | `slip` | whether the result still holds |
+//! | `slip`, `marker_watch` | whether the result still holds |
+//! | `joint_history` | what joints did around a picture |
 //!
 //! Gauge: an offset of the tilt joint is the same as turning cameras and inertial unit about the tilt axis, an offset of an arm's last joint
 //! the same as a marker turned about it. Priors decide; neither changes where hands are seen. Cameras whose baseline is unknown do not see how large
@@ -28,6 +31,10 @@ mod choose;
 mod corrections;
 mod error;
 mod gravity;
+mod identity;
+mod joint_history;
+mod kept;
+mod marker_watch;
 mod model;
 mod parameters;
 mod problem;
@@ -42,6 +49,9 @@ pub use choose::{Candidate, Chosen, choose, draw_candidate, gain};
 pub use corrections::Corrections;
 pub use error::CalibrationError;
 pub use gravity::loads;
+pub use identity::robot_identity;
+pub use kept::{KeptCalibration, KeptError};
+pub use marker_watch::MarkerWatch;
 pub use model::{Block, Model, seen_from_camera};
 pub use parameters::{
     ArmCalibration, Calibration, CameraCalibration, ClockCalibration, ImuCalibration,

@@ -7,7 +7,8 @@ use std::time::Instant;
 
 use anyhow::Context;
 use clap::Args;
-use tactnet_catching::calibrate::{Calibration, CalibrationConfig, Model, RoutineConfig};
+use tactnet_catching::Robot;
+use tactnet_catching::calibrate::{CalibrationConfig, KeptCalibration, Model, RoutineConfig};
 use tactnet_catching_recorded::{read_session, write_session};
 use tactnet_catching_trials::{
     CalibrationReport, CalibrationTrial, Progress, SolveReport, calibration_page, keep_calibration,
@@ -25,7 +26,8 @@ use crate::output;
     tactnet catch calibrate --simulate --page calibration.html                   hands, markers and balls, before and after\n  \
     tactnet catch calibrate --simulate --record session.mcap --out calibration.toml --throws 0\n  \
     tactnet catch calibrate --from session.mcap --out calibration.toml           again, from what was recorded\n  \
-    tactnet catch throw-series --world world.json --calibration calibration.toml  catch with it\n  \
+    tactnet catch throw-series --planted 1 --calibration calibration.toml         catch with it, in stepped time\n  \
+    tactnet catch run --planted 1 --calibration calibration.toml                  catch with it, live\n  \
     tactnet catch calibrate --from session.mcap --peer problem.json              for other solvers\n\n\
     With `--simulate` arms go through configurations that are chosen from random ones, before a simulated robot with planted errors (those of \
     robot number SEED, unless `--world` has others). Hands are then compared with the truth at poses that the calibration has not seen, and \
@@ -71,15 +73,16 @@ pub struct CalibrateArgs {
     json: bool,
 }
 
-/// Returns the calibration in a file, if one is named.
-pub fn calibration(path: Option<&Path>) -> anyhow::Result<Option<Calibration>> {
+/// Returns the calibration of a robot in a file, if one is named.
+pub fn calibration(path: Option<&Path>, robot: &Robot) -> anyhow::Result<Option<KeptCalibration>> {
     let Some(path) = path else {
         return Ok(None);
     };
-    let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
-    Calibration::parse(&text)
-        .map(Some)
-        .map_err(|error| anyhow::anyhow!("{}: {error}", path.display()))
+    let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
+    // What is no text is no calibration, and the line that is wrong says so.
+    let kept = KeptCalibration::parse(&String::from_utf8_lossy(&bytes), robot.description())
+        .with_context(|| path.display().to_string())?;
+    Ok(Some(kept))
 }
 
 /// Runs the command.
@@ -94,11 +97,19 @@ fn solve(arguments: &CalibrateArgs, path: &Path) -> anyhow::Result<ExitCode> {
     let robot = super::robot(arguments.robot.as_ref())?;
     let session = read_session(path)?;
     let config = CalibrationConfig::default();
-    let last = calibration(arguments.out.as_deref().filter(|out| out.exists()))?;
+    let last = calibration(
+        arguments.out.as_deref().filter(|out| out.exists()),
+        &robot,
+    )?;
     let model = Model::new(&robot);
-    let (report, _) = SolveReport::new(&model, &config, &session, last.as_ref())?;
+    let (report, _) = SolveReport::new(
+        &model,
+        &config,
+        &session,
+        last.as_ref().map(|last| &last.parameters),
+    )?;
     if let Some(out) = &arguments.out {
-        keep_calibration(out, &report.calibration)?;
+        keep_calibration(out, &report.kept)?;
     }
     if let Some(path) = &arguments.peer {
         let problem = peer_session(&robot, &config, &session, &report)?;
@@ -165,7 +176,7 @@ fn simulate(arguments: &CalibrateArgs) -> anyhow::Result<ExitCode> {
         write_session(path, &report.session)?;
     }
     if let Some(out) = &arguments.out {
-        keep_calibration(out, &report.solved.calibration)?;
+        keep_calibration(out, &report.solved.kept)?;
     }
     if let Some(path) = &arguments.page {
         std::fs::write(path, calibration_page(&report))

@@ -27,7 +27,7 @@ const SKIN: &str = "skin";
     echo '{\"seed\": 7}' | tactnet catch role world --table robot.toml     the simulated robot; its settings are read from standard input\n\n\
     `tactnet catch run` starts all of them. A table is what `tactnet catch role --print-table` prints; a hub has to run.")]
 pub struct RoleArgs {
-    /// safety, hand, planner-left, planner-right, pose, tracker, eyes, controller, coordinator, feel, thrower, world or skin
+    /// safety, hand, planner-left, planner-right, pose, tracker, eyes, controller, coordinator, feel, thrower, slip-watch, world or skin
     #[arg(required_unless_present = "print_table")]
     role: Option<String>,
     /// The table of channels

@@ -6,9 +6,12 @@ use std::process::ExitCode;
 use anyhow::bail;
 use clap::Args;
 use tactnet_catching::track::CLUTTER_OF_PICTURES;
-use tactnet_catching_packets::packets::{CatchOutcome, ThrownBack};
+use tactnet_catching_packets::packets::{CalibrationState, CatchOutcome, ThrownBack};
 use tactnet_catching_roles::{Milliseconds, RoleSettings};
-use tactnet_catching_stage::{CatchRun, Feel, RunEvent, RunReport, ThrowBackReport, WorldSettings};
+use tactnet_catching_stage::{
+    CatchRun, Feel, HeldReport, RunEvent, RunReport, SlipAt, ThrowBackReport, WorldSettings,
+};
+use tactnet_catching_world::TendonSlip;
 use tactnet_pipeline::RunDir;
 
 use super::place::place;
@@ -23,8 +26,11 @@ use crate::{GIT, output};
     tactnet catch run --pixels                from pictures: wants more than two cores\n  \
     tactnet catch run --throws 10 --record run.mcap     and keep every packet\n  \
     tactnet catch run --throws 10 --feel runs/a         and feel what the caught balls are made of\n  \
-    tactnet catch run --throws 10 --throw-back          and throw them back; `--throw-back=4,0,1.2`: to there\n\n\
-    Every part is a process: world, pose, tracker, coordinator, two planners, controller, safety, hand (and eyes, with --pixels; thrower, with --throw-back). One that \
+    tactnet catch run --throws 10 --throw-back          and throw them back; `--throw-back=4,0,1.2`: to there\n  \
+    tactnet catch run --throws 10 --planted 7           a robot that is not as described, and what it catches so\n  \
+    tactnet catch run --throws 10 --planted 7 --calibration calibration.toml     with what `catch calibrate --simulate --seed 7 --out calibration.toml` found\n  \
+    tactnet catch run --throws 20 --planted 7 --calibration calibration.toml --slip-at 8     a tendon slips, and it is noticed\n\n\
+    Every part is a process: world, pose, tracker, coordinator, two planners, controller, safety, hand (and eyes, with --pixels; thrower, with --throw-back; slip-watch, with --calibration). One that \
     ends by itself brakes the robot, is named and begins again. Ctrl-C ends all of them.")]
 pub struct RunArgs {
     /// End after so many throws [default: go on]
@@ -66,6 +72,15 @@ pub struct RunArgs {
     /// The world, as JSON [default: the one that simulations use]
     #[arg(long, value_name = "FILE")]
     world: Option<PathBuf>,
+    /// What `catch calibrate` found: the processes take it out of measurements and put it into commands
+    #[arg(long, value_name = "FILE", conflicts_with = "pixels")]
+    calibration: Option<PathBuf>,
+    /// The world's robot is the uncalibrated one of this number, as in `catch calibrate --simulate --seed N`, whatever errors `--world` has
+    #[arg(long, value_name = "N")]
+    planted: Option<u64>,
+    /// Just before this throw a tendon of the right arm slips: its second joint stands a degree farther than its sensor says
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    slip_at: Option<u64>,
     /// Record everything that travels on the channels, but pictures, into an MCAP file; `catch timing` and `catch replay` read it
     #[arg(long, value_name = "FILE.mcap")]
     record: Option<PathBuf>,
@@ -73,6 +88,13 @@ pub struct RunArgs {
     #[arg(long)]
     json: bool,
 }
+
+/// What slips with `--slip-at`.
+const SLIP: TendonSlip = TendonSlip {
+    arm: 1,
+    joint: 1,
+    angle: 0.0175,
+};
 
 fn seconds(text: &str) -> Result<f64, String> {
     let seconds: f64 = text.parse().map_err(|_| "expected seconds".to_string())?;
@@ -83,14 +105,15 @@ fn seconds(text: &str) -> Result<f64, String> {
     }
 }
 
+fn absolute(path: Option<&PathBuf>) -> std::io::Result<Option<PathBuf>> {
+    path.map(std::path::absolute).transpose()
+}
+
 /// Runs the command.
 pub fn run(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
     let mut stack = RoleSettings {
-        robot: arguments
-            .robot
-            .as_ref()
-            .map(std::path::absolute)
-            .transpose()?,
+        robot: absolute(arguments.robot.as_ref())?,
+        calibration: absolute(arguments.calibration.as_ref())?,
         brakes: !arguments.watch,
         ..RoleSettings::default()
     };
@@ -107,6 +130,7 @@ pub fn run(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
     }
     // A mistake in a file is named before anything starts.
     super::robot(arguments.robot.as_ref())?;
+    stack.kept()?;
     if arguments.feel.is_some() && arguments.balls > 1 {
         bail!("--feel: with two balls no hand is free; expected `--balls 1`");
     }
@@ -120,11 +144,15 @@ pub fn run(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
             .iter()
             .flat_map(|felt| felt.materials.clone())
             .collect(),
-        world: super::world(arguments.world.as_deref())?,
+        world: super::planted(arguments.world.as_deref(), arguments.planted)?,
         seed: arguments.seed,
         balls: usize::from(arguments.balls),
         throw_back: arguments.throw_back.is_some(),
         pixels: arguments.pixels,
+        slip: arguments.slip_at.map(|throw| SlipAt {
+            throw,
+            tendon: SLIP,
+        }),
         ..WorldSettings::default()
     };
     if let Some(path) = arguments.record.as_ref().filter(|path| path.exists()) {
@@ -220,6 +248,7 @@ pub fn show(event: RunEvent) {
         }
         RunEvent::ThrownBack(thrown) => say!("{}", thrown_back(&thrown)),
         RunEvent::NotThrown(why) => say!("not thrown back: {why}"),
+        RunEvent::NoLongerCalibrated(state) => say!("{NO_LONGER} ({})", squares_of(&state)),
         RunEvent::Ended { name, said, brakes } => {
             let why = if said.is_empty() {
                 String::new()
@@ -231,6 +260,42 @@ pub fn show(event: RunEvent) {
         }
         RunEvent::Restarted { name, process } => say!("the {name} begins again, process {process}"),
         RunEvent::Braked(why) => say!("brakes: {why}"),
+    }
+}
+
+/// What a robot's owner is to do.
+const NO_LONGER: &str = "the calibration no longer holds: run `tactnet catch calibrate`";
+
+fn squares_of(state: &CalibrationState) -> String {
+    let means = state.mean_square.map(|mean| (mean > 0.0).then_some(mean));
+    squares(means, state.innovations)
+}
+
+/// How far markers are from where the calibration puts them.
+fn squares(means: [Option<f64>; 2], features: [u64; 2]) -> String {
+    let of = |arm: usize| {
+        let side = ["left", "right"][arm];
+        means[arm].map_or_else(
+            || format!("{side} marker not seen"),
+            |mean| format!("{side} marker {mean:.1} of {} features", features[arm]),
+        )
+    };
+    format!(
+        "mean square of the last features, in their expected spread, where 2 is right: {}, {}",
+        of(0),
+        of(1)
+    )
+}
+
+fn held(report: &HeldReport) -> String {
+    let squares = squares(report.mean_square, report.innovations);
+    match report.holds {
+        Some(true) => format!("the calibration {} holds ({squares})", report.identity),
+        Some(false) => format!("{NO_LONGER} ({squares})"),
+        None => format!(
+            "whether the calibration {} holds is not known: too little was seen of the markers ({squares})",
+            report.identity
+        ),
     }
 }
 
@@ -297,6 +362,9 @@ fn print(report: &RunReport, file: Option<&Path>) -> anyhow::Result<()> {
             "materials: {} of {} balls felt right, after {sweeps:.1} sweeps each",
             report.correct_materials, report.beliefs_after_catch
         ))?;
+    }
+    if let Some(report) = &report.calibration {
+        output::print(held(report))?;
     }
     if let Some(throws) = &report.throw_back {
         print_throws(throws)?;

@@ -27,6 +27,7 @@ use crate::output;
     tactnet catch throw-series --throws 50 --obstacles               among a table and a box, mapped by a depth camera\n  \
     tactnet catch throw-series --throws 50 --obstacles --page obstacles.html\n  \
     tactnet catch throw-series --watch                               would the robot have braked for itself?\n  \
+    tactnet catch throw-series --planted 7 --calibration calibration.toml    with what `catch calibrate --simulate --seed 7` found\n  \
     tactnet catch throw-series --timing thesis                       152 ms from exposure to path instead of 70")]
 pub struct ThrowSeriesArgs {
     /// How many throws
@@ -73,6 +74,9 @@ pub struct ThrowSeriesArgs {
     /// Settings of the world, JSON [default: the ones built in]
     #[arg(long, value_name = "FILE")]
     world: Option<PathBuf>,
+    /// The world's robot is the uncalibrated one of this number, as in `catch calibrate --simulate --seed N`, whatever errors `--world` has
+    #[arg(long, value_name = "N")]
+    planted: Option<u64>,
     /// Write a page with rates, errors over time and one throw drawn; with --obstacles: with and without the map, and a cut through it
     #[arg(long, value_name = "FILE")]
     page: Option<PathBuf>,
@@ -126,7 +130,7 @@ impl From<AblationChoice> for Ablation {
 /// Runs the command.
 pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
     arguments.viewer.check()?;
-    let mut world = super::world(arguments.world.as_deref())?;
+    let mut world = super::planted(arguments.world.as_deref(), arguments.planted)?;
     if arguments.obstacles && world.obstacles.boxes.is_empty() {
         world.obstacles = ObstaclesConfig::table_and_box();
     }
@@ -141,10 +145,12 @@ pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
         .collect();
     without.sort();
     without.dedup();
+    let robot = super::robot(arguments.robot.as_ref())?;
+    let calibration = super::calibrate::calibration(arguments.calibration.as_deref(), &robot)?;
     let series = Series {
         config: ThrowConfig {
-            robot: super::robot(arguments.robot.as_ref())?,
-            calibration: super::calibrate::calibration(arguments.calibration.as_deref())?,
+            robot,
+            calibration: calibration.map(|kept| kept.parameters),
             world,
             timing: match arguments.timing {
                 TimingChoice::Ours => Timing::ours(),

@@ -25,12 +25,16 @@
 //! | [`HandOpening`] | the thrower, and the hands' process for the hands | again and again in the last tenth of a second before a hand opens |
 //! | [`ThrowStatus`] | the thrower | when it changes, and 10 times a second |
 //! | [`ThrownBack`] | the judge | when a ball that was thrown back has come down |
+//! | [`MarkerFeatures`] | a detector | 25 Hz |
+//! | [`CalibrationState`] | who watches the calibration | when it changes, and twice a second |
 
+mod calibration;
 mod motions;
 mod throws;
 
 use tactnet_packet::{Described, Description, choices, packets};
 
+pub use calibration::{CalibrationHold, CalibrationState, MarkerFeature, MarkerFeatures};
 pub use motions::{ArmPath, BodyPath, FlightPacket, PlanRequest, PlanResult, RampPacket};
 pub use throws::{HandOpening, ThrowPath, ThrowPhase, ThrowStatus, ThrownBack};
 
@@ -497,6 +501,7 @@ pub const DESCRIPTION: Description = Description {
         ControllerMode::CHOICE,
         CatchPhase::CHOICE,
         ThrowPhase::CHOICE,
+        CalibrationHold::CHOICE,
     ],
     packets: &[
         JointState::LAYOUT,
@@ -526,6 +531,9 @@ pub const DESCRIPTION: Description = Description {
         HandOpening::LAYOUT,
         ThrowStatus::LAYOUT,
         ThrownBack::LAYOUT,
+        MarkerFeature::LAYOUT,
+        MarkerFeatures::LAYOUT,
+        CalibrationState::LAYOUT,
     ],
 };
 

@@ -32,10 +32,15 @@ fn question(arm: u64, ball: u64, exposure_ns: u64, head_ns: u64) -> Question {
 }
 
 /// Returns the chain of the first path of every arm and exposure, and how many paths lack a packet before them.
-pub(crate) fn chains(recording: &Recording) -> Result<(Vec<Chain>, usize), RecordedError> {
+///
+/// - `corrected`: a picture's stamp as the stack that was recorded has it from the tracker on
+pub(crate) fn chains(
+    recording: &Recording,
+    corrected: impl Fn(u64) -> u64,
+) -> Result<(Vec<Chain>, usize), RecordedError> {
     let mut circles: HashMap<u64, [Option<u64>; 2]> = HashMap::new();
     for put in packets_of::<Circles>(recording, None)? {
-        let seen = circles.entry(put.packet.exposure_ns).or_default();
+        let seen = circles.entry(corrected(put.packet.exposure_ns)).or_default();
         if let Some(place) = seen.get_mut(put.packet.camera as usize) {
             place.get_or_insert(put.ns);
         }

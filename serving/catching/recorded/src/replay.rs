@@ -48,9 +48,10 @@ pub struct Replayed {
 /// No packets of a catching stack; settings of the recording's table that cannot be used.
 pub fn replay(recording: &Recording) -> Result<Replayed, RecordedError> {
     let settings = RoleSettings::of(&recording.table)?;
-    let robot = settings.robot()?;
+    let corrections = settings.corrections()?;
+    let robot = corrections.robot();
     let planners: [Planner; ARMS] =
-        std::array::from_fn(|arm| Planner::new(&robot, arm, settings.planner));
+        std::array::from_fn(|arm| Planner::new(robot, arm, settings.planner));
     let mut sight = Sight::new(&settings)?;
     let mut replayed = Replayed::default();
     let mut expected: Vec<BallPredictions> = Vec::new();

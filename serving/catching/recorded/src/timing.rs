@@ -6,7 +6,7 @@ use serde::Serialize;
 use tactnet_catching_packets::packets::{
     ArmPath, CatchOutcome, HeadPose, ImuSample, JointCommand, JointState, SafetyState,
 };
-use tactnet_catching_roles::{CatchTimes, Milliseconds};
+use tactnet_catching_roles::{CatchTimes, Milliseconds, RoleSettings};
 use tactnet_recording::Recording;
 
 use crate::RecordedError;
@@ -56,9 +56,19 @@ pub struct Timing {
 /// Returns the times in a recording.
 ///
 /// # Errors
-/// No packets of a catching stack; a recording that does not tell when the channels' clock began.
+/// No packets of a catching stack; settings of the recording's table that cannot be used; a recording that does not tell when the channels'
+/// clock began.
 pub fn timing(recording: &Recording) -> Result<Timing, RecordedError> {
-    let (chains, incomplete) = chains(recording)?;
+    let settings = RoleSettings::of(&recording.table)?;
+    // Only a calibrated stack has other stamps than its sensors.
+    let calibrated = settings.calibration.is_some();
+    let corrections = calibrated.then(|| settings.corrections()).transpose()?;
+    let corrections = corrections.as_ref();
+    let exposure = |stamp_ns| corrections.map_or(stamp_ns, |known| known.exposure(stamp_ns));
+    let sample = |sample: &ImuSample| {
+        corrections.map_or(sample.sensor_ns, |known| known.sample(sample).sensor_ns)
+    };
+    let (chains, incomplete) = chains(recording, exposure)?;
     let states = packets_of::<JointState>(recording, None)?;
     if chains.is_empty() && incomplete == 0 && states.is_empty() {
         return Err(RecordedError::NotCatching);
@@ -76,7 +86,7 @@ pub fn timing(recording: &Recording) -> Result<Timing, RecordedError> {
         .collect();
     let samples: HashMap<u64, u64> = packets_of::<ImuSample>(recording, None)?
         .iter()
-        .map(|put| (put.packet.sensor_ns, put.ns))
+        .map(|put| (sample(&put.packet), put.ns))
         .collect();
     let poses: Vec<f64> = packets_of::<HeadPose>(recording, None)?
         .iter()

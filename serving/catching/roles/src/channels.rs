@@ -1,10 +1,10 @@
 //! The stack's channels.
 
 use tactnet_catching_packets::packets::{
-    ArmPath, BallPredictions, BodyPath, CatchOutcome, CatchStatus, Circles, ControllerCommand,
-    ControllerState, FeltMaterial, Gaze, HandCommand, HandOpening, HandState, HeadPose, ImuSample,
-    JointCommand, JointState, PlanRequest, PlanResult, SafetyState, ThrowPath, ThrowStatus,
-    ThrownBack,
+    ArmPath, BallPredictions, BodyPath, CalibrationState, CatchOutcome, CatchStatus, Circles,
+    ControllerCommand, ControllerState, FeltMaterial, Gaze, HandCommand, HandOpening, HandState,
+    HeadPose, ImuSample, JointCommand, JointState, MarkerFeatures, PlanRequest, PlanResult,
+    SafetyState, ThrowPath, ThrowStatus, ThrownBack,
 };
 use tactnet_channel::{ChannelConfig, Packet, Table};
 
@@ -38,6 +38,8 @@ pub(crate) const HAND_STATE: &str = "hand/state";
 pub(crate) const CATCH_FELT: &str = "catch/felt";
 pub(crate) const CATCH_STATE: &str = "catch/state";
 pub(crate) const CATCH_OUTCOME: &str = "catch/outcome";
+pub(crate) const MARKER_FEATURES: &str = "marker/features";
+pub(crate) const CALIBRATION_STATE: &str = "calibration/state";
 
 /// Adds the stack's channels to a table.
 ///
@@ -68,7 +70,9 @@ pub fn catching_channels(table: Table, pixels: Option<usize>) -> Table {
         .with(CONTROLLER_COMMAND, seldom::<ControllerCommand>(8))
         .with(CONTROLLER_STATE, seldom::<ControllerState>(16))
         .with(CATCH_STATE, seldom::<CatchStatus>(16))
-        .with(CATCH_OUTCOME, seldom::<CatchOutcome>(16));
+        .with(CATCH_OUTCOME, seldom::<CatchOutcome>(16))
+        .with(MARKER_FEATURES, seldom::<MarkerFeatures>(8))
+        .with(CALIBRATION_STATE, seldom::<CalibrationState>(16));
     let Some(pixels) = pixels else {
         return table;
     };

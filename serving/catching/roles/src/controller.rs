@@ -2,6 +2,7 @@
 
 use tactnet_catching::control::Controller;
 use tactnet_catching::safety::Bodies;
+use tactnet_catching_packets::JOINTS;
 use tactnet_catching_packets::packets::{
     ArmPath, BodyPath, ControllerCommand, ControllerMode, ControllerState, Gaze, JointCommand,
     JointState, SafetyState, ThrowPath,
@@ -25,7 +26,11 @@ pub(crate) fn run(
     ready: &dyn Fn(),
     stopped: &dyn Fn() -> bool,
 ) -> Result<RoleReport, RoleError> {
-    let robot = settings.robot()?;
+    let corrections = settings.corrections()?;
+    let robot = corrections.robot();
+    let begin = |q: &[f64; JOINTS]| {
+        Controller::new(robot.clone(), *corrections.waiting(), &corrections.links(q))
+    };
     let bodies = Bodies::new(robot.description());
     let paths = bus.get_port::<ArmPath>(ARM_PATH, Start::Now)?;
     let body_paths = bus.get_port::<BodyPath>(BODY_PATH, Start::Now)?;
@@ -50,7 +55,7 @@ pub(crate) fn run(
             break *state;
         }
     };
-    let mut controller = Controller::new(robot.clone(), robot.waiting(), &first.q);
+    let mut controller = begin(&first.q);
     let (ahead_ns, patience_ns) = (
         (settings.drives * 1e9) as u64,
         (settings.safety_patience * 1e9) as u64,
@@ -70,7 +75,7 @@ pub(crate) fn run(
             };
             // Drives that began again stand somewhere else.
             if state.number < sample && state.q.iter().all(|q| q.is_finite()) {
-                controller = Controller::new(robot.clone(), robot.waiting(), &state.q);
+                controller = begin(&state.q);
             }
             sample = state.number;
         }
@@ -131,7 +136,7 @@ pub(crate) fn run(
             q: *q,
             dq: *dq,
         };
-        commands.put_copy(&[command])?;
+        commands.put_copy(&[corrections.command(&command)])?;
         let taken = now_ns().saturating_sub(beat_ns);
         times.push(taken);
         slowest_ns = slowest_ns.max(taken);

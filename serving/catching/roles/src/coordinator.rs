@@ -3,14 +3,14 @@
 use std::time::Duration;
 
 use bytemuck::Zeroable;
-use tactnet_catching::Robot;
+use tactnet_catching::calibrate::Corrections;
 use tactnet_catching::coordinate::{CatchState, Coordinator, Planned};
 use tactnet_catching::ramp::Ramp;
 use tactnet_catching_packets::packets::{
     ArmPath, BallPredictions, BodyPath, CatchPhase, CatchStatus, ControllerCommand, ControllerMode,
     ControllerState, Gaze, HandCommand, HeadPose, JointState, PlanRequest, PlanResult, Text,
 };
-use tactnet_catching_packets::{ARMS, JOINTS};
+use tactnet_catching_packets::ARMS;
 use tactnet_channel::{Bus, Priority, PutPort, Start, Wait, now_ns};
 
 use crate::channels::{
@@ -49,7 +49,7 @@ pub(crate) fn run(
     ready: &dyn Fn(),
     stopped: &dyn Fn() -> bool,
 ) -> Result<RoleReport, RoleError> {
-    let robot = settings.robot()?;
+    let corrections = settings.corrections()?;
     let predictions = bus.get_port::<BallPredictions>(PREDICTION, Start::Now)?;
     let results = bus.get_port::<PlanResult>(PLAN_RESULT, Start::Now)?;
     let states = bus.get_port::<ControllerState>(CONTROLLER_STATE, Start::Now)?;
@@ -57,7 +57,7 @@ pub(crate) fn run(
     let mut pose = Newest::<HeadPose>::open(bus, HEAD_POSE)?;
     let mut group = bus.sync_group(&[&predictions, &results, &states])?;
     let mut times = Times::at(25);
-    let mut live = Live::open(bus, settings, robot)?;
+    let mut live = Live::open(bus, settings, corrections)?;
     ready();
     while !stopped() {
         group.wait(BEAT)?;
@@ -113,9 +113,8 @@ struct Asked {
 
 struct Live {
     puts: Puts,
-    robot: Robot,
+    corrections: Corrections,
     settings: RoleSettings,
-    ready: [f64; JOINTS],
     /// While the robot may catch.
     coordinator: Option<Coordinator>,
     controller: Option<ControllerState>,
@@ -135,7 +134,11 @@ struct Live {
 }
 
 impl Live {
-    fn open(bus: &Bus, settings: &RoleSettings, robot: Robot) -> Result<Self, RoleError> {
+    fn open(
+        bus: &Bus,
+        settings: &RoleSettings,
+        corrections: Corrections,
+    ) -> Result<Self, RoleError> {
         let puts = Puts {
             requests: bus.put_port(PLAN_REQUEST, Priority::High)?,
             arms: bus.put_port(ARM_PATH, Priority::High)?,
@@ -146,9 +149,8 @@ impl Live {
             status: bus.put_port(CATCH_STATE, Priority::Normal)?,
         };
         Ok(Self {
-            ready: robot.waiting(),
             puts,
-            robot,
+            corrections,
             settings: settings.clone(),
             coordinator: None,
             controller: None,
@@ -236,9 +238,9 @@ impl Live {
                 // What it said before it was told to go back is over.
                 if state.t_ns > self.ordered_ns + TAKEN_NS {
                     self.coordinator = Some(Coordinator::new(
-                        self.robot.clone(),
+                        self.corrections.robot().clone(),
                         self.settings.coordinator,
-                        self.ready,
+                        *self.corrections.waiting(),
                     ));
                     (self.sent, self.body_ns, self.seen_ns) = ([0; ARMS], 0, now_ns);
                     self.enter(now_ns, CatchPhase::Armed, "stands where it waits")?;
@@ -294,7 +296,8 @@ impl Live {
             return Ok(());
         };
         self.seen = Some(*seen);
-        let chest = isometry(pose) * self.robot.head(&joints.q).inverse();
+        let links = self.corrections.joints(joints).q;
+        let chest = isometry(pose) * self.corrections.robot().head(&links).inverse();
         let before = coordinator.state();
         let requests = coordinator.predictions_for(arms, now_ns, seen, &chest);
         if coordinator.state() == CatchState::Armed {

@@ -28,6 +28,22 @@ pub enum RoleError {
         /// What is wrong with it.
         reason: String,
     },
+    /// What the robot's description lacks.
+    #[error("{path}: {reason}", path = .path.display())]
+    Calibration {
+        /// Its file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// Nothing that could be watched.
+    #[error(
+        "[components.catching]: expected `calibration = \"FILE\"`: without one there is nothing to watch"
+    )]
+    NoCalibration,
+    /// Settings of the watch.
+    #[error("[components.catching]: {0}")]
+    Slip(#[from] tactnet_catching::calibrate::CalibrationError),
     /// A name of no role.
     #[error("no role `{name}`; there are {known}")]
     NoRole {
@@ -45,7 +61,12 @@ impl RoleError {
             Self::Channel(error) => error.is_usage(),
             Self::Skin(error) => error.is_usage(),
             Self::Pose(_) | Self::Track(_) => false,
-            Self::Settings(_) | Self::Robot { .. } | Self::NoRole { .. } => true,
+            Self::Settings(_)
+            | Self::Robot { .. }
+            | Self::Calibration { .. }
+            | Self::NoCalibration
+            | Self::Slip(_)
+            | Self::NoRole { .. } => true,
         }
     }
 }

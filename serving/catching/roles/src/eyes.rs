@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use bytemuck::Zeroable;
-use tactnet_catching::Robot;
+use tactnet_catching::calibrate::Corrections;
 use tactnet_catching::circles::{CircleConfig, CircleDetector, Gate, gates};
 use tactnet_catching_packets::packets::{BallPredictions, Circles, MAX_BALLS};
 use tactnet_channel::{Bus, Priority, Start, now_ns};
@@ -20,14 +20,14 @@ pub(crate) fn run(
     ready: &dyn Fn(),
     stopped: &(dyn Fn() -> bool + Sync),
 ) -> Result<RoleReport, RoleError> {
-    let robot = settings.robot()?;
+    let corrections = settings.corrections()?;
     let failed = AtomicBool::new(false);
     let ends = || stopped() || failed.load(Ordering::Relaxed);
     std::thread::scope(|scope| {
         let sides = [CAMERA_LEFT, CAMERA_RIGHT].map(|id| {
-            let (robot, ends, failed) = (&robot, &ends, &failed);
+            let (corrections, ends, failed) = (&corrections, &ends, &failed);
             scope.spawn(move || {
-                let seen = look(bus, id, robot, ends);
+                let seen = look(bus, id, corrections, ends);
                 failed.fetch_or(seen.is_err(), Ordering::Relaxed);
                 seen
             })
@@ -56,10 +56,10 @@ pub(crate) fn run(
 fn look(
     bus: &Bus,
     id: &str,
-    robot: &Robot,
+    corrections: &Corrections,
     stopped: &dyn Fn() -> bool,
 ) -> Result<RoleReport, RoleError> {
-    let cameras = &robot.description().cameras;
+    let cameras = &corrections.robot().description().cameras;
     let pictures = bus.get_port::<u8>(id, Start::Now)?;
     let mut expected = Newest::<BallPredictions>::open(bus, PREDICTION)?;
     let mut poses = Poses::open(bus)?;
@@ -82,9 +82,10 @@ fn look(
         }
         let begun = now_ns();
         expectations.clear();
-        let pose = poses.at(head.exposure_ns).or(poses.last().copied());
+        let exposure_ns = corrections.exposure(head.exposure_ns);
+        let pose = poses.at(exposure_ns).or(poses.last().copied());
         if let (Some(balls), Some(pose)) = (expected.get(), pose) {
-            let near = balls.exposure_ns.abs_diff(head.exposure_ns) < 500_000_000;
+            let near = balls.exposure_ns.abs_diff(exposure_ns) < 500_000_000;
             let gates = gates(cameras, head.camera as usize, balls, &pose);
             let all: Vec<Gate> = gates.take(MAX_BALLS).collect();
             expectations.extend(all.into_iter().filter(|_| near));

@@ -9,6 +9,7 @@
 //!                                                                     └─ hand/command ─> hand ─ hand/target, hand/open ─> hands
 //! hand/state ─> thrower ─ throw/path ─> controller                                             ^
 //!                  └──────────────────────────────────────── hand/release ─────────────────────┘
+//! marker/features, joint/state ─> slip-watch ─ calibration/state ─> whoever asks for calibration
 //! ```
 //!
 //! The parts that think are in `tactnet-catching`, which knows neither clocks nor channels; here they get both. Nothing here depends on the
@@ -30,6 +31,7 @@ mod pose;
 mod role;
 mod safety;
 mod settings;
+mod slip_watch;
 mod stage_view;
 mod throw_back;
 mod throw_duty;

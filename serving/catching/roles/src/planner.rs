@@ -42,11 +42,11 @@ pub(crate) fn run(
     ready: &dyn Fn(),
     stopped: &dyn Fn() -> bool,
 ) -> Result<RoleReport, RoleError> {
-    let robot = settings.robot()?;
+    let corrections = settings.corrections()?;
     let requests = bus.get_port::<PlanRequest>(PLAN_REQUEST, Start::Now)?;
     let results = bus.put_port::<PlanResult>(PLAN_RESULT, Priority::High)?;
     let mut times = Times::at(100);
-    let planner = Planner::new(&robot, arm, settings.planner);
+    let planner = Planner::new(corrections.robot(), arm, settings.planner);
     ready();
     while !stopped() {
         let Some(packet) = requests.get(PATIENCE)? else {

@@ -21,7 +21,8 @@ pub(crate) fn run(
     ready: &dyn Fn(),
     stopped: &dyn Fn() -> bool,
 ) -> Result<RoleReport, RoleError> {
-    let robot = settings.robot()?;
+    let corrections = settings.corrections()?;
+    let robot = corrections.robot();
     let samples = bus.get_port::<ImuSample>(IMU, Start::Now)?;
     let mut joints = Newest::<JointState>::open(bus, JOINT_STATE)?;
     let mut status = Newest::<CatchStatus>::open(bus, CATCH_STATE)?;
@@ -37,7 +38,7 @@ pub(crate) fn run(
         };
         joints.look()?;
         status.look()?;
-        let Some(sample) = packet.first() else {
+        let Some(sample) = packet.first().map(|sample| corrections.sample(sample)) else {
             continue;
         };
         let now = now_ns();
@@ -53,12 +54,12 @@ pub(crate) fn run(
             estimator = PoseEstimator::new(robot.description(), PoseConfig::default())?;
         }
         was_still = still;
-        let kinematic = joints
-            .get()
-            .filter(|_| still)
-            .map(|joints| robot.chest(&joints.q) * robot.head(&joints.q));
+        let kinematic = joints.get().filter(|_| still).map(|joints| {
+            let links = corrections.joints(joints).q;
+            robot.chest(&links) * robot.head(&links)
+        });
         // A sample that is not to be used leaves the pose as it is; without any pose there is nothing to say.
-        if let Ok(pose) = estimator.push(sample, kinematic) {
+        if let Ok(pose) = estimator.push(&sample, kinematic) {
             poses.put_copy(&[pose])?;
         }
         times.push(now_ns() - now);

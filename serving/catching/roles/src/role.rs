@@ -7,7 +7,7 @@ use tactnet_channel::Bus;
 
 use crate::{
     RoleError, RoleReport, RoleSettings, controller, coordinator, eyes, feel, hand, planner, pose,
-    safety, thrower, tracker,
+    safety, slip_watch, thrower, tracker,
 };
 
 /// A process of the stack.
@@ -36,11 +36,13 @@ pub enum Role {
     Feel,
     /// A caught ball in, the motion of a throw and the hand's release out.
     Thrower,
+    /// Markers at the wrists in, whether the calibration still holds out.
+    SlipWatch,
 }
 
 impl Role {
     /// All of them, in an order in which they may start.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Safety,
         Self::Hand,
         Self::PlannerLeft,
@@ -52,6 +54,7 @@ impl Role {
         Self::Coordinator,
         Self::Feel,
         Self::Thrower,
+        Self::SlipWatch,
     ];
 
     /// Returns its name on the command line.
@@ -68,6 +71,7 @@ impl Role {
             Self::Hand => "hand",
             Self::Feel => "feel",
             Self::Thrower => "thrower",
+            Self::SlipWatch => "slip-watch",
         }
     }
 
@@ -99,6 +103,7 @@ impl Role {
             Self::Hand => hand::run(bus, ready, stopped),
             Self::Feel => feel::run(bus, &settings, ready, stopped),
             Self::Thrower => thrower::run(bus, &settings, ready, stopped),
+            Self::SlipWatch => slip_watch::run(bus, &settings, ready, stopped),
         }
     }
 }

@@ -1,5 +1,6 @@
 //! The monitor of self-collisions beside the controller.
 
+use tactnet_catching::calibrate::Corrections;
 use tactnet_catching::safety::{Bodies, Monitor, MonitorConfig};
 use tactnet_catching_packets::packets::{JointCommand, SafetyState};
 use tactnet_channel::{Bus, Priority, Start, now_ns};
@@ -18,7 +19,8 @@ pub(crate) fn run(
     ready: &dyn Fn(),
     stopped: &dyn Fn() -> bool,
 ) -> Result<RoleReport, RoleError> {
-    let robot = settings.robot()?;
+    let corrections = settings.corrections()?;
+    let robot = corrections.robot();
     let commands = bus.get_port::<JointCommand>(JOINT_COMMAND, Start::Now)?;
     let states = bus.put_port::<SafetyState>(SAFETY_STATE, Priority::RealTime)?;
     let bodies = Bodies::new(robot.description());
@@ -48,6 +50,7 @@ pub(crate) fn run(
             go: u32::from(go),
         };
         let said = if finite {
+            let command = &links(&corrections, command);
             // One that begins while joints move knows where they are, and bounds what they can do from there.
             let monitor = monitor.get_or_insert_with(|| {
                 Monitor::new(
@@ -69,7 +72,7 @@ pub(crate) fn run(
         if went && said.go == 0 && moves && finite {
             brakes += 1;
             if let Some(monitor) = &monitor {
-                let least = monitor.least_while_braking(command);
+                let least = monitor.least_while_braking(&links(&corrections, command));
                 brakes_in_vain += u64::from(least >= monitor.config().margin);
             }
         }
@@ -81,4 +84,12 @@ pub(crate) fn run(
         brakes_in_vain,
         ..times.report()
     })
+}
+
+/// Where links go with what the drives are told.
+fn links(corrections: &Corrections, command: &JointCommand) -> JointCommand {
+    JointCommand {
+        q: corrections.links(&command.q),
+        ..*command
+    }
 }

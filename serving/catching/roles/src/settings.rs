@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 use tactnet_catching::Robot;
+use tactnet_catching::calibrate::{Corrections, KeptCalibration, SlipConfig};
 use tactnet_catching::coordinate::CoordinatorConfig;
 use tactnet_catching::plan::PlanConfig;
 use tactnet_catching_packets::RobotDescription;
@@ -21,6 +22,9 @@ pub struct RoleSettings {
     /// File with the robot's description; left out: the nominal one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub robot: Option<PathBuf>,
+    /// File with what `tactnet catch calibrate` found of this robot; left out: it is as described.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<PathBuf>,
     /// Who catches what, and when plans are to begin.
     pub coordinator: CoordinatorConfig,
     /// The planners.
@@ -41,12 +45,15 @@ pub struct RoleSettings {
     pub after_catch: f64,
     /// Throwing back.
     pub throw: ThrowBack,
+    /// When the calibration no longer holds.
+    pub slip: SlipConfig,
 }
 
 impl Default for RoleSettings {
     fn default() -> Self {
         Self {
             robot: None,
+            calibration: None,
             coordinator: CoordinatorConfig::default(),
             planner: PlanConfig::default(),
             drives: 0.0025,
@@ -57,6 +64,7 @@ impl Default for RoleSettings {
             most_sweeps: 3,
             after_catch: 0.4,
             throw: ThrowBack::default(),
+            slip: SlipConfig::default(),
         }
     }
 }
@@ -82,7 +90,7 @@ impl RoleSettings {
         table
     }
 
-    /// Returns the robot.
+    /// Returns the robot as described.
     ///
     /// # Errors
     /// A description that cannot be read.
@@ -99,11 +107,61 @@ impl RoleSettings {
             RobotDescription::parse(&text).map_err(|error| failed(error.to_string()))?;
         Ok(Robot::new(description))
     }
+
+    /// Returns the calibration, where the settings name one.
+    ///
+    /// # Errors
+    /// A description that cannot be read; a file that cannot be read, is no calibration, or that of another robot.
+    pub fn kept(&self) -> Result<Option<KeptCalibration>, RoleError> {
+        let Some(path) = &self.calibration else {
+            return Ok(None);
+        };
+        let failed = |reason: String| RoleError::Calibration {
+            path: path.clone(),
+            reason,
+        };
+        let robot = self.robot()?;
+        let bytes = std::fs::read(path).map_err(|error| failed(error.to_string()))?;
+        // What is no text is no calibration, and the line that is wrong says so.
+        KeptCalibration::parse(&String::from_utf8_lossy(&bytes), robot.description())
+            .map(Some)
+            .map_err(|error| failed(error.to_string()))
+    }
+
+    /// Returns what stands between sensors, stack and drives, with the robot that the stack knows behind it.
+    ///
+    /// # Errors
+    /// As [`RoleSettings::kept`].
+    pub fn corrections(&self) -> Result<Corrections, RoleError> {
+        let kept = self.kept()?;
+        let parameters = kept.as_ref().map(|kept| &kept.parameters);
+        Ok(Corrections::new(&self.robot()?, parameters))
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_calibration_that_cannot_be_used_is_named_with_its_file() {
+        let at = |name: &str| RoleSettings {
+            calibration: Some(name.into()),
+            ..RoleSettings::default()
+        };
+        assert_eq!(RoleSettings::default().kept().unwrap(), None);
+        let missing = at("/nowhere/calibration.toml").kept().unwrap_err();
+        let another = at(concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml"));
+        let another = another.corrections().unwrap_err();
+        for (error, named) in [
+            (missing, "/nowhere/calibration.toml"),
+            (another, "no calibration"),
+        ] {
+            let said = error.to_string();
+            assert!(error.is_usage() && said.contains(named), "{said}");
+            assert_eq!(said.lines().count(), 1, "{said}");
+        }
+    }
 
     #[test]
     fn settings_go_through_a_table_and_unknown_ones_are_refused() {

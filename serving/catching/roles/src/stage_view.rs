@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 use serde::Serialize;
 use tactnet_catching::Robot;
+use tactnet_catching::calibrate::Corrections;
 use tactnet_catching::flight::Flight;
 use tactnet_catching_packets::packets::{
     BallPrediction, BallPredictions, CatchOutcome, CatchPhase, CatchStatus, HandState, JointState,
@@ -49,7 +50,7 @@ pub struct Stage {
 
 /// Follows the channels that a page draws a stage from.
 pub struct StageView {
-    robot: Robot,
+    corrections: Corrections,
     joints: Newest<JointState>,
     predictions: Newest<BallPredictions>,
     hand: Newest<HandState>,
@@ -71,7 +72,7 @@ impl StageView {
     /// No hub; channels missing in the table; a robot's description that cannot be read.
     pub fn open(bus: &Bus) -> Result<Self, RoleError> {
         Ok(Self {
-            robot: RoleSettings::of(bus.table())?.robot()?,
+            corrections: RoleSettings::of(bus.table())?.corrections()?,
             joints: Newest::open(bus, JOINT_STATE)?,
             predictions: Newest::open(bus, PREDICTION)?,
             hand: Newest::open(bus, HAND_STATE)?,
@@ -94,7 +95,8 @@ impl StageView {
             packet.iter().for_each(|outcome| self.stage.take(outcome));
         }
         if let Some(state) = self.joints.get() {
-            (self.stage.body, self.stage.arms) = limbs(&self.robot, &state.q);
+            let links = self.corrections.joints(state).q;
+            (self.stage.body, self.stage.arms) = limbs(self.corrections.robot(), &links);
         }
         let now = now_ns();
         self.stage.balls = self.predictions.get().map_or_else(Vec::new, |predictions| {

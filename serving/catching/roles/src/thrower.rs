@@ -7,10 +7,9 @@
 
 use std::time::Duration;
 
-use tactnet_catching::Robot;
 use tactnet_catching::flight::DRAG;
 use tactnet_catching::throw::{Aim, NoThrow, ThrowRequest, Thrower};
-use tactnet_catching_packets::ARMS;
+use tactnet_catching_packets::{ARMS, JOINTS};
 use tactnet_catching_packets::packets::{
     ArmPath, BallPredictions, CatchStatus, ControllerState, FeltMaterial, HandOpening, HandState,
     Text, ThrowPath, ThrowStatus,
@@ -44,9 +43,9 @@ pub(crate) fn run(
     ready: &dyn Fn(),
     stopped: &dyn Fn() -> bool,
 ) -> Result<RoleReport, RoleError> {
-    let robot = settings.robot()?;
+    let corrections = settings.corrections()?;
     let throw = settings.throw;
-    let thrower = Thrower::new(&robot, throw.planner);
+    let thrower = Thrower::new(corrections.robot(), throw.planner);
     let mut ports = Ports::open(bus)?;
     let mut origins = Origins::new(settings.coordinator.existence);
     let mut duty = ThrowDuty::new(throw.tries);
@@ -63,7 +62,7 @@ pub(crate) fn run(
             }
             Do::Plan { arm, grip } => {
                 let target = throw.target(origins.of(arm));
-                match plan(&thrower, &robot, &throw, arm, grip, target) {
+                match plan(&thrower, corrections.waiting(), &throw, arm, grip, target) {
                     Ok(path) => {
                         ports.paths.put_copy(&[path])?;
                         duty.sent(now_ns(), &path);
@@ -94,14 +93,14 @@ pub(crate) fn run(
 /// Plans a throw from where the robot waits.
 fn plan(
     thrower: &Thrower,
-    robot: &Robot,
+    waiting: &[f64; JOINTS],
     settings: &ThrowBack,
     arm: usize,
     grip: u64,
     target: [f64; 3],
 ) -> Result<ThrowPath, &'static str> {
     let request = ThrowRequest {
-        q: robot.waiting(),
+        q: *waiting,
         holding: Some(arm),
         aim: Aim::At {
             target: target.into(),
@@ -234,6 +233,7 @@ impl Ports {
 #[cfg(test)]
 mod tests {
     use bytemuck::Zeroable;
+    use tactnet_catching::Robot;
     use tactnet_catching_packets::RobotDescription;
     use tactnet_catching_packets::packets::BallPrediction;
 
@@ -278,7 +278,7 @@ mod tests {
         let robot = Robot::new(RobotDescription::nominal());
         let settings = ThrowBack::default();
         let thrower = Thrower::new(&robot, settings.planner);
-        let throw = |target| plan(&thrower, &robot, &settings, 0, 9, target);
+        let throw = |target| plan(&thrower, &robot.waiting(), &settings, 0, 9, target);
         let path = throw([4.0, 0.0, 1.2]).unwrap();
         assert_eq!((path.arm, path.grip, path.target), (0, 9, [4.0, 0.0, 1.2]));
         assert!(path.open_ns > path.swing_ns && path.swing_ns > path.start_ns);

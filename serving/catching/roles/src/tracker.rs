@@ -1,5 +1,6 @@
 //! Circles of both cameras and the head's pose in, predictions out.
 
+use tactnet_catching::calibrate::Corrections;
 use tactnet_catching::pose::PoseRing;
 use tactnet_catching::track::{BallTracker, TrackConfig};
 use tactnet_catching_packets::packets::{BallPredictions, Circles, HeadPose};
@@ -48,6 +49,7 @@ pub(crate) fn run(
 /// Poses of the head and circles of both cameras in, predictions out, in whatever order they come.
 #[derive(Debug)]
 pub struct Sight {
+    corrections: Corrections,
     tracker: BallTracker,
     poses: KnownPoses,
     newest: [Option<Circles>; 2],
@@ -57,14 +59,16 @@ impl Sight {
     /// Returns one that has seen nothing yet.
     ///
     /// # Errors
-    /// A robot's description that cannot be read, or cameras that see nothing.
+    /// A robot's description or a calibration that cannot be read, or cameras that see nothing.
     pub fn new(settings: &RoleSettings) -> Result<Self, RoleError> {
         let config = TrackConfig {
             clutter: settings.clutter,
             ..TrackConfig::default()
         };
+        let corrections = settings.corrections()?;
         Ok(Self {
-            tracker: BallTracker::new(settings.robot()?.description(), config)?,
+            tracker: BallTracker::new(corrections.robot().description(), config)?,
+            corrections,
             poses: KnownPoses::new(),
             newest: [None; 2],
         })
@@ -75,9 +79,10 @@ impl Sight {
         self.poses.take(pose);
     }
 
-    /// Takes the circles of one picture; returns both pictures of an exposure once the second has come.
+    /// Takes the circles of one picture, as the cameras saw them; returns those of both pictures of an exposure, as the described cameras
+    /// would have seen them, once the second has come.
     pub fn pair(&mut self, seen: &Circles) -> Option<[Circles; 2]> {
-        *self.newest.get_mut(seen.camera as usize)? = Some(*seen);
+        *self.newest.get_mut(seen.camera as usize)? = Some(self.corrections.circles(seen));
         let [Some(left), Some(right)] = self.newest else {
             return None;
         };

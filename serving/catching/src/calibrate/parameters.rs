@@ -1,4 +1,4 @@
-//! The result of a calibration: a TOML file.
+//! The result of a calibration.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -160,27 +160,6 @@ impl Calibration {
         x
     }
 
-    /// Reads a file's text.
-    ///
-    /// # Errors
-    /// Where a setting is missing, unknown, of another kind or no number.
-    pub fn parse(text: &str) -> Result<Self, String> {
-        let calibration: Self = toml::from_str(text).map_err(|error| error.to_string())?;
-        match calibration.unknowns().iter().position(|x| !x.is_finite()) {
-            Some(unknown) => Err(format!(
-                "{}: expected a number, found {}",
-                super::unknowns::name(unknown),
-                calibration.unknowns()[unknown]
-            )),
-            None => Ok(calibration),
-        }
-    }
-
-    /// Returns the text of a file.
-    pub fn to_toml(&self) -> String {
-        toml::to_string(self).expect("tables of numbers can be written")
-    }
-
     /// Returns the description with cameras and arms where they are, arms as long as they are, and ranges of links instead of sensors. What cannot be described so, [`super::Corrections`] take out of measurements
     /// and put into commands.
     pub fn describe(&self, description: &RobotDescription) -> RobotDescription {
@@ -211,25 +190,9 @@ mod tests {
 
     proptest! {
         #[test]
-        fn parameters_survive_the_file(values in proptest::collection::vec(-1.0..1.0f64, UNKNOWNS)) {
+        fn parameters_are_all_unknowns(values in proptest::collection::vec(-1.0..1.0f64, UNKNOWNS)) {
             let x = Unknowns::from_vec(values);
-            let calibration = Calibration::of(&x);
-            prop_assert_eq!(&calibration.unknowns(), &x);
-            prop_assert_eq!(Calibration::parse(&calibration.to_toml()), Ok(calibration));
+            prop_assert_eq!(Calibration::of(&x).unknowns(), x);
         }
-    }
-
-    #[test]
-    fn a_file_with_a_number_that_is_none_is_refused_by_name() {
-        let text = Calibration::of(&Unknowns::zeros(UNKNOWNS))
-            .to_toml()
-            .replacen("camera_imu = 0.0", "camera_imu = nan", 1);
-        let error = Calibration::parse(&text).unwrap_err();
-        assert!(
-            error.contains("clock of cameras after inertial unit"),
-            "{error}"
-        );
-        let error = Calibration::parse(&text.replace("neck", "nek")).unwrap_err();
-        assert!(error.contains("nek"), "{error}");
     }
 }

@@ -9,23 +9,13 @@ use nalgebra::Vector3;
 use tactnet_catching_packets::packets::{ImuSample, JointState};
 use tactnet_catching_packets::{ARM_JOINTS, joint};
 
+use super::joint_history::{AROUND_NS, JointHistory};
 use super::routine::Phase;
 use super::session::{NeckMotion, Picture, Rest, Session, Turn};
 use crate::track::CAMERAS;
 
-/// Half of the time over which a velocity's change is an acceleration, ns.
-const AROUND_NS: u64 = 4_000_000;
-/// Joint states that are kept.
-const KEPT: usize = 400;
 /// Samples of the inertial unit that are taken together while the head turns.
 const TOGETHER: usize = 8;
-
-#[derive(Debug, Clone, Copy)]
-struct NeckState {
-    stamp_ns: u64,
-    q: [f64; 2],
-    dq: [f64; 2],
-}
 
 /// Sums of samples.
 #[derive(Debug, Clone, Copy, Default)]
@@ -53,8 +43,7 @@ enum Waiting {
 /// Records a session.
 pub struct Recorder {
     session: Session,
-    joints: Option<JointState>,
-    neck: VecDeque<NeckState>,
+    history: JointHistory,
     waiting: VecDeque<(u64, Waiting)>,
     rest: Option<(usize, Sums)>,
     turn: Sums,
@@ -70,8 +59,7 @@ impl Recorder {
                 robot_seconds,
                 ..Session::default()
             },
-            joints: None,
-            neck: VecDeque::with_capacity(KEPT),
+            history: JointHistory::new(),
             waiting: VecDeque::new(),
             rest: None,
             turn: Sums::default(),
@@ -80,21 +68,12 @@ impl Recorder {
 
     /// Takes the joints' state, every millisecond.
     pub fn joints(&mut self, state: &JointState) {
-        self.joints = Some(*state);
-        if self.neck.len() == KEPT {
-            self.neck.pop_front();
-        }
-        let two = |values: &[f64]| [values[0], values[1]];
-        self.neck.push_back(NeckState {
-            stamp_ns: state.sensor_ns,
-            q: two(&state.q[joint::NECK]),
-            dq: two(&state.dq[joint::NECK]),
-        });
+        self.history.push(state);
         while let Some((stamp_ns, waiting)) = self
             .waiting
             .pop_front_if(|(stamp_ns, _)| *stamp_ns + AROUND_NS <= state.sensor_ns)
         {
-            let Some(neck) = self.neck_at(stamp_ns) else {
+            let Some(neck) = self.history.neck(stamp_ns) else {
                 continue;
             };
             match waiting {
@@ -138,7 +117,7 @@ impl Recorder {
         features: &[[Option<[f64; 2]>; CAMERAS]; 2],
         phase: Phase,
     ) {
-        let (Phase::Marker { configuration, arm }, Some(joints)) = (phase, &self.joints) else {
+        let (Phase::Marker { configuration, arm }, Some(joints)) = (phase, self.history.last()) else {
             return;
         };
         if features[arm] == [None; CAMERAS] {
@@ -182,10 +161,11 @@ impl Recorder {
     }
 
     fn finish_rest(&mut self, sums: &Sums) {
-        let Some(neck) = self.neck.back() else { return };
+        let Some(state) = self.history.last() else { return };
+        let neck = &state.q[joint::NECK];
         let count = sums.count as f64;
         self.session.rests.push(Rest {
-            neck: neck.q,
+            neck: [neck[0], neck[1]],
             acceleration: (sums.acceleration / count).into(),
             rate: (sums.rate / count).into(),
             samples: sums.count,
@@ -198,32 +178,6 @@ impl Recorder {
             .waiting
             .partition_point(|(other, _)| *other <= stamp_ns);
         self.waiting.insert(place, (stamp_ns, what));
-    }
-
-    /// Returns the neck at a stamp, if states around it are kept.
-    fn neck_at(&self, stamp_ns: u64) -> Option<NeckMotion> {
-        let state = |stamp_ns: u64| {
-            let place = self
-                .neck
-                .partition_point(|state| state.stamp_ns <= stamp_ns);
-            self.neck.get(place.checked_sub(1)?)
-        };
-        let (before, now, after) = (
-            state(stamp_ns.saturating_sub(AROUND_NS))?,
-            state(stamp_ns)?,
-            state(stamp_ns + AROUND_NS)?,
-        );
-        let apart = (after.stamp_ns - before.stamp_ns) as f64 * 1e-9;
-        if apart <= 0.0 {
-            return None;
-        }
-        let since = (stamp_ns - now.stamp_ns) as f64 * 1e-9;
-        let ddq: [f64; 2] = std::array::from_fn(|i| (after.dq[i] - before.dq[i]) / apart);
-        Some(NeckMotion {
-            q: std::array::from_fn(|i| now.q[i] + since * (now.dq[i] + since / 2.0 * ddq[i])),
-            dq: std::array::from_fn(|i| now.dq[i] + since * ddq[i]),
-            ddq,
-        })
     }
 }
 

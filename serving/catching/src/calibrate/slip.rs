@@ -8,14 +8,14 @@
 
 use std::collections::VecDeque;
 
-use nalgebra::{Matrix2, SMatrix, Vector2};
+use nalgebra::{DMatrix, Matrix2, SMatrix, Vector2};
 use serde::{Deserialize, Serialize};
 
 use super::error::CalibrationError;
 use super::model::Model;
-use super::problem::CalibrationConfig;
+use super::problem::Noise;
 use super::session::Picture;
-use super::solve::Solved;
+use super::unknowns::Unknowns;
 
 /// How a watch works.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -51,6 +51,7 @@ pub struct Slip {
 pub struct SlipWatch {
     config: SlipConfig,
     squares: VecDeque<f64>,
+    innovations: u64,
 }
 
 impl SlipWatch {
@@ -71,7 +72,24 @@ impl SlipWatch {
         Ok(Self {
             config,
             squares: VecDeque::with_capacity(config.window),
+            innovations: 0,
         })
+    }
+
+    /// Returns how many innovations it has taken.
+    pub fn innovations(&self) -> u64 {
+        self.innovations
+    }
+
+    /// Returns true once it has taken enough to judge.
+    pub fn is_full(&self) -> bool {
+        self.squares.len() == self.config.window
+    }
+
+    /// Returns the mean normalised square of the window; `None` before the first innovation.
+    pub fn mean(&self) -> Option<f64> {
+        let count = self.squares.len();
+        (count > 0).then(|| self.squares.iter().sum::<f64>() / count as f64)
     }
 
     /// Takes an innovation, pixels, with its covariance; says whether to calibrate anew. One that is no number counts as nothing.
@@ -80,27 +98,30 @@ impl SlipWatch {
             .cholesky()
             .map(|factor| innovation.dot(&factor.solve(innovation)))
             .filter(|square| square.is_finite())?;
-        if self.squares.len() == self.config.window {
+        if self.is_full() {
             self.squares.pop_front();
         }
         self.squares.push_back(square.min(self.config.clip));
-        let mean = self.squares.iter().sum::<f64>() / self.squares.len() as f64;
-        (self.squares.len() == self.config.window && mean > self.config.limit)
-            .then_some(Slip { mean })
+        self.innovations += 1;
+        let mean = self.mean().filter(|_| self.is_full())?;
+        (mean > self.config.limit).then_some(Slip { mean })
     }
 
     /// Takes a marker's features of a pair of pictures.
+    ///
+    /// - `x`, `covariance`: what the calibration found, and how sure it is, `[UNKNOWNS][UNKNOWNS]`
     pub fn picture(
         &mut self,
         model: &Model,
-        config: &CalibrationConfig,
-        solved: &Solved,
+        noise: &Noise,
+        x: &Unknowns,
+        covariance: &DMatrix<f64>,
         picture: &Picture,
     ) -> Option<Slip> {
         let mut slip = None;
         for (camera, found) in picture.features.iter().enumerate() {
             let Some(found) = found else { continue };
-            let Some(block) = model.feature_with_slope(&solved.unknowns, picture, camera) else {
+            let Some(block) = model.feature_with_slope(x, picture, camera) else {
                 continue;
             };
             let n = block.columns.len();
@@ -111,15 +132,15 @@ impl SlipWatch {
                     0.0
                 }
             });
-            let covariance = SMatrix::<f64, 36, 36>::from_fn(|a, b| {
+            let of_columns = SMatrix::<f64, 36, 36>::from_fn(|a, b| {
                 if a < n && b < n {
-                    solved.covariance[(block.columns[a], block.columns[b])]
+                    covariance[(block.columns[a], block.columns[b])]
                 } else {
                     0.0
                 }
             });
-            let noise = Matrix2::identity() * config.noise.feature.powi(2);
-            let spread = slope * covariance * slope.transpose() + noise;
+            let noise = Matrix2::identity() * noise.feature.powi(2);
+            let spread = slope * of_columns * slope.transpose() + noise;
             let innovation = Vector2::new(found[0] - block.value[0], found[1] - block.value[1]);
             slip = self.push(&innovation, &spread).or(slip);
         }
@@ -158,6 +179,8 @@ mod tests {
         for _ in 0..20_000 {
             assert_eq!(watch.push(&innovation(0.0), &covariance), None);
         }
+        assert_eq!(watch.innovations(), 20_000);
+        assert!(watch.mean().is_some_and(|mean| mean < 10.0));
         let after = (1..).find(|_| watch.push(&innovation(3.0), &covariance).is_some());
         assert!(after.unwrap() <= 50, "{after:?}");
         let none = Vector2::new(f64::NAN, 0.0);

@@ -13,6 +13,7 @@
 mod drive_watch;
 mod error;
 mod hands;
+mod held_report;
 mod judge;
 mod painter;
 mod pairs;
@@ -23,8 +24,9 @@ mod throw_report;
 mod world_role;
 
 pub use error::StageError;
+pub use held_report::HeldReport;
 pub use pairs::PairReport;
 pub use run::{CatchRun, Feel, RunEvent};
 pub use run_report::{RecordingReport, RunReport, cause};
 pub use throw_report::{Misses, ThrowBackReport};
-pub use world_role::{WorldReport, WorldRole, WorldSettings, material_of_grip};
+pub use world_role::{SlipAt, WorldReport, WorldRole, WorldSettings, material_of_grip};

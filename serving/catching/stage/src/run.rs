@@ -5,7 +5,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use tactnet_catching_packets::packets::{
-    ArmPath, CatchOutcome, CatchPhase, CatchStatus, ControllerCommand, ControllerMode,
+    ArmPath, CalibrationState, CatchOutcome, CatchPhase, CatchStatus, ControllerCommand, ControllerMode,
     ControllerState, HandState, Text, ThrowStatus, ThrownBack,
 };
 use tactnet_catching_roles::{Role, RoleReport, RoleSettings, catching_channels};
@@ -91,7 +91,7 @@ impl Part {
         // Without a thrower the hand keeps its ball.
         !matches!(
             self,
-            Self::Skin | Self::Classifier | Self::Role(Role::Feel | Role::Thrower)
+            Self::Skin | Self::Classifier | Self::Role(Role::Feel | Role::Thrower | Role::SlipWatch)
         )
     }
 }
@@ -114,6 +114,8 @@ pub enum RunEvent {
     ThrownBack(ThrownBack),
     /// A throw back came to nothing, and why.
     NotThrown(String),
+    /// The calibration no longer holds: the robot is to be calibrated anew.
+    NoLongerCalibrated(CalibrationState),
     /// A process has ended by itself, and begins again.
     Ended {
         /// Its name.
@@ -173,15 +175,25 @@ impl CatchRun<'_> {
         };
         let table = self.channels(table)?;
         let path = self.folder.join("robot.toml");
-        std::fs::write(&path, toml::to_string(&table)?).map_err(|source| StageError::Io {
-            path: path.clone(),
-            source,
-        })?;
+        let processes = self.keep_calibration()?.into_table(table.clone());
+        write(&path, &toml::to_string(&processes)?)?;
         let _own = OwnBus(&table);
         let hub = Hub::spawn(&table)?;
         let ran = self.run_on(&table, &path, on_event, stopped);
         drop(hub);
         ran
+    }
+
+    /// Returns the stack's settings for its processes: with a copy of the calibration, so that one that begins again has the same as all
+    /// others, whatever has become of the file.
+    fn keep_calibration(&self) -> Result<RoleSettings, StageError> {
+        let mut stack = self.stack.clone();
+        if let Some(kept) = self.stack.kept()? {
+            let path = self.folder.join("calibration.toml");
+            write(&path, &kept.to_toml())?;
+            stack.calibration = Some(path);
+        }
+        Ok(stack)
     }
 
     /// As [`CatchRun::run`], on a bus whose hub runs.
@@ -277,6 +289,7 @@ impl CatchRun<'_> {
             Role::Eyes => self.world.pixels,
             Role::Feel => self.feel.is_some(),
             Role::Thrower => self.world.throw_back,
+            Role::SlipWatch => self.stack.calibration.is_some(),
             _ => true,
         });
         parts.extend(roles.map(Part::Role));
@@ -382,6 +395,7 @@ struct Watched {
     hands: GetPort<HandState>,
     throw_states: GetPort<ThrowStatus>,
     backs: GetPort<ThrownBack>,
+    holds: GetPort<CalibrationState>,
     orders: PutPort<ControllerCommand>,
     heard: Heard,
     throws: HeardThrows,
@@ -401,6 +415,7 @@ impl Watched {
             hands: bus.get_port("hand/state", Start::Now)?,
             throw_states: bus.get_port("throw/state", Start::Now)?,
             backs: bus.get_port("throw/outcome", Start::Now)?,
+            holds: bus.get_port("calibration/state", Start::Now)?,
             orders: bus.put_port("controller/command", Priority::High)?,
             heard: Heard::default(),
             throws: HeardThrows::default(),
@@ -462,6 +477,14 @@ impl Watched {
                 on_event(RunEvent::ThrownBack(*thrown));
             }
         }
+        let throws = self.heard.outcomes.len() as u64;
+        while let Some(packet) = self.holds.try_get()? {
+            for state in packet.iter() {
+                if self.heard.hold.take(state, throws) {
+                    on_event(RunEvent::NoLongerCalibrated(*state));
+                }
+            }
+        }
         let over = self.heard.outcomes.len() + self.throws.count() > before;
         let mut holds = false;
         while let Some(packet) = self.hands.try_get()? {
@@ -501,6 +524,13 @@ impl Drop for OwnBus<'_> {
         // Nothing depends on it.
         let _ = remove_bus(self.0);
     }
+}
+
+fn write(path: &Path, text: &str) -> Result<(), StageError> {
+    std::fs::write(path, text).map_err(|source| StageError::Io {
+        path: path.into(),
+        source,
+    })
 }
 
 /// Settings of the world in a line, as its process reads them.

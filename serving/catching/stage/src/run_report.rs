@@ -7,8 +7,9 @@ use tactnet_catching_packets::packets::CatchOutcome;
 use tactnet_catching_roles::{CatchTimes, Milliseconds, RoleReport};
 use tactnet_catching_trials::wilson;
 
+use crate::held_report::HeardHold;
 use crate::world_role::WorldReport;
-use crate::{PairReport, ThrowBackReport};
+use crate::{HeldReport, PairReport, ThrowBackReport};
 
 /// What was heard on the channels.
 #[derive(Debug, Default)]
@@ -16,6 +17,7 @@ pub(crate) struct Heard {
     pub outcomes: Vec<CatchOutcome>,
     pub no_plans: u64,
     pub times: CatchTimes,
+    pub hold: HeardHold,
     brakes: BTreeMap<String, u64>,
     refused: u64,
     refused_now: u64,
@@ -77,6 +79,9 @@ pub struct RunReport {
     /// Balls that were thrown back, where the robot does that.
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
     pub throw_back: Option<ThrowBackReport>,
+    /// Whether the calibration held, where there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<HeldReport>,
     /// Caught balls that were felt to be of a material.
     pub beliefs_after_catch: usize,
     /// Of them, of the right one.
@@ -161,6 +166,7 @@ impl RunReport {
             misses,
             pairs: PairReport::of(&heard.outcomes),
             throw_back: None,
+            calibration: heard.hold.report(),
             beliefs_after_catch: felt.len(),
             correct_materials: felt.iter().filter(|of| of.felt == of.material).count(),
             sweeps_a_ball: (!felt.is_empty()).then(|| sweeps as f64 / felt.len() as f64),

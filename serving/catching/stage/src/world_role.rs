@@ -7,10 +7,10 @@ use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_packets::packets::{
     CatchPhase, CatchStatus, Circles, FeltMaterial, HandCommand, HandOpening, HandState, ImuSample,
-    JointCommand, JointState, ThrowPath,
+    JointCommand, JointState, MarkerFeature, MarkerFeatures, ThrowPath,
 };
 use tactnet_catching_roles::RoleSettings;
-use tactnet_catching_world::{FlightSample, TICK_NS, World, WorldConfig};
+use tactnet_catching_world::{FlightSample, TICK_NS, TendonSlip, World, WorldConfig};
 use tactnet_channel::{Bus, GetPort, Priority, PutPort, Start, Ticker};
 
 use crate::StageError;
@@ -64,6 +64,19 @@ pub struct WorldSettings {
     pub throw_back: bool,
     /// Pictures are drawn; otherwise circles come straight from the truth, with noise, misses and clutter.
     pub pixels: bool,
+    /// A tendon slips.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub slip: Option<SlipAt>,
+}
+
+/// A tendon that slips in a run.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SlipAt {
+    /// Just before this throw, counted from 1.
+    pub throw: u64,
+    /// Which one, and how far.
+    pub tendon: TendonSlip,
 }
 
 impl Default for WorldSettings {
@@ -78,6 +91,7 @@ impl Default for WorldSettings {
             materials: Vec::new(),
             throw_back: false,
             pixels: false,
+            slip: None,
         }
     }
 }
@@ -118,7 +132,18 @@ struct Ports {
     joints: PutPort<JointState>,
     imu: PutPort<ImuSample>,
     /// Where there are no pictures.
-    circles: Option<PutPort<Circles>>,
+    detected: Option<DetectedPorts>,
+}
+
+/// What detectors find in the pictures of an exposure.
+struct Detected {
+    circles: [Circles; 2],
+    markers: MarkerFeatures,
+}
+
+struct DetectedPorts {
+    circles: PutPort<Circles>,
+    markers: PutPort<MarkerFeatures>,
 }
 
 impl WorldRole {
@@ -136,6 +161,9 @@ impl WorldRole {
         let robot = stack.robot()?;
         let start = robot.waiting();
         let settings = &self.settings;
+        if let Some(slip) = &settings.slip {
+            slip.tendon.check()?;
+        }
         let world = World::new(robot.description(), &settings.world, settings.seed, &start)?;
         let ports = Ports {
             commands: bus.get_port("joint/command", Start::Now)?,
@@ -147,9 +175,12 @@ impl WorldRole {
             hands: bus.put_port("hand/state", Priority::Normal)?,
             joints: bus.put_port("joint/state", Priority::RealTime)?,
             imu: bus.put_port("imu", Priority::High)?,
-            circles: match settings.pixels {
+            detected: match settings.pixels {
                 true => None,
-                false => Some(bus.put_port("ball/circles", Priority::High)?),
+                false => Some(DetectedPorts {
+                    circles: bus.put_port("ball/circles", Priority::High)?,
+                    markers: bus.put_port("marker/features", Priority::Normal)?,
+                }),
             },
         };
         std::thread::scope(|scope| {
@@ -185,7 +216,7 @@ impl WorldRole {
                 exposures,
                 report: WorldReport::default(),
                 epoch_ns: 0,
-                circles: VecDeque::new(),
+                detected: VecDeque::new(),
                 phase: (CatchPhase::Starting, 0),
                 thrown_ns: None,
                 grips: 0,
@@ -228,8 +259,8 @@ struct LiveWorld<'a> {
     report: WorldReport,
     /// Adds to the world's time to make it the host's.
     epoch_ns: u64,
-    /// Circles that are on their way, with the time at which they arrive.
-    circles: VecDeque<(u64, [Circles; 2])>,
+    /// What is on its way from the detectors, with the time at which it arrives.
+    detected: VecDeque<(u64, Detected)>,
     /// What the robot says that it is about, and since when.
     phase: (CatchPhase, u64),
     thrown_ns: Option<u64>,
@@ -289,7 +320,7 @@ impl LiveWorld<'_> {
         while let Some(packet) = self.ports.openings.try_get()? {
             packet.iter().for_each(|told| self.letting.tell(now, told));
         }
-        self.throw();
+        self.throw()?;
         self.letting.open(&mut self.world, self.epoch_ns);
         let command = *self.drives.tick(newest.as_ref());
         let sensed = *self.world.step(&command, &hands);
@@ -317,7 +348,7 @@ impl LiveWorld<'_> {
     }
 
     /// Whoever throws waits until the robot stands, and the last ball is gone.
-    fn throw(&mut self) {
+    fn throw(&mut self) -> Result<(), StageError> {
         let now = self.now_ns();
         let (phase, since) = self.phase;
         let rested = phase == CatchPhase::Armed
@@ -328,6 +359,10 @@ impl LiveWorld<'_> {
                 .thrown_ns
                 .is_none_or(|thrown| now > thrown + LONGEST_NS);
         if rested && free {
+            let due = |slip: &&SlipAt| slip.throw == self.report.throws + 1;
+            if let Some(slip) = self.settings.slip.as_ref().filter(due) {
+                self.world.slip(&slip.tendon)?;
+            }
             self.world.throw(self.settings.balls);
             self.thrown_ns = Some(now);
             self.report.throws += 1;
@@ -338,6 +373,7 @@ impl LiveWorld<'_> {
                 .filter_map(|ball| Some((ball, self.world.true_flight(ball)?)))
                 .collect();
         }
+        Ok(())
     }
 
     fn see(&mut self, mut circles: [Circles; 2]) {
@@ -348,7 +384,15 @@ impl LiveWorld<'_> {
         let camera_ns = (self.settings.camera * 1e9) as u64;
         let Some(exposures) = &self.exposures else {
             let due_ns = exposure_ns + camera_ns + (self.settings.detection * 1e9) as u64;
-            self.circles.push_back((due_ns, circles));
+            let [left, right] = self.world.marker_features();
+            let markers = MarkerFeatures {
+                frame: circles[0].frame,
+                exposure_ns,
+                left: left.map(MarkerFeature::of),
+                right: right.map(MarkerFeature::of),
+            };
+            self.detected
+                .push_back((due_ns, Detected { circles, markers }));
             return;
         };
         let frame = self.frames;
@@ -366,13 +410,14 @@ impl LiveWorld<'_> {
 
     fn deliver(&mut self) -> Result<(), StageError> {
         let now = self.now_ns();
-        let Some(port) = &self.ports.circles else {
+        let Some(ports) = &self.ports.detected else {
             return Ok(());
         };
-        while let Some((_, circles)) = self.circles.pop_front_if(|(due, _)| *due <= now) {
-            for side in circles {
-                port.put_copy(&[side])?;
+        while let Some((_, detected)) = self.detected.pop_front_if(|(due, _)| *due <= now) {
+            for side in detected.circles {
+                ports.circles.put_copy(&[side])?;
             }
+            ports.markers.put_copy(&[detected.markers])?;
         }
         Ok(())
     }

@@ -14,8 +14,8 @@ use rayon::prelude::*;
 use serde::Serialize;
 use tactnet_catching::Robot;
 use tactnet_catching::calibrate::{
-    Calibration, CalibrationConfig, Candidate, Determined, Model, RoutineConfig, Session, Solved,
-    UNKNOWNS, Unknowns, calibrate, choose, gain,
+    Calibration, CalibrationConfig, Candidate, Determined, KeptCalibration, Model, RoutineConfig,
+    Session, Solved, UNKNOWNS, Unknowns, calibrate, choose, gain,
 };
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_world::WorldConfig;
@@ -87,6 +87,9 @@ pub struct SolveReport {
     pub worst_determined: Vec<Determined>,
     /// The parameters.
     pub calibration: Calibration,
+    /// The same as it is kept.
+    #[serde(skip)]
+    pub kept: KeptCalibration,
 }
 
 /// What a calibration of the simulated robot gave. All but the times repeats to the bit.
@@ -191,6 +194,7 @@ impl SolveReport {
             outlying: solved.outlying,
             worst_determined: solved.worst.clone(),
             calibration: solved.calibration(),
+            kept: KeptCalibration::new(model.robot(), &solved.unknowns, &solved.covariance),
         };
         Ok((report, solved))
     }
@@ -401,12 +405,12 @@ mod tests {
         let path = std::env::temp_dir().join(format!("tactnet-cal-{}.toml", std::process::id()));
         let calibrate = |session: &Session| -> Result<(), TrialError> {
             let (report, _) = SolveReport::new(&model, &trial.config, session, None)?;
-            keep_calibration(&path, &report.calibration).unwrap();
+            keep_calibration(&path, &report.kept).unwrap();
             Ok(())
         };
         calibrate(&good).unwrap();
         let kept = std::fs::read_to_string(&path).unwrap();
-        assert!(Calibration::parse(&kept).is_ok());
+        assert!(KeptCalibration::parse(&kept, model.robot().description()).is_ok());
         type Spoil = fn(&mut Session);
         let cases: [(&str, Spoil); 7] = [
             ("picture 3: expected numbers, found NaN", |s| {
@@ -468,7 +472,13 @@ mod tests {
             later.pictures.iter().find_map(|picture| {
                 let mut picture = *picture;
                 slipped(&mut picture);
-                watch.picture(&model, &trial.config, &solved, &picture)
+                watch.picture(
+                    &model,
+                    &trial.config.noise,
+                    &solved.unknowns,
+                    &solved.covariance,
+                    &picture,
+                )
             })
         };
         let quiet = watch(|_| ());

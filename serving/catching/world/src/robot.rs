@@ -182,6 +182,18 @@ impl Robot {
         self.places = places;
     }
 
+    /// Lets the link of a joint stand `angle` rad farther than before, while its sensor says the same.
+    pub(crate) fn slip_joint(&mut self, joint: usize, angle: f64) {
+        let links = self.links.get_or_insert(Links {
+            errors: JointErrors {
+                offsets: [0.0; JOINTS],
+                compliances: [0.0; JOINTS],
+            },
+            sag: [0.0; JOINTS],
+        });
+        links.errors.offsets[joint] += angle;
+    }
+
     /// Returns by how much the torso's links stand off their drives, rad: yaw, lower pitch, upper pitch.
     pub(crate) fn deflection(&self) -> [f64; 3] {
         self.torso.e.into()

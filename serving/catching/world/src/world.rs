@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use tactnet_catching_packets::packets::{
     Circles, HandCommand, ImuSample, JointCommand, JointState, MAX_BALLS,
 };
-use tactnet_catching_packets::{ARMS, JOINTS, RobotDescription};
+use tactnet_catching_packets::{ARMS, JOINTS, RobotDescription, joint};
 
 use crate::ball::{Aerodynamics, BALL_STEP, BallState};
 use crate::cameras::{CAMERAS, Cameras};
@@ -23,6 +23,7 @@ use crate::release::{Held, Released};
 use crate::robot::{FrameMotion, Robot};
 use crate::shape::{CAPSULES, Capsule, capsules};
 use crate::stream::Stream;
+use crate::tendon::TendonSlip;
 use held_balls::Away;
 use surroundings::PUT_APART;
 
@@ -324,6 +325,17 @@ impl World {
                 balls,
             )
         });
+    }
+
+    /// Lets a tendon slip now.
+    ///
+    /// # Errors
+    /// As [`TendonSlip::check`].
+    pub fn slip(&mut self, slip: &TendonSlip) -> Result<(), WorldError> {
+        slip.check()?;
+        let joint = joint::ARM[slip.arm].start + slip.joint;
+        self.robot.slip_joint(joint, slip.angle);
+        Ok(())
     }
 
     /// Returns the time, ns.

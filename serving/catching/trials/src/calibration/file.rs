@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use tactnet_catching::calibrate::Calibration;
+use tactnet_catching::calibrate::KeptCalibration;
 
 /// A file that cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -21,7 +21,7 @@ pub struct CalibrationFileError {
 /// Where the system says no.
 pub fn keep_calibration(
     path: &Path,
-    calibration: &Calibration,
+    calibration: &KeptCalibration,
 ) -> Result<(), CalibrationFileError> {
     let mut beside = path.as_os_str().to_owned();
     beside.push(".new");

@@ -303,7 +303,11 @@ fn catches(html: &mut String, report: &CalibrationReport) {
 
 #[cfg(test)]
 mod tests {
-    use tactnet_catching::calibrate::{Calibration, Determined, Session, UNKNOWNS, Unknowns};
+    use tactnet_catching::Robot;
+    use tactnet_catching::calibrate::{
+        Calibration, Determined, KeptCalibration, Priors, Session, UNKNOWNS, Unknowns,
+    };
+    use tactnet_catching_packets::RobotDescription;
 
     use super::*;
     use crate::calibration::{CalibrationSamples, Distances, RandomFigures, SolveReport};
@@ -311,6 +315,10 @@ mod tests {
 
     /// Of a session without anything.
     fn nothing() -> CalibrationReport {
+        let unknowns = Unknowns::zeros(UNKNOWNS);
+        let sigmas = Priors::default().sigmas().unwrap();
+        let covariance = &sigmas * sigmas.transpose();
+        let robot = Robot::new(RobotDescription::nominal());
         CalibrationReport {
             seed: 7,
             mean_mm: 0.0,
@@ -330,7 +338,8 @@ mod tests {
                 fit: 0.0,
                 outlying: 0.0,
                 worst_determined: Vec::new(),
-                calibration: Calibration::of(&Unknowns::zeros(UNKNOWNS)),
+                calibration: Calibration::of(&unknowns),
+                kept: KeptCalibration::new(&robot, &unknowns, &covariance),
             },
             candidates: 0,
             log_det: 0.0,

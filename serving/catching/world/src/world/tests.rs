@@ -373,3 +373,32 @@ fn a_ball_leaves_the_hand_that_it_was_given_to_and_flies_on_in_another_world() {
     // 100.6 ms against 100 ms, at 0.97 m/s.
     assert!((fallen - 0.0006 * 0.973).abs() < 1e-5, "{fallen}");
 }
+
+/// A hand half a metre from its shoulder moves by what a degree of the shoulder is there; sensors, the other arm and the head know nothing.
+#[test]
+fn a_slipped_tendon_moves_the_hand_and_no_sensor() {
+    let config = WorldConfig {
+        torso: crate::TorsoConfig {
+            stiffness: crate::Stiffness::Rigid,
+            ..crate::TorsoConfig::default()
+        },
+        ..WorldConfig::default()
+    };
+    let mut world = world(&config, 3);
+    world.step(&stay(), &NOBODY);
+    let (before, sensed) = (world.truth(), world.sensed.joints.q);
+    let slip = TendonSlip {
+        arm: 1,
+        joint: 1,
+        angle: 0.0175,
+    };
+    world.slip(&slip).unwrap();
+    let after_step = world.step(&stay(), &NOBODY).joints.q;
+    let after = world.truth();
+    assert_eq!(after_step, sensed);
+    let moved = |arm: usize| (after.hands[arm].position - before.hands[arm].position).norm();
+    assert!((0.003..0.015).contains(&moved(1)), "{}", moved(1));
+    assert!(moved(0) < 1e-9 && (after.head.position - before.head.position).norm() < 1e-9);
+    let nobody = TendonSlip { arm: 7, ..slip };
+    assert_eq!(world.slip(&nobody), Err(WorldError::Arm { arm: 7 }));
+}

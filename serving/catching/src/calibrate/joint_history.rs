@@ -1,0 +1,80 @@
+//! What joints did in the last moments, at stamps between their samples.
+
+use std::collections::VecDeque;
+
+use tactnet_catching_packets::joint;
+use tactnet_catching_packets::packets::JointState;
+
+use super::session::NeckMotion;
+
+/// Half of the time over which a velocity's change is an acceleration, ns.
+pub(crate) const AROUND_NS: u64 = 4_000_000;
+/// Joint states that are kept.
+const KEPT: usize = 400;
+
+/// The last states, one a millisecond.
+#[derive(Debug, Clone)]
+pub(crate) struct JointHistory {
+    states: VecDeque<JointState>,
+}
+
+impl JointHistory {
+    pub fn new() -> Self {
+        Self {
+            states: VecDeque::with_capacity(KEPT),
+        }
+    }
+
+    /// Takes the joints' state. Joints whose clock goes back began again: what was before is forgotten.
+    pub fn push(&mut self, state: &JointState) {
+        if self
+            .last()
+            .is_some_and(|last| state.sensor_ns < last.sensor_ns)
+        {
+            self.states.clear();
+        }
+        if self.states.len() == KEPT {
+            self.states.pop_front();
+        }
+        self.states.push_back(*state);
+    }
+
+    /// Returns the newest.
+    pub fn last(&self) -> Option<&JointState> {
+        self.states.back()
+    }
+
+    /// Returns the last state that is not later than a stamp, if one from before it is kept.
+    pub fn at(&self, stamp_ns: u64) -> Option<&JointState> {
+        let place = self
+            .states
+            .partition_point(|state| state.sensor_ns <= stamp_ns);
+        self.states.get(place.checked_sub(1)?)
+    }
+
+    /// Returns the neck at a stamp, if states around it are kept.
+    pub fn neck(&self, stamp_ns: u64) -> Option<NeckMotion> {
+        let (before, now, after) = (
+            self.at(stamp_ns.saturating_sub(AROUND_NS))?,
+            self.at(stamp_ns)?,
+            self.at(stamp_ns + AROUND_NS)?,
+        );
+        let apart = after.sensor_ns.saturating_sub(before.sensor_ns) as f64 * 1e-9;
+        if apart <= 0.0 {
+            return None;
+        }
+        let since = (stamp_ns - now.sensor_ns) as f64 * 1e-9;
+        let neck = |i: usize| joint::NECK.start + i;
+        let ddq: [f64; 2] =
+            std::array::from_fn(|i| (after.dq[neck(i)] - before.dq[neck(i)]) / apart);
+        let (q, dq) = (
+            |i: usize| now.q[neck(i)] + since * (now.dq[neck(i)] + since / 2.0 * ddq[i]),
+            |i: usize| now.dq[neck(i)] + since * ddq[i],
+        );
+        Some(NeckMotion {
+            q: [q(0), q(1)],
+            dq: [dq(0), dq(1)],
+            ddq,
+        })
+    }
+}
