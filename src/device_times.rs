@@ -4,9 +4,11 @@ use std::time::Instant;
 
 use anyhow::Context;
 use tactnet_data::twin::{TwinConfig, generate};
-use tactnet_data::{Fold, Scheme, Seed};
+use tactnet_data::{Dataset, Fold, Scheme, Seed};
 use tactnet_models::Compute;
 use tactnet_pipeline::{ClassifierConfig, ModelConfig, ModelRecipe, TactNetSetup, Training};
+#[cfg(any(feature = "vulkan", feature = "cuda"))]
+use tactnet_pipeline::{StackMember, StackedTraining};
 
 /// Steps before those that are timed: a GPU compiles its kernels.
 const WARM_UP: usize = 3;
@@ -77,6 +79,80 @@ pub fn time(
         },
         all,
     })
+}
+
+/// Times `steps` steps of `networks` networks at once, which train on folds of `dataset`, one after the other; ms a step and network. `None` on
+/// devices that train one network at a time.
+///
+/// # Errors
+/// A device that does not open.
+#[cfg(any(feature = "vulkan", feature = "cuda"))]
+pub fn time_stack(
+    dataset: &Dataset,
+    recipe: &str,
+    device: Compute,
+    (networks, steps): (usize, usize),
+) -> anyhow::Result<Option<f64>> {
+    if device == Compute::Cpu {
+        return Ok(None);
+    }
+    let ModelRecipe::TactNet2(recipe) = ModelRecipe::load(recipe)? else {
+        anyhow::bail!("{recipe} is no recipe of a network");
+    };
+    let scheme = Scheme::default();
+    let folds = scheme.folds(dataset)?;
+    let fold = |network: usize| {
+        let repeat = network / folds % scheme.repeats();
+        Fold::new(dataset, scheme, Seed(1), repeat, network % folds)
+    };
+    let all = (0..networks)
+        .map(fold)
+        .collect::<Result<Vec<Fold<'_>>, _>>()?;
+    let mut fitted = Vec::with_capacity(networks);
+    for fold in &all {
+        let setup = TactNetSetup::fit(&recipe, &fold.train);
+        let model = ModelConfig::TactNet2(setup.clone());
+        let config = ClassifierConfig::new(model, &fold.train, Seed(1)).network_config(&setup)?;
+        fitted.push((setup, config));
+    }
+    let members = all.iter().zip(&fitted).enumerate();
+    let members = members.map(|(network, (fold, (setup, config)))| StackMember {
+        recipe: &recipe,
+        train: &fold.train,
+        normalizer: &setup.normalizer,
+        config,
+        seed: Seed(network as u64),
+    });
+    let members: Vec<StackMember<'_>> = members.collect();
+    let states = members.iter().map(|_| None).collect();
+    let mut training = StackedTraining::start(members, states, &device.open()?)?;
+    let mut take = |steps: usize| -> anyhow::Result<()> {
+        for _ in 0..steps {
+            for report in training.step() {
+                report.transpose()?;
+            }
+        }
+        match training.wait().into_iter().next() {
+            Some((_, error)) => Err(error.into()),
+            None => Ok(()),
+        }
+    };
+    take(WARM_UP)?;
+    let begin = Instant::now();
+    take(steps)?;
+    let all = begin.elapsed().as_secs_f64() * 1e3;
+    Ok(Some(all / (steps * networks) as f64))
+}
+
+/// Without a GPU networks are trained one at a time.
+#[cfg(not(any(feature = "vulkan", feature = "cuda")))]
+pub fn time_stack(
+    _dataset: &Dataset,
+    _recipe: &str,
+    _device: Compute,
+    _networks_and_steps: (usize, usize),
+) -> anyhow::Result<Option<f64>> {
+    Ok(None)
 }
 
 /// Returns the device that trains the published network fastest, and says on stderr which and why.

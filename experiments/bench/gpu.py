@@ -4,7 +4,8 @@
     cargo build --release --features vulkan
     python experiments/bench/gpu.py [--binary target/release/tactnet] [--rounds 2] [--json]
 
-Rows are those of `tactnet bench device` (`device`, `name`, `work`, `ms`), `rounds` of them, and for PyTorch `device` = "torch". Its work is
+Rows are those of `tactnet bench device` (`device`, `name`, `work`, `networks`, `ms`), `rounds` of them; `stacked step` and `stacked adversarial step`
+are those of so many networks trained at once, ms a step and network (`--networks`). For PyTorch `device` = "torch"; its work is
 TactNet-II on 36 sweeps of 1000 x 16 values that lie on the card: `step` (forward, backward, fused Adam) and `adversarial step` (the gradient of
 the input of a clean pass, then both losses, as recipe `thesis`). Its ways are 32-bit floats, TF32 or autocast to bf16, contiguous or
 channels-last memory, launched one by one or replayed as one CUDA graph; `way` says which. Our steps also choose and normalise the sweeps, which lie on
@@ -137,11 +138,13 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--binary", default=str(ROOT / "target/release/tactnet"))
     parser.add_argument("--rounds", type=int, default=2)
+    parser.add_argument("--networks", default="1,5,10,20", help="numbers of networks that are trained at once")
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
     rows, missing = [], None
     for turn in range(arguments.rounds):
-        ours = subprocess.run([arguments.binary, "bench", "device", "--json"], capture_output=True, text=True)
+        command = [arguments.binary, "bench", "device", "--json", "--networks", arguments.networks]
+        ours = subprocess.run(command, capture_output=True, text=True)
         if ours.returncode != 0:
             sys.exit(f"{arguments.binary} bench device: {ours.stderr.strip()}")
         rows += [{**row, "round": turn} for row in json.loads(ours.stdout)["rows"]]
@@ -153,7 +156,8 @@ def main():
         print(json.dumps(result, indent=1))
         return
     for row in rows:
-        print(f"{row['device']:8} {row['work']:18} {row['ms']:9.2f} ms  {row.get('way', row['name'])}")
+        work = f"{row['work']} of {row['networks']}" if row["work"].startswith("stacked") else row["work"]
+        print(f"{row['device']:8} {work:30} {row['ms']:9.2f} ms  {row.get('way', row['name'])}")
     if missing:
         print(f"PyTorch was left out: {missing}")
 

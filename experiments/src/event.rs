@@ -23,7 +23,7 @@ pub enum Event<'a> {
     Done {
         /// Which.
         task: &'a Task,
-        /// Time since it was started here; with Slurm, its training time; 0 where another runner did it.
+        /// Time since it was started here, of networks trained at once its share; with Slurm, its training time; 0 where another runner did it.
         seconds: f64,
     },
     /// A task has ended without a result; it is begun again a bounded number of times.

@@ -4,14 +4,20 @@ use std::path::Path;
 use std::thread;
 use std::time::Duration;
 
+use tactnet_data::Seed;
+use tactnet_models::Compute;
+use tactnet_pipeline::TrainSpec;
+
 use crate::task_process::TaskProcess;
 use crate::tasks::{ExperimentDir, TaskState};
-use crate::{Event, ExperimentError, Task, TimeLeft};
+use crate::{Event, ExperimentError, Job, Task, TimeLeft};
 
 /// How often processes are looked at.
 const POLL: Duration = Duration::from_millis(50);
 /// How often a task is begun before it counts as failed.
 const ATTEMPTS: usize = 3;
+/// Networks that one process is given at once, at most; it trains as many of them side by side as memory allows.
+const TOGETHER: usize = 100;
 /// Exit code of a task that would fail again the same way: its call must be corrected.
 const HOPELESS: i32 = 2;
 
@@ -22,6 +28,8 @@ pub struct LocalPool {
     pub jobs: usize,
     /// Threads of each.
     pub threads: usize,
+    /// Networks that a GPU trains at once; `None`: as many as its memory allows.
+    pub at_once: Option<usize>,
 }
 
 impl LocalPool {
@@ -37,15 +45,49 @@ impl LocalPool {
         Self {
             jobs: jobs.max(1),
             threads: (cores / jobs.max(1)).max(1),
+            at_once: None,
         }
+    }
+
+    /// With so many networks at once on a GPU.
+    #[must_use]
+    pub fn at_once(self, at_once: Option<usize>) -> Self {
+        Self { at_once, ..self }
     }
 }
 
-/// A task that runs.
-struct Running<'a> {
-    task: &'a Task,
-    index: usize,
+/// A process that works on tasks: one, or several networks that a GPU trains at once.
+struct Running {
+    indices: Vec<usize>,
     process: TaskProcess,
+}
+
+/// What is the same of networks that a GPU can train at once; `None` of all other tasks.
+fn kind(dir: &ExperimentDir, task: &Task) -> Option<TrainSpec> {
+    let Job::Train(spec) = &task.job else {
+        return None;
+    };
+    let alone = spec.device == Compute::Cpu || spec.watch_test || !dir.plan.trains_network(task);
+    (!alone).then(|| TrainSpec {
+        fold: None,
+        repeat: 0,
+        inner: None,
+        seed: Seed(0),
+        ..spec.clone()
+    })
+}
+
+/// The tasks of `open` that the one at `first` can be trained with at once, that one in front.
+fn together(dir: &ExperimentDir, first: usize, open: &[usize], most: usize) -> Vec<usize> {
+    let tasks = &dir.plan.tasks;
+    let mut group = vec![first];
+    if let Some(own) = kind(dir, &tasks[first]).filter(|_| most > 1) {
+        let others = open.iter().copied().filter(|&other| {
+            other != first && kind(dir, &tasks[other]).is_some_and(|kind| kind == own)
+        });
+        group.extend(others.take(most - 1));
+    }
+    group
 }
 
 /// Runs every task that has not ended; tasks on which another process works are waited for.
@@ -69,7 +111,7 @@ pub fn run_locally(
         .iter()
         .map(|t| dir.state(t) == TaskState::Done)
         .collect();
-    let mut running: Vec<Running<'_>> = Vec::new();
+    let mut running: Vec<Running> = Vec::new();
     tell(Event::Begun {
         done: ended.iter().filter(|ended| **ended).count(),
         all: tasks.len(),
@@ -86,39 +128,38 @@ pub fn run_locally(
                 position += 1;
                 continue;
             };
-            let Running {
-                task,
-                index,
-                process,
-            } = running.swap_remove(position);
-            if dir.state(task) == TaskState::Done {
-                ended[index] = true;
-                tell(Event::Done {
-                    task,
-                    seconds: process.seconds(),
-                });
-            } else if !stopping {
-                attempts[index] += 1;
-                if status.code() == Some(HOPELESS) {
-                    attempts[index] = ATTEMPTS;
+            let Running { indices, process } = running.swap_remove(position);
+            for &index in &indices {
+                let task = &tasks[index];
+                if dir.state(task) == TaskState::Done {
+                    ended[index] = true;
+                    tell(Event::Done {
+                        task,
+                        seconds: process.seconds() / indices.len() as f64,
+                    });
+                } else if !stopping {
+                    attempts[index] += 1;
+                    // Of several, nobody knows whose call it is.
+                    if status.code() == Some(HOPELESS) && indices.len() == 1 {
+                        attempts[index] = ATTEMPTS;
+                    }
+                    tell(Event::Failed {
+                        task,
+                        attempt: attempts[index],
+                        reason: dir.last_words(task),
+                    });
+                    ended[index] = attempts[index] >= ATTEMPTS;
                 }
-                tell(Event::Failed {
-                    task,
-                    attempt: attempts[index],
-                    reason: dir.last_words(task),
-                });
-                ended[index] = attempts[index] >= ATTEMPTS;
             }
         }
         if stopping && running.is_empty() {
             return Ok(());
         }
-        let mut open = (0..tasks.len())
-            .filter(|&i| !ended[i] && running.iter().all(|r| r.index != i))
-            .collect::<Vec<_>>()
-            .into_iter();
-        while !stopping && running.len() < pool.jobs {
-            let Some(index) = open.next() else { break };
+        let mut open: Vec<usize> = (0..tasks.len())
+            .filter(|i| !ended[*i] && running.iter().all(|r| !r.indices.contains(i)))
+            .collect();
+        while !stopping && running.len() < pool.jobs && !open.is_empty() {
+            let index = open.remove(0);
             let task = &tasks[index];
             match dir.state(task) {
                 TaskState::Done => {
@@ -127,11 +168,30 @@ pub fn run_locally(
                 }
                 TaskState::Running => {}
                 TaskState::Open | TaskState::Interrupted => {
-                    if let Some(process) = TaskProcess::start(dir, program, task, pool.threads)? {
-                        tell(Event::Started { task });
+                    // What has failed is tried again alone.
+                    let fresh = |i: &usize| {
+                        let state = dir.state(&tasks[*i]);
+                        let waits = matches!(state, TaskState::Open | TaskState::Interrupted);
+                        attempts[*i] == 0 && waits
+                    };
+                    let others: Vec<usize> = open.iter().copied().filter(fresh).collect();
+                    let most = match attempts[index] {
+                        0 => pool.at_once.unwrap_or(TOGETHER),
+                        _ => 1,
+                    };
+                    let mut group = together(dir, index, &others, most);
+                    let of_group: Vec<&Task> = group.iter().map(|&i| &tasks[i]).collect();
+                    let started = TaskProcess::start(dir, program, &of_group, pool)?;
+                    if let Some((process, claimed)) = started {
+                        group = claimed.iter().map(|&at| group[at]).collect();
+                        open.retain(|i| !group.contains(i));
+                        for &index in &group {
+                            tell(Event::Started {
+                                task: &tasks[index],
+                            });
+                        }
                         running.push(Running {
-                            task,
-                            index,
+                            indices: group,
                             process,
                         });
                     }
@@ -195,7 +255,8 @@ pub fn run_task(
         first: task.id.clone(),
         reason,
     };
-    let Some(mut process) = TaskProcess::start(dir, program, task, threads)? else {
+    let pool = LocalPool::with_jobs(1, threads);
+    let Some((mut process, _)) = TaskProcess::start(dir, program, &[task], pool)? else {
         return Err(failed("another process works on it".into()));
     };
     while process.status()?.is_none() {

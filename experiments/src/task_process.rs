@@ -1,4 +1,4 @@
-//! A task as a process.
+//! Tasks as a process: one, or several networks that are trained at once.
 
 use std::fs::File;
 use std::path::Path;
@@ -8,54 +8,72 @@ use std::time::Instant;
 use tactnet_process::ChildProcess;
 
 use crate::tasks::ExperimentDir;
-use crate::{ExperimentError, Task};
+use crate::{ExperimentError, LocalPool, Task};
 
-/// A process that works on a task; when this is dropped, the process is killed and the task is no longer claimed.
+/// A process that works on tasks; when this is dropped, the process is killed and the tasks are no longer claimed.
 pub(crate) struct TaskProcess {
     process: ChildProcess,
     begun: Instant,
     interrupted: bool,
-    _claim: File,
+    _claims: Vec<File>,
 }
 
 impl TaskProcess {
-    /// Starts `program task DIR ID`, or `None` while another runner has the task.
+    /// Starts `program task DIR ID …`, on those of `tasks` that no other runner has, and returns it with their places among `tasks`; `None`
+    /// while another runner has the first. What it says goes to the log of the first.
     ///
     /// # Errors
-    /// The program cannot be started; the task's log cannot be written.
+    /// The program cannot be started; a task's log cannot be written.
     pub(crate) fn start(
         dir: &ExperimentDir,
         program: &Path,
-        task: &Task,
-        threads: usize,
-    ) -> Result<Option<Self>, ExperimentError> {
-        let Some(claim) = claim(dir, task)? else {
-            return Ok(None);
-        };
-        let path = dir.log_file(task);
+        tasks: &[&Task],
+        pool: LocalPool,
+    ) -> Result<Option<(Self, Vec<usize>)>, ExperimentError> {
+        let mut claims = Vec::new();
+        let mut claimed = Vec::new();
+        for (place, task) in tasks.iter().enumerate() {
+            match claim(dir, task)? {
+                Some(claim) => {
+                    claims.push(claim);
+                    claimed.push(place);
+                }
+                None if place == 0 => return Ok(None),
+                None => {}
+            }
+        }
+        let first = tasks[0];
+        for &place in &claimed[1..] {
+            dir.note(tasks[place], &format!("trained at once with {}", first.id))?;
+        }
+        let path = dir.log_file(first);
         let log = File::options()
             .create(true)
             .append(true)
             .open(&path)
             .map_err(|error| ExperimentError::io(&path, "write", error))?;
         let mut command = Command::new(program);
+        command.arg("task");
+        if let Some(at_once) = pool.at_once {
+            command.arg("--at-once").arg(at_once.to_string());
+        }
         command
-            .arg("task")
             .arg(dir.path())
-            .arg(&task.id)
-            .env("RAYON_NUM_THREADS", threads.to_string())
+            .args(claimed.iter().map(|&place| &tasks[place].id))
+            .env("RAYON_NUM_THREADS", pool.threads.to_string())
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(log);
         // Ctrl-C on a terminal reaches the runner alone, which passes it on once.
         let process = ChildProcess::start(&mut command)
             .map_err(|error| ExperimentError::io(program, "start", error))?;
-        Ok(Some(Self {
+        let started = Self {
             process,
             begun: Instant::now(),
             interrupted: false,
-            _claim: claim,
-        }))
+            _claims: claims,
+        };
+        Ok(Some((started, claimed)))
     }
 
     /// Returns its status once it has ended.

@@ -9,6 +9,7 @@
 //! | `summary.json`, `report.html` | what was found |
 
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -177,6 +178,17 @@ impl ExperimentDir {
     /// Returns the file that a task's stderr goes to.
     pub fn log_file(&self, task: &Task) -> PathBuf {
         self.path.join("tasks").join(format!("{}.log", task.id))
+    }
+
+    /// Adds a line to a task's log, for what another task's process does for it.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn note(&self, task: &Task, line: &str) -> Result<(), ExperimentError> {
+        let path = self.log_file(task);
+        let log = fs::File::options().create(true).append(true).open(&path);
+        log.and_then(|mut log| writeln!(log, "{line}"))
+            .map_err(|error| ExperimentError::io(&path, "write", error))
     }
 
     /// Where a task stands.

@@ -14,6 +14,7 @@ use tactnet_experiments::{
     Event, ExperimentDir, ExperimentRecipe, LocalPool, SlurmArray, Status, assumed_rate_text,
     export_mlflow, run_locally, run_on_slurm, run_task, summarise, to_html, to_table,
 };
+use tactnet_models::Compute;
 
 use crate::output::OutputFormat;
 use crate::stop::Stop;
@@ -110,10 +111,14 @@ fn run_experiment(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
     let outcome = match arguments.engine {
         Engine::Local => {
             let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+            let on_gpu = dir.plan.recipe.device != Compute::Cpu;
             let pool = match arguments.jobs {
-                None => LocalPool::for_cores(cores, dir.plan.tasks.len()),
                 Some(jobs) => LocalPool::with_jobs(jobs as usize, cores),
+                // Processes share a card badly.
+                None if on_gpu => LocalPool::with_jobs(1, cores),
+                None => LocalPool::for_cores(cores, dir.plan.tasks.len()),
             };
+            let pool = pool.at_once(arguments.at_once.map(|networks| networks as usize));
             run_locally(&dir, &program, pool, || stop.asked(), tell)
         }
         Engine::Slurm => {

@@ -6,15 +6,16 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use anyhow::bail;
+use anyhow::{Context, bail};
 use clap::Args;
 use tactnet_data::refuse_errors;
-use tactnet_experiments::{ExperimentDir, Job, QuestionTask, Start, answer_question};
+use tactnet_experiments::{ExperimentDir, Job, QuestionTask, Start, Task, answer_question};
 use tactnet_pipeline::{
-    BatchReport, LabelOrder, ModelRecipe, Provenance, RunDir, Session, TrainJob,
+    BatchReport, LabelOrder, ModelRecipe, Provenance, RunDir, Session, TrainEvent, TrainJob,
+    TrainOutcome, train_together,
 };
 
-use super::train::train;
+use super::train::{Progress, train};
 use crate::output::OutputFormat;
 use crate::stop::Stop;
 use crate::{GIT, failure, output, source};
@@ -27,16 +28,22 @@ pub struct TaskArgs {
     /// Folder of an experiment
     #[arg(value_name = "DIR")]
     dir: PathBuf,
-    /// Name of a task
-    #[arg(value_name = "ID")]
-    id: String,
+    /// Names of tasks: one, or several trainings of networks, which a GPU does at once
+    #[arg(value_name = "ID", required = true)]
+    ids: Vec<String>,
+    /// Networks at once [default: as many as memory allows]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100))]
+    at_once: Option<u32>,
 }
 
 /// Runs the command.
 pub fn run(arguments: &TaskArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen()?;
     let dir = ExperimentDir::open(&arguments.dir)?;
-    let task = dir.task(&arguments.id)?;
+    let [id] = &arguments.ids[..] else {
+        return train_at_once(&dir, arguments, &stop);
+    };
+    let task = dir.task(id)?;
     let folder = dir.task_dir(task);
     let program = Provenance::of_this_process(env!("CARGO_PKG_VERSION"), GIT);
     match dir.begin(task)? {
@@ -55,6 +62,89 @@ pub fn run(arguments: &TaskArgs) -> anyhow::Result<ExitCode> {
             Job::Question(task) => answer(&task, &folder, program, &stop),
         },
     }
+}
+
+/// Trains the networks of several tasks at once. What goes wrong with one of them stands in its log.
+fn train_at_once(
+    dir: &ExperimentDir,
+    arguments: &TaskArgs,
+    stop: &Stop,
+) -> anyhow::Result<ExitCode> {
+    let mut failures = Vec::new();
+    let (mut tasks, mut sessions) = (Vec::new(), Vec::new());
+    for id in &arguments.ids {
+        let task = dir.task(id)?;
+        match session_of(dir, task) {
+            Ok(session) => {
+                tasks.push(task);
+                sessions.push(session);
+            }
+            Err(error) => failures.push((task, error)),
+        }
+    }
+    let Some(first) = sessions.first() else {
+        return Err(first_of(dir, failures)?);
+    };
+    source::announce(&first.run().config()?.spec.data);
+    say!(
+        "{} networks at once, as memory allows; the first of them:",
+        sessions.len()
+    );
+    let mut shown = Progress::new(false);
+    let ended = train_together(
+        &sessions,
+        arguments.at_once.map(|networks| networks as usize),
+        |index, event| {
+            let path = sessions[index].run().path();
+            match event {
+                TrainEvent::Begun { .. } | TrainEvent::Batch { .. } if index > 0 => {}
+                event => shown.show(&event, path),
+            }
+        },
+        || stop.asked(),
+    );
+    let mut stopped = false;
+    for ((task, session), ended) in tasks.into_iter().zip(&sessions).zip(ended) {
+        match ended {
+            Ok(TrainOutcome::Finished(_)) => output::print(session.run().path().display())?,
+            Ok(TrainOutcome::Stopped) => stopped = true,
+            Err(error) => failures.push((task, error.into())),
+        }
+    }
+    if !failures.is_empty() {
+        return Err(first_of(dir, failures)?);
+    }
+    if stopped {
+        say!("stopped; the tasks go on where they were when they are run again");
+        return Ok(ExitCode::from(failure::INTERRUPTED));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn session_of(dir: &ExperimentDir, task: &Task) -> anyhow::Result<Session> {
+    let folder = dir.task_dir(task);
+    let program = Provenance::of_this_process(env!("CARGO_PKG_VERSION"), GIT);
+    let job = match dir.begin(task)? {
+        Start::Resume => return Ok(Session::resume(&folder, None, program)?),
+        Start::Begin(job) => *job,
+    };
+    let Job::Train(spec) = job else {
+        bail!("task `{}` is no training; run it alone", task.id);
+    };
+    let job = TrainJob::try_from(spec)?;
+    Ok(Session::begin(&job, Some(&folder), program, |_| Ok(()))?)
+}
+
+/// Writes each failure to its task's log, and returns the first.
+fn first_of(
+    dir: &ExperimentDir,
+    failures: Vec<(&Task, anyhow::Error)>,
+) -> anyhow::Result<anyhow::Error> {
+    for (task, error) in &failures {
+        dir.note(task, &format!("error: {error:#}"))?;
+    }
+    let first = failures.into_iter().next();
+    first.map(|(_, error)| error).context("a task has failed")
 }
 
 fn answer(

@@ -19,7 +19,7 @@ use crate::output::{self, OutputFormat};
 use crate::stop::Stop;
 use crate::{GIT, device_times, failure, source};
 pub use arguments::TrainArgs;
-use progress::Progress;
+pub use progress::Progress;
 
 /// Runs the command.
 pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {

@@ -6,18 +6,19 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use crate::catch_calibration::{PLANTED, calibrated};
 use crate::command::tactnet;
 use crate::serve::{Robot, Running};
 
 /// A run beside this test, and what it says.
-struct Run {
+pub(crate) struct Run {
     child: Child,
     said: std::sync::mpsc::Receiver<String>,
     heard: Vec<String>,
 }
 
 impl Run {
-    fn start(arguments: &[&str]) -> Self {
+    pub(crate) fn start(arguments: &[&str]) -> Self {
         let mut command = tactnet(["catch", "run", "--json"]);
         command.args(arguments);
         let mut child = command
@@ -42,12 +43,12 @@ impl Run {
     }
 
     /// Waits for a line that begins so; all lines so far are kept.
-    fn wait_for(&mut self, beginning: &str) -> String {
+    pub(crate) fn wait_for(&mut self, beginning: &str) -> String {
         self.wait_until(beginning, |line| line.starts_with(beginning))
     }
 
     /// Waits for a line with these words.
-    fn wait_with(&mut self, words: &str) -> String {
+    pub(crate) fn wait_with(&mut self, words: &str) -> String {
         self.wait_until(words, |line| line.contains(words))
     }
 
@@ -71,7 +72,7 @@ impl Run {
     }
 
     /// Names and numbers of its processes.
-    fn processes(&mut self) -> BTreeMap<String, u32> {
+    pub(crate) fn processes(&mut self) -> BTreeMap<String, u32> {
         let line = self.wait_for("started: ");
         line["started: ".len()..]
             .split(", ")
@@ -83,7 +84,7 @@ impl Run {
     }
 
     /// Asks it to end, and returns its report.
-    fn end(mut self) -> serde_json::Value {
+    pub(crate) fn end(mut self) -> serde_json::Value {
         signal("TERM", self.child.id());
         let output = self.child.wait_with_output().unwrap();
         assert!(output.status.success(), "{:?}", self.heard);
@@ -92,7 +93,7 @@ impl Run {
     }
 }
 
-fn signal(name: &str, process: u32) {
+pub(crate) fn signal(name: &str, process: u32) {
     let sent = Command::new("kill")
         .args([&format!("-{name}"), &process.to_string()])
         .status();
@@ -149,7 +150,7 @@ fn a_live_run_catches_and_ends_all_its_processes() {
 }
 
 /// Its times are those of the run, and tracker and planners answer the same again.
-fn a_recording_tells_the_same(file: &Path, report: &serde_json::Value) {
+pub(crate) fn a_recording_tells_the_same(file: &Path, report: &serde_json::Value) {
     let picture = file.with_extension("svg");
     let mut timing = tactnet(["catch", "timing", "--json", "--picture"]);
     timing.arg(&picture).arg(file);
@@ -244,7 +245,7 @@ fn packets_of_the_stack_are_echoed_and_recorded() {
     assert!(told["messages"].as_u64().unwrap() > 1000, "{told}");
     assert_eq!(
         (told["lost"].as_u64(), told["channels"].as_u64()),
-        (Some(0), Some(25))
+        (Some(0), Some(27))
     );
     let mut timing = tactnet(["catch", "timing", "--json"]);
     timing.arg(&file);
@@ -262,8 +263,20 @@ fn packets_of_the_stack_are_echoed_and_recorded() {
 
 #[test]
 fn every_process_may_be_killed_at_any_moment() {
-    let mut run = Run::start(&["--seed", "5", "--throw-back=3.6,0,1.2"]);
+    let place = tempfile::tempdir().unwrap();
+    let calibration = calibrated(place.path());
+    let arguments = ["--seed", "5", "--throw-back=3.6,0,1.2", "--calibration"];
+    let mut run = Run::start(
+        &[
+            &arguments[..],
+            &[calibration.to_str().unwrap()],
+            &PLANTED[..],
+        ]
+        .concat(),
+    );
     let mut processes = run.processes();
+    // Whoever begins again has the calibration that the run began with.
+    std::fs::write(&calibration, "spoilt").unwrap();
     run.wait_for("throw 1:");
     // In an order of its own; the last ones while the robot still recovers from those before.
     for name in [
@@ -276,10 +289,13 @@ fn every_process_may_be_killed_at_any_moment() {
         "hand",
         "planner-right",
         "thrower",
+        "slip-watch",
         "world",
     ] {
         signal("KILL", processes[name]);
-        run.wait_for(&format!("the {name} has ended"));
+        let ended = run.wait_for(&format!("the {name} has ended"));
+        let goes_on = matches!(name, "thrower" | "slip-watch");
+        assert_eq!(ended.contains("brakes"), !goes_on, "{ended}");
         let line = run.wait_for(&format!("the {name} begins again"));
         let number = line.rsplit(' ').next().unwrap().parse().unwrap();
         processes.insert(name.into(), number);
@@ -295,7 +311,8 @@ fn every_process_may_be_killed_at_any_moment() {
     run.wait_for("the thrower begins again");
     run.wait_for("thrown back ");
     let report = run.end();
-    assert_eq!(report["restarts"], 11);
+    assert_eq!(report["restarts"], 12);
+    assert_ne!(report["calibration"]["holds"], false, "{report}");
     assert!(report["throws_back"].as_u64().unwrap() >= 2, "{report}");
     assert!(report["throw_miss_mm"]["p50"].as_f64().unwrap() < 1000.0);
     assert!(processes.values().all(|process| !is_there(*process)));

@@ -16,7 +16,16 @@ fn every_device_that_is_present_is_timed() {
         let row = rows.iter().find(of_cpu).unwrap();
         assert!(row["ms"].as_f64().unwrap() > 0.0, "{row}");
     }
-    assert_eq!(rows.len() % 3, 0, "{found}");
+    assert!(rows.len() >= 3, "{found}");
+    // The processor trains one network at a time.
+    let stacked = |row: &&Value| {
+        row["work"]
+            .as_str()
+            .is_some_and(|of| of.starts_with("stacked"))
+    };
+    for row in rows.iter().filter(stacked) {
+        assert_ne!(row["device"], "cpu", "{found}");
+    }
 }
 
 #[test]

@@ -10,6 +10,7 @@ mod attacks;
 mod baselines;
 mod build_script;
 mod catch;
+mod catch_calibration;
 mod catch_run;
 mod channel;
 #[cfg(feature = "zenoh")]

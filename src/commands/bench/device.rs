@@ -9,13 +9,15 @@ use tactnet_data::twin::{TwinConfig, generate};
 use tactnet_data::{Fold, Scheme, Seed};
 use tactnet_models::Compute;
 
+use crate::commands::choices::DeviceChoice;
 use crate::device_times::{self, Times};
 use crate::output;
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     tactnet bench device\n  \
-    tactnet bench device --sweeps 20 --steps 400 --json     smaller sweeps, and fewer\n\n\
+    tactnet bench device --sweeps 20 --steps 400 --json     smaller sweeps, and fewer\n  \
+    tactnet bench device --networks 1,10,20                 so many networks at once on a GPU\n\n\
     Sweeps are the twin's; the network is the recipe `fast`, and the recipe `thesis` for adversarial steps.")]
 pub struct DeviceArgs {
     /// Sweeps of each material; four of five are trained on
@@ -30,6 +32,12 @@ pub struct DeviceArgs {
     /// Timed adversarial steps
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     adversarial: u32,
+    /// Networks that are trained at once on a GPU, one row for each number; their steps are timed as often as adversarial ones
+    #[arg(long, value_name = "N", value_delimiter = ',', default_value = "1,10", value_parser = clap::value_parser!(u32).range(1..=100))]
+    networks: Vec<u32>,
+    /// Time this device alone, even if the processor plays it [default: all but those]
+    #[arg(long, value_enum)]
+    device: Option<DeviceChoice>,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
@@ -42,9 +50,11 @@ struct Row {
     device: Compute,
     /// What the device calls itself.
     name: String,
-    /// `step`, `adversarial step` or `epoch`.
+    /// `step`, `adversarial step` or `epoch`; of several networks at once `stacked step` or `stacked adversarial step`.
     work: &'static str,
-    /// Milliseconds: a step (the median on the processor, the mean on a GPU), or the one epoch.
+    /// Networks that are trained at once.
+    networks: u32,
+    /// Milliseconds: a step (the median on the processor, the mean on a GPU), or the one epoch; of several networks a step of one of them.
     ms: f64,
 }
 
@@ -74,23 +84,39 @@ pub fn run(arguments: &DeviceArgs) -> anyhow::Result<ExitCode> {
         sweeps: fold.train.len(),
         rows: Vec::new(),
     };
-    for (device, name) in Compute::present() {
+    let present = match arguments.device {
+        None => Compute::present(),
+        Some(asked) => vec![named(asked.into())?],
+    };
+    for (device, name) in present {
         say!("training on {name} …");
-        let mut row = |work, ms| {
+        let mut row = |work, networks, ms| {
             let name = name.clone();
             report.rows.push(Row {
                 device,
                 name,
                 work,
+                networks,
                 ms,
             });
         };
         let Times { batch, step, all } = device_times::time(&fold, "fast", device, None)?;
-        row("step", step);
-        row("epoch", all);
-        let limit = Some(arguments.adversarial as usize);
-        let adversarial = device_times::time(&fold, "thesis", device, limit)?;
-        row("adversarial step", adversarial.step);
+        row("step", 1, step);
+        row("epoch", 1, all);
+        let steps = arguments.adversarial as usize;
+        let adversarial = device_times::time(&fold, "thesis", device, Some(steps))?;
+        row("adversarial step", 1, adversarial.step);
+        for &networks in &arguments.networks {
+            for (work, recipe) in [
+                ("stacked step", "fast"),
+                ("stacked adversarial step", "thesis"),
+            ] {
+                let sizes = (networks as usize, steps);
+                if let Some(ms) = device_times::time_stack(&twin, recipe, device, sizes)? {
+                    row(work, networks, ms);
+                }
+            }
+        }
         report.batch = batch;
     }
     if arguments.json {
@@ -101,14 +127,31 @@ pub fn run(arguments: &DeviceArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// A device with its name.
+fn named(device: Compute) -> anyhow::Result<(Compute, String)> {
+    let known = Compute::present().into_iter().find(|(of, _)| *of == device);
+    Ok(match known {
+        Some(known) => known,
+        None if device == Compute::Vulkan => (device, Compute::vulkan_adapter()?.name),
+        None => (device, "GPU".to_owned()),
+    })
+}
+
 fn table(report: &Report) -> Result<String, std::fmt::Error> {
-    let mut text = format!("{:28} {:18} {:>10}\n", "device", "work", "ms");
+    let mut text = format!(
+        "{:28} {:25} {:>8} {:>10}\n",
+        "device", "work", "networks", "ms"
+    );
     for row in &report.rows {
-        writeln!(text, "{:28} {:18} {:>10.2}", row.name, row.work, row.ms)?;
+        writeln!(
+            text,
+            "{:28} {:25} {:>8} {:>10.2}",
+            row.name, row.work, row.networks, row.ms
+        )?;
     }
     write!(
         text,
-        "a step takes {} sweeps; an epoch is {} sweeps in batches of {} at most",
+        "a step takes {} sweeps, with several networks the time is that of one network's; an epoch is {} sweeps in batches of {} at most",
         report.batch, report.sweeps, report.batch
     )?;
     Ok(text)

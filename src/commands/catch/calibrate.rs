@@ -97,10 +97,7 @@ fn solve(arguments: &CalibrateArgs, path: &Path) -> anyhow::Result<ExitCode> {
     let robot = super::robot(arguments.robot.as_ref())?;
     let session = read_session(path)?;
     let config = CalibrationConfig::default();
-    let last = calibration(
-        arguments.out.as_deref().filter(|out| out.exists()),
-        &robot,
-    )?;
+    let last = calibration(arguments.out.as_deref().filter(|out| out.exists()), &robot)?;
     let model = Model::new(&robot);
     let (report, _) = SolveReport::new(
         &model,

@@ -29,7 +29,7 @@ use crate::{GIT, output};
     tactnet catch run --throws 10 --throw-back          and throw them back; `--throw-back=4,0,1.2`: to there\n  \
     tactnet catch run --throws 10 --planted 7           a robot that is not as described, and what it catches so\n  \
     tactnet catch run --throws 10 --planted 7 --calibration calibration.toml     with what `catch calibrate --simulate --seed 7 --out calibration.toml` found\n  \
-    tactnet catch run --throws 20 --planted 7 --calibration calibration.toml --slip-at 8     a tendon slips, and it is noticed\n\n\
+    tactnet catch run --throws 20 --planted 7 --calibration calibration.toml --slip-at 8     a tendon slips on the way\n\n\
     Every part is a process: world, pose, tracker, coordinator, two planners, controller, safety, hand (and eyes, with --pixels; thrower, with --throw-back; slip-watch, with --calibration). One that \
     ends by itself brakes the robot, is named and begins again. Ctrl-C ends all of them.")]
 pub struct RunArgs {

@@ -41,10 +41,13 @@ pub struct RunArgs {
     /// Where every task computes [default: the recipe's]
     #[arg(long, value_enum)]
     pub device: Option<DeviceChoice>,
+    /// Networks that a GPU trains at once [default: as many as its memory allows]; 1: one after the other
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100))]
+    pub at_once: Option<u32>,
     /// Where tasks run
     #[arg(long, value_enum, default_value_t)]
     pub engine: Engine,
-    /// Tasks at once [default: one for every core; with Slurm: 100]
+    /// Tasks at once [default: one for every core, one on a GPU; with Slurm: 100]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub jobs: Option<u32>,
     /// With Slurm: cores of each task

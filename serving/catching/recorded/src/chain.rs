@@ -40,7 +40,9 @@ pub(crate) fn chains(
 ) -> Result<(Vec<Chain>, usize), RecordedError> {
     let mut circles: HashMap<u64, [Option<u64>; 2]> = HashMap::new();
     for put in packets_of::<Circles>(recording, None)? {
-        let seen = circles.entry(corrected(put.packet.exposure_ns)).or_default();
+        let seen = circles
+            .entry(corrected(put.packet.exposure_ns))
+            .or_default();
         if let Some(place) = seen.get_mut(put.packet.camera as usize) {
             place.get_or_insert(put.ns);
         }

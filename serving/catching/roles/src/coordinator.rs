@@ -6,11 +6,11 @@ use bytemuck::Zeroable;
 use tactnet_catching::calibrate::Corrections;
 use tactnet_catching::coordinate::{CatchState, Coordinator, Planned};
 use tactnet_catching::ramp::Ramp;
+use tactnet_catching_packets::ARMS;
 use tactnet_catching_packets::packets::{
     ArmPath, BallPredictions, BodyPath, CatchPhase, CatchStatus, ControllerCommand, ControllerMode,
     ControllerState, Gaze, HandCommand, HeadPose, JointState, PlanRequest, PlanResult, Text,
 };
-use tactnet_catching_packets::ARMS;
 use tactnet_channel::{Bus, Priority, PutPort, Start, Wait, now_ns};
 
 use crate::channels::{

@@ -9,11 +9,11 @@ use std::time::Duration;
 
 use tactnet_catching::flight::DRAG;
 use tactnet_catching::throw::{Aim, NoThrow, ThrowRequest, Thrower};
-use tactnet_catching_packets::{ARMS, JOINTS};
 use tactnet_catching_packets::packets::{
     ArmPath, BallPredictions, CatchStatus, ControllerState, FeltMaterial, HandOpening, HandState,
     Text, ThrowPath, ThrowStatus,
 };
+use tactnet_catching_packets::{ARMS, JOINTS};
 use tactnet_channel::{Bus, GetPort, Priority, PutPort, Start, Wait, now_ns};
 
 use crate::channels::{

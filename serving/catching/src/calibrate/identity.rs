@@ -18,7 +18,10 @@ pub fn robot_identity(description: &RobotDescription) -> String {
         cameras.focal,
         description.neck.height,
     ];
-    let lenses = cameras.distortion.iter().chain(cameras.shifts.as_flattened());
+    let lenses = cameras
+        .distortion
+        .iter()
+        .chain(cameras.shifts.as_flattened());
     let arms = description.arms.iter().flat_map(|arm| {
         let links = arm.links.iter();
         let weights = links.flat_map(|link| std::iter::once(link.mass).chain(link.centre));

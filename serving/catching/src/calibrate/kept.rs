@@ -34,7 +34,10 @@ pub enum KeptError {
         found: f64,
     },
     /// A covariance that is none.
-    #[error("certainty.covariance: expected {TRIANGLE} numbers, the lower triangle of a positive definite matrix, found {found}")]
+    #[error(
+        "certainty.covariance: expected {} numbers, the lower triangle of a positive definite matrix, found {found}",
+        TRIANGLE
+    )]
     Covariance {
         /// What it is.
         found: String,
@@ -96,7 +99,10 @@ impl KeptCalibration {
     /// Where a setting is missing, unknown, of another kind or no number, and where it is of another robot.
     pub fn parse(text: &str, robot: &RobotDescription) -> Result<Self, KeptError> {
         let kept: Self = toml::from_str(text).map_err(|error| {
-            let before = error.span().map_or("", |span| &text[..span.start]);
+            let before = error
+                .span()
+                .and_then(|span| text.get(..span.start))
+                .unwrap_or_default();
             KeptError::Syntax {
                 line: 1 + before.matches('\n').count(),
                 reason: error.message().replace('\n', ", "),
@@ -207,13 +213,22 @@ mod tests {
             (String::new(), "`robot`"),
             ("bus = \"robot\"\n[channels]\n".into(), "bus"),
             (good.replace(of, "0123456789abcdef"), "of another robot"),
-            (good.replacen("covariance = [", "covariance = [1.0, ", 1), "found 3161 numbers"),
-            (good.replacen("covariance = [", "covariance = [-", 1), "another matrix"),
+            (
+                good.replacen("covariance = [", "covariance = [1.0, ", 1),
+                "found 3161 numbers",
+            ),
+            (
+                good.replacen("covariance = [", "covariance = [-", 1),
+                "another matrix",
+            ),
         ];
         for (text, named) in cases {
             let error = KeptCalibration::parse(&text, robot.description()).unwrap_err();
             let said = error.to_string();
-            assert!(said.contains(named) && said.lines().count() == 1, "{named}: {said}");
+            assert!(
+                said.contains(named) && said.lines().count() == 1,
+                "{named}: {said}"
+            );
         }
         let mut other = robot.description().clone();
         other.arms[0].position[1] += 0.01;

@@ -1,5 +1,5 @@
 //! Watches, while the robot works, whether its calibration still holds: markers as the cameras find them beside where the calibration puts
-//! them. Only arms that stand are looked at, as in a calibration's session; after every catch one does, before the cameras.
+//! them. Only arms that stand are looked at, as in a calibration's session.
 
 use std::collections::VecDeque;
 

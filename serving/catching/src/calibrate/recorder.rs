@@ -117,7 +117,8 @@ impl Recorder {
         features: &[[Option<[f64; 2]>; CAMERAS]; 2],
         phase: Phase,
     ) {
-        let (Phase::Marker { configuration, arm }, Some(joints)) = (phase, self.history.last()) else {
+        let (Phase::Marker { configuration, arm }, Some(joints)) = (phase, self.history.last())
+        else {
             return;
         };
         if features[arm] == [None; CAMERAS] {
@@ -161,7 +162,9 @@ impl Recorder {
     }
 
     fn finish_rest(&mut self, sums: &Sums) {
-        let Some(state) = self.history.last() else { return };
+        let Some(state) = self.history.last() else {
+            return;
+        };
         let neck = &state.q[joint::NECK];
         let count = sums.count as f64;
         self.session.rests.push(Rest {

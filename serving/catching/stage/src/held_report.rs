@@ -50,9 +50,10 @@ impl HeardHold {
     /// Returns what came of it; `None` where nobody watched.
     pub fn report(&self) -> Option<HeldReport> {
         let last = self.last.as_ref()?;
-        let (judged, throws) = self.lost.as_ref().map_or((last, None), |(lost, throws)| {
-            (lost, Some(*throws))
-        });
+        let (judged, throws) = self
+            .lost
+            .as_ref()
+            .map_or((last, None), |(lost, throws)| (lost, Some(*throws)));
         Some(HeldReport {
             identity: last.identity.as_str().into(),
             holds: match judged.hold() {
@@ -62,9 +63,7 @@ impl HeardHold {
             },
             noticed_after_throws: throws,
             innovations: std::array::from_fn(|arm| self.before[arm] + last.innovations[arm]),
-            mean_square: judged
-                .mean_square
-                .map(|mean| (mean > 0.0).then_some(mean)),
+            mean_square: judged.mean_square.map(|mean| (mean > 0.0).then_some(mean)),
         })
     }
 }

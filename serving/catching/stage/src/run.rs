@@ -5,8 +5,8 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use tactnet_catching_packets::packets::{
-    ArmPath, CalibrationState, CatchOutcome, CatchPhase, CatchStatus, ControllerCommand, ControllerMode,
-    ControllerState, HandState, Text, ThrowStatus, ThrownBack,
+    ArmPath, CalibrationState, CatchOutcome, CatchPhase, CatchStatus, ControllerCommand,
+    ControllerMode, ControllerState, HandState, Text, ThrowStatus, ThrownBack,
 };
 use tactnet_catching_roles::{Role, RoleReport, RoleSettings, catching_channels};
 use tactnet_channel::{
@@ -91,7 +91,9 @@ impl Part {
         // Without a thrower the hand keeps its ball.
         !matches!(
             self,
-            Self::Skin | Self::Classifier | Self::Role(Role::Feel | Role::Thrower | Role::SlipWatch)
+            Self::Skin
+                | Self::Classifier
+                | Self::Role(Role::Feel | Role::Thrower | Role::SlipWatch)
         )
     }
 }

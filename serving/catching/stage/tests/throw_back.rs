@@ -45,7 +45,8 @@ fn a_caught_ball_is_thrown_back_and_comes_down_near_its_target() {
             world.run(&bus, &|| (), stopped).unwrap();
         });
         let roles = Role::ALL.into_iter();
-        for role in roles.filter(|role| !matches!(role, Role::Eyes | Role::Feel | Role::SlipWatch)) {
+        for role in roles.filter(|role| !matches!(role, Role::Eyes | Role::Feel | Role::SlipWatch))
+        {
             scope.spawn(move || {
                 let bus = Bus::open(Domain::Host, table).unwrap();
                 role.run(&bus, &|| (), stopped).unwrap();

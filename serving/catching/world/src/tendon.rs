@@ -25,8 +25,18 @@ impl TendonSlip {
             return Err(WorldError::Arm { arm: self.arm });
         }
         let last = (ARM_JOINTS - 1) as f64;
-        within("slip.joint", self.joint as f64, [0.0, last], "a joint from 0 to 6")?;
-        within("slip.angle", self.angle, [-0.2, 0.2], "at most 0.2 rad either way")
+        within(
+            "slip.joint",
+            self.joint as f64,
+            [0.0, last],
+            "a joint from 0 to 6",
+        )?;
+        within(
+            "slip.angle",
+            self.angle,
+            [-0.2, 0.2],
+            "at most 0.2 rad either way",
+        )
     }
 }
 
@@ -45,7 +55,13 @@ mod tests {
         for (wrong, named) in [
             (TendonSlip { arm: 2, ..slip }, "arm 2"),
             (TendonSlip { joint: 7, ..slip }, "slip.joint"),
-            (TendonSlip { angle: f64::NAN, ..slip }, "slip.angle"),
+            (
+                TendonSlip {
+                    angle: f64::NAN,
+                    ..slip
+                },
+                "slip.angle",
+            ),
         ] {
             let error = wrong.check().unwrap_err().to_string();
             assert!(error.contains(named), "{error}");
