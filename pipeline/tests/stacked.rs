@@ -174,6 +174,10 @@ fn networks_train_together_as_each_does_alone() {
 #[test]
 fn attacked_networks_train_together_as_each_does_alone() {
     trains_as_alone(ATTACKED, 2e-2);
+}
+
+#[test]
+fn so_they_do_with_one_mask_and_statistics_of_both_passes() {
     trains_as_alone(BOTH, 2e-2);
 }
 

@@ -263,10 +263,10 @@ fn digits_are_normalised_on_the_device_as_elsewhere() {
 #[test]
 fn sweeps_that_fill_up_a_batch_count_for_nothing() {
     let client = client();
-    let (tight, measured) = trained(&client, &case(MAPS, Some((0.5, true))), None);
+    let (tight, measured) = trained(&client, &case(MAPS, None), None);
     let roomy = Case {
         capacity: BATCH + 3,
-        ..case(MAPS, Some((0.5, true)))
+        ..case(MAPS, None)
     };
     let (roomy, also) = trained(&client, &roomy, None);
     let apart = |a: &[f32], b: &[f32]| -> f64 {
