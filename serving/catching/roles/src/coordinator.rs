@@ -3,14 +3,16 @@
 use std::time::Duration;
 
 use bytemuck::Zeroable;
+use nalgebra::{Point3, Vector3};
 use tactnet_catching::calibrate::Corrections;
 use tactnet_catching::coordinate::{CatchState, Coordinator, Planned};
+use tactnet_catching::flight::Flight;
 use tactnet_catching::ramp::Ramp;
-use tactnet_catching_packets::ARMS;
 use tactnet_catching_packets::packets::{
     ArmPath, BallPredictions, BodyPath, CatchPhase, CatchStatus, ControllerCommand, ControllerMode,
     ControllerState, Gaze, HandCommand, HeadPose, JointState, PlanRequest, PlanResult, Text,
 };
+use tactnet_catching_packets::{ARMS, joint};
 use tactnet_channel::{Bus, Priority, PutPort, Start, Wait, now_ns};
 
 use crate::channels::{
@@ -40,6 +42,14 @@ const GONE_NS: u64 = 500_000_000;
 const AGAIN_NS: u64 = 100_000_000;
 /// The last correction is asked for within so long of the last moment for it, ns: two beats.
 const LAST_CHANCE_NS: u64 = 4_000_000;
+/// The head turns to the hand so long after a catch, ns,
+const CAUGHT_NS: u64 = 20_000_000;
+/// is told again so often where it is: a gaze follows a ball that falls, ns,
+const LOOK_AGAIN_NS: u64 = 10_000_000;
+/// and has so much longer for it, s.
+const LOOKING: f64 = 0.6;
+/// The head looks at a place so far ahead of the chest, m.
+const AHEAD: f64 = 0.5;
 /// The phase is told so often, where it does not change, ns.
 const TELL_NS: u64 = 100_000_000;
 
@@ -84,6 +94,7 @@ pub(crate) fn run(
         live.answer(now_ns())?;
         if let (Some(joints), Some(pose)) = (joints.get(), pose.get()) {
             live.correct_last(now_ns(), joints, pose)?;
+            live.look_at_hand(now_ns(), joints, pose)?;
         }
         live.tick(now_ns())?;
     }
@@ -129,6 +140,7 @@ struct Live {
     seen_ns: u64,
     status: CatchStatus,
     told_ns: u64,
+    looked_ns: u64,
     ordered_ns: u64,
     no_plans: u64,
 }
@@ -169,6 +181,7 @@ impl Live {
                 ..CatchStatus::zeroed()
             },
             told_ns: 0,
+            looked_ns: 0,
             ordered_ns: 0,
             no_plans: 0,
         })
@@ -320,7 +333,9 @@ impl Live {
             gaze.flights[gaze.count as usize] = flight_packet(*t_ns, flight);
             gaze.count += 1;
         }
-        self.puts.gaze.put_copy(&[gaze])?;
+        if self.hand_to_look_at(now_ns).is_none() {
+            self.puts.gaze.put_copy(&[gaze])?;
+        }
         let count = requests.iter().flatten().count();
         if count > 0 {
             self.calls += 1;
@@ -376,6 +391,55 @@ impl Live {
         if due != [false; ARMS] {
             self.predictions(due, now_ns, &seen, joints, pose)?;
         }
+        Ok(())
+    }
+
+    /// Returns the arm that has just caught, where it is looked at.
+    fn hand_to_look_at(&self, now_ns: u64) -> Option<usize> {
+        let coordinator = self.coordinator.as_ref()?;
+        let closed = coordinator.state() == CatchState::Closed;
+        let looks = closed && self.settings.calibration.is_some();
+        let over = |arm: &usize| {
+            let target = coordinator.target(*arm);
+            target.is_some_and(|(_, catch_ns)| now_ns > catch_ns + CAUGHT_NS)
+        };
+        (0..ARMS).find(|arm| looks && over(arm))
+    }
+
+    /// Looks at the wrist of the arm that has just caught: whether the calibration still holds is seen by its marker.
+    fn look_at_hand(
+        &mut self,
+        now_ns: u64,
+        joints: &JointState,
+        pose: &HeadPose,
+    ) -> Result<(), RoleError> {
+        let Some(arm) = self.hand_to_look_at(now_ns) else {
+            return Ok(());
+        };
+        if now_ns < self.looked_ns + LOOK_AGAIN_NS {
+            return Ok(());
+        }
+        self.looked_ns = now_ns;
+        let links = self.corrections.joints(joints).q;
+        let robot = self.corrections.robot();
+        let chest = isometry(pose) * robot.head(&links).inverse();
+        let own = joint::ARM[arm].start;
+        let [_, _, wrist, _] = robot
+            .arm(arm)
+            .points(&std::array::from_fn(|i| links[own + i]));
+        // Necks look at nothing that is near the chest, so farther out on the same line.
+        let neck = Vector3::new(0.0, 0.0, robot.description().neck.height);
+        let farther = (AHEAD / wrist.x.max(0.05)).max(1.0);
+        let place = chest * Point3::from(neck + (wrist - neck) * farther);
+        let stands = Flight {
+            p: place.coords,
+            v: Vector3::zeros(),
+            k: 0.0,
+            lift: Vector3::zeros(),
+        };
+        let mut gaze = Gaze::zeroed();
+        (gaze.count, gaze.flights[0]) = (1, flight_packet(now_ns, &stands));
+        self.puts.gaze.put_copy(&[gaze])?;
         Ok(())
     }
 
@@ -463,7 +527,9 @@ impl Live {
                 .filter_map(|arm| coordinator.target(arm))
                 .map(|(_, at)| at)
                 .max();
-            let after_ns = (self.settings.after_catch * 1e9) as u64;
+            let looks = self.settings.calibration.is_some();
+            let looking = if looks { LOOKING } else { 0.0 };
+            let after_ns = ((self.settings.after_catch + looking) * 1e9) as u64;
             let over = catch_ns.is_some_and(|at| now_ns > at + after_ns);
             let gone = catch_ns.is_none() && now_ns > self.seen_ns + GONE_NS;
             self.enter(now_ns, phase, why)?;
