@@ -198,13 +198,27 @@ pub fn report(error: &anyhow::Error) -> ExitCode {
     }
     say!(
         "error: {}",
-        shortened(&harmless(&message.replace('\n', " ")))
+        shortened(&harmless(&without_codes(&message).replace('\n', " ")))
     );
     ExitCode::from(if error.chain().any(broke) {
         FAILED
     } else {
         USAGE
     })
+}
+
+/// Returns a text without the numbers that the system has for its answers: `(os error 2)`.
+fn without_codes(text: &str) -> String {
+    let mut parts = text.split(" (os error ");
+    let mut plain = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let digits = part.trim_start_matches(|c: char| c.is_ascii_digit());
+        match digits.strip_prefix(')').filter(|_| digits != part) {
+            Some(rest) => plain.push_str(rest),
+            None => plain.extend([" (os error ", part]),
+        }
+    }
+    plain.replace("No such file or directory", "no such file or folder")
 }
 
 /// Longest error that is printed whole, characters.
@@ -275,6 +289,17 @@ mod tests {
             path: PathBuf::from("report.html"),
             action: "write",
             source: std::io::Error::from(std::io::ErrorKind::StorageFull),
+        }
+    }
+
+    #[test]
+    fn answers_of_the_system_come_without_their_numbers() {
+        let missing = std::fs::read("is/nowhere").unwrap_err();
+        let said = format!("day.mcap: {missing}; and then");
+        let plain = "day.mcap: no such file or folder; and then";
+        assert_eq!(without_codes(&said), plain);
+        for text in ["", "(os error 2)", "a (os error ) b", "a (os error 2"] {
+            assert_eq!(without_codes(text), text);
         }
     }
 

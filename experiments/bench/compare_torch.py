@@ -19,6 +19,8 @@ median counts, so that a side's own caches are warm and not the other's. The way
 or contiguous memory; a ratio is the best way's median over ours, so above 1 this project is faster. On processors with bf16 instructions
 the same under autocast to bf16 is timed beside it, and does not count. Our times also hold what PyTorch is spared here: reading u8 digits,
 normalising them, drawing dropout masks, and log-probabilities in f64.
+
+`--device gpu` times training on this machine's card instead, both sides, by `gpu.py`; of the options only `--json` is for that.
 """
 
 import argparse
@@ -190,9 +192,13 @@ def main():
     parser.add_argument("--isa", choices=["avx2"], help="no faster instructions than these on either side (our matrix products of the dense "
                         "layer excepted)")
     parser.add_argument("--no-compile", action="store_true", help="leave torch.compile out; it takes minutes a shape")
+    parser.add_argument("--device", choices=["cpu", "gpu"], default="cpu", help="gpu: training on this machine's card, see gpu.py")
     parser.add_argument("--program", default=ROOT / "target/release/examples/turns", help="our side")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     options = parser.parse_args()
+    if options.device == "gpu":
+        script = ROOT / "experiments/bench/gpu.py"
+        os.execv(sys.executable, [sys.executable, script, *(["--json"] if options.json else [])])
     if not os.path.exists(options.program):
         sys.exit(f"{options.program} is missing: cargo build --release --example turns")
     torch.set_num_threads(options.threads)

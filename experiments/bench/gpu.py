@@ -3,6 +3,7 @@
 
     cargo build --release --features vulkan
     python experiments/bench/gpu.py [--binary target/release/tactnet] [--rounds 2] [--json]
+    python experiments/bench/gpu.py -- --device vulkan --sweeps 5 --steps 200     # what follows -- is for `tactnet bench device`
 
 Rows are those of `tactnet bench device` (`device`, `name`, `work`, `networks`, `ms`), `rounds` of them; `stacked step` and `stacked adversarial step`
 are those of so many networks trained at once, ms a step and network (`--networks`). For PyTorch `device` = "torch"; its work is
@@ -10,6 +11,7 @@ TactNet-II on 36 sweeps of 1000 x 16 values that lie on the card: `step` (forwar
 the input of a clean pass, then both losses, as recipe `thesis`). Its ways are 32-bit floats, TF32 or autocast to bf16, contiguous or
 channels-last memory, launched one by one or replayed as one CUDA graph; `way` says which. Our steps also choose and normalise the sweeps, which lie on
 the card as digits, and draw dropout; losses are read at an epoch's end. Without PyTorch or a CUDA card its rows are missing, and `missing` says why.
+`ratios` has, for a step and an adversarial one on a GPU, PyTorch's best time in 32-bit floats over ours: above 1 ours is faster. It is empty where sizes were changed.
 """
 
 import argparse
@@ -134,16 +136,29 @@ def torch_rows():
     return rows, None
 
 
+def ratios(rows):
+    """PyTorch's best 32-bit time over the median of ours, by work."""
+    found = {}
+    for work in ["step", "adversarial step"]:
+        of_work = [row for row in rows if row["work"] == work]
+        theirs = [row["ms"] for row in of_work if row["device"] == "torch" and row["way"].startswith("f32")]
+        ours = [row["ms"] for row in of_work if row["device"] in ("vulkan", "cuda")]
+        if theirs and ours:
+            found[work] = min(theirs) / statistics.median(ours)
+    return found
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--binary", default=str(ROOT / "target/release/tactnet"))
     parser.add_argument("--rounds", type=int, default=2)
     parser.add_argument("--networks", default="1,5,10,20", help="numbers of networks that are trained at once")
     parser.add_argument("--json", action="store_true")
+    parser.add_argument("bench", nargs="*", metavar="-- ARGUMENT", help="for `tactnet bench device`")
     arguments = parser.parse_args()
     rows, missing = [], None
     for turn in range(arguments.rounds):
-        command = [arguments.binary, "bench", "device", "--json", "--networks", arguments.networks]
+        command = [arguments.binary, "bench", "device", "--json", "--networks", arguments.networks, *arguments.bench]
         ours = subprocess.run(command, capture_output=True, text=True)
         if ours.returncode != 0:
             sys.exit(f"{arguments.binary} bench device: {ours.stderr.strip()}")
@@ -151,13 +166,15 @@ def main():
         if turn == 0:
             theirs, missing = torch_rows()
             rows += theirs
-    result = {"schema_version": 1, "batch": BATCH, "rows": rows, "missing": missing}
+    result = {"schema_version": 1, "batch": BATCH, "rows": rows, "ratios": {} if arguments.bench else ratios(rows), "missing": missing}
     if arguments.json:
         print(json.dumps(result, indent=1))
         return
     for row in rows:
         work = f"{row['work']} of {row['networks']}" if row["work"].startswith("stacked") else row["work"]
         print(f"{row['device']:8} {work:30} {row['ms']:9.2f} ms  {row.get('way', row['name'])}")
+    for work, ratio in result["ratios"].items():
+        print(f"{work}: {ratio:.2f} times as fast as PyTorch in 32-bit floats")
     if missing:
         print(f"PyTorch was left out: {missing}")
 

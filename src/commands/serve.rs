@@ -85,6 +85,10 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
             "which model: name a run with `--run`, or a folder of versions with `--models`"
         ),
     };
+    // A wrong folder is told before channels are asked for.
+    if let ModelSource::Run(run) = &source {
+        RunDir::open(run)?.config()?;
+    }
     let Some(path) = &arguments.table else {
         anyhow::bail!(
             "which channels: name a table with `--table`; `tactnet serve --print-table` prints one"
