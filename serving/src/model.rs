@@ -113,10 +113,7 @@ impl ServedModel {
         if !run.has_final_weights() {
             return Err(ServeError::Unfit {
                 path: path.into(),
-                reason: format!(
-                    "its training has not ended; continue it with `{}`",
-                    run.resume_command()
-                ),
+                reason: run.why_no_final_weights(),
             });
         }
         if let Some(reason) = unfit(config.shape.taxels(), config.labels.len()) {

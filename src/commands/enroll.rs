@@ -10,8 +10,8 @@ use serde::Serialize;
 use tactnet_data::{SweepView, known_names, refuse_errors};
 use tactnet_models::Compute;
 use tactnet_pipeline::{
-    Calibration, Classifier, Enrolled, EnrolledMaterial, EnrolmentCost, RowPrior, RunConfig,
-    RunDir, TestSweeps, enroll,
+    Calibration, Classifier, Enrolled, EnrolledMaterial, EnrolmentCost, PredictionMethod, RowPrior,
+    RunConfig, RunDir, TestSweeps, enroll,
 };
 
 use super::choices::{DeviceChoice, rate};
@@ -136,6 +136,7 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
     let begun = Instant::now();
     let view = SweepView::new(&dataset, sweeps.clone());
     let thresholds = run.thresholds(&classifier)?;
+    let taken_for = taken_for(&classifier, &view);
     let enrolled = enroll(
         &classifier,
         &known,
@@ -179,6 +180,7 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
              fitted to; train anew with --calibrate"
         );
     }
+    say_what_is_known(&run, &config, &view, taken_for)?;
     if let Some(note) = enrolled.prior.note() {
         say!("note: {note}");
     }
@@ -213,6 +215,47 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
         "next: `tactnet eval {out} --data FILE` tests it on other sweeps whose materials are named\n      `tactnet demo --run {out} --data FILE` shows it live on them"
     );
     Ok(ExitCode::SUCCESS)
+}
+
+/// Returns the known material that most of the sweeps were taken for, and how many.
+fn taken_for(classifier: &Classifier, view: &SweepView<'_>) -> Option<(String, usize)> {
+    let found = classifier
+        .log_probabilities(view, PredictionMethod::Plain)
+        .ok()?;
+    let labels = &classifier.config().labels;
+    let mut counts = vec![0; labels.len()];
+    for of_sweep in found {
+        let best = (0..of_sweep.len()).max_by(|&a, &b| of_sweep[a].total_cmp(&of_sweep[b]))?;
+        counts[best] += 1;
+    }
+    let most = (0..counts.len()).max_by_key(|&label| counts[label])?;
+    let name = labels.names().nth(most)?;
+    Some((name.to_owned(), counts[most]))
+}
+
+/// Says where the new material is most likely none: its sweeps were trained on, or are like those of a known one.
+fn say_what_is_known(
+    run: &RunDir,
+    config: &RunConfig,
+    view: &SweepView<'_>,
+    taken_for: Option<(String, usize)>,
+) -> anyhow::Result<()> {
+    let unseen = TestSweeps::unseen(view.dataset(), config, &run.split()?)?.view;
+    let seen = |index: &&usize| !unseen.indices().contains(index);
+    match view.indices().iter().filter(seen).count() {
+        0 => {}
+        seen => say!(
+            "warning: the run was trained on {seen} of these {}, under another name",
+            output::counted(view.len(), "sweep")
+        ),
+    }
+    if let Some((known, count)) = taken_for.filter(|(_, count)| 5 * count >= 4 * view.len()) {
+        say!(
+            "hint: {count} of {} were taken for `{known}` so far; is it that material?",
+            output::counted(view.len(), "sweep")
+        );
+    }
+    Ok(())
 }
 
 /// Returns what the known materials lose on the test sweeps of the run's training; `None` where its data set is not at hand.

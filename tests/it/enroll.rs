@@ -3,6 +3,8 @@
 use std::process::Command;
 
 use serde_json::Value;
+use tactnet_data::format::{Format, read};
+use tactnet_data::{Dataset, LabelSet};
 use tactnet_models::Weights;
 
 use crate::command::{Lab, RecipeChange, expect, stderr, stdout, tactnet};
@@ -335,6 +337,39 @@ fn a_new_material_is_added_and_the_old_rows_stay() {
     let refused = stderr(&expect(2, resumed));
     assert!(refused.contains("cannot be trained further"), "{refused}");
     assert_eq!(weights("more"), after, "nothing was overwritten");
+}
+
+#[test]
+fn a_known_material_under_a_new_name_is_noticed() {
+    let lab = Lab::new();
+    let recipe = lab.recipe(RecipeChange {
+        epochs: Some(8),
+        ..RecipeChange::default()
+    });
+    expect(0, lab.train(&recipe, "run"));
+    let twin = read(&lab.path("twin.h5")).unwrap();
+    let known: Vec<String> = twin.labels().names().map(Into::into).collect();
+    let renamed = known.iter().map(|name| format!("new {name}"));
+    let renamed = Dataset::new(
+        "renamed",
+        twin.sample_rate_hz(),
+        twin.shape(),
+        LabelSet::new(renamed).unwrap(),
+        twin.records().to_vec(),
+        twin.samples().clone(),
+    );
+    Format::Npz
+        .write(&lab.path("renamed.npz"), &renamed.unwrap())
+        .unwrap();
+    let name = format!("new {}", known[0]);
+    let said = stderr(&expect(
+        0,
+        enroll(&lab, "run", "renamed.npz", &name, "more", &[]),
+    ));
+    let seen = "the run was trained on 8 of these 10 sweeps, under another name";
+    assert!(said.contains(seen), "{said}");
+    let alike = format!("were taken for `{}` so far; is it that material?", known[0]);
+    assert!(said.contains(&alike), "{said}");
 }
 
 #[test]

@@ -11,7 +11,7 @@ pub enum Keep {
     Equal,
     /// That many from the beginning; longer sweeps are cut, shorter ones refused.
     First(usize),
-    /// The number of which most frames are left; longer sweeps are cut, shorter ones left out, and all are named.
+    /// That of most sweeps, or where more than half have no length in common, that of which most frames are left; longer sweeps are cut, shorter ones left out, and all are named.
     Most,
 }
 
@@ -47,10 +47,10 @@ pub(super) fn settle(
     let (wanted, refused) = match keep {
         Keep::First(steps) => (steps, lengths.iter().position(|&length| length < steps)),
         Keep::Equal => {
-            let most = longest_of_most(lengths);
+            let most = usual(lengths);
             (most, lengths.iter().position(|&length| length != most))
         }
-        Keep::Most => (longest_of_most(lengths), None),
+        Keep::Most => (usual(lengths), None),
     };
     let Some(refused) = refused else {
         let odd = |&(_, &frames): &(&&str, &usize)| keep == Keep::Most && frames != wanted;
@@ -86,12 +86,40 @@ pub(super) fn settle(
     ))
 }
 
-/// The number of frames of which most are left, if longer sweeps are cut to it and shorter ones left out.
-fn longest_of_most(lengths: &[usize]) -> usize {
+/// The number of frames that more than half of the sweeps have; where none is so common, that of which most are left.
+fn usual(lengths: &[usize]) -> usize {
     let mut sorted = lengths.to_vec();
     sorted.sort_unstable();
+    let middle = sorted.get(sorted.len() / 2).copied().unwrap_or(0);
+    let alike = sorted.iter().filter(|&&length| length == middle).count();
+    if 2 * alike > sorted.len() {
+        return middle;
+    }
+    longest_of_most(&sorted)
+}
+
+/// The number of frames of which most are left, if longer sweeps are cut to it and shorter ones left out.
+fn longest_of_most(sorted: &[usize]) -> usize {
     let left = |at: usize| (sorted.len() - at) * sorted[at];
     // Where sweeps are alike, the first of them counts all.
     let best = (0..sorted.len()).rev().max_by_key(|&at| left(at));
     best.map_or(0, |at| sorted[at])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_odd_sweep_does_not_make_the_others_odd() {
+        let mut lengths = vec![300; 47];
+        lengths.push(299);
+        assert_eq!(usual(&lengths), 300);
+        lengths[0] = 5000;
+        assert_eq!(usual(&lengths), 300);
+        // None is common: 2 x 20 frames are more than 4 x 9, and fewer than 3 x 19.
+        assert_eq!(usual(&[9, 19, 20, 20]), 19);
+        assert_eq!(usual(&[9, 13, 20, 21]), 20);
+        assert_eq!(usual(&[]), 0);
+    }
 }

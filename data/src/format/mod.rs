@@ -194,6 +194,9 @@ fn table_with_gaps(
     }
 }
 
+/// What MCAP files begin with.
+const MCAP: &[u8] = b"\x89MCAP";
+
 /// Reads HDF5 or npz, recognised by its first bytes; returns whether the materials are named, too.
 fn read_arrays(path: &Path, labels: Labels) -> Result<(Dataset, bool), DataError> {
     let head = first_bytes(path)?;
@@ -209,6 +212,10 @@ fn read_arrays(path: &Path, labels: Labels) -> Result<(Dataset, bool), DataError
             [] => "an empty file".to_owned(),
             head if head.starts_with(npz::NPY) => {
                 "a single numpy array; save it with its labels: np.savez_compressed(\"sweeps.npz\", X=X, y=y)"
+                    .to_owned()
+            }
+            head if head.starts_with(MCAP) => {
+                "a recording; `tactnet data import FILE --out NEW.npz` makes a data set of it"
                     .to_owned()
             }
             head => format!("a file that begins with `{}`", head.escape_ascii()),

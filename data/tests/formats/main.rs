@@ -305,6 +305,7 @@ fn files_of_another_kind_are_refused_by_what_they_are() {
     };
     assert!(refusal("a.txt", b"1,2,3").ends_with("found a file that begins with `1,2,3`"));
     assert!(refusal("a.csv", b"1,2,3").contains("a table with columns `sweep`, `material`"));
+    assert!(refusal("a.mcap", b"\x89MCAP0\r\n").contains("a recording; `tactnet data import"));
     assert!(refusal("a.dat", b"").ends_with("found an empty file"));
     assert!(refusal("a.npz", b"").contains("expected a zip archive"));
     assert!(refusal("a.npy", b"\x93NUMPY\x01\x00").contains("np.savez_compressed"));

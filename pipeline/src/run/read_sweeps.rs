@@ -50,9 +50,10 @@ impl TrainSpec {
         sample_rate_hz: f64,
     ) -> Result<SweepsToClassify, DataError> {
         let mut sweeps = match DataSource::named(data) {
-            DataSource::File(path) => format::read_to_classify(&path, self.steps)?,
-            twin => {
-                let mut dataset = twin.read()?;
+            DataSource::File(path) if path.exists() => format::read_to_classify(&path, self.steps)?,
+            // The twin, or a file that is not there.
+            other => {
+                let mut dataset = other.read()?;
                 if let Some(steps) = self.steps {
                     dataset = dataset.first_steps(steps)?;
                 }

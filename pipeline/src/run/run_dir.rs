@@ -38,6 +38,7 @@ use crate::{
 const CONFIG: &str = "config.json";
 const SPLIT: &str = "split.json";
 pub(super) const ENVIRONMENT: &str = "environment.json";
+const RESULT: &str = "result.json";
 const WEIGHTS: &str = "weights.safetensors";
 const KNOWN: &str = "known.safetensors";
 const CALIBRATION: &str = "calibration.json";
@@ -202,8 +203,8 @@ impl RunDir {
     /// # Errors
     /// Damaged.
     pub fn result(&self) -> Result<Option<RunResult>, PipelineError> {
-        if self.file("result.json").exists() {
-            self.read_json("result.json").map(Some)
+        if self.file(RESULT).exists() {
+            self.read_json(RESULT).map(Some)
         } else {
             Ok(None)
         }
@@ -334,10 +335,18 @@ impl RunDir {
         if self.has_final_weights() {
             return self.weights();
         }
-        Err(self.refused(&format!(
-            "the run has not ended; continue it with `{}`",
-            self.resume_command()
-        )))
+        Err(self.refused(&self.why_no_final_weights()))
+    }
+
+    /// Says why there are no final weights, and what to do.
+    pub fn why_no_final_weights(&self) -> String {
+        if self.file(RESULT).exists() {
+            return format!(
+                "the run has ended, but its {WEIGHTS} is missing; copy it back, or train anew"
+            );
+        }
+        let resume = self.resume_command();
+        format!("the run has not ended; continue it with `{resume}`")
     }
 
     /// Returns the command that continues its training, as a shell reads it.

@@ -20,11 +20,10 @@ pub fn train_together(
     mut on_event: impl FnMut(usize, TrainEvent<'_>),
     stop: impl Fn() -> bool,
 ) -> Vec<Ended> {
-    let mut ended: Vec<Option<Ended>> = sessions.iter().map(|_| None).collect();
     #[cfg(any(feature = "vulkan", feature = "cuda"))]
-    stacks::train(sessions, at_once, &mut ended, &mut on_event, &stop);
+    let ended = stacks::train(sessions, at_once, &mut on_event, &stop);
     #[cfg(not(any(feature = "vulkan", feature = "cuda")))]
-    let _ = at_once;
+    let (ended, _) = (sessions.iter().map(|_| None::<Ended>), at_once);
     let others = sessions.iter().zip(ended).enumerate();
     others
         .map(|(index, (session, ended))| {
@@ -116,16 +115,16 @@ mod stacks {
         }
     }
 
-    /// Trains those that can be trained at once, and notes how they ended.
+    /// Trains those that can be trained at once, and returns how they ended; `None` of the others.
     pub(super) fn train(
         sessions: &[Session],
         at_once: Option<usize>,
-        ended: &mut [Option<Ended>],
         on_event: &mut impl FnMut(usize, TrainEvent<'_>),
         stop: &impl Fn() -> bool,
-    ) {
+    ) -> Vec<Option<Ended>> {
+        let mut ended: Vec<Option<Ended>> = sessions.iter().map(|_| None).collect();
         if at_once == Some(1) {
-            return;
+            return ended;
         }
         let mut ready = Vec::new();
         for (index, session) in sessions.iter().enumerate() {
@@ -153,10 +152,11 @@ mod stacks {
                 let rest = alike.split_off(alike.len().div_ceil(left));
                 let stack = std::mem::replace(&mut alike, rest);
                 if stack.len() > 1 {
-                    train_stack(stack, &device, ended, on_event, stop);
+                    train_stack(stack, &device, &mut ended, on_event, stop);
                 }
             }
         }
+        ended
     }
 
     /// Trains one stack to its end, and notes how each network ended.

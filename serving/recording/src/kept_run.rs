@@ -13,9 +13,11 @@ const FILES: [&str; 7] = [
     "split.json",
     "result.json",
     "enrolled.json",
-    "weights.safetensors",
+    WEIGHTS,
     "known.safetensors",
 ];
+/// Without these nothing can serve.
+const WEIGHTS: &str = "weights.safetensors";
 /// Folder of those in a recording.
 const FOLDER: &str = "run/";
 
@@ -35,14 +37,15 @@ pub fn files_of_run(run: &Path) -> Result<Vec<(String, Vec<u8>)>, RecordingError
             files.push((format!("{FOLDER}{name}"), bytes));
         }
     }
-    let has_weights = |(name, _): &(String, _)| name.ends_with("weights.safetensors");
+    let has_weights = |(name, _): &(String, _)| name.ends_with(WEIGHTS);
     if !files.iter().any(has_weights) {
         return Err(RecordingError::NotARun { path: run.into() });
     }
     Ok(files)
 }
 
-/// Writes the run directory that a recording keeps into `folder`, and returns its path; `None` where it keeps none.
+/// Writes the run directory that a recording keeps into `folder`, and returns its path; `None` where it keeps none, or lost some of it with its
+/// end.
 ///
 /// # Errors
 /// A folder that cannot be written.
@@ -52,7 +55,7 @@ pub fn unpack_run(recording: &Recording, folder: &Path) -> Result<Option<PathBuf
         path: run.clone(),
         source,
     })?;
-    let mut any = false;
+    let mut whole = false;
     for (name, bytes) in &recording.files {
         // Names with a path in them are not ours.
         if let Some(name) = name.strip_prefix(FOLDER)
@@ -60,8 +63,34 @@ pub fn unpack_run(recording: &Recording, folder: &Path) -> Result<Option<PathBuf
             && Path::new(name).file_name().is_some()
         {
             write_whole(&run.join(name), bytes)?;
-            any = true;
+            whole |= name == WEIGHTS;
         }
     }
-    Ok(any.then_some(run))
+    Ok(whole.then_some(run))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_whose_weights_were_cut_off_is_none() {
+        let mut recording = Recording {
+            entries: Vec::new(),
+            table: tactnet_skin::ServeConfig::default().table("robot"),
+            channel_clock_zero_ns: None,
+            material: None,
+            files: [("run/config.json".to_owned(), b"{}".to_vec())].into(),
+            cut: None,
+            foreign: 0,
+        };
+        let unpacked = |recording: &Recording| {
+            let folder = tempfile::tempdir().unwrap();
+            unpack_run(recording, folder.path()).unwrap().is_some()
+        };
+        assert!(!unpacked(&recording));
+        let weights = ("run/weights.safetensors".to_owned(), Vec::new());
+        recording.files.extend([weights]);
+        assert!(unpacked(&recording));
+    }
 }

@@ -139,7 +139,14 @@ impl fmt::Display for ReplayReport {
             f,
             "{} frames, {} lost; {} sweeps, {} beliefs, {alike}",
             self.frames, self.frames_lost, self.replayed.sweeps, self.replayed.beliefs
-        )
+        )?;
+        match self.recorded.unfinished {
+            0 => Ok(()),
+            more => write!(
+                f,
+                "; {more} more in the recording, about sweeps that lack their beginning or end, are not compared"
+            ),
+        }
     }
 }
 

@@ -90,6 +90,7 @@ function showEvents() {
 }
 const WHY = {
   "answers over the time limit": "Answers later than promised after a sweep's last reading: after one reading's time, or three with dropout masks, unless the table says otherwise. They are late, not wrong.",
+  "longest wait of a reading, ms": "From a reading's arrival until it was dealt with, whichever reading it was. Only answers after a sweep's last reading have a time limit.",
   "sweeps rejected": "Sweeps that cannot be used; the reason stands among what happened.",
 };
 function showCounters() {

@@ -222,7 +222,7 @@ fn counters(counters: &Counters) -> Vec<(&'static str, f64)> {
             counters.deadline_misses as f64,
         ),
         (
-            "longest delay, ms",
+            "longest wait of a reading, ms",
             (counters.worst_delay_ns as f64 / 1e4).round() / 100.0,
         ),
     ]

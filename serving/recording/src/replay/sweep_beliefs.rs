@@ -17,6 +17,8 @@ pub struct SweepBeliefs {
     pub sweeps: usize,
     /// Beliefs about them, anytime beliefs included.
     pub beliefs: usize,
+    /// Beliefs about sweeps whose beginning or end is missing, which are not compared.
+    pub unfinished: usize,
     /// Of finger, stage, frames, last frame and posterior of each, in order.
     pub posterior_sha256: String,
     /// By finger, in the order in which they came.
@@ -65,6 +67,7 @@ impl SweepBeliefs {
         Self {
             sweeps,
             beliefs: about.len(),
+            unfinished: beliefs.len() - about.len(),
             posterior_sha256: hex(hash.finalize()),
             about,
         }
@@ -107,8 +110,9 @@ impl SweepBeliefs {
         let config = ServeConfig::of(&recording.table)?;
         let by_command = config.segmenter.segmentation == Segmentation::Command;
         let mut begun: Vec<(u32, u64)> = Vec::new();
-        let mut beliefs = Vec::new();
+        let (mut beliefs, mut all) = (Vec::new(), 0);
         for entry in &recording.entries {
+            all += usize::from(matches!(entry.packet, RecordedPacket::Belief(_)));
             match &entry.packet {
                 RecordedPacket::Command(command) if command.command() == Some(Command::Start) => {
                     begun.push((command.finger, command.motion));
@@ -121,7 +125,11 @@ impl SweepBeliefs {
                 _ => {}
             }
         }
-        Ok(Self::of(&beliefs))
+        let of_whole = Self::of(&beliefs);
+        Ok(Self {
+            unfinished: all - of_whole.beliefs,
+            ..of_whole
+        })
     }
 }
 
@@ -154,6 +162,7 @@ mod tests {
         ];
         let beliefs = SweepBeliefs::of(&came);
         assert_eq!((beliefs.sweeps, beliefs.beliefs), (1, 3));
+        assert_eq!(beliefs.unfinished, came.len() - 3);
         assert_eq!(beliefs.missing_in(&SweepBeliefs::of(&came)), 0);
         // Two skins, one after the other, whose frames have the same numbers.
         let mut other = came.map(|mut belief| {

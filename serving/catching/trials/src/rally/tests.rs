@@ -1,0 +1,159 @@
+use tactnet_catching::throw::NoThrow;
+
+use super::*;
+
+fn rally(config: RallyConfig, rallies: usize) -> Rally {
+    Rally {
+        config,
+        robot: Robot::new(RobotDescription::nominal()),
+        world: WorldConfig::default(),
+        timing: Timing::ours(),
+        rallies,
+        seed: 3,
+    }
+}
+
+fn short() -> RallyConfig {
+    RallyConfig {
+        practice: 2,
+        most: 2,
+        ..RallyConfig::default()
+    }
+}
+
+#[test]
+fn robots_play_catch_and_games_repeat_to_the_bit_whatever_the_number_of_threads() {
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        let report = pool.install(|| rally(short(), 2).run(|| ())).unwrap();
+        (serde_json::to_value(&report).unwrap(), report.flights)
+    };
+    let (report, flights) = run(2);
+    assert_eq!((report.clone(), flights.clone()), run(1));
+    assert_eq!(Some(flights.len() as u64), report["throws"].as_u64());
+    assert!(report["flights"].is_null());
+    for flight in flights {
+        let [far, high] = *flight.path.last().unwrap();
+        assert!((4.0..5.0).contains(&far) && (1.2..1.3).contains(&high));
+        // On time nothing is lost.
+        assert_eq!(flight.timing.len(), 9);
+        assert!(flight.timing[4][0] == 0.0 && flight.timing[4][1].abs() < 1e-3);
+    }
+    assert!(report["throws"].as_u64().unwrap() >= 2);
+    // Of four throws nearly always all.
+    assert!(report["catches"].as_u64().unwrap() >= 2, "{report}");
+    let flown = report["distance_m"].as_f64().unwrap();
+    assert!((4.0..5.0).contains(&flown), "{flown}");
+    let lost = report["distance_lost_mm_at_2ms"].as_f64().unwrap();
+    assert!((1.0..100.0).contains(&lost), "{lost}");
+    for key in ["longest", "rate", "ci95_low", "ci95_high", "causes"] {
+        assert!(!report[key].is_null(), "{key}");
+    }
+}
+
+/// Four times the drag that planner and tracker believe in.
+#[test]
+fn balls_that_fly_as_nobody_expects_are_missed() {
+    let mut windy = rally(short(), 2);
+    windy.config.practice = 0;
+    windy.world.ball.drag = [2.0, 2.0];
+    // Nobody else throws; those that do are to be able to.
+    windy.world.thrower.distance = [1.5, 2.0];
+    let report = windy.run(|| ()).unwrap();
+    assert!(report.catches < report.throws, "{report:?}");
+    assert_eq!(
+        report.causes.values().sum::<usize>(),
+        report.throws - report.catches
+    );
+    assert!(report.beside_mm_rms > Some(300.0), "{report:?}");
+}
+
+#[test]
+fn practice_brings_throws_nearer_to_their_target() {
+    let beside = |practice: usize| {
+        let config = RallyConfig {
+            practice,
+            most: 1,
+            ..RallyConfig::default()
+        };
+        rally(config, 2).run(|| ()).unwrap().beside_mm_rms.unwrap()
+    };
+    let (without, with) = (beside(0), beside(3));
+    assert!(with < 0.7 * without, "{without} {with}");
+}
+
+#[test]
+fn what_makes_no_sense_is_refused_with_its_setting() {
+    let refused = |config: RallyConfig| rally(config, 1).run(|| ()).unwrap_err();
+    let of = RallyConfig::default;
+    let far = refused(RallyConfig {
+        distance: 9.0,
+        ..of()
+    });
+    assert!(
+        matches!(far, TrialError::Throw(NoThrow::OutOfReach { .. })),
+        "{far}"
+    );
+    let cases = [
+        (
+            RallyConfig {
+                distance: 1.0,
+                ..of()
+            },
+            "`distance`",
+        ),
+        (
+            RallyConfig {
+                target: [4.8, 0.0, 1.0],
+                ..of()
+            },
+            "`target`",
+        ),
+        (RallyConfig { gain: -1.0, ..of() }, "`gain`"),
+        (RallyConfig { most: 0, ..of() }, "`most`"),
+        (
+            RallyConfig {
+                wheels: Some(0.0),
+                ..of()
+            },
+            "`wheels`",
+        ),
+    ];
+    for (config, named) in cases {
+        let error = refused(config).to_string();
+        assert!(error.contains(named), "{named}: {error}");
+    }
+    let unknown = serde_json::from_str::<RallyConfig>(r#"{"distanc": 5}"#);
+    assert!(unknown.unwrap_err().to_string().contains("unknown field"));
+}
+
+#[test]
+fn a_hand_without_a_ball_throws_nothing() {
+    let mut player = rally(short(), 1).player(1).unwrap();
+    let error = player.throw(0, rally(short(), 1).aim(), 0.0).unwrap_err();
+    assert_eq!(error, TrialError::Throw(NoThrow::NoBall));
+}
+
+#[test]
+fn a_ball_crosses_to_the_other_robot_and_back() {
+    let rally = rally(short(), 1);
+    let released = Released {
+        arm: 0,
+        at_ns: 5,
+        state: BallState {
+            position: Vector3::new(0.5, 0.3, 1.4),
+            velocity: Vector3::new(5.0, -1.0, 3.0),
+        },
+        spin: Vector3::new(1.0, 2.0, 3.0),
+        drag: 0.47,
+    };
+    let there = rally.handed_over(&released);
+    assert!((there.state.position - Vector3::new(4.5, -0.3, 1.4)).norm() < 1e-12);
+    assert!((there.state.velocity - Vector3::new(-5.0, 1.0, 3.0)).norm() < 1e-12);
+    let back = rally.handed_over(&there);
+    assert!((back.state.velocity - released.state.velocity).norm() < 1e-12);
+    assert!((back.spin - released.spin).norm() < 1e-12);
+}
