@@ -7,7 +7,9 @@ use tactnet_data::format::{self, Keep};
 
 use crate::hostile::npy;
 use crate::own_data::assert_line;
-use crate::{expected_materials, expected_samples, fixture, names};
+#[cfg(feature = "parquet")]
+use crate::fixture;
+use crate::{expected_materials, expected_samples, names};
 
 /// The frames of the fixtures' sweeps as lines of a table.
 fn frames(separator: char, first: impl Fn(usize, usize) -> String) -> Vec<String> {
