@@ -5,10 +5,10 @@ use std::path::Path;
 
 use tactnet_data::format::{self, Keep};
 
-use crate::hostile::npy;
-use crate::own_data::assert_line;
 #[cfg(feature = "parquet")]
 use crate::fixture;
+use crate::hostile::npy;
+use crate::own_data::assert_line;
 use crate::{expected_materials, expected_samples, names};
 
 /// The frames of the fixtures' sweeps as lines of a table.
