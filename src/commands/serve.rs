@@ -85,10 +85,6 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
             "which model: name a run with `--run`, or a folder of versions with `--models`"
         ),
     };
-    // A wrong folder is told before channels are asked for.
-    if let ModelSource::Run(run) = &source {
-        RunDir::open(run)?.config()?;
-    }
     let Some(path) = &arguments.table else {
         anyhow::bail!(
             "which channels: name a table with `--table`; `tactnet serve --print-table` prints one"
@@ -97,6 +93,10 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen_saying("stopping")?;
     let table = table::load(path)?;
     let config = ServeConfig::of(&table).with_context(|| path.display().to_string())?;
+    // A wrong folder is told before channels are asked for.
+    if let ModelSource::Run(run) = &source {
+        RunDir::open(run)?.config()?;
+    }
     let bus = Bus::open(Domain::Host, &table)?;
     let skip = config.segmenter.skip;
     let mut service = Service::start(&bus, config, source, GIT)?;

@@ -535,10 +535,15 @@ fn what_is_missing_is_said_in_one_line() {
         table.replace("\"robot\"", "\"nohub\""),
     )
     .unwrap();
-    let mut serve = tactnet(["serve", "--run", "nowhere", "--table"]);
-    serve.arg(lab.path("robot.toml"));
-    let none = stderr(&expect(2, serve));
-    assert!(none.contains("no hub of bus `nohub`"), "{none}");
+    for (model, missing) in [
+        ("--run", "nowhere: no run here"),
+        ("--models", "no hub of bus `nohub`"),
+    ] {
+        let mut serve = tactnet(["serve", model, "nowhere", "--table"]);
+        serve.arg(lab.path("robot.toml"));
+        let none = stderr(&expect(2, serve));
+        assert!(none.contains(missing), "{none}");
+    }
 }
 
 fn copy(from: &Path, to: &Path) {
