@@ -29,7 +29,7 @@ fn program() -> Provenance {
 }
 
 /// Three folds of different sizes, each in a folder of its own below `into`.
-fn begin(folder: &Path, into: &str) -> Vec<Session> {
+fn begin(folder: &Path, into: &str, device: Compute) -> Vec<Session> {
     let [data, recipe] = ["twin.h5", "small.toml"].map(|name| folder.join(name));
     if !data.exists() {
         let config = TwinConfig {
@@ -48,7 +48,7 @@ fn begin(folder: &Path, into: &str) -> Vec<Session> {
             data: data.display().to_string(),
             recipe: recipe.display().to_string(),
             fold: Some(fold),
-            device: Compute::Vulkan,
+            device,
             ..TrainSpec::default()
         };
         let job = TrainJob::try_from(spec).unwrap();
@@ -78,7 +78,7 @@ fn finished(ended: &[Ended]) -> usize {
 fn folds_train_together_and_an_interrupted_stack_ends_with_the_same_bits() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let sessions = begin(folder, "whole");
+    let sessions = begin(folder, "whole", Compute::Vulkan);
     let batches = [(); 3].map(|()| Cell::new(0));
     let count = |index: usize, event: TrainEvent<'_>| {
         let is_batch = matches!(event, TrainEvent::Batch { .. });
@@ -102,7 +102,7 @@ fn folds_train_together_and_an_interrupted_stack_ends_with_the_same_bits() {
     }
     drop(sessions);
 
-    drop(begin(folder, "parts"));
+    drop(begin(folder, "parts", Compute::Vulkan));
     let mut rounds = 0;
     loop {
         let sessions: Vec<Session> = runs(folder, "parts")
@@ -127,10 +127,10 @@ fn folds_train_together_and_an_interrupted_stack_ends_with_the_same_bits() {
 }
 
 #[test]
-fn one_at_a_time_is_as_before_and_what_has_ended_stays() {
+fn on_a_processor_they_follow_each_other_and_what_has_ended_stays() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let sessions = begin(folder, "alone");
+    let sessions = begin(folder, "alone", Compute::Cpu);
     let outcome = sessions[0].train(|_| {}, || false).unwrap();
     assert!(matches!(outcome, TrainOutcome::Finished(_)), "{outcome:?}");
     let first = sessions[0].run().weights().unwrap();
@@ -141,7 +141,7 @@ fn one_at_a_time_is_as_before_and_what_has_ended_stays() {
             told.set(true);
         }
     };
-    let ended = train_together(&sessions, Some(1), note, || false);
+    let ended = train_together(&sessions, None, note, || false);
     assert_eq!(finished(&ended), 3, "{ended:?}");
     assert!(told.get());
     assert!(weights(folder, "alone")[0] == first);
