@@ -13,7 +13,9 @@ fn git(arguments: &[&str]) -> Option<String> {
 
 fn main() {
     let commit = git(&["rev-parse", "--short=12", "HEAD"]).unwrap_or_else(|| "unknown".into());
-    let changed = git(&["status", "--porcelain"]).is_some_and(|status| !status.is_empty());
+    // Without locks it leaves the index as it is, whose time decides whether this runs again.
+    let changed = git(&["--no-optional-locks", "status", "--porcelain"])
+        .is_some_and(|status| !status.is_empty());
     let suffix = if changed { "-dirty" } else { "" };
     println!("cargo::rustc-env=TACTNET_GIT={commit}{suffix}");
     if let Some(folder) = git(&["rev-parse", "--absolute-git-dir"]) {
