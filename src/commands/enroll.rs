@@ -1,5 +1,6 @@
 //! `tactnet enroll`: adds a material to a trained classifier from a few sweeps.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
@@ -180,7 +181,7 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
              fitted to; train anew with --calibrate"
         );
     }
-    say_what_is_known(&run, &config, &view, taken_for)?;
+    say_what_is_known(&run, &config, &view, taken_for);
     if let Some(note) = enrolled.prior.note() {
         say!("note: {note}");
     }
@@ -233,29 +234,31 @@ fn taken_for(classifier: &Classifier, view: &SweepView<'_>) -> Option<(String, u
     Some((name.to_owned(), counts[most]))
 }
 
-/// Says where the new material is most likely none: its sweeps were trained on, or are like those of a known one.
+/// Says where the new material is most likely none: nearly all of its sweeps were taken for a known one. Only then it is worth reading what the
+/// run was trained on, to say whether they are training sweeps.
 fn say_what_is_known(
     run: &RunDir,
     config: &RunConfig,
     view: &SweepView<'_>,
     taken_for: Option<(String, usize)>,
-) -> anyhow::Result<()> {
-    let unseen = TestSweeps::unseen(view.dataset(), config, &run.split()?)?.view;
-    let seen = |index: &&usize| !unseen.indices().contains(index);
+) {
+    let Some((known, count)) = taken_for.filter(|(_, count)| 5 * count >= 4 * view.len()) else {
+        return;
+    };
+    let all = output::counted(view.len(), "sweep");
+    say!("hint: {count} of {all} were taken for `{known}` so far; is it that material?");
+    let Ok(manifest) = run.split() else { return };
+    let Ok(unseen) = TestSweeps::unseen(view.dataset(), config, &manifest) else {
+        return;
+    };
+    let unseen: BTreeSet<usize> = unseen.view.indices().iter().copied().collect();
+    let seen = |index: &&usize| !unseen.contains(index);
     match view.indices().iter().filter(seen).count() {
         0 => {}
-        seen => say!(
-            "warning: the run was trained on {seen} of these {}, under another name",
-            output::counted(view.len(), "sweep")
-        ),
+        seen => {
+            say!("warning: the run was trained on {seen} of these {all}, under another name");
+        }
     }
-    if let Some((known, count)) = taken_for.filter(|(_, count)| 5 * count >= 4 * view.len()) {
-        say!(
-            "hint: {count} of {} were taken for `{known}` so far; is it that material?",
-            output::counted(view.len(), "sweep")
-        );
-    }
-    Ok(())
 }
 
 /// Returns what the known materials lose on the test sweeps of the run's training; `None` where its data set is not at hand.

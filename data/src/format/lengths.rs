@@ -11,7 +11,8 @@ pub enum Keep {
     Equal,
     /// That many from the beginning; longer sweeps are cut, shorter ones refused.
     First(usize),
-    /// That of most sweeps, or where more than half have no length in common, that of which most frames are left; longer sweeps are cut, shorter ones left out, and all are named.
+    /// As many as more than half of the sweeps have, or where none is so common, the number of which most frames are left; longer sweeps are
+    /// cut, shorter ones left out, and all are named.
     Most,
 }
 
