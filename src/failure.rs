@@ -63,8 +63,14 @@ pub fn usage(error: &clap::Error) -> ExitCode {
         message.push_str(separator);
         message.push_str(part);
     }
-    if let Some(tip) = misplaced_path(error, &verb).or_else(|| mistyped_word(error)) {
-        message.push_str(&format!("; did you mean `{tip}`?"));
+    let meant = in_the_recipe(error, &verb).or_else(|| {
+        let word = misplaced_path(error, &verb).or_else(|| mistyped_word(error))?;
+        Some(format!("did you mean `{word}`?"))
+    });
+    if let Some(meant) = meant {
+        // What clap takes for similar is not what was meant.
+        let said = message.split("; tip: ").next().unwrap_or_default();
+        message = format!("{said}; {meant}");
     }
     say!("{}; see `{verb} --help`", harmless(&message));
     ExitCode::from(USAGE)
@@ -94,10 +100,48 @@ fn misplaced_path(error: &clap::Error, verb: &str) -> Option<String> {
     has.then(|| format!("--{option} {}", tactnet_pipeline::quoted(word)))
 }
 
+/// Settings of a training that have no option, as other programs call them.
+const OF_THE_RECIPE: [&str; 12] = [
+    "batch",
+    "batch-size",
+    "lr",
+    "learning-rate",
+    "dropout",
+    "optimizer",
+    "optimiser",
+    "weight-decay",
+    "l2",
+    "momentum",
+    "hidden",
+    "epsilon",
+];
+
+/// Returns where a setting of a training stands that somebody looks for among the options of `train`.
+fn in_the_recipe(error: &clap::Error, verb: &str) -> Option<String> {
+    if error.kind() != ErrorKind::UnknownArgument || verb != "tactnet train" {
+        return None;
+    }
+    let clap::error::ContextValue::String(word) = error.get(ContextKind::InvalidArg)? else {
+        return None;
+    };
+    let name = word.trim_start_matches('-').replace('_', "-");
+    let name = name.split('=').next()?;
+    OF_THE_RECIPE.contains(&name).then(|| {
+        "it stands in the recipe: `tactnet train --print-recipe fast > my.toml`, then `--recipe my.toml`".into()
+    })
+}
+
 /// Returns the value or command that was meant, where clap proposes none.
 fn mistyped_word(error: &clap::Error) -> Option<String> {
     use clap::error::ContextValue::{String as Word, Strings};
     match error.kind() {
+        // Vulkan reaches the cards of every maker.
+        ErrorKind::InvalidValue
+            if matches!(error.get(ContextKind::InvalidValue)?, Word(word) if word.eq_ignore_ascii_case("gpu"))
+                && matches!(error.get(ContextKind::ValidValue)?, Strings(known) if known.iter().any(|it| it == "vulkan")) =>
+        {
+            Some("vulkan".into())
+        }
         ErrorKind::InvalidValue if error.get(ContextKind::SuggestedValue).is_none() => {
             let (Word(word), Strings(known)) = (
                 error.get(ContextKind::InvalidValue)?,

@@ -152,8 +152,15 @@ fn has_fold(spec: &TrainSpec, dataset: &Dataset) -> Result<(), String> {
     if asked <= folds {
         return Ok(());
     }
+    let fewest = dataset.sweeps_per_label().into_iter().min();
+    let why = match scheme {
+        Scheme::StratifiedKFold { .. } if fewest == Some(folds) => {
+            format!("the sweeps of the material with the fewest ({folds})")
+        }
+        scheme => format!("to {scheme}"),
+    };
     Err(format!(
-        "expected `folds` of at most {folds}, to {scheme}, found {asked} or more; `--set folds={folds}`"
+        "expected `folds` of at most {folds}, {why}, found {asked} or more; `--set folds={folds}`"
     ))
 }
 

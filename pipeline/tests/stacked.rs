@@ -135,6 +135,17 @@ fn alone(member: &StackMember<'_>) -> (Vec<BatchReport>, TrainingState) {
     (reports, training.state().unwrap())
 }
 
+/// One process for all: each would have the driver compile the same kernels.
+#[test]
+fn networks_train_together_as_each_does_alone() {
+    for (method, tolerance) in [(PLAIN, 2e-3), (ATTACKED, 2e-2), (BOTH, 2e-2)] {
+        trains_as_alone(method, tolerance);
+    }
+    a_network_does_not_depend_on_those_beside_it();
+    an_interrupted_stack_goes_on_as_if_nothing_had_happened_and_alone_too();
+    networks_end_with_their_own_last_epoch();
+}
+
 /// - `tolerance`: of weights after ten steps; gradients near zero change their sign where sums are rounded otherwise, and Adam's first steps
 ///   are as large for small gradients as for large ones
 fn trains_as_alone(method: &str, tolerance: f64) {
@@ -166,22 +177,6 @@ fn trains_as_alone(method: &str, tolerance: f64) {
     }
 }
 
-#[test]
-fn networks_train_together_as_each_does_alone() {
-    trains_as_alone(PLAIN, 2e-3);
-}
-
-#[test]
-fn attacked_networks_train_together_as_each_does_alone() {
-    trains_as_alone(ATTACKED, 2e-2);
-}
-
-#[test]
-fn so_they_do_with_one_mask_and_statistics_of_both_passes() {
-    trains_as_alone(BOTH, 2e-2);
-}
-
-#[test]
 fn a_network_does_not_depend_on_those_beside_it() {
     let twin = twin();
     for method in [PLAIN, ATTACKED] {
@@ -201,7 +196,6 @@ fn a_network_does_not_depend_on_those_beside_it() {
     }
 }
 
-#[test]
 fn an_interrupted_stack_goes_on_as_if_nothing_had_happened_and_alone_too() {
     let twin = twin();
     let folds = Folds::of(&twin, PLAIN);
@@ -240,7 +234,6 @@ fn an_interrupted_stack_goes_on_as_if_nothing_had_happened_and_alone_too() {
     }
 }
 
-#[test]
 fn networks_end_with_their_own_last_epoch() {
     let twin = twin();
     let folds = Folds::of(&twin, PLAIN);

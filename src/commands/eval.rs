@@ -5,7 +5,9 @@ use std::process::ExitCode;
 use anyhow::bail;
 use clap::Args;
 use tactnet_models::Compute;
-use tactnet_pipeline::{Classifier, ModelRecipe, Reevaluation, RunDir, RuntimeKind, TestSweeps};
+use tactnet_pipeline::{
+    Classifier, ModelRecipe, Reevaluation, RunDir, RuntimeKind, TestSweeps, quoted,
+};
 
 use super::choices::{DeviceChoice, RuntimeChoice, rate};
 use super::run_choice::RunChoice;
@@ -81,6 +83,19 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
     let tested = TestSweeps::of_run(&run, &dataset)?;
     if !tested.training_sweeps_known {
         say!("{}: {}", dataset.name(), tested.description);
+    }
+    let enrolled = run.enrolled()?;
+    if arguments.data.is_none() && !enrolled.is_empty() {
+        let names: Vec<String> = enrolled
+            .iter()
+            .map(|of| format!("`{}`", of.material))
+            .collect();
+        say!(
+            "note: {} {} enrolled, and none of the run's test sweeps is of it; `tactnet eval {} --data FILE` judges it by further sweeps",
+            names.join(", "),
+            if names.len() == 1 { "was" } else { "were" },
+            quoted(&arguments.run.dir().display().to_string())
+        );
     }
     let how = Reevaluation {
         fused: arguments.sweeps as usize,

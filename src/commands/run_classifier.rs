@@ -96,6 +96,9 @@ impl RunClassifier {
         if sweeps.arranged {
             source::note_arranged(known.shape);
         }
+        if let Some(still) = found.still() {
+            say!("warning: {still}");
+        }
         let seen = self.learnt_from(&sweeps.dataset)?;
         if seen > 0 {
             let all = sweeps.dataset.len();

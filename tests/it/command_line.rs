@@ -47,10 +47,20 @@ fn every_command_has_a_manual_page_and_help() {
     for (words, meant) in [
         (["train", "--model", "lad"], "did you mean `lda`?"),
         (["train", "--data", "twim"], "did you mean `twin`?"),
+        (["train", "--device", "gpu"], "did you mean `vulkan`?"),
+        (["train", "--batch", "64"], "found; it stands in the recipe"),
+        (["train", "--lr=0.01", ""], "found; it stands in the recipe"),
     ] {
         let refused = stderr(&expect(2, tactnet(words)));
         assert!(refused.contains(meant), "{refused}");
+        assert!(!refused.contains("tip:"), "{refused}");
     }
+    // Where nothing better is known, what clap proposes stands.
+    let near = stderr(&expect(2, tactnet(["train", "--epoch", "3"])));
+    assert!(
+        near.contains("`--epochs`") || near.contains("'--epochs'"),
+        "{near}"
+    );
 }
 
 #[test]

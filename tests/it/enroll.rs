@@ -274,6 +274,11 @@ fn a_new_material_is_added_and_the_old_rows_stay() {
 
     // The run's own test sweeps, and another file without the sweeps that were learnt from.
     assert_eq!(eval(&lab, "more", None)["n_test"], 8);
+    let mut again = tactnet(["eval", "--mc", "0"]);
+    again.arg(lab.path("more"));
+    let note = stderr(&expect(0, again));
+    let none = format!("note: `{new}` was enrolled, and none of the run's test sweeps is of it");
+    assert!(note.contains(&none), "{note}");
     let other = eval(&lab, "more", Some("five.h5"));
     assert!(
         other["tested"]

@@ -170,6 +170,20 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
     assert!(shown.contains(" of 40 right"), "{shown}");
     let plain = stdout(&expect(0, with(&lab, &["eval", "--mc", "0"], "run", &[])));
     assert!(!plain.contains("MC dropout"), "{plain}");
+    // A skin that says nothing, among others that do.
+    let frame = "7,".repeat(15) + "7\n";
+    std::fs::write(lab.path("new/still.csv"), frame.repeat(steps)).unwrap();
+    let still = expect(0, predict("new", &[]));
+    assert!(
+        stderr(&still).contains("warning: no taxel ever changes in sweep `still`"),
+        "{}",
+        stderr(&still)
+    );
+    let marked = stdout(&still);
+    let marked = marked
+        .lines()
+        .filter(|line| line.ends_with("no taxel ever changes"));
+    assert_eq!(marked.count(), 1);
     let refused = stderr(&expect(2, predict("new", &["--rate", "100"])));
     assert!(
         refused.contains("new: the classifier expects 750 Hz")

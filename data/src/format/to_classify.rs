@@ -40,6 +40,20 @@ impl SweepsToClassify {
             dataset,
         }
     }
+
+    /// Returns `[sweeps]`: true for a sweep in which no taxel ever changes, which no touch leaves behind.
+    pub fn still(&self) -> Vec<bool> {
+        let taxels = self.dataset.shape().taxels();
+        (0..self.dataset.len())
+            .map(|index| {
+                let sweep = self.dataset.sweep(index);
+                sweep
+                    .iter()
+                    .zip(&sweep[taxels..])
+                    .all(|(before, after)| before == after)
+            })
+            .collect()
+    }
 }
 
 /// Reads sweeps whose materials nobody needs to know, and whose values are all finite.

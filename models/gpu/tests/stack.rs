@@ -233,22 +233,16 @@ const MAPS: &[[usize; 2]] = &[[4, 10], [6, 3]];
 /// Taps in registers and one product over taps.
 const FEW: &[[usize; 2]] = &[[2, 10], [5, 6]];
 
+/// One process for all: each would have the driver compile the same kernels.
 #[test]
 fn a_network_is_the_same_to_the_bit_alone_and_beside_others() {
     alone_and_beside_others(&case(MAPS, None));
-}
-
-#[test]
-fn so_it_is_with_blocks_of_few_maps() {
     alone_and_beside_others(&case(FEW, Some((0.0, false))));
-}
-
-#[test]
-fn so_it_is_when_sweeps_are_attacked() {
     alone_and_beside_others(&case(MAPS, Some((0.5, true))));
+    digits_are_normalised_on_the_device_as_elsewhere();
+    sweeps_that_fill_up_a_batch_count_for_nothing();
 }
 
-#[test]
 fn digits_are_normalised_on_the_device_as_elsewhere() {
     let client = client();
     let digits = case(MAPS, None);
@@ -260,7 +254,6 @@ fn digits_are_normalised_on_the_device_as_elsewhere() {
 }
 
 /// Sums are cut otherwise then, so not to the bit.
-#[test]
 fn sweeps_that_fill_up_a_batch_count_for_nothing() {
     let client = client();
     let (tight, measured) = trained(&client, &case(MAPS, None), None);

@@ -38,7 +38,7 @@ pub enum OnnxInputs {
 const USE: &str = r#"Which material did the fingertip sweep over? In Python, with onnxruntime and numpy:
 
 import json, numpy, onnxruntime
-session = onnxruntime.InferenceSession("model.onnx")
+session = onnxruntime.InferenceSession("model.onnx")  # this file
 labels = json.loads(session.get_modelmeta().custom_metadata_map["labels"])
 digits = numpy.zeros((1, STEPS, TAXELS), numpy.float32)  # sweeps x steps x taxels, as the skin gives them
 print(labels[session.run(["log_probability"], {"digits": digits})[0][0].argmax()])"#;
@@ -46,7 +46,7 @@ print(labels[session.run(["log_probability"], {"digits": digits})[0][0].argmax()
 const USE_WITH_MASKS: &str = r#"Which material did the fingertip sweep over? In Python, with onnxruntime and numpy:
 
 import json, numpy, onnxruntime
-session = onnxruntime.InferenceSession("model.onnx")
+session = onnxruntime.InferenceSession("model.onnx")  # this file
 labels = json.loads(session.get_modelmeta().custom_metadata_map["labels"])
 digits = numpy.zeros((1, STEPS, TAXELS), numpy.float32)  # sweeps x steps x taxels, as the skin gives them
 masks = (numpy.random.default_rng(1).random((100, FEATURES)) < KEEP).astype(numpy.float32) * KEPT  # runs x features

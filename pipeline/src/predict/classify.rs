@@ -51,6 +51,9 @@ pub struct ClassifiedSweep {
     /// What the file says that it is.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub named: Option<String>,
+    /// True if no taxel ever changes, which no touch leaves behind: whatever the classifier says of it means nothing.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub still: bool,
 }
 
 /// What a classifier says of several sweeps over one object.
@@ -93,6 +96,7 @@ impl ClassifiedSweeps {
             }
         };
         let name = |label: usize| config.labels.name(label).to_string();
+        let still = sweeps.still();
         let entry = |(position, row): (usize, &Vec<f64>)| {
             let verdict = verdicts.as_ref().map(|verdicts| &verdicts[position]);
             ClassifiedSweep {
@@ -105,6 +109,7 @@ impl ClassifiedSweeps {
                 named: sweeps
                     .labelled
                     .then(|| sweeps.dataset.labels().name(view.label(position)).into()),
+                still: still[position],
             }
         };
         let object = one_object.then(|| {
@@ -136,6 +141,23 @@ impl ClassifiedSweeps {
         let mut named = self.sweeps.iter().map(|sweep| sweep.named.as_deref());
         let first = named.next()??;
         named.all(|name| name == Some(first)).then_some(first)
+    }
+
+    /// Returns which sweeps are none, in one line; `None` where something happens in all of them.
+    pub fn still(&self) -> Option<String> {
+        let still: BTreeSet<&str> = self
+            .sweeps
+            .iter()
+            .filter(|sweep| sweep.still)
+            .map(|sweep| sweep.sweep.as_str())
+            .collect();
+        (!still.is_empty()).then(|| {
+            format!(
+                "no taxel ever changes in sweep{} {}: what the classifier says there means nothing",
+                if still.len() == 1 { "" } else { "s" },
+                listed(&still)
+            )
+        })
     }
 
     /// Returns why the sweeps cannot be of one object, in one line, where the file names several materials for them.
@@ -272,10 +294,13 @@ impl fmt::Display for ClassifiedSweeps {
                 let probability = 100.0 * sweep.probabilities[next];
                 write!(f, "  {} {probability:.1} %", self.materials.name(next))?;
             }
-            match sweep.unknown {
-                Some(true) => writeln!(f, "  most likely none of them")?,
-                _ => writeln!(f)?,
+            if sweep.unknown == Some(true) {
+                write!(f, "  most likely none of them")?;
             }
+            if sweep.still {
+                write!(f, "  no taxel ever changes")?;
+            }
+            writeln!(f)?;
         }
         if listed.len() < self.sweeps.len() {
             writeln!(f, "… and {} more", self.sweeps.len() - listed.len())?;

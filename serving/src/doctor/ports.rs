@@ -1,5 +1,6 @@
 //! Ports that `tactnet` listens at unless told otherwise.
 
+use std::io::ErrorKind;
 use std::net::TcpListener;
 
 use super::{Check, Status};
@@ -20,7 +21,13 @@ pub(super) fn checks() -> Vec<Check> {
     .map(
         |(name, port, advice)| match TcpListener::bind(("127.0.0.1", port)) {
             Ok(_) => Check::ok(name, format!("{port} is free")),
-            Err(error) => Check::not_ok(Status::Note, name, format!("{port}: {error}"), advice),
+            Err(error) => {
+                let found = match error.kind() {
+                    ErrorKind::AddrInUse => format!("{port} is in use"),
+                    _ => format!("{port}: {error}"),
+                };
+                Check::not_ok(Status::Note, name, found, advice)
+            }
         },
     )
     .into()

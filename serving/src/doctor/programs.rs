@@ -25,7 +25,7 @@ pub(super) fn checks(features: &[&str]) -> Vec<Check> {
         (
             "Rerun viewer",
             &["rerun"][..],
-            "only for `tactnet view`: `pip install rerun-sdk`",
+            "only for `tactnet view`: `pip install rerun-sdk==0.36.3`",
         ),
         (
             "Python",
