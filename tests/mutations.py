@@ -7,8 +7,8 @@
     python3 tests/mutations.py --cargo='--workspace --features zenoh'    # with what is built already for these arguments
     python3 tests/mutations.py --write                # all, and tests/MUTATIONS.md with the test that caught each
 
-A mutation is caught if a unit test of its crate fails, or, where those pass, one of the whole workspace (`cargo test --lib`). One that
-does not compile, or whose line is no longer there, is a mistake in the list. Exit code: 0 if all are caught, 1 if one survives, 2 for a
+A mutation is caught if a unit test of its crate fails, or, where those pass, one of the whole workspace (`cargo test --lib`). The test that
+tests/MUTATIONS.md names runs first. Of a mutated crate only the unit tests are compiled, what depends on it is not. One that does not compile, or whose line is no longer there, is a mistake in the list. Exit code: 0 if all are caught, 1 if one survives, 2 for a
 mistake in the call or in the list.
 """
 
@@ -34,6 +34,23 @@ LIST = ROOT / "tests" / "mutations.toml"
 PAGE = ROOT / "tests" / "MUTATIONS.md"
 # A test that a mutation keeps from ending has failed.
 LIMIT_SECONDS = 900
+# As a compiler's wrapper: compiles the unit tests of one crate and what they depend on. Cargo would compile everything that depends on the
+# crate first; such calls wait here until cargo is ended.
+ONLY_THE_TESTS = """#!/bin/sh
+crate= test= before=
+for word; do
+  [ "$before" = --crate-name ] && crate=$word
+  [ "$word" = --test ] && test=1
+  before=$word
+done
+case $crate in tactnet* | _tactnet) ;; *) exec "$@" ;; esac
+if [ "$crate" = "$TESTED_CRATE" ]; then
+  [ -n "$test" ] && exec "$@"
+else
+  case " $NEEDED_CRATES " in *" $crate "*) [ -z "$test" ] && exec "$@" ;; esac
+fi
+exec sleep 3600
+"""
 
 
 class Mistake(Exception):
@@ -71,6 +88,42 @@ def crate_of(file):
     raise Mistake(f"{file} belongs to no package")
 
 
+def library(package):
+    """Returns the name of a package's library as rustc knows it."""
+    kinds = {"lib", "rlib", "cdylib", "staticlib", "proc-macro"}
+    return next(target["name"] for target in package["targets"] if kinds & set(target["kind"]))
+
+
+def needed_crates(crate):
+    """Returns the package's library as rustc knows it, and the libraries of our own packages that it depends on by their packages."""
+    call = ["cargo", "metadata", "--no-deps", "--format-version", "1"]
+    packages = json.loads(subprocess.run(call, cwd=ROOT, check=True, capture_output=True, text=True).stdout)["packages"]
+    packages = {each["name"]: each for each in packages}
+    found, left = set(), [crate]
+    while left:
+        for dependency in packages[left.pop()]["dependencies"]:
+            if dependency.get("path") and dependency["name"] not in found:
+                found.add(dependency["name"])
+                left.append(dependency["name"])
+    return library(packages[crate]), {name: library(packages[name]) for name in sorted(found)}
+
+
+def known_tests():
+    """Returns the test that caught each mutation when tests/MUTATIONS.md was written."""
+    rows = re.findall(r"^\| ([^ |]+) \|.*\| `([^`]+)` \|$", PAGE.read_text(), re.MULTILINE)
+    return dict(rows)
+
+
+def package_of(fingerprint):
+    """Returns the package that a folder of cargo's is about: `tactnet-data` of `tactnet-data-0a1b2c3d4e5f6789`."""
+    return fingerprint.name.rpartition("-")[0]
+
+
+def fingerprints():
+    """Returns the folders by which cargo knows what is built of our own packages."""
+    return (target_folder() / "ci" / ".fingerprint").glob("tactnet*")
+
+
 def target_folder():
     if "CARGO_TARGET_DIR" in os.environ:
         return Path(os.environ["CARGO_TARGET_DIR"])
@@ -86,6 +139,7 @@ class Copy:
 
     def __init__(self, folder, cargo=()):
         self.folder = folder
+        self.saved = Path(tempfile.mkdtemp(prefix="saved-", dir=target_folder() / "mutations"))
         self.cargo = list(cargo)
         self.begun = time.time()
         names = subprocess.run(
@@ -100,7 +154,12 @@ class Copy:
     def forget(self):
         """Deletes the copy, and makes cargo build anew what it built of it: file times do not tell a mutated crate from the right one."""
         shutil.rmtree(self.folder)
-        for fingerprint in (target_folder() / "ci" / ".fingerprint").glob("tactnet*"):
+        shutil.rmtree(self.saved)
+        self.forget_since()
+
+    def forget_since(self):
+        """Makes cargo build anew what it built of the copy."""
+        for fingerprint in fingerprints():
             if fingerprint.stat().st_mtime >= self.begun or any(file.stat().st_mtime >= self.begun for file in fingerprint.iterdir()):
                 shutil.rmtree(fingerprint)
 
@@ -109,8 +168,17 @@ class Copy:
 
         Returns folders and programs, and what cargo said if it failed.
         """
-        cargo = ["cargo", "test", "--profile", "ci", "--locked", "--lib", "--no-run", "--message-format", "json-render-diagnostics", *(self.cargo or arguments)]
         environment = {**os.environ, "CARGO_TARGET_DIR": str(target_folder())}
+        alone = []
+        if until:
+            wrapper = self.saved / "only-the-tests"
+            wrapper.write_text(ONLY_THE_TESTS)
+            wrapper.chmod(0o755)
+            environment["TESTED_CRATE"], needed = needed_crates(until)
+            environment["NEEDED_CRATES"] = " ".join(needed.values())
+            # Calls that wait take a place each.
+            alone = ["--jobs", "64", "--config", f"build.rustc-wrapper={json.dumps(str(wrapper))}"]
+        cargo = ["cargo", "test", "--profile", "ci", "--locked", "--lib", "--no-run", "--message-format", "json-render-diagnostics", *alone, *(self.cargo or arguments)]
         tests = []
         with tempfile.TemporaryFile("w+") as said:
             cargo = subprocess.Popen(cargo, cwd=self.folder, env=environment, stdout=subprocess.PIPE, stderr=said, text=True, start_new_session=True)
@@ -130,17 +198,19 @@ class Copy:
             raise Mistake(f"no unit tests are built by cargo test {' '.join(self.cargo or arguments)}")
         return tests, None
 
-    def tests(self, arguments, until=None):
-        """Builds unit tests, or only those of the package `until`, and runs them up to the first crate that fails.
+    def tests(self, arguments, until=None, first=None):
+        """Builds unit tests, or only those of the package `until`, and runs them up to the first crate that fails, the test `first` before all.
 
         Returns 'passed', 'failed' or 'broken', and the first test that failed or what cargo said.
         """
         tests, complaint = self.build(arguments, until)
         if complaint:
             return "broken", complaint
-        for folder, program in tests:
+        calls = [(folder, [program, "--exact", first]) for folder, program in tests if until and first]
+        calls += [(folder, [program]) for folder, program in tests]
+        for folder, call in calls:
             try:
-                ran = subprocess.run([program], cwd=folder, capture_output=True, text=True, timeout=LIMIT_SECONDS)
+                ran = subprocess.run(call, cwd=folder, capture_output=True, text=True, timeout=LIMIT_SECONDS)
             except subprocess.TimeoutExpired:
                 return "failed", "a test that did not end"
             if ran.returncode != 0:
@@ -151,12 +221,16 @@ class Copy:
     def try_mutation(self, mutation):
         """Returns the name of the test that caught it, or None."""
         path = self.folder / mutation["file"]
-        original = path.read_text()
+        original, times = path.read_text(), path.stat()
         path.write_text(original.replace(mutation["find"], mutation["replace"]))
+        known = known_tests().get(mutation["id"])
+        crate = crate_of(mutation["file"])
+        everything = False
+        self.remember()
         try:
-            crate = crate_of(mutation["file"])
             for arguments, until in ((["-p", crate], crate), (["--workspace"], None)):
-                verdict, what = self.tests(arguments, until)
+                everything = until is None
+                verdict, what = self.tests(arguments, until, known)
                 if verdict == "broken":
                     raise Mistake(f"{mutation['id']} does not compile:\n{what}")
                 if verdict == "failed":
@@ -164,6 +238,39 @@ class Copy:
             return None
         finally:
             path.write_text(original)
+            if everything:
+                self.forget_since()
+            else:
+                # But for the unit tests of the crate nothing was built.
+                os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
+                self.remember_no_more(crate)
+
+    def remember(self):
+        """Notes what cargo knows to be built."""
+        shutil.rmtree(self.saved / "fingerprints", ignore_errors=True)
+        for fingerprint in fingerprints():
+            shutil.copytree(fingerprint, self.saved / "fingerprints" / fingerprint.name)
+        # Cargo deletes a library before it calls the compiler.
+        shutil.rmtree(self.saved / "libraries", ignore_errors=True)
+        (self.saved / "libraries").mkdir()
+        for library in (target_folder() / "ci" / "deps").glob("lib*tactnet*.rlib"):
+            os.link(library, self.saved / "libraries" / library.name)
+
+    def remember_no_more(self, crate):
+        """Tells cargo what it knew before, except that the unit tests of `crate` are to be built anew."""
+        # What the crate depends on was built right, if anything of it was.
+        _, needed = needed_crates(crate)
+        for fingerprint in list(fingerprints()):
+            if package_of(fingerprint) not in needed:
+                shutil.rmtree(fingerprint)
+        for fingerprint in (self.saved / "fingerprints").iterdir():
+            is_mutated = package_of(fingerprint) == crate and any(file.name.startswith("test-lib-") for file in fingerprint.iterdir())
+            if package_of(fingerprint) not in needed and not is_mutated:
+                shutil.copytree(fingerprint, target_folder() / "ci" / ".fingerprint" / fingerprint.name)
+        for library in (self.saved / "libraries").iterdir():
+            built = target_folder() / "ci" / "deps" / library.name
+            if not built.exists():
+                os.link(library, built)
 
 
 def content_key():
