@@ -8,7 +8,8 @@
     python3 tests/mutations.py --write                # all, and tests/MUTATIONS.md with the test that caught each
 
 A mutation is caught if a unit test of its crate fails, or, where those pass, one of the whole workspace (`cargo test --lib`). The test that
-tests/MUTATIONS.md names runs first. Of a mutated crate only the unit tests are compiled, what depends on it is not. One that does not compile, or whose line is no longer there, is a mistake in the list. Exit code: 0 if all are caught, 1 if one survives, 2 for a
+tests/MUTATIONS.md names runs first. Of a mutated crate only the unit tests are compiled, what depends on it is not. One that does not
+compile, or whose line is no longer there, is a mistake in the list. Exit code: 0 if all are caught, 1 if one survives, 2 for a
 mistake in the call or in the list.
 """
 
@@ -35,7 +36,7 @@ PAGE = ROOT / "tests" / "MUTATIONS.md"
 # A test that a mutation keeps from ending has failed.
 LIMIT_SECONDS = 900
 # As a compiler's wrapper: compiles the unit tests of one crate and what they depend on. Cargo would compile everything that depends on the
-# crate first; such calls wait here until cargo is ended.
+# crate first; such calls wait here until cargo is ended, or end when something does not compile.
 ONLY_THE_TESTS = """#!/bin/sh
 crate= test= before=
 for word; do
@@ -44,12 +45,19 @@ for word; do
   before=$word
 done
 case $crate in tactnet* | _tactnet) ;; *) exec "$@" ;; esac
+wanted=
 if [ "$crate" = "$TESTED_CRATE" ]; then
-  [ -n "$test" ] && exec "$@"
+  wanted=$test
 else
-  case " $NEEDED_CRATES " in *" $crate "*) [ -z "$test" ] && exec "$@" ;; esac
+  case " $NEEDED_CRATES " in *" $crate "*) [ -n "$test" ] || wanted=1 ;; esac
 fi
-exec sleep 3600
+if [ -n "$wanted" ]; then
+  "$@" && exit
+  touch "$BROKEN_BUILD"
+  exit 1
+fi
+while kill -0 $PPID && [ ! -e "$BROKEN_BUILD" ]; do sleep 0.2; done 2>/dev/null
+exit 1
 """
 
 
@@ -176,6 +184,9 @@ class Copy:
             wrapper.chmod(0o755)
             environment["TESTED_CRATE"], needed = needed_crates(until)
             environment["NEEDED_CRATES"] = " ".join(needed.values())
+            broken = self.saved / "broken"
+            broken.unlink(missing_ok=True)
+            environment["BROKEN_BUILD"] = str(broken)
             # Calls that wait take a place each.
             alone = ["--jobs", "64", "--config", f"build.rustc-wrapper={json.dumps(str(wrapper))}"]
         cargo = ["cargo", "test", "--profile", "ci", "--locked", "--lib", "--no-run", "--message-format", "json-render-diagnostics", *alone, *(self.cargo or arguments)]
@@ -193,7 +204,9 @@ class Copy:
                     return tests[-1:], None
             if cargo.wait() != 0:
                 said.seek(0)
-                return [], "\n".join(said.read().splitlines()[-30:])
+                lines = said.read().splitlines()
+                first = next((at for at, line in enumerate(lines) if line.startswith("error")), 0)
+                return [], "\n".join(lines[first : first + 30])
         if not tests:
             raise Mistake(f"no unit tests are built by cargo test {' '.join(self.cargo or arguments)}")
         return tests, None

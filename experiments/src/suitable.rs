@@ -155,7 +155,7 @@ fn has_fold(spec: &TrainSpec, dataset: &Dataset) -> Result<(), String> {
     let fewest = dataset.sweeps_per_label().into_iter().min();
     let why = match scheme {
         Scheme::StratifiedKFold { .. } if fewest == Some(folds) => {
-            format!("the sweeps of the material with the fewest ({folds})")
+            format!("since a material has {folds} sweeps")
         }
         scheme => format!("to {scheme}"),
     };

@@ -47,10 +47,12 @@ impl SweepsToClassify {
         (0..self.dataset.len())
             .map(|index| {
                 let sweep = self.dataset.sweep(index);
-                sweep
-                    .iter()
-                    .zip(&sweep[taxels..])
-                    .all(|(before, after)| before == after)
+                // One frame says nothing about change.
+                sweep.len() > taxels
+                    && sweep
+                        .iter()
+                        .zip(&sweep[taxels..])
+                        .all(|(before, after)| before == after)
             })
             .collect()
     }
