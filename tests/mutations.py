@@ -206,7 +206,9 @@ class Copy:
                 said.seek(0)
                 lines = said.read().splitlines()
                 first = next((at for at, line in enumerate(lines) if line.startswith("error")), 0)
-                return [], "\n".join(lines[first : first + 30])
+                # What waited says nothing.
+                ended = next((at for at, line in enumerate(lines) if line.startswith("warning: build failed")), len(lines))
+                return [], "\n".join(lines[first : min(ended, first + 30)])
         if not tests:
             raise Mistake(f"no unit tests are built by cargo test {' '.join(self.cargo or arguments)}")
         return tests, None
