@@ -138,6 +138,24 @@ def target_folder():
     return ROOT / "target"
 
 
+def forget_since(begun):
+    """Makes cargo build anew what it has built of our own packages since then."""
+    for fingerprint in fingerprints():
+        if fingerprint.stat().st_mtime >= begun or any(file.stat().st_mtime >= begun for file in fingerprint.iterdir()):
+            shutil.rmtree(fingerprint)
+
+
+def forget_killed():
+    """Does what calls that were killed had no time to do: what cargo built of their mutated copies must not be taken for the sources."""
+    for owner in (target_folder() / "mutations").glob("saved-*/owner.json"):
+        killed = json.loads(owner.read_text())
+        if Path(f"/proc/{killed['process']}").exists():
+            continue
+        forget_since(killed["begun"])
+        shutil.rmtree(killed["copy"], ignore_errors=True)
+        shutil.rmtree(owner.parent)
+
+
 class Copy:
     """A copy of the sources that shares what cargo built of them: file times are copied, too, and cargo goes by those.
 
@@ -147,9 +165,11 @@ class Copy:
 
     def __init__(self, folder, cargo=()):
         self.folder = folder
+        forget_killed()
         self.saved = Path(tempfile.mkdtemp(prefix="saved-", dir=target_folder() / "mutations"))
         self.cargo = list(cargo)
         self.begun = time.time()
+        (self.saved / "owner.json").write_text(json.dumps({"process": os.getpid(), "begun": self.begun, "copy": str(folder)}))
         names = subprocess.run(
             ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"], cwd=ROOT, check=True, capture_output=True
         ).stdout.decode()
@@ -163,13 +183,7 @@ class Copy:
         """Deletes the copy, and makes cargo build anew what it built of it: file times do not tell a mutated crate from the right one."""
         shutil.rmtree(self.folder)
         shutil.rmtree(self.saved)
-        self.forget_since()
-
-    def forget_since(self):
-        """Makes cargo build anew what it built of the copy."""
-        for fingerprint in fingerprints():
-            if fingerprint.stat().st_mtime >= self.begun or any(file.stat().st_mtime >= self.begun for file in fingerprint.iterdir()):
-                shutil.rmtree(fingerprint)
+        forget_since(self.begun)
 
     def build(self, arguments, until=None):
         """Builds unit tests, or only up to those of the package `until`.
@@ -193,16 +207,21 @@ class Copy:
         tests = []
         with tempfile.TemporaryFile("w+") as said:
             cargo = subprocess.Popen(cargo, cwd=self.folder, env=environment, stdout=subprocess.PIPE, stderr=said, text=True, start_new_session=True)
-            for line in cargo.stdout:
-                message = json.loads(line)
-                if not message.get("executable"):
-                    continue
-                tests.append((Path(message["manifest_path"]).parent, message["executable"]))
-                if until and package(tests[-1][0]) == until:
+            try:
+                for line in cargo.stdout:
+                    message = json.loads(line)
+                    if not message.get("executable"):
+                        continue
+                    tests.append((Path(message["manifest_path"]).parent, message["executable"]))
+                    if until and package(tests[-1][0]) == until:
+                        return tests[-1:], None
+                cargo.wait()
+            finally:
+                # Where the wanted tests are built, the rest of the calls still waits; where we are told to end, cargo works on.
+                if cargo.poll() is None:
                     os.killpg(cargo.pid, signal.SIGTERM)
                     cargo.communicate()
-                    return tests[-1:], None
-            if cargo.wait() != 0:
+            if cargo.returncode != 0:
                 said.seek(0)
                 lines = said.read().splitlines()
                 first = next((at for at, line in enumerate(lines) if line.startswith("error")), 0)
@@ -254,7 +273,7 @@ class Copy:
         finally:
             path.write_text(original)
             if everything:
-                self.forget_since()
+                forget_since(self.begun)
             else:
                 # But for the unit tests of the crate nothing was built.
                 os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
@@ -327,6 +346,9 @@ def main():
     parser.add_argument("--cargo", default="", metavar="ARGS", help="packages and features, instead of the mutated crate and then the workspace")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     arguments = parser.parse_args()
+    for ending in (signal.SIGTERM, signal.SIGHUP):
+        # Not the default, which ends without tidying up.
+        signal.signal(ending, lambda number, _: sys.exit(128 + number))
     mutations = read_list()
     if arguments.only:
         unknown = set(arguments.only) - {mutation["id"] for mutation in mutations}

@@ -27,6 +27,9 @@ pub struct Grouping {
     pub group_of: Vec<usize>,
     /// Share of the sweeps whose predicted material lies in the true one's group, 0 to 1.
     pub accuracy: f64,
+    /// The same for three fused sweeps; absent where no material has as many, and in results of earlier builds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub accuracy_of_three: Option<f64>,
     /// Mean adjusted Rand index between this grouping and those of resampled confusion matrices, -1 to 1; absent where the matrix
     /// holds no counts.
     pub stability: Option<f64>,
@@ -70,9 +73,25 @@ pub fn grouping_of_counts(
     });
     Grouping {
         accuracy: group_accuracy(&confusion, &group_of),
+        accuracy_of_three: None,
         stability,
         consecutive: consecutive(&group_of),
         group_of,
+    }
+}
+
+impl Grouping {
+    /// Adds what three fused sweeps say.
+    ///
+    /// - `counts`: `[materials][materials]`, rows are the true materials; zeros where nothing was fused
+    ///
+    /// # Panics
+    /// If `counts` is of another size.
+    pub fn with_three_sweeps(mut self, counts: &[Vec<usize>]) -> Self {
+        let counted = counts.iter().flatten().any(|&count| count > 0);
+        self.accuracy_of_three =
+            counted.then(|| group_accuracy(&confusion_of(counts), &self.group_of));
+        self
     }
 }
 
@@ -232,6 +251,24 @@ mod tests {
         assert_eq!(grouping.accuracy, 0.0);
         let nothing = grouping_of_counts(&[], 2, 1, 1);
         assert_eq!(nothing.group_of, Vec::<usize>::new());
+    }
+
+    /// Three sweeps keep the groups that one sweep gave.
+    #[test]
+    fn three_sweeps_are_counted_in_the_groups_of_one() {
+        let counts = [vec![6, 4, 0], vec![4, 6, 0], vec![1, 0, 9]];
+        let grouping = grouping_of_counts(&counts, 2, 1, 1);
+        assert_eq!(grouping.group_of, [0, 0, 1]);
+        assert!((grouping.accuracy - 29.0 / 30.0).abs() < 1e-12);
+        let fused = [vec![18, 1, 1], vec![0, 20, 0], vec![0, 1, 19]];
+        let with_three = grouping.clone().with_three_sweeps(&fused);
+        assert!((with_three.accuracy_of_three.unwrap() - 58.0 / 60.0).abs() < 1e-12);
+        assert_eq!(
+            grouping
+                .with_three_sweeps(&vec![vec![0; 3]; 3])
+                .accuracy_of_three,
+            None
+        );
     }
 
     #[test]

@@ -249,17 +249,14 @@ def record(bench):
     folds = [once(1, "base", 1, fold) for fold in range(5)]
     linear = [once(t, "lda", 1, 0) for t in TWIN_SEEDS]
     means = [once(t, "means", 1, 0) for t in TWIN_SEEDS]
-    # A pair takes three times as long: each network seed once.
-    attacked = list(zip(TWIN_SEEDS, NETWORK_SEEDS))
-    adversarial = [once(t, "adversarial", n, 0) for t, n in attacked]
-    clean = [once(t, "base", n, 0) for t, n in attacked]
+    adversarial = [once(t, "adversarial", n, 0) for t, n in pairs_of_seeds]
     one = lambda line: line["ways"]["plain"]["one"]
     first = lambda line: next(iter(line["ways"].values()))["one"]
     shares = diagonal([pair for line in folds for pair in line["pairs"]])
     values = {
         "base, one sweep": [one(line) for line in base],
         "base, three sweeps": [line["ways"]["plain"]["three"] for line in base],
-        "adversarial minus base": [one(a) - one(b) for a, b in zip(adversarial, clean)],
+        "adversarial minus base": [one(a) - one(b) for a, b in zip(adversarial, base)],
         "standard deviation of the confusions' diagonal": [deviation(shares)],
         "least of the confusions' diagonal": [min(shares)],
         "nearest means": [first(line) for line in means],

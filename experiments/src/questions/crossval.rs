@@ -214,7 +214,8 @@ impl Ask for Crossval {
                     self.groups,
                     contender.repeats(),
                     summary.seed,
-                ),
+                )
+                .with_three_sweeps(contender.fused_confusion),
             );
         }
         (summary.audits, summary.groups) = (audits, groups);

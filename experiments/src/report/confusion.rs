@@ -265,6 +265,7 @@ mod tests {
         Grouping {
             group_of,
             accuracy: 1.0,
+            accuracy_of_three: None,
             stability: None,
             consecutive: false,
         }

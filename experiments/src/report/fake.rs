@@ -56,6 +56,7 @@ pub(super) fn summary() -> Summary {
     let grouping = Grouping {
         group_of: vec![0, 1, 0],
         accuracy: 0.95,
+        accuracy_of_three: Some(0.97),
         stability: Some(0.8),
         consecutive: false,
     };
@@ -264,6 +265,7 @@ fn add(summary: &mut Summary, data: &str, model: &str, accuracy: f64, materials:
         n_test: 20,
         sigma_test: 0.01,
         confusion,
+        fused_confusion: vec![],
         reliability: vec![
             ReliabilityBin {
                 confidence: 0.5,

@@ -77,22 +77,12 @@ impl Predictions {
         let (mut bayes, mut majority) = (0, 0);
         let mut materials = 0;
         for label in 0..self.labels.len() {
-            let own: Vec<&SweepScore> = self.sweeps.iter().filter(|s| s.label == label).collect();
-            materials += usize::from(own.len() >= sweeps);
-            for deal in 0..DEALS {
-                let mut order: Vec<usize> = (0..own.len()).collect();
-                shuffle(&mut order, &mut seed.rng(("fusion", label, deal)));
-                for group in order.chunks_exact(sweeps.max(1)) {
-                    let scores: Vec<&[f64]> = group
-                        .iter()
-                        .map(|i| own[*i].log_probability.as_slice())
-                        .collect();
-                    let mut belief = Belief::flat(self.labels.len());
-                    scores.iter().for_each(|score| belief.fuse(score));
-                    bayes += usize::from(belief.label() == label);
-                    majority += usize::from(majority_vote(&scores) == label);
-                    groups += 1;
-                }
+            let dealt = self.dealt(label, sweeps, seed);
+            materials += usize::from(!dealt.is_empty());
+            for scores in &dealt {
+                bayes += usize::from(self.fused_label(scores) == label);
+                majority += usize::from(majority_vote(scores) == label);
+                groups += 1;
             }
         }
         (groups > 0).then(|| {
@@ -105,6 +95,41 @@ impl Predictions {
                 majority: share(majority),
             }
         })
+    }
+
+    /// Counts `[true][predicted]` of the groups of sweeps that [`Predictions::fused`] deals, Bayesian fusion: 20 deals, so every sweep
+    /// counts about 20 times.
+    pub fn fused_confusion(&self, sweeps: usize, seed: Seed) -> Vec<Vec<usize>> {
+        let row = |label| {
+            let mut counts = vec![0; self.labels.len()];
+            for scores in self.dealt(label, sweeps, seed) {
+                counts[self.fused_label(&scores)] += 1;
+            }
+            counts
+        };
+        (0..self.labels.len()).map(row).collect()
+    }
+
+    /// Log-probabilities of the sweeps of `label`, dealt at random into groups of `sweeps`, 20 times over.
+    fn dealt(&self, label: usize, sweeps: usize, seed: Seed) -> Vec<Vec<&[f64]>> {
+        let own: Vec<&SweepScore> = self.sweeps.iter().filter(|s| s.label == label).collect();
+        let mut dealt = Vec::new();
+        for deal in 0..DEALS {
+            let mut order: Vec<usize> = (0..own.len()).collect();
+            shuffle(&mut order, &mut seed.rng(("fusion", label, deal)));
+            for group in order.chunks_exact(sweeps.max(1)) {
+                let score = |i: &usize| own[*i].log_probability.as_slice();
+                dealt.push(group.iter().map(score).collect());
+            }
+        }
+        dealt
+    }
+
+    /// Most probable material of sweeps whose log-probabilities are added.
+    fn fused_label(&self, scores: &[&[f64]]) -> usize {
+        let mut belief = Belief::flat(self.labels.len());
+        scores.iter().for_each(|score| belief.fuse(score));
+        belief.label()
     }
 
     /// Mean negative log-likelihood of the true label, nats.
@@ -230,6 +255,13 @@ mod tests {
         let single = p.fused(1, Seed(1)).unwrap();
         assert!((single.bayes.mean - p.accuracy()).abs() < 1e-12);
         assert!((single.majority.mean - p.accuracy()).abs() < 1e-12);
+
+        let counts = p.fused_confusion(3, Seed(1));
+        let all: usize = counts.iter().flatten().sum();
+        assert_eq!(all, 20 * fused.bayes.n);
+        let right = (counts[0][0] + counts[1][1]) as f64 / all as f64;
+        assert!((right - fused.bayes.mean).abs() < 1e-12, "{counts:?}");
+        assert_eq!(p.fused_confusion(31, Seed(1)), [[0, 0], [0, 0]]);
     }
 
     /// Three sweeps of which two are wrong by a little and one is right by far: all three together are right, any two with one of them

@@ -16,6 +16,9 @@ use crate::summarise::{FinishedTask, is_one_sweep_accuracy};
 use crate::tasks::ExperimentDir;
 use crate::{ExperimentError, Summary, published_for};
 
+/// Sweeps behind one decision, as in the published tables.
+const FUSED: usize = 3;
+
 /// One classifier on one data set, asked one way: everything but its rows.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Contender {
@@ -59,6 +62,9 @@ pub struct Contender {
     pub sigma_test: f64,
     /// Counts `[true][predicted]`, all folds together.
     pub confusion: Vec<Vec<usize>>,
+    /// Counts `[true][predicted]` of three fused sweeps, each sweep in 20 deals, all folds together.
+    #[serde(skip)]
+    pub fused_confusion: Vec<Vec<usize>>,
     /// Fifteen equally wide bins of confidence.
     pub reliability: Vec<ReliabilityBin>,
     /// Error among the most confident share of the sweeps, all folds together.
@@ -174,14 +180,10 @@ fn contender(key: String, accuracy: f64, folds: &[Fold<'_>], asked: &Crossval) -
         .names()
         .map(String::from)
         .collect();
-    let mut confusion = vec![vec![0; materials.len()]; materials.len()];
-    for fold in folds {
-        for (sum, counts) in confusion.iter_mut().zip(fold.predictions.confusion()) {
-            sum.iter_mut()
-                .zip(counts)
-                .for_each(|(sum, count)| *sum += count);
-        }
-    }
+    let confusion = sum(folds.iter().map(|fold| fold.predictions.confusion()));
+    let fused_confusion = sum(folds
+        .iter()
+        .map(|fold| fold.predictions.fused_confusion(FUSED, fold.result.seed)));
     let sweeps: Vec<&SweepScore> = folds.iter().flat_map(|f| &f.predictions.sweeps).collect();
     let n_test = first.result.n_test;
     Contender {
@@ -202,12 +204,23 @@ fn contender(key: String, accuracy: f64, folds: &[Fold<'_>], asked: &Crossval) -
         n_train: first.result.n_train,
         n_test,
         confusion,
+        fused_confusion,
         reliability: reliability(&sweeps),
         risk_coverage: risk_coverage(&sweeps),
         published: published(first, first.method),
         folds: folds.iter().map(record).collect(),
         materials,
     }
+}
+
+/// Returns the sum of matrices of one size.
+fn sum(matrices: impl Iterator<Item = Vec<Vec<usize>>>) -> Vec<Vec<usize>> {
+    let add = |mut sum: Vec<Vec<usize>>, other: Vec<Vec<usize>>| {
+        let entries = sum.iter_mut().flatten().zip(other.into_iter().flatten());
+        entries.for_each(|(sum, count)| *sum += count);
+        sum
+    };
+    matrices.reduce(add).unwrap_or_default()
 }
 
 /// What kind of network it is.
