@@ -264,11 +264,12 @@ def record(bench):
     }
     for name, (target, tolerance) in TARGETS.items():
         mean, half = mean_and_interval(values[name])
-        line = {"name": name, "value": round(mean, 4), "target": target, "tolerance": tolerance, "trainings": len(values[name])}
+        shown = name if target else f"{name}, at most {tolerance:g}"
+        line = {"name": shown, "value": round(mean, 4), "target": target, "tolerance": tolerance, "trainings": len(values[name])}
         if half is not None:
             line["ci95_half_width"] = round(half, 4)
         lines.append(line)
-        print(f"{name:<50}{mean:8.3f} +-{half or float('nan'):.3f}   wanted {target} +-{tolerance}")
+        print(f"{shown:<60}{mean:8.3f} +-{half or float('nan'):.3f}   wanted {target} +-{tolerance}")
     document = {
         "schema_version": 1,
         "command": "python experiments/twin/calibrate.py record",

@@ -15,7 +15,7 @@ pub struct Target {
     pub name: String,
     /// On the twin; `None` if it is not a number.
     pub value: Option<f64>,
-    /// On TactMat.
+    /// On TactMat; where that is not published, what was aimed at.
     pub target: f64,
     /// How far the two may be apart.
     pub tolerance: f64,
@@ -116,16 +116,19 @@ pub struct Comparison<'a> {
 
 impl std::fmt::Display for Comparison<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(
-            f,
-            "{:<44}{:>10}{:>10}{:>10}",
-            "", "TactMat", "+-", self.name
-        )?;
-        for target in self.targets {
+        write!(f, "{:<50}{:>10}{:>10}{:>10}", "", "target", "+-", self.name)?;
+        let trained = |target: &Target| target.source == TargetSource::Recorded;
+        let first_trained = self.targets.iter().position(trained);
+        for (number, target) in self.targets.iter().enumerate() {
+            if Some(number) == first_trained {
+                f.write_str(
+                    "\nmeans over trained classifiers (experiments/twin/calibrate.py record)",
+                )?;
+            }
             let mark = if target.met { "" } else { " *" };
             write!(
                 f,
-                "\n{:<44}{:>10.3}{:>10.3}{:>10.3}{mark}",
+                "\n{:<50}{:>10.3}{:>10.3}{:>10.3}{mark}",
                 target.name,
                 target.target,
                 target.tolerance,
@@ -156,6 +159,14 @@ mod tests {
         let twin = generate(&TwinConfig::default()).unwrap();
         let table = table(&measure(&twin));
         assert!(!table.contains('*'), "{table}");
+
+        let trained = Target::of_training(twin.sha256()).unwrap();
+        assert_eq!(trained.len(), 7, "recorded on another twin: {trained:?}");
+        let table = Comparison {
+            name: "twin",
+            targets: &trained,
+        };
+        assert_eq!(table.to_string().matches("trained classifiers").count(), 1);
     }
 
     /// Figures that were recorded on another twin are not shown for this one.
