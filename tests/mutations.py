@@ -56,7 +56,7 @@ if [ -n "$wanted" ]; then
   touch "$BROKEN_BUILD"
   exit 1
 fi
-while kill -0 $PPID && [ ! -e "$BROKEN_BUILD" ]; do sleep 0.2; done 2>/dev/null
+while kill -0 $PPID && kill -0 "$RUNNER" && [ ! -e "$BROKEN_BUILD" ]; do sleep 0.2; done 2>/dev/null
 exit 1
 """
 
@@ -145,12 +145,24 @@ def forget_since(begun):
             shutil.rmtree(fingerprint)
 
 
+def end_cargo_in(folder):
+    """Ends the builds of a copy, and waits until they have ended."""
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            while process.joinpath("cwd").resolve() == Path(folder):
+                os.kill(int(process.name), signal.SIGTERM)
+                time.sleep(0.1)
+        except OSError:
+            continue
+
+
 def forget_killed():
     """Does what calls that were killed had no time to do: what cargo built of their mutated copies must not be taken for the sources."""
     for owner in (target_folder() / "mutations").glob("saved-*/owner.json"):
         killed = json.loads(owner.read_text())
         if Path(f"/proc/{killed['process']}").exists():
             continue
+        end_cargo_in(killed["copy"])
         forget_since(killed["begun"])
         shutil.rmtree(killed["copy"], ignore_errors=True)
         shutil.rmtree(owner.parent)
@@ -201,6 +213,7 @@ class Copy:
             broken = self.saved / "broken"
             broken.unlink(missing_ok=True)
             environment["BROKEN_BUILD"] = str(broken)
+            environment["RUNNER"] = str(os.getpid())
             # Calls that wait take a place each.
             alone = ["--jobs", "64", "--config", f"build.rustc-wrapper={json.dumps(str(wrapper))}"]
         cargo = ["cargo", "test", "--profile", "ci", "--locked", "--lib", "--no-run", "--message-format", "json-render-diagnostics", *alone, *(self.cargo or arguments)]
