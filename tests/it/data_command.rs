@@ -226,6 +226,8 @@ fn the_twin_is_called_a_twin_and_shows_its_statistics() {
     );
     let text = stdout(&output);
     assert!(text.contains("twin") && text.contains("TactMat"), "{text}");
+    // Recorded on other sweeps than these.
+    assert!(!text.contains("trained classifiers"), "{text}");
 }
 
 #[test]

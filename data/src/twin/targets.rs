@@ -116,14 +116,17 @@ pub struct Comparison<'a> {
 
 impl std::fmt::Display for Comparison<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{:<50}{:>10}{:>10}{:>10}", "", "target", "+-", self.name)?;
+        let heading = |f: &mut std::fmt::Formatter<'_>, what, target| {
+            write!(f, "{what:<50}{target:>10}{:>10}{:>10}", "+-", self.name)
+        };
+        heading(f, "", "TactMat")?;
         let trained = |target: &Target| target.source == TargetSource::Recorded;
         let first_trained = self.targets.iter().position(trained);
         for (number, target) in self.targets.iter().enumerate() {
             if Some(number) == first_trained {
-                f.write_str(
-                    "\nmeans over trained classifiers (experiments/twin/calibrate.py record)",
-                )?;
+                f.write_str("\n")?;
+                // Not all of them are published.
+                heading(f, "trained classifiers, means of those recorded", "wanted")?;
             }
             let mark = if target.met { "" } else { " *" };
             write!(
