@@ -276,6 +276,17 @@ def record(bench):
             line["ci95_half_width"] = round(half, 4)
         lines.append(line)
         print(f"{shown:<60}{mean:8.3f} +-{half or float('nan'):.3f}   wanted {target} +-{tolerance}")
+    # What pages quote and no target speaks of.
+    for name, way in [("one sweep", "one"), ("three sweeps", "three"), ("three votes", "votes")]:
+        plain = lambda line: line["ways"]["plain"][way]
+        for what, per_pair in {
+            f"base, {name}": [plain(line) for line in base],
+            f"adversarial, {name}": [plain(line) for line in adversarial],
+            f"adversarial with MC dropout, {name}": [line["ways"]["mc_dropout"][way] for line in adversarial],
+            f"adversarial minus base, {name}": [plain(a) - plain(b) for a, b in zip(adversarial, base)],
+        }.items():
+            mean, half = mean_and_interval(means_of_equal_parts(per_pair, len(TWIN_SEEDS)))
+            print(f"{what:<60}{mean:8.4f} +-{half:.4f}")
     document = {
         "schema_version": 1,
         "command": "python experiments/twin/calibrate.py record",
