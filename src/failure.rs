@@ -5,15 +5,13 @@ use std::process::ExitCode;
 
 use clap::CommandFactory;
 use clap::error::{ContextKind, ErrorKind};
-use tactnet_catching_roles::RoleError;
-use tactnet_catching_stage::StageError;
 use tactnet_channel::ChannelError;
 use tactnet_data::{DataError, FetchError, near_name};
 use tactnet_experiments::ExperimentError;
 use tactnet_pipeline::PipelineError;
 use tactnet_recording::RecordingError;
-use tactnet_rehearsal::RehearsalError;
 use tactnet_serving::ServeError;
+use tactnet_simulation::SimulationError;
 use tactnet_skin::SkinError;
 
 use crate::Cli;
@@ -301,9 +299,21 @@ fn is_usage(cause: &(dyn Error + 'static)) -> Option<bool> {
         .or_else(|| cause.downcast_ref().map(SkinError::is_usage))
         .or_else(|| cause.downcast_ref().map(RecordingError::is_usage))
         .or_else(|| cause.downcast_ref().map(ServeError::is_usage))
-        .or_else(|| cause.downcast_ref().map(RehearsalError::is_usage))
-        .or_else(|| cause.downcast_ref().map(RoleError::is_usage))
+        .or_else(|| cause.downcast_ref().map(SimulationError::is_usage))
+        .or_else(|| is_usage_of_catching(cause))
+}
+
+#[cfg(feature = "catching")]
+fn is_usage_of_catching(cause: &(dyn Error + 'static)) -> Option<bool> {
+    use tactnet_catching_roles::RoleError;
+    use tactnet_catching_stage::StageError;
+    None.or_else(|| cause.downcast_ref().map(RoleError::is_usage))
         .or_else(|| cause.downcast_ref().map(StageError::is_usage))
+}
+
+#[cfg(not(feature = "catching"))]
+fn is_usage_of_catching(_: &(dyn Error + 'static)) -> Option<bool> {
+    None
 }
 
 /// Returns true for a disk that is full or cannot be written; other errors of the system, such as a file that is not there, may well be
@@ -409,7 +419,7 @@ mod tests {
                     source: source(),
                 }
                 .into(),
-                RehearsalError::from(data()).into(),
+                SimulationError::from(data()).into(),
             ];
             for error in errors {
                 assert_eq!(broken(error), fails, "{kind:?}");

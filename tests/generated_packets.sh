@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Writes the files that are generated from packets.rs of serving/skin and serving/catching/packets; with --check it compares them instead.
+# Writes the files that are generated from packets.rs of serving/skin and catching/packets; with --check it compares them instead.
 # Usage: tests/generated_packets.sh [--check] [TACTNET]
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -16,10 +16,10 @@ while read -r of language file; do
   fi
 done <<EOF
 tactile markdown docs/packets.md
-tactile c serving/c/include/tactnet/packets.h
-tactile cpp serving/c/include/tactnet/packets.hpp
-tactile python serving/python/python/tactnet/packets.py
-tactile proto serving/recording/proto/tactnet.proto
+tactile c bindings/c/include/tactnet/packets.h
+tactile cpp bindings/c/include/tactnet/packets.hpp
+tactile python bindings/python/python/tactnet/packets.py
+tactile proto channel/recording/proto/tactnet.proto
 catching markdown docs/catching-packets.md
-catching proto serving/recording/proto/tactnet_catching.proto
+catching proto channel/recording/proto/tactnet_catching.proto
 EOF

@@ -18,7 +18,6 @@ mod fetch;
 mod finding;
 mod folds;
 pub mod format;
-mod frame;
 mod hex;
 mod info;
 mod known_names;
@@ -43,7 +42,6 @@ pub use finding::{
     CheckReport, Finding, FindingGroup, FindingKind, Place, Severity, group_findings,
 };
 pub use folds::{Fold, Scheme, SplitManifest, SweepView, TestSplit, TrainSplit, ValidationSplit};
-pub use frame::Frame;
 pub use hex::{hex, sha256_hex};
 pub use info::{Info, MaterialInfo, info};
 pub(crate) use known_names::plain_name;

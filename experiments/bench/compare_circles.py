@@ -5,7 +5,7 @@
     python experiments/bench/compare_circles.py --tactnet target/release/tactnet --throws 6 --seed 1 \\
         --out experiments/results/catching_circles.json
 
-`tactnet catch detect-bench --peer-pictures` draws the pictures and says where the balls are and what our detector found in each picture on
+`tactnet bench catch-detect --peer-pictures` draws the pictures and says where the balls are and what our detector found in each picture on
 its own, without gates. OpenCV gets the same pictures with HoughCircles in both of its ways:
 
     gradient        HOUGH_GRADIENT (Yuen and others), blurred by 5x5 before as its documentation advises
@@ -104,7 +104,7 @@ def main():
     cv2.setNumThreads(1)
     with tempfile.TemporaryDirectory() as folder:
         pictures = Path(folder) / "pictures"
-        command = ["catch", "detect-bench", f"--throws={arguments.throws}", f"--seed={arguments.seed}"]
+        command = ["bench", "catch-detect", f"--throws={arguments.throws}", f"--seed={arguments.seed}"]
         subprocess.run([arguments.tactnet, *command, f"--peer-pictures={pictures}"], check=True, stdout=subprocess.DEVNULL)
         program = json.loads(subprocess.run([arguments.tactnet, "version", "--json"], check=True, capture_output=True).stdout)
         document = json.loads((pictures / "pictures.json").read_text())

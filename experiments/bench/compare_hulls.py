@@ -5,7 +5,7 @@
     python experiments/bench/compare_hulls.py --tactnet target/release/tactnet --motions 2000 --seed 1 \\
         --out experiments/results/catching_hulls.json
 
-`tactnet catch safety-bench --peer-hulls` writes hulls of the robot's bodies in random postures, and swept by random braking motions, with
+`tactnet bench catch-safety --peer-hulls` writes hulls of the robot's bodies in random postures, and swept by random braking motions, with
 our distances. coal gets capsules for two points and convex polyhedra for more; hulls without volume are left out and counted. Where hulls
 touch, distances are not compared: ours does not ask how deep they are. Times are of one pair, microseconds, one thread; coal's through
 its Python bindings, where a call of the kind takes `call_us` for two spheres.
@@ -52,7 +52,7 @@ def main():
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "hulls.json"
-        command = [arguments.tactnet, "catch", "safety-bench", f"--motions={arguments.motions}", f"--seed={arguments.seed}"]
+        command = [arguments.tactnet, "bench", "catch-safety", f"--motions={arguments.motions}", f"--seed={arguments.seed}"]
         subprocess.run([*command, f"--peer-hulls={path}"], check=True, stdout=subprocess.DEVNULL)
         program = json.loads(subprocess.run([arguments.tactnet, "version", "--json"], check=True, capture_output=True).stdout)
         report = json.loads(subprocess.run([*command, "--json"], check=True, capture_output=True).stdout)

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """The planner of catches beside SciPy's SLSQP and CasADi with IPOPT: same problems, starts and tolerances, soft objective.
 
-    tactnet catch plan-bench --problems 200 --write-problems problems.json
+    tactnet bench catch-plan --problems 200 --write-problems problems.json
     python experiments/bench/compare_planners.py problems.json > experiments/results/catching_planners.json
 
-Needs numpy, scipy, casadi, clarabel. The peers get the programme of 8 unknowns in the smooth form of `serving/catching/src/plan/problem.rs`,
+Needs numpy, scipy, casadi, clarabel. The peers get the programme of 8 unknowns in the smooth form of `catching/src/plan/problem.rs`,
 its functions and exact first derivatives compiled by CasADi (IPOPT the second ones, too), and begin where ours begins. A start counts if
 its end is a catch within a hundredth of a millimetre, a ten thousandth of a radian and a millionth of the limits; `all` descends from every
 start, `first` from the best one. Times are of one core and leave the grid out, ours hold it. Then quadratic programmes of the size of ours
@@ -24,7 +24,7 @@ import numpy as np
 import scipy.optimize
 
 ROOT = Path(__file__).resolve().parent.parent.parent
-ROBOT = tomllib.loads((ROOT / "serving/catching/packets/src/robot.toml").read_text())
+ROBOT = tomllib.loads((ROOT / "catching/packets/src/robot.toml").read_text())
 GRAVITY = 9.697
 # Steps of the flight's Runge-Kutta integration: below 2 cm each.
 STEPS = 40

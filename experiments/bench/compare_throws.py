@@ -4,7 +4,7 @@
     tactnet catch throw --peer-throws throws.json --throws 20
     python experiments/bench/compare_throws.py throws.json > experiments/results/catching_throws.json
 
-Needs numpy and scipy. The peer gets the programme of 17 unknowns of `serving/catching/src/throw/problem.rs` without the robot's bodies, with
+Needs numpy and scipy. The peer gets the programme of 17 unknowns of `catching/src/throw/problem.rs` without the robot's bodies, with
 central differences of all functions, and begins where ours begins. A start counts if its end keeps the direction to 0.1 mm/s and all limits
 to a millionth. `all` descends from every start, `first` from the best
 one; times are of one core. SLSQP gets finite bounds of all unknowns: with open ones SciPy 1.17.1 does not get anywhere.
@@ -22,7 +22,7 @@ import numpy as np
 import scipy.optimize
 
 ROOT = Path(__file__).resolve().parent.parent.parent
-ROBOT = tomllib.loads((ROOT / "serving/catching/packets/src/robot.toml").read_text())
+ROBOT = tomllib.loads((ROOT / "catching/packets/src/robot.toml").read_text())
 GRAVITY = 9.697
 # Of the flight's Runge-Kutta integration, s: its error over a throw is below a hundredth of a millimetre.
 STEP = 0.03

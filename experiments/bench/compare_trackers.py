@@ -5,7 +5,7 @@
     python experiments/bench/compare_trackers.py --tactnet target/release/tactnet --throws 200 --seed 1 \\
         --out experiments/results/catching_trackers.json
 
-or, with circles that `tactnet catch track-bench --throws 200 --peer-circles circles.json` wrote, `--circles circles.json`.
+or, with circles that `tactnet bench catch-track --throws 200 --peer-circles circles.json` wrote, `--circles circles.json`.
 
 The head stands still and is known. Everyone begins at our tracker's first report of a ball and has our models: flight by Runge and Kutta,
 outline of a sphere, noise, blur, sigma points with alpha 0.5, beta 2, kappa 0, drawn anew for each picture.
@@ -398,7 +398,7 @@ def export(tactnet, throws, seed):
     """Returns the circles that a program of ours writes."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "circles.json"
-        command = [tactnet, "catch", "track-bench", f"--throws={throws}", f"--seed={seed}", f"--peer-circles={path}"]
+        command = [tactnet, "bench", "catch-track", f"--throws={throws}", f"--seed={seed}", f"--peer-circles={path}"]
         subprocess.run(command, check=True)
         return json.loads(path.read_text())
 
@@ -406,7 +406,7 @@ def export(tactnet, throws, seed):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     source = parser.add_mutually_exclusive_group(required=True)
-    source.add_argument("--circles", type=Path, metavar="FILE", help="written by `tactnet catch track-bench --peer-circles`")
+    source.add_argument("--circles", type=Path, metavar="FILE", help="written by `tactnet bench catch-track --peer-circles`")
     source.add_argument("--tactnet", metavar="PROGRAM", help="writes them first")
     parser.add_argument("--throws", type=int, default=200, help="with --tactnet (default: 200)")
     parser.add_argument("--seed", type=int, default=1, help="with --tactnet (default: 1)")

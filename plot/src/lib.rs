@@ -35,6 +35,7 @@ mod text_width;
 mod theme;
 #[cfg(test)]
 mod well_formed;
+mod wilson;
 
 pub use axes::Axes;
 pub use axis::{Axis, Tick};
@@ -46,3 +47,4 @@ pub use scale::Scale;
 pub use series::Series;
 pub use text_width::text_width;
 pub use theme::{STYLE, theme};
+pub use wilson::{wilson, wilson_of_counts};

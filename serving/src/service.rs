@@ -22,8 +22,8 @@ use std::time::{Duration, Instant};
 use tactnet_channel::{
     Bus, GetPort, GetSide, Priority, PutPort, Received, Start, SyncGroup, Wait, now_ns,
 };
-use tactnet_data::Frame;
 use tactnet_pipeline::OnlineClassifier;
+use tactnet_skin::Frame;
 use tactnet_skin::packets::{
     Counters, Event, ModelNames, SkinFrame, Stage, SweepCommand, TactileBelief, TactileStatus, Text,
 };

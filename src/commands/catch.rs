@@ -1,18 +1,14 @@
 //! `tactnet catch`: catching balls with two arms, in a simulated world.
 
 mod calibrate;
-mod detect_bench;
 mod place;
-mod plan_bench;
 mod rally;
 mod recorded;
 mod role;
 mod run;
-mod safety_bench;
 mod skin;
 mod throw;
 mod throw_series;
-mod track_bench;
 #[cfg(feature = "rerun")]
 mod view_calibration;
 #[cfg(feature = "rerun")]
@@ -39,10 +35,6 @@ use tactnet_catching_world::{PlantedErrors, WorldConfig};
     tactnet catch timing run.mcap                                  what takes how long, from a recording of such a run\n  \
     tactnet catch throw-series --throws 100 --page throws.html     how many balls are caught, and one throw drawn\n  \
     tactnet catch rally --rallies 10                               two robots play catch\n  \
-    tactnet catch plan-bench --problems 1000                       how long plans take, how many are missed\n  \
-    tactnet catch track-bench --throws 1000                        how exactly balls are predicted, how long that takes\n  \
-    tactnet catch detect-bench --throws 50                         how well balls are found in pictures, how long that takes\n  \
-    tactnet catch safety-bench --motions 10000                     whether braking keeps the robot from touching itself\n  \
     tactnet catch calibrate --simulate                             find what a robot's description lacks, and catch with it")]
 pub enum CatchCommand {
     /// Run the whole stack live, a process for each part, before the simulated world
@@ -53,14 +45,6 @@ pub enum CatchCommand {
     Rally(rally::RallyArgs),
     /// Throw as far as possible, or at a place, as planned and in the simulated world
     Throw(throw::ThrowArgs),
-    /// Measure the planner on random catches, against a dense grid
-    PlanBench(plan_bench::PlanBenchArgs),
-    /// Measure the tracker on throws that it sees from a head that stands still
-    TrackBench(track_bench::TrackBenchArgs),
-    /// Measure the monitor of self-collisions on random motions that are braked
-    SafetyBench(safety_bench::SafetyBenchArgs),
-    /// Measure the detector on pictures of throws, drawn with room, people, blur and noise
-    DetectBench(detect_bench::DetectBenchArgs),
     /// Find what the robot's description lacks, from markers at its wrists before its cameras
     Calibrate(calibrate::CalibrateArgs),
     /// Say from a recording what takes how long, from an exposure to its path
@@ -98,10 +82,6 @@ pub fn run(command: CatchCommand) -> anyhow::Result<ExitCode> {
         CatchCommand::ThrowSeries(arguments) => throw_series::run(&arguments),
         CatchCommand::Rally(arguments) => rally::run(&arguments),
         CatchCommand::Throw(arguments) => throw::run(&arguments),
-        CatchCommand::PlanBench(arguments) => plan_bench::run(&arguments),
-        CatchCommand::TrackBench(arguments) => track_bench::run(&arguments),
-        CatchCommand::SafetyBench(arguments) => safety_bench::run(&arguments),
-        CatchCommand::DetectBench(arguments) => detect_bench::run(&arguments),
         CatchCommand::Calibrate(arguments) => calibrate::run(&arguments),
         CatchCommand::Run(arguments) => run::run(&arguments),
         CatchCommand::Timing(arguments) => recorded::run_timing(&arguments),
@@ -111,12 +91,12 @@ pub fn run(command: CatchCommand) -> anyhow::Result<ExitCode> {
 }
 
 /// Returns the robot that a file describes, or the one that is built in.
-fn robot(path: Option<&PathBuf>) -> anyhow::Result<Robot> {
+pub fn robot(path: Option<&PathBuf>) -> anyhow::Result<Robot> {
     Ok(Robot::new(description(path.map(PathBuf::as_path))?))
 }
 
 /// Returns the world that a file describes, or the one that is built in.
-fn world(path: Option<&Path>) -> anyhow::Result<WorldConfig> {
+pub fn world(path: Option<&Path>) -> anyhow::Result<WorldConfig> {
     let Some(path) = path else {
         return Ok(WorldConfig::default());
     };

@@ -5,13 +5,11 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
-use tactnet_catching_roles::StageView;
 use tactnet_channel::{Bus, Domain};
 use tactnet_serving::web::{self, Dashboard};
 use tactnet_skin::ServeConfig;
 
 use super::choices::listen;
-use super::stage_source::stage_source;
 use crate::output;
 use crate::stop::Stop;
 use crate::table;
@@ -38,8 +36,9 @@ pub fn run(arguments: &DashboardArgs) -> anyhow::Result<ExitCode> {
     let config = ServeConfig::of(&table)?;
     let bus = Bus::open(Domain::Host, &table)?;
     let mut dashboard = Dashboard::open(&bus, &config, listener)?;
-    if StageView::is_on(&table) {
-        dashboard.show_stage(stage_source(&bus)?);
+    #[cfg(feature = "catching")]
+    if tactnet_catching_roles::StageView::is_on(&table) {
+        dashboard.show_stage(super::stage_source::stage_source(&bus)?);
     }
     say!("open {} in a browser; Ctrl-C ends", dashboard.link());
     output::print(format_args!("ready"))?;

@@ -1,5 +1,6 @@
 //! `tactnet demo`: hub, simulated skin, classifier and dashboard together, for a first look.
 
+#[cfg(feature = "catching")]
 mod catching_demo;
 
 use std::net::SocketAddr;
@@ -9,8 +10,8 @@ use std::process::ExitCode;
 use clap::Args;
 use tactnet_data::DataSource;
 use tactnet_pipeline::{LabelOrder, RunDir};
-use tactnet_rehearsal::{Demo, SMALL_MATERIALS, SMALL_SWEEPS, make_twin, train_small_network};
 use tactnet_serving::web;
+use tactnet_simulation::{Demo, SMALL_MATERIALS, SMALL_SWEEPS, make_twin, train_small_network};
 
 use super::choices::{listen, rate};
 use super::simulate::check_fit;
@@ -50,6 +51,10 @@ pub struct DemoArgs {
 
 /// Runs the command.
 pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
+    #[cfg(not(feature = "catching"))]
+    if arguments.catching {
+        anyhow::bail!(tactnet_models::left_out("catching"));
+    }
     let stop = Stop::listen_saying("stopping")?;
     // Before anything is trained: a port that is taken is said at once.
     let listener = web::listen(arguments.listen)?;
@@ -97,6 +102,7 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
     if stop.asked() {
         return Ok(ExitCode::SUCCESS);
     }
+    #[cfg(feature = "catching")]
     if arguments.catching {
         return catching_demo::run(&program, folder.path(), &run, &sweeps, listener, &stop);
     }

@@ -1,6 +1,7 @@
 //! One file a subcommand: arguments, progress, exit code.
 
 pub mod bench;
+#[cfg_attr(not(feature = "catching"), path = "without_catching.rs")]
 pub mod catch;
 pub mod channel;
 pub mod choices;
@@ -23,6 +24,7 @@ pub mod run_classifier;
 pub mod same;
 pub mod serve;
 pub mod simulate;
+#[cfg(feature = "catching")]
 pub mod stage_source;
 pub mod task;
 pub mod train;

@@ -8,7 +8,7 @@ use clap::Args;
 use tactnet_channel::{Bus, Domain};
 use tactnet_pipeline::{RunDir, weights_sha256};
 use tactnet_recording::{FrameLosses, Recording, ReplayReport, play, unpack_run};
-use tactnet_rehearsal::replay_alone;
+use tactnet_simulation::replay_alone;
 
 use crate::output::counted;
 use crate::stop::Stop;

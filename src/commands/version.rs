@@ -10,7 +10,8 @@ use crate::GIT;
 use crate::output::{self, OutputFormat};
 
 /// Optional cargo features, and whether this build has them.
-const FEATURES: [(&str, bool); 7] = [
+const FEATURES: [(&str, bool); 8] = [
+    ("catching", cfg!(feature = "catching")),
     ("vulkan", cfg!(feature = "vulkan")),
     ("cuda", cfg!(feature = "cuda")),
     ("zenoh", cfg!(feature = "zenoh")),

@@ -43,15 +43,15 @@ until_ready() {
 }
 
 # --- installed, found, compiled
-"$repository/serving/c/install.sh" --prefix "$work/prefix" --built "$built" >/dev/null
+"$repository/bindings/c/install.sh" --prefix "$work/prefix" --built "$built" >/dev/null
 flags=(-O2 -Wall -Wextra -Wpedantic -Wconversion -Werror)
 export PKG_CONFIG_PATH=$work/prefix/lib/pkgconfig LD_LIBRARY_PATH=$work/prefix/lib
 read -ra linked < <(pkg-config --cflags --libs tactnet_channel)
 for example in skin_driver belief_reader round_trip; do
-  cc -std=c11 -D_POSIX_C_SOURCE=200809L "${flags[@]}" -fsanitize=address,undefined -g "$repository/serving/c/examples/$example.c" \
+  cc -std=c11 -D_POSIX_C_SOURCE=200809L "${flags[@]}" -fsanitize=address,undefined -g "$repository/bindings/c/examples/$example.c" \
     "${linked[@]}" -o "$example.checked"
 done
-cc -std=c11 "${flags[@]}" "$repository/serving/c/examples/round_trip.c" "${linked[@]}" -o round_trip
+cc -std=c11 "${flags[@]}" "$repository/bindings/c/examples/round_trip.c" "${linked[@]}" -o round_trip
 cc -std=c11 -D_POSIX_C_SOURCE=200809L "${flags[@]}" -fsanitize=address,undefined -g "$repository/tests/c/faults.c" "${linked[@]}" -pthread -o faults
 cc -std=c11 "${flags[@]}" "$repository/tests/c/packet_bytes.c" "${linked[@]}" -o packet_bytes
 cmake -S "$repository/tests/c/app" -B app -DCMAKE_PREFIX_PATH="$work/prefix" -DCMAKE_BUILD_TYPE=Release >cmake.log || { cat cmake.log; exit 1; }

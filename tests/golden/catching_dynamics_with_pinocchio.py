@@ -4,7 +4,7 @@
     python -m venv venv && venv/bin/pip install pin==4.1.0 mujoco==4.0.0
     venv/bin/python tests/golden/catching_dynamics_with_pinocchio.py
 
-Builds the tree from serving/catching/packets/src/robot.toml. The passive joint under the chest counts as a joint of its own (number 4 of
+Builds the tree from catching/packets/src/robot.toml. The passive joint under the chest counts as a joint of its own (number 4 of
 21), so that it is covered too. Writes tests/golden/catching_dynamics_with_pinocchio.json, floats in full.
 """
 
@@ -84,7 +84,7 @@ def with_mujoco(tree):
 
 
 def main():
-    robot = tomllib.loads((ROOT / "serving/catching/packets/src/robot.toml").read_text())
+    robot = tomllib.loads((ROOT / "catching/packets/src/robot.toml").read_text())
     tree = bodies(robot)
     model, ids = with_pinocchio(tree)
     data = model.createData()

@@ -44,7 +44,7 @@ fn a_series_is_the_same_for_any_number_of_cores_and_its_page_needs_no_network() 
 #[test]
 fn the_detector_finds_most_balls_in_pictures_that_others_can_read() {
     let lab = Lab::new();
-    let mut bench = tactnet(["catch", "detect-bench", "--throws", "1", "--json"]);
+    let mut bench = tactnet(["bench", "catch-detect", "--throws", "1", "--json"]);
     bench.arg("--peer-pictures").arg(lab.path("pictures"));
     let report: serde_json::Value = serde_json::from_str(&stdout(&expect(0, bench))).unwrap();
     let of = |how: &str, what: &str| report[how][what].as_f64().unwrap();
@@ -58,7 +58,7 @@ fn the_detector_finds_most_balls_in_pictures_that_others_can_read() {
     let first = lab.read("pictures/000000.pgm");
     assert!(first.starts_with(b"P5\n1600 1250\n255\n"));
     assert_eq!(first.len(), 17 + 1600 * 1250);
-    let mut again = tactnet(["catch", "detect-bench", "--throws", "1"]);
+    let mut again = tactnet(["bench", "catch-detect", "--throws", "1"]);
     again.arg("--peer-pictures").arg(lab.path("pictures"));
     assert!(stderr(&expect(2, again)).contains("pictures"));
 }
@@ -67,7 +67,7 @@ fn the_detector_finds_most_balls_in_pictures_that_others_can_read() {
 fn motions_that_the_monitor_lets_go_on_stay_apart_when_braked() {
     let lab = Lab::new();
     let bench = || {
-        let mut bench = tactnet(["catch", "safety-bench", "--motions", "1000"]);
+        let mut bench = tactnet(["bench", "catch-safety", "--motions", "1000"]);
         bench.current_dir(lab.folder.path());
         bench
     };
@@ -98,7 +98,7 @@ fn wrong_robots_worlds_and_places_are_one_line_before_anything_is_thrown() {
         std::fs::write(&path, text).unwrap();
         path.display().to_string()
     };
-    let nominal = include_str!("../../serving/catching/packets/src/robot.toml");
+    let nominal = include_str!("../../catching/packets/src/robot.toml");
     let turned = nominal.replacen("range = [-0.5, 0.5]", "range = [0.5, -0.5]", 1);
     assert_ne!(turned, nominal);
     let robot = write("robot.toml", &turned);

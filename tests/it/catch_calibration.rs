@@ -87,7 +87,7 @@ fn a_calibration_that_cannot_be_used_is_one_line_before_anything_starts() {
         std::fs::write(&path, bytes).unwrap();
         path
     };
-    let nominal = include_str!("../../serving/catching/packets/src/robot.toml");
+    let nominal = include_str!("../../catching/packets/src/robot.toml");
     let longer = nominal.replacen("elbow_to_wrist = 0.39", "elbow_to_wrist = 0.40", 1);
     assert_ne!(longer, nominal);
     let other = write("other.toml", longer.as_bytes());

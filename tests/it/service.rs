@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use tactnet_channel::{Bus, Domain, GetPort, Packet, Priority, PutPort, Start};
 use tactnet_data::Dataset;
-use tactnet_rehearsal::SkinSimulator;
 use tactnet_serving::{ModelSource, Service};
+use tactnet_simulation::SkinSimulator;
 use tactnet_skin::packets::{
     Command, Event, SkinFrame, Stage, SweepCommand, TactileBelief, TactileStatus,
 };

@@ -29,15 +29,11 @@ impl Estimate {
     /// If there is no trial.
     pub fn wilson(mean: f64, n: usize) -> Self {
         assert!(n > 0, "a share needs at least one trial");
-        const Z: f64 = 1.959_963_984_540_054;
-        let count = n as f64;
-        let z2 = Z * Z / count;
-        let centre = (mean + z2 / 2.0) / (1.0 + z2);
-        let half = Z / (1.0 + z2) * (mean * (1.0 - mean) / count + z2 / (4.0 * count)).sqrt();
+        let [ci95_low, ci95_high] = tactnet_plot::wilson(mean, n);
         Self {
             mean,
-            ci95_low: (centre - half).clamp(0.0, mean),
-            ci95_high: (centre + half).clamp(mean, 1.0),
+            ci95_low,
+            ci95_high,
             n,
         }
     }

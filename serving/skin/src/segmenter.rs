@@ -6,7 +6,7 @@
 mod config;
 mod reject;
 
-use tactnet_data::Frame;
+use crate::Frame;
 
 use crate::{Push, SweepWindow, WindowConfig};
 pub use config::{Contact, Segmentation, SegmenterConfig};

@@ -1,6 +1,6 @@
 //! The window of a sweep that is classified: the middle of the motion, frame by frame.
 
-use tactnet_data::Frame;
+use crate::Frame;
 
 /// Which part of a motion is kept, and how many lost frames are forgiven.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -9,7 +9,7 @@ use anyhow::Context;
 use clap::Args;
 use tactnet_catching::Robot;
 use tactnet_catching::calibrate::{CalibrationConfig, KeptCalibration, Model, RoutineConfig};
-use tactnet_catching_recorded::{read_session, write_session};
+use tactnet_catching_stage::recorded::{read_session, write_session};
 use tactnet_catching_trials::{
     CalibrationReport, CalibrationTrial, Progress, SolveReport, calibration_page, keep_calibration,
     peer_session,

@@ -7,7 +7,8 @@ use std::time::Instant;
 
 use anyhow::Context;
 use clap::Args;
-use tactnet_catching_trials::{Rally, RallyConfig, RallyReport, Timing, rally_page};
+use tactnet_catching::Timing;
+use tactnet_catching_trials::{Rally, RallyConfig, RallyReport, rally_page};
 
 use super::viewer::ViewerArgs;
 use crate::commands::progress_line::about;

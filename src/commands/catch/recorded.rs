@@ -5,8 +5,8 @@ use std::process::ExitCode;
 
 use anyhow::Context;
 use clap::Args;
-use tactnet_catching_recorded::{Compared, replay, timing};
 use tactnet_catching_roles::Milliseconds;
+use tactnet_catching_stage::recorded::{Compared, replay, timing};
 use tactnet_recording::Recording;
 
 use crate::output;

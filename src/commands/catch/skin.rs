@@ -8,7 +8,7 @@ use tactnet_channel::Bus;
 use tactnet_data::DataSource;
 use tactnet_data::twin::{self, TwinConfig};
 use tactnet_pipeline::{LabelOrder, RunDir};
-use tactnet_rehearsal::{HeldSkin, SMALL_SWEEPS};
+use tactnet_simulation::{HeldSkin, SMALL_SWEEPS};
 use tactnet_skin::ServeConfig;
 
 use crate::commands::simulate::{check_fit, unseen_by};

@@ -7,10 +7,10 @@ use std::time::Instant;
 
 use anyhow::{Context, bail};
 use clap::Args;
-use tactnet_catching::Robot;
+use tactnet_catching::{Robot, Timing};
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_trials::{
-    ThrowAim, ThrowAimReport, ThrowBench, ThrowBenchConfig, ThrowReport, Timing, peer_throws,
+    ThrowAim, ThrowAimReport, ThrowBench, ThrowBenchConfig, ThrowReport, peer_throws,
 };
 
 use super::place::place;

@@ -7,8 +7,9 @@ use std::time::Instant;
 
 use anyhow::Context;
 use clap::{Args, ValueEnum};
+use tactnet_catching::Timing;
 use tactnet_catching_trials::{
-    Ablation, Mapping, Series, ThrowConfig, Timing, obstacles_page, picture_file, series_page,
+    Ablation, Mapping, Series, ThrowConfig, obstacles_page, picture_file, series_page,
 };
 use tactnet_catching_world::ObstaclesConfig;
 

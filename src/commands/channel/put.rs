@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::{Args, ValueEnum};
 use tactnet_channel::{Bus, ChannelId, Domain, Priority};
-use tactnet_rehearsal::put_numbered;
+use tactnet_channel_stress::put_numbered;
 
 use super::TableArgs;
 use crate::output;

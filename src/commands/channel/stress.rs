@@ -8,8 +8,8 @@ use std::time::Duration;
 use anyhow::Context;
 use clap::Args;
 use serde::Serialize;
+use tactnet_channel_stress::{Plan, Row, Rows, page, run_client};
 use tactnet_pipeline::{Provenance, write_whole};
-use tactnet_rehearsal::stress::{Plan, Row, Rows, page, run_client};
 
 use super::stress_choices::{
     ConfigurationChoice, DomainChoice, TransportChoice, configurations_of,

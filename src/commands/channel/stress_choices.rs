@@ -1,7 +1,7 @@
 //! Words of the flags of `tactnet channel stress`.
 
 use clap::ValueEnum;
-use tactnet_rehearsal::stress::{Configuration, StressDomain, Transport};
+use tactnet_channel_stress::{Configuration, StressDomain, Transport};
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 pub(super) enum DomainChoice {

@@ -8,8 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anyhow::bail;
 use tactnet_catching_roles::RoleSettings;
 use tactnet_catching_stage::{CatchRun, Feel, StageError, WorldSettings};
-use tactnet_channel::{Bus, Domain, Hub};
-use tactnet_rehearsal::{OwnBus, own_bus_name};
+use tactnet_channel::{Bus, Domain, Hub, OwnBus, own_bus_name};
 use tactnet_serving::web::Dashboard;
 use tactnet_skin::ServeConfig;
 

@@ -6,10 +6,10 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use tactnet_channel::{Bus, Domain, now_ns};
-use tactnet_rehearsal::{
-    CatchingRole, CatchingStack, LoopTimes, Scheduling, catching_table, run_role, trips,
-};
 use tactnet_serving::Realtime;
+use tactnet_simulation::{
+    CatchingLoad, LoadRole, LoopTimes, Scheduling, load_table, run_role, trips,
+};
 use tactnet_skin::ServeConfig;
 
 use crate::output;
@@ -26,7 +26,7 @@ pub struct CatchingArgs {
     seconds: Option<f64>,
     /// Run one process of the stack only
     #[arg(long, hide = true)]
-    role: Option<CatchingRole>,
+    role: Option<LoadRole>,
     /// Run that process under SCHED_FIFO with this priority
     #[arg(long, hide = true, value_parser = clap::value_parser!(u8).range(1..=99))]
     priority: Option<u8>,
@@ -41,7 +41,7 @@ pub struct CatchingArgs {
 /// Runs the command.
 pub fn run(arguments: &CatchingArgs) -> anyhow::Result<ExitCode> {
     let Some(path) = &arguments.table else {
-        let table = catching_table(ServeConfig::default().table("robot"));
+        let table = load_table(ServeConfig::default().table("robot"));
         output::print(format_args!("{}", toml::to_string(&table)?.trim_end()))?;
         return Ok(ExitCode::SUCCESS);
     };
@@ -63,7 +63,7 @@ pub fn run(arguments: &CatchingArgs) -> anyhow::Result<ExitCode> {
     // Only to see that there is a hub; every process of the stack opens its own.
     drop(bus);
     let program = std::env::current_exe()?;
-    let stack = CatchingStack::start(&program, path, Scheduling::Usual)?;
+    let stack = CatchingLoad::start(&program, path, Scheduling::Usual)?;
     let begun_ns = now_ns();
     let begun = Instant::now();
     while !stop.asked()

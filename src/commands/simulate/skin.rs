@@ -9,7 +9,7 @@ use clap::Args;
 use tactnet_channel::{Bus, Domain, ListedChannel, Start, Table, Wait, list_channels};
 use tactnet_data::{Dataset, Seed};
 use tactnet_pipeline::{LabelOrder, RunDir, write_whole};
-use tactnet_rehearsal::{PlayCycle, SkinDriver, SkinSimulator, play_order, rest_frames};
+use tactnet_simulation::{PlayCycle, SkinDriver, SkinSimulator, play_order, rest_frames};
 use tactnet_skin::ServeConfig;
 use tactnet_skin::packets::ModelNames;
 

@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 use tactnet_data::DataSource;
 use tactnet_data::twin::{self, TwinConfig};
 use tactnet_pipeline::RunDir;
-use tactnet_rehearsal::{
+use tactnet_simulation::{
     Company, Played, SMALL_MATERIALS, SMALL_SWEEPS, Scheduling, Soak, train_small_network,
 };
 
@@ -50,6 +50,18 @@ enum CompanyChoice {
     Load,
     /// The catching stack itself, before the simulated world that throws balls at it
     Catching,
+}
+
+impl CompanyChoice {
+    fn company(self) -> anyhow::Result<Company> {
+        match self {
+            Self::Load => Ok(Company::Load),
+            #[cfg(feature = "catching")]
+            Self::Catching => Ok(Company::Catching),
+            #[cfg(not(feature = "catching"))]
+            Self::Catching => bail!(tactnet_models::left_out("catching")),
+        }
+    }
 }
 
 /// Values of `--scheduling`.
@@ -111,10 +123,7 @@ pub fn run(arguments: &SoakArgs) -> anyhow::Result<ExitCode> {
         run: &run,
         folder: folder.path(),
         seconds: arguments.seconds,
-        company: match arguments.with {
-            CompanyChoice::Load => Company::Load,
-            CompanyChoice::Catching => Company::Catching,
-        },
+        company: arguments.with.company()?,
         scheduling,
     };
     let report = soak.run(

@@ -22,7 +22,7 @@ pub struct SegmenterConfig {
     /// short to tell that from light contact.
     pub stalled_frames: usize,
     /// Least and greatest value that a taxel can show; others reject the sweep. `None`: by the training sweeps of the network that serves
-    /// ([`tactnet_data::ValueRange::limits`]); any value where there is none. `full_scale = X` of earlier tables is read as `[0, X]`.
+    /// (`ValueRange::limits` of `tactnet-data`); any value where there is none. `full_scale = X` of earlier tables is read as `[0, X]`.
     #[serde(
         alias = "full_scale",
         deserialize_with = "values",

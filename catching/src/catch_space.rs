@@ -1,0 +1,156 @@
+//! Which balls can be caught at all: the catch space.
+//!
+//! The oracle knows the true flight. A ball is in the catch space if one of the arms can catch it, from the first moment at which a path can
+//! begin, on a dense grid of catch times, elbow angles and hand angles, with all closed-form branches. Platform and torso either stand or
+//! move as the stack would move them for the true ball.
+
+use nalgebra::{Isometry3, Point3};
+use tactnet_catching_packets::{ARMS, JOINTS, joint};
+
+use crate::Robot;
+use crate::coordinate::BodyMotion;
+use crate::flight::{Flight, FlightPath, STEP};
+use crate::plan::{CatchRequest, Grid, Objective, PlanConfig, Planner};
+
+/// The grid.
+const GRID: Grid = Grid {
+    times: 30,
+    hands: 24,
+    elbows: 24,
+};
+
+/// Finds out which balls can be caught.
+#[derive(Debug, Clone)]
+pub struct Oracle {
+    robot: Robot,
+    planners: [Planner; ARMS],
+    lower_body: bool,
+}
+
+impl Oracle {
+    /// Prepares the oracle for a robot whose platform and torso may move, or stand.
+    pub fn new(robot: &Robot, lower_body: bool) -> Self {
+        Self {
+            planners: std::array::from_fn(|arm| Planner::new(robot, arm, PlanConfig::default())),
+            robot: robot.clone(),
+            lower_body,
+        }
+    }
+
+    /// Returns which arms can catch a ball that is thrown at a robot in its posture `ready`.
+    ///
+    /// - `flight`: the true flight from the release on, in the inertial frame, one entry a millisecond
+    /// - `reaction`: time from the release to the start of the first path, s
+    pub fn arms_of(
+        &self,
+        flight: impl Iterator<Item = Flight>,
+        reaction: f64,
+        ready: &[f64; JOINTS],
+    ) -> [bool; ARMS] {
+        let knots: Vec<Flight> = flight.skip((reaction * 1e3) as usize).step_by(10).collect();
+        self.arms(&knots, ready)
+    }
+
+    /// Returns which arms can catch a ball. `flight` is the true flight in the inertial frame, one entry every 10 ms from the moment at which
+    /// a path can begin; `ready` are the joints then, at rest.
+    pub fn arms(&self, flight: &[Flight], ready: &[f64; JOINTS]) -> [bool; ARMS] {
+        let mut possible = [false; ARMS];
+        if flight.is_empty() {
+            return possible;
+        }
+        let chest = self.robot.chest(ready);
+        let seen = in_frame(flight, &chest);
+        let standing = BodyMotion::standing(ready);
+        let moving = BodyMotion::towards(&self.robot, ready, &FlightPath::recorded(&seen), 0);
+        let bodies = if self.lower_body {
+            vec![standing, moving]
+        } else {
+            vec![standing]
+        };
+        for body in bodies {
+            let mut q = *ready;
+            body.write(body.end_ns() + 1, &mut q, &mut [0.0; JOINTS]);
+            let path = FlightPath::recorded(&in_frame(flight, &self.robot.chest(&q)));
+            for (arm, possible) in possible.iter_mut().enumerate() {
+                let own = joint::ARM[arm].start;
+                let request = CatchRequest {
+                    ball: path.at(0.0),
+                    q0: std::array::from_fn(|i| ready[own + i]),
+                    w0: [0.0; 7],
+                    earliest: body.end_ns() as f64 * 1e-9,
+                    latest: (flight.len() as f64 * STEP).min(1.8),
+                    objective: Objective::Latest,
+                    other: None,
+                };
+                *possible |= self.planners[arm]
+                    .best_on_path(&request, &path, GRID)
+                    .is_ok();
+            }
+        }
+        possible
+    }
+}
+
+fn in_frame(flight: &[Flight], frame: &Isometry3<f64>) -> Vec<Flight> {
+    let to_frame = frame.inverse();
+    flight
+        .iter()
+        .map(|ball| Flight {
+            p: (to_frame * Point3::from(ball.p)).coords,
+            v: to_frame.rotation * ball.v,
+            k: ball.k,
+            lift: to_frame.rotation * ball.lift,
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+    use tactnet_catching_packets::RobotDescription;
+
+    use super::*;
+
+    /// A ball that passes `aim` after `time`, s.
+    fn thrown_to(aim: Vector3<f64>, time: f64) -> Vec<Flight> {
+        let ball = Flight {
+            p: aim,
+            v: Vector3::new(-5.5, 0.0, -2.0),
+            k: 0.03,
+            lift: Vector3::zeros(),
+        };
+        (0..120)
+            .map(|i| ball.after(f64::from(i) * STEP - time))
+            .collect()
+    }
+
+    #[test]
+    fn balls_before_a_shoulder_can_be_caught_and_balls_far_aside_cannot() {
+        let robot = Robot::new(RobotDescription::nominal());
+        let oracle = Oracle::new(&robot, false);
+        let ready = robot.waiting();
+        let before = |y: f64| oracle.arms(&thrown_to(Vector3::new(0.6, y, 1.3), 0.6), &ready);
+        assert!(before(0.5)[0]);
+        assert!(before(-0.5)[1]);
+        assert_eq!(before(2.2), [false, false]);
+        assert_eq!(before(1.2), [false, false]);
+    }
+
+    #[test]
+    fn platform_and_torso_widen_the_catch_space() {
+        let robot = Robot::new(RobotDescription::nominal());
+        let ready = robot.waiting();
+        let farthest = |oracle: &Oracle| {
+            let aside = |i: u32| 0.9 + 0.02 * f64::from(i);
+            let caught = |i: &u32| {
+                let flight = thrown_to(Vector3::new(0.6, aside(*i), 1.3), 1.0);
+                oracle.arms(&flight, &ready)[0]
+            };
+            (0..40).rev().find(caught).map(aside)
+        };
+        let standing = farthest(&Oracle::new(&robot, false));
+        let moving = farthest(&Oracle::new(&robot, true));
+        println!("{standing:?} {moving:?}");
+        assert!(standing.is_some() && moving > standing.map(|y| y + 0.1));
+    }
+}

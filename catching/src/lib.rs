@@ -1,0 +1,32 @@
+//! The catching stack (thesis, chapter 3): where the head is, where balls fly, how two arms catch them.
+//!
+//! Logic alone: no clock, no thread, no channel. Time is an argument, so that the code that runs live is the code that was simulated.
+//!
+//! ```text
+//! imu ─> pose ─> track <─ circles <─ pictures        track ─> coordinate ─> plan ─> arm paths, hand commands
+//! ```
+
+// Formulas of joints and states index several arrays at once.
+#![allow(clippy::needless_range_loop)]
+
+pub mod calibrate;
+mod catch_space;
+pub mod circles;
+pub mod control;
+pub mod coordinate;
+pub mod flight;
+pub mod map;
+pub mod plan;
+pub mod pose;
+pub mod ramp;
+mod robot;
+pub mod safety;
+pub mod throw;
+mod timing;
+pub mod track;
+
+pub use catch_space::Oracle;
+pub use robot::{
+    ArmKinematics, ElbowCircle, HandPose, LinkFrame, Robot, angle_between, rotation_towards,
+};
+pub use timing::Timing;

@@ -1,0 +1,33 @@
+//! The stage on which the catching stack acts: the simulated world in real time, and runs of all processes before it.
+//!
+//! ```text
+//!            joint/command, hand/target
+//! stack ───────────────────────────────> world ─ truth (inside the process) ─> painter ─ camera/left, camera/right ─> eyes
+//!   ^                                      │  └─ flights, verdicts (inside the process) ─> judge ─ catch/outcome
+//!   └── joint/state, imu, ball/circles ────┘   balls that are thrown back: hand/open ─> world ─> judge ─ throw/outcome
+//! ```
+//!
+//! What is true never leaves the world's process: it is on no channel and in no shared memory, so that no process of the stack can get at it.
+//! The judge's word leaves it when a throw is over.
+
+mod drive_watch;
+mod error;
+mod hands;
+mod held_report;
+mod judge;
+mod painter;
+mod pairs;
+pub mod recorded;
+mod run;
+mod run_recorder;
+mod run_report;
+mod throw_report;
+mod world_role;
+
+pub use error::StageError;
+pub use held_report::HeldReport;
+pub use pairs::PairReport;
+pub use run::{CatchRun, Feel, RunEvent};
+pub use run_report::{RecordingReport, RunReport, cause};
+pub use throw_report::{Misses, ThrowBackReport};
+pub use world_role::{SlipAt, WorldReport, WorldRole, WorldSettings, material_of_grip};

@@ -1,0 +1,92 @@
+//! A recording's timing as a picture, after figure 3.2 of the thesis.
+
+use std::fmt::Write;
+
+use tactnet_plot::{escape, stand_alone};
+
+use super::Timing;
+
+const WIDTH: f64 = 760.0;
+/// Where the time axis begins and ends, pixels.
+const LEFT: f64 = 190.0;
+const RIGHT: f64 = 744.0;
+const TOP: f64 = 44.0;
+const ROW: f64 = 34.0;
+/// Thesis, figure 3.2: 40 ms camera, 35 ms eyes and tracker, 17 ms transfers, 60 ms planning.
+const THESIS_MS: f64 = 152.0;
+/// Between two ticks, ms.
+const TICK: f64 = 20.0;
+
+impl Timing {
+    /// Returns the steps from an exposure to its path as an SVG file: bars end at medians, whiskers at the 99th percentiles.
+    pub fn picture(&self) -> String {
+        let slowest = self.steps.iter().map(|step| step.ends_ms.p99);
+        let most = slowest.fold(THESIS_MS, f64::max) / TICK;
+        let most = (most.floor() + 1.0) * TICK;
+        let x = |ms: f64| LEFT + (RIGHT - LEFT) * ms / most;
+        let bottom = TOP + ROW * self.steps.len() as f64;
+        let mut svg = String::new();
+        let mut tick = 0.0;
+        while tick <= most {
+            let at = x(tick);
+            let _ = write!(
+                svg,
+                "<path class=\"grid\" d=\"M{at:.1} {TOP}V{bottom:.0}\"/><text class=\"label middle\" x=\"{at:.1}\" y=\"{:.0}\">{tick:.0}</text>",
+                bottom + 17.0
+            );
+            tick += TICK;
+        }
+        let mark = |svg: &mut String, ms: f64, series: usize, says: &str| {
+            let at = x(ms);
+            let _ = write!(
+                svg,
+                "<g class=\"series s{series}\"><polyline points=\"{at:.1},{:.0} {at:.1},{bottom:.0}\"/></g><text class=\"end\" x=\"{:.1}\" y=\"{:.0}\">{}</text>",
+                TOP - 12.0,
+                at - 5.0,
+                TOP - 8.0,
+                escape(says)
+            );
+        };
+        mark(
+            &mut svg,
+            THESIS_MS,
+            1,
+            "path in the thesis, at worst: 152 ms",
+        );
+        let mut begins = 0.0;
+        for (row, step) in self.steps.iter().enumerate() {
+            let middle = TOP + ROW * (row as f64 + 0.5);
+            let (from, to, late) = (x(begins), x(step.ends_ms.p50), x(step.ends_ms.p99));
+            let _ = write!(
+                svg,
+                "<text class=\"end\" x=\"{:.0}\" y=\"{:.1}\">{}</text><text class=\"label end\" x=\"{:.0}\" y=\"{:.1}\">{}</text>\
+                 <g class=\"series s0\"><rect x=\"{from:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"14\"/>\
+                 <path class=\"range\" fill=\"none\" d=\"M{to:.1} {middle:.1}H{late:.1}M{late:.1} {:.1}v8\"/></g>\
+                 <text x=\"{:.1}\" y=\"{:.1}\">{:.1} ms, 99 % {:.1}</text>",
+                LEFT - 10.0,
+                middle - 2.0,
+                escape(step.name),
+                LEFT - 10.0,
+                middle + 12.0,
+                escape(step.process),
+                middle - 7.0,
+                (to - from).max(1.0),
+                middle - 4.0,
+                late + 7.0,
+                middle + 4.0,
+                step.takes_ms.p50,
+                step.takes_ms.p99,
+            );
+            begins = step.ends_ms.p50;
+        }
+        let _ = writeln!(
+            svg,
+            "<text class=\"label middle\" x=\"{:.0}\" y=\"{:.0}\">ms after the middle of the exposure ({} paths)</text>",
+            (LEFT + RIGHT) / 2.0,
+            bottom + 36.0,
+            self.paths
+        );
+        let title = "From an exposure to the path that follows from it, step by step";
+        stand_alone(WIDTH, bottom + 50.0, title, &svg)
+    }
+}

@@ -1,0 +1,61 @@
+//! In how many throws would the monitor of self-collisions have braked, and was what it stopped caught? A line of JSON a throw, then the report.
+//!
+//!     cargo run --profile ci -p tactnet-catching-trials --example brakes -- BALLS THROWS SEED
+
+use std::io::Write;
+
+use serde_json::json;
+use tactnet_catching::Robot;
+use tactnet_catching::Timing;
+use tactnet_catching_packets::RobotDescription;
+use tactnet_catching_trials::{Mapping, Series, ThrowConfig};
+use tactnet_catching_world::WorldConfig;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let numbers: Vec<u64> = std::env::args()
+        .skip(1)
+        .map(|argument| argument.parse())
+        .collect::<Result<_, _>>()?;
+    let [balls, throws, seed] = numbers[..] else {
+        return Err("expected BALLS THROWS SEED".into());
+    };
+    let series = Series {
+        config: ThrowConfig {
+            robot: Robot::new(RobotDescription::nominal()),
+            calibration: None,
+            world: WorldConfig::default(),
+            timing: Timing::ours(),
+            without: Vec::new(),
+            balls: usize::try_from(balls)?,
+            perfect_perception: false,
+            pixels: false,
+            watch: true,
+            mapping: Mapping::Off,
+            closing_error: 0.0,
+        },
+        throws,
+        seed,
+    };
+    let report = series.run(|| ())?;
+    let mut out = std::io::stdout().lock();
+    for outcome in &report.outcomes {
+        let balls: Vec<_> = outcome
+            .balls
+            .iter()
+            .map(|ball| json!({"arms": ball.arms, "caught": ball.caught()}))
+            .collect();
+        let braked = outcome.braked.map(|braked| {
+            json!({
+                "motion": braked.motion,
+                "since": braked.since,
+                "bodies": braked.bodies,
+                "braked_apart": braked.braked_apart,
+                "carried_on": braked.carried_on,
+            })
+        });
+        let line = json!({"number": outcome.number, "balls": balls, "braked": braked});
+        writeln!(out, "{line}")?;
+    }
+    writeln!(out, "{}", serde_json::to_string(&report)?)?;
+    Ok(())
+}

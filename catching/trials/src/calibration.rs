@@ -1,0 +1,506 @@
+//! Calibration of the simulated robot, and what it is worth: hands at poses that it has not seen, balls caught before and after.
+
+mod file;
+mod page;
+mod peer;
+mod rehearsal;
+mod samples;
+mod unseen;
+
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+use rayon::prelude::*;
+use serde::Serialize;
+use tactnet_catching::Robot;
+use tactnet_catching::calibrate::{
+    Calibration, CalibrationConfig, Candidate, Determined, KeptCalibration, Model, RoutineConfig,
+    Session, Solved, UNKNOWNS, Unknowns, calibrate, choose, gain,
+};
+use tactnet_catching_packets::ARMS;
+use tactnet_catching_world::WorldConfig;
+
+pub use file::{CalibrationFileError, keep_calibration};
+pub use page::calibration_page;
+pub use peer::{PeerSession, peer_session};
+pub use samples::CalibrationSamples;
+pub use unseen::Distances;
+
+use crate::error::TrialError;
+use crate::look::Mapping;
+use crate::series::Series;
+use crate::throw::ThrowConfig;
+use rehearsal::{candidates, rehearse};
+use samples::{millimetres, residuals};
+use tactnet_catching::Timing;
+use tactnet_plot::wilson_of_counts;
+use unseen::{Standing, distances};
+
+/// Places of a sweep that the choice of configurations looks at.
+const VIEWS: usize = 6;
+/// Seeds of unseen poses and of noise in them are this far from the session's.
+const APART: u64 = 7_919;
+
+/// A calibration of the simulated robot.
+#[derive(Debug, Clone)]
+pub struct CalibrationTrial {
+    /// The robot as described.
+    pub robot: Robot,
+    /// The world, planted errors included; where they name no robot, they are those of robot `seed`.
+    pub world: WorldConfig,
+    /// The stack's settings.
+    pub config: CalibrationConfig,
+    /// How the robot moves.
+    pub routine: RoutineConfig,
+    /// Of noise, candidates, unseen poses and throws.
+    pub seed: u64,
+    /// Configurations of each arm.
+    pub of_each_arm: usize,
+    /// Random configurations that they are chosen from.
+    pub candidates: usize,
+    /// Unseen poses.
+    pub unseen: usize,
+    /// Throws of the series before and after; 0: none.
+    pub throws: u64,
+}
+
+/// What came out of a session.
+#[derive(Debug, Clone, Serialize)]
+pub struct SolveReport {
+    /// Configurations of both arms.
+    pub configurations: usize,
+    /// Features in pictures.
+    pub features: usize,
+    /// Time that the robot needs at its joints' speeds, s.
+    pub robot_seconds: f64,
+    /// Time of the solver, s.
+    pub solve_seconds: f64,
+    /// Its iterations.
+    pub iterations: usize,
+    /// Cost of the minimum.
+    pub cost: f64,
+    /// Median residual of features, in that of the noise alone.
+    pub fit: f64,
+    /// Share of features more than five standard deviations off.
+    pub outlying: f64,
+    /// Directions of which the session says least.
+    pub worst_determined: Vec<Determined>,
+    /// The parameters.
+    pub calibration: Calibration,
+    /// The same as it is kept.
+    #[serde(skip)]
+    pub kept: KeptCalibration,
+}
+
+/// What a calibration of the simulated robot gave. All but the times repeats to the bit.
+#[derive(Debug, Clone, Serialize)]
+pub struct CalibrationReport {
+    /// Of noise, candidates, unseen poses and throws.
+    pub seed: u64,
+    /// Mean distance between where the calibrated stack and the world put hands at unseen poses, in the cameras' frames, mm.
+    pub mean_mm: f64,
+    /// Worst, mm.
+    pub worst_mm: f64,
+    /// The same before.
+    pub raw: Distances,
+    /// Unseen poses, each seen from both cameras.
+    pub unseen: usize,
+    /// Of the session.
+    #[serde(flatten)]
+    pub solved: SolveReport,
+    /// Random configurations that those of the session were chosen from.
+    pub candidates: usize,
+    /// `log det` of what is known with the chosen configurations, in standard deviations of the priors.
+    pub log_det: f64,
+    /// As many configurations, drawn and not chosen.
+    pub random: RandomFigures,
+    /// Throws of each series.
+    pub throws: u64,
+    /// Of those, in the catch space.
+    pub in_catch_space: usize,
+    /// Share of them that is caught with the planted errors; `None` without throws.
+    pub catch_rate_before: Option<f64>,
+    /// The same after calibration.
+    pub catch_rate_after: Option<f64>,
+    /// Wilson's 95 % interval of `catch_rate_before`.
+    pub catch_rate_before_ci95: Option<[f64; 2]>,
+    /// Wilson's 95 % interval of `catch_rate_after`.
+    pub catch_rate_after_ci95: Option<[f64; 2]>,
+    /// Balls in the catch space that were missed before, by cause.
+    pub misses_before: BTreeMap<String, usize>,
+    /// The same after.
+    pub misses_after: BTreeMap<String, usize>,
+    /// What was recorded.
+    #[serde(skip)]
+    pub session: Session,
+    /// What means and worst values are of.
+    #[serde(skip)]
+    pub samples: CalibrationSamples,
+}
+
+/// Figures of configurations that were drawn and not chosen.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct RandomFigures {
+    /// Of as many configurations.
+    pub log_det: f64,
+    /// How much more of `log det` the chosen ones give.
+    pub log_det_gain: f64,
+    /// Mean distance of hands at the same unseen poses, mm.
+    pub mean_mm: f64,
+    /// Worst, mm.
+    pub worst_mm: f64,
+    /// Time that the robot needs, s.
+    pub robot_seconds: f64,
+}
+
+/// What a trial is at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Progress {
+    /// Configurations are chosen.
+    Choosing,
+    /// Sessions are simulated.
+    Moving,
+    /// The problem is solved.
+    Solving,
+    /// Balls are thrown; told after each.
+    Throwing,
+}
+
+impl SolveReport {
+    /// Calibrates a robot from a session.
+    ///
+    /// - `last`: the last good calibration, to begin from
+    ///
+    /// # Errors
+    /// Where there is no calibration.
+    pub fn new(
+        model: &Model,
+        config: &CalibrationConfig,
+        session: &Session,
+        last: Option<&Calibration>,
+    ) -> Result<(Self, Solved), TrialError> {
+        let begun = Instant::now();
+        let solved = calibrate(model, session, config, last)?;
+        let solve_seconds = begun.elapsed().as_secs_f64();
+        let features = session.pictures.iter().flat_map(|p| p.features).flatten();
+        let report = Self {
+            configurations: (0..ARMS).map(|arm| session.configurations(arm)).sum(),
+            features: features.count(),
+            robot_seconds: session.robot_seconds,
+            solve_seconds,
+            iterations: solved.iterations,
+            cost: solved.cost,
+            fit: solved.fit,
+            outlying: solved.outlying,
+            worst_determined: solved.worst.clone(),
+            calibration: solved.calibration(),
+            kept: KeptCalibration::new(model.robot(), &solved.unknowns, &solved.covariance),
+        };
+        Ok((report, solved))
+    }
+}
+
+impl CalibrationTrial {
+    /// Runs session, solver, unseen poses and throws.
+    ///
+    /// # Errors
+    /// Where settings make no sense, and where there is no calibration.
+    pub fn run(&self, progress: impl Fn(Progress) + Sync) -> Result<CalibrationReport, TrialError> {
+        let model = Model::new(&self.robot);
+        progress(Progress::Choosing);
+        let drawn = candidates(&model, &self.config, self.seed, self.candidates)?;
+        let views = self.routine.sweep.views(VIEWS);
+        let chosen = choose(&model, &self.config, &drawn, &views, self.of_each_arm)?;
+        let configurations: Vec<Candidate> =
+            chosen.numbers.iter().map(|number| drawn[*number]).collect();
+        // Arms are drawn in turn.
+        let random: Vec<Candidate> = drawn[..ARMS * self.of_each_arm].to_vec();
+        progress(Progress::Moving);
+        let world = self.world();
+        let sessions: Vec<Session> = [&configurations, &random]
+            .into_par_iter()
+            .map(|of| rehearse(&model, &world, &self.routine, of, self.seed))
+            .collect::<Result<_, _>>()?;
+        progress(Progress::Solving);
+        let (report, solved) = SolveReport::new(&model, &self.config, &sessions[0], None)?;
+        let (_, beside) = SolveReport::new(&model, &self.config, &sessions[1], None)?;
+        let poses = self.poses(&model, &world)?;
+        let raw = distances(&poses, &model, &Unknowns::zeros(UNKNOWNS));
+        let all_found = distances(&poses, &model, &solved.unknowns);
+        let all_random = distances(&poses, &model, &beside.unknowns);
+        let (found, found_random) = (Distances::of(&all_found), Distances::of(&all_random));
+        let (before_px, residuals_px) =
+            residuals(&model, &self.config, &sessions[0], &solved.unknowns)?;
+        let samples = CalibrationSamples {
+            raw_mm: millimetres(&raw),
+            found_mm: millimetres(&all_found),
+            random_mm: millimetres(&all_random),
+            before_px,
+            residuals_px,
+            noise_px: self.config.noise.feature,
+        };
+        let log_det_random = gain(&model, &self.config, &random, &views)?;
+        let mut all = CalibrationReport {
+            seed: self.seed,
+            mean_mm: found.mean_mm,
+            worst_mm: found.worst_mm,
+            raw: Distances::of(&raw),
+            unseen: self.unseen,
+            solved: report,
+            candidates: self.candidates,
+            log_det: chosen.log_det,
+            random: RandomFigures {
+                log_det: log_det_random,
+                log_det_gain: chosen.log_det - log_det_random,
+                mean_mm: found_random.mean_mm,
+                worst_mm: found_random.worst_mm,
+                robot_seconds: sessions[1].robot_seconds,
+            },
+            throws: self.throws,
+            in_catch_space: 0,
+            catch_rate_before: None,
+            catch_rate_after: None,
+            catch_rate_before_ci95: None,
+            catch_rate_after_ci95: None,
+            misses_before: BTreeMap::new(),
+            misses_after: BTreeMap::new(),
+            session: sessions.into_iter().next().unwrap_or_default(),
+            samples,
+        };
+        if self.throws > 0 {
+            let throwing = || progress(Progress::Throwing);
+            let before = self.series(None).run(throwing)?;
+            let calibration = all.solved.calibration.clone();
+            let after = self.series(Some(calibration)).run(throwing)?;
+            all.in_catch_space = before.in_catch_space;
+            all.catch_rate_before = Some(before.rate);
+            all.catch_rate_after = Some(after.rate);
+            all.catch_rate_before_ci95 =
+                Some(wilson_of_counts(before.caught, before.in_catch_space));
+            all.catch_rate_after_ci95 = Some(wilson_of_counts(after.caught, after.in_catch_space));
+            (all.misses_before, all.misses_after) = (before.misses, after.misses);
+        }
+        Ok(all)
+    }
+
+    /// The world, with a robot that is the same in all of its runs.
+    fn world(&self) -> WorldConfig {
+        let mut world = self.world.clone();
+        world.errors.robot.get_or_insert(self.seed);
+        world
+    }
+
+    fn poses(&self, model: &Model, world: &WorldConfig) -> Result<Vec<Standing>, TrialError> {
+        let seed = self.seed.wrapping_add(APART);
+        candidates(model, &self.config, seed, self.unseen)?
+            .iter()
+            .map(|pose| Standing::new(model, world, seed, pose))
+            .collect()
+    }
+
+    fn series(&self, calibration: Option<Calibration>) -> Series {
+        Series {
+            config: ThrowConfig {
+                mapping: Mapping::Off,
+                robot: self.robot.clone(),
+                calibration,
+                world: self.world(),
+                timing: Timing::ours(),
+                without: Vec::new(),
+                balls: 1,
+                perfect_perception: false,
+                pixels: false,
+                watch: false,
+                closing_error: 0.0,
+            },
+            throws: self.throws,
+            seed: self.seed,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tactnet_catching::calibrate::{CalibrationError, Slip, SlipConfig, SlipWatch};
+    use tactnet_catching_packets::RobotDescription;
+    use tactnet_catching_world::PlantedErrors;
+
+    use super::*;
+
+    fn trial(seed: u64, throws: u64) -> CalibrationTrial {
+        CalibrationTrial {
+            robot: Robot::new(RobotDescription::nominal()),
+            world: WorldConfig {
+                errors: PlantedErrors::uncalibrated(seed),
+                ..WorldConfig::default()
+            },
+            config: CalibrationConfig::default(),
+            routine: RoutineConfig::default(),
+            seed,
+            of_each_arm: 8,
+            candidates: 100,
+            unseen: 60,
+            throws,
+        }
+    }
+
+    /// The limits are the goals; seven in ten configurations of the command's are left out.
+    #[test]
+    fn hands_at_unseen_poses_are_where_the_calibrated_stack_puts_them() {
+        for seed in [2, 3] {
+            let report = trial(seed, 0).run(|_| ()).unwrap();
+            assert!(report.raw.worst_mm > 20.0, "{:?}", report.raw);
+            assert!(report.mean_mm <= 3.9, "{}", report.mean_mm);
+            assert!(report.worst_mm <= 9.1, "{}", report.worst_mm);
+            assert!(report.random.log_det_gain > 0.0, "{:?}", report.random);
+            assert!(report.solved.robot_seconds < 300.0);
+            // What the model cannot tell apart is named.
+            let worst = &report.solved.worst_determined[0];
+            assert!(worst.left > 0.99 && !worst.unknowns.is_empty(), "{worst:?}");
+            // The values that the figures are of.
+            let samples = &report.samples;
+            for (all, mean) in [
+                (&samples.raw_mm, report.raw.mean_mm),
+                (&samples.found_mm, report.mean_mm),
+                (&samples.random_mm, report.random.mean_mm),
+            ] {
+                assert_eq!(all.len(), 2 * 60);
+                assert!((all.iter().sum::<f64>() / 120.0 - mean).abs() < 1e-9);
+            }
+            assert_eq!(samples.residuals_px.len(), report.solved.features);
+            let mut sorted = samples.residuals_px.clone();
+            sorted.sort_by(f64::total_cmp);
+            let median = sorted[sorted.len() / 2] / (1.177_410 * samples.noise_px);
+            assert!((median - report.solved.fit).abs() < 0.01, "{median}");
+        }
+    }
+
+    #[test]
+    fn a_calibrated_robot_catches_what_it_missed_whatever_the_number_of_threads() {
+        let run = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            let mut report = pool.unwrap().install(|| trial(4, 16).run(|_| ())).unwrap();
+            report.solved.solve_seconds = 0.0;
+            report
+        };
+        let report = run(2);
+        assert!(report.in_catch_space >= 5, "{}", report.in_catch_space);
+        assert!(report.catch_rate_before.unwrap() < 0.5, "{report:?}");
+        assert!(report.catch_rate_after.unwrap() >= 0.8, "{report:?}");
+        let text = |report: &CalibrationReport| serde_json::to_string(report).unwrap();
+        assert_eq!(text(&report), text(&run(1)));
+    }
+
+    /// A recorded session of a robot, with its model and a calibration file that is there already.
+    fn recorded() -> (Model, Session, CalibrationTrial) {
+        let trial = trial(5, 0);
+        let model = Model::new(&trial.robot);
+        let drawn = candidates(&model, &trial.config, 5, 20).unwrap();
+        let session = rehearse(&model, &trial.world(), &trial.routine, &drawn, 5).unwrap();
+        (model, session, trial)
+    }
+
+    #[test]
+    fn what_no_solver_can_mend_is_named_and_the_last_calibration_stays() {
+        let (model, good, trial) = recorded();
+        let path = std::env::temp_dir().join(format!("tactnet-cal-{}.toml", std::process::id()));
+        let calibrate = |session: &Session| -> Result<(), TrialError> {
+            let (report, _) = SolveReport::new(&model, &trial.config, session, None)?;
+            keep_calibration(&path, &report.kept).unwrap();
+            Ok(())
+        };
+        calibrate(&good).unwrap();
+        let kept = std::fs::read_to_string(&path).unwrap();
+        assert!(KeptCalibration::parse(&kept, model.robot().description()).is_ok());
+        type Spoil = fn(&mut Session);
+        let cases: [(&str, Spoil); 7] = [
+            ("picture 3: expected numbers, found NaN", |s| {
+                s.pictures[3].q[2] = f64::NAN;
+            }),
+            ("rest 0: expected numbers, found inf", |s| {
+                s.rests[0].acceleration[1] = f64::INFINITY;
+            }),
+            (
+                "the right camera never saw the marker of the left arm",
+                |s| {
+                    for picture in s.pictures.iter_mut().filter(|p| p.arm == 0) {
+                        picture.features[1] = None;
+                    }
+                },
+            ),
+            ("cameras are exchanged", |s| {
+                for picture in &mut s.pictures {
+                    picture.features.reverse();
+                }
+            }),
+            ("at least 5 configurations of the right arm, found 2", |s| {
+                // Arms were drawn in turn.
+                s.pictures.retain(|p| p.arm == 0 || p.configuration < 5);
+            }),
+            ("expected arm 0 or 1, found 2", |s| s.pictures[7].arm = 2),
+            ("something is not as the model says", |s| {
+                // Left and right by turns, as if pictures were of two robots.
+                for (number, picture) in s.pictures.iter_mut().enumerate() {
+                    for feature in picture.features.iter_mut().flatten() {
+                        feature[0] += if number % 2 == 0 { 2.0 } else { -2.0 };
+                    }
+                }
+            }),
+        ];
+        for (named, spoil) in cases {
+            let mut session = good.clone();
+            spoil(&mut session);
+            let error = calibrate(&session).unwrap_err();
+            assert!(
+                matches!(error, TrialError::Calibration(_)) && error.to_string().contains(named),
+                "{named}: {error}"
+            );
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), kept);
+        }
+        std::fs::remove_file(path).unwrap();
+    }
+
+    /// A tendon slips by a degree after calibration: the sensor says so much less than before.
+    #[test]
+    fn a_slipped_tendon_asks_for_calibration_and_a_good_robot_does_not() {
+        let (model, session, trial) = recorded();
+        let (_, solved) = SolveReport::new(&model, &trial.config, &session, None).unwrap();
+        // Another session of the same robot.
+        let drawn = candidates(&model, &trial.config, 6, 10).unwrap();
+        let later = rehearse(&model, &trial.world(), &trial.routine, &drawn, 6).unwrap();
+        let watch = |slipped: fn(&mut tactnet_catching::calibrate::Picture)| -> Option<Slip> {
+            let mut watch = SlipWatch::new(SlipConfig::default()).unwrap();
+            later.pictures.iter().find_map(|picture| {
+                let mut picture = *picture;
+                slipped(&mut picture);
+                watch.picture(
+                    &model,
+                    &trial.config.noise,
+                    &solved.unknowns,
+                    &solved.covariance,
+                    &picture,
+                )
+            })
+        };
+        let quiet = watch(|_| ());
+        assert_eq!(quiet, None);
+        for slipped in [
+            (|p| p.q[1] -= 0.0175) as fn(&mut tactnet_catching::calibrate::Picture),
+            |p| p.q[4] -= 0.0175,
+            |p| p.neck.q[0] -= 0.0175,
+        ] {
+            assert!(watch(slipped).is_some());
+        }
+    }
+
+    #[test]
+    fn a_session_without_anything_is_refused() {
+        let model = Model::new(&Robot::new(RobotDescription::nominal()));
+        let config = CalibrationConfig::default();
+        let error = calibrate(&model, &Session::default(), &config, None).unwrap_err();
+        assert!(
+            matches!(error, CalibrationError::NeverSeen { arm: 0, .. }),
+            "{error}"
+        );
+    }
+}

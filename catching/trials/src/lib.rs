@@ -1,0 +1,69 @@
+//! Throw series in stepped time and benchmarks of planner and tracker: the stack and the world together.
+//!
+//! A [`Series`] runs throw after throw, tick by tick, with every delay as configured, and repeats to the bit: the world says what is sensed,
+//! the stack where joints are to be and when hands close, the world's judge what was caught. An [`Oracle`](tactnet_catching::Oracle) that knows the true flight says
+//! which balls could have been.
+
+mod ablation;
+mod bound;
+mod calibration;
+mod chi_square;
+mod detect_bench;
+mod error;
+mod eyes;
+mod look;
+mod look_ahead;
+mod obstacles;
+mod page;
+mod peer_circles;
+mod peer_problems;
+mod peer_throws;
+mod perception;
+mod picture;
+mod plan_bench;
+mod problems;
+mod quantiles;
+mod rally;
+mod safety_bench;
+mod series;
+mod sheet;
+mod still_head;
+mod throw;
+mod throw_aim;
+mod throw_bench;
+mod trace;
+mod track_bench;
+mod watch;
+
+pub use ablation::Ablation;
+pub use bound::{Bound, bounds};
+pub use calibration::{
+    CalibrationFileError, CalibrationReport, CalibrationSamples, CalibrationTrial, Distances,
+    PeerSession, Progress, RandomFigures, SolveReport, calibration_page, keep_calibration,
+    peer_session,
+};
+pub use detect_bench::{DetectBench, DetectFigures, DetectReport, RadiusClass, Taken, is_ball};
+pub use error::TrialError;
+pub use look::Mapping;
+pub use look_ahead::LookAhead;
+pub use obstacles::{AmongObstacles, ObstaclesReport, WithoutMap, obstacles_page};
+pub use page::series_page;
+pub use peer_circles::{
+    PeerCameras, PeerCircles, PeerFilter, PeerPair, PeerPrediction, PeerState, PeerStep, PeerThrow,
+    PeerTrack, peer_circles,
+};
+pub use peer_problems::{PeerAnswer, PeerProblem, peer_problems};
+pub use peer_throws::{PeerLaunch, peer_throws};
+pub use picture::picture_file;
+pub use plan_bench::{PlanBench, PlanReport};
+pub use problems::{PlanProblem, plan_problem};
+pub use quantiles::Quantiles;
+pub use rally::{Rally, RallyConfig, RallyFlight, RallyReport, rally_page};
+pub use safety_bench::{PeerHulls, SafetyBench, SafetyReport};
+pub use series::{AHEAD, Series, SeriesReport};
+pub use throw::{BallOutcome, ThrowConfig, ThrowOutcome};
+pub use throw_aim::{AimRound, ThrowAim, ThrowAimReport};
+pub use throw_bench::{Goal, SpeedRow, ThrowBench, ThrowBenchConfig, ThrowReport};
+pub use trace::{Trace, TracePlan, TraceTick};
+pub use track_bench::{TrackBench, TrackFigures, TrackReport};
+pub use watch::{Braked, Motion};

@@ -1,0 +1,180 @@
+//! How wrong predictions were: each against where the ball really was when it came to the hand.
+
+use nalgebra::{Isometry3, Matrix3, Point3, SMatrix, Vector3};
+use tactnet_catching::flight::Flight;
+use tactnet_catching_packets::packets::BallPrediction;
+use tactnet_catching_world::{FlightSample, TICK_NS};
+
+use crate::chi_square::chi_square_band;
+
+/// A prediction farther from a ball than this is not of it, m.
+pub(crate) const SAME_BALL: f64 = 0.5;
+
+/// How wrong a prediction was.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LookAhead {
+    /// From the exposure of its last picture to the catch, s.
+    pub left: f64,
+    /// Across the flight at the catch, mm.
+    pub across_mm: f64,
+    /// Along the flight, ms; early is negative.
+    pub along_ms: f64,
+    /// What the filter says of `across_mm`, root mean square, mm.
+    pub sigma_across_mm: f64,
+    /// What the filter says of `along_ms`.
+    pub sigma_along_ms: f64,
+    /// Normalised squared error of the position as seen from the head; 3 on average if the covariance is right.
+    pub nees: f64,
+}
+
+/// A prediction, with what was true at its exposure.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Said {
+    pub exposure_ns: u64,
+    pub prediction: BallPrediction,
+    /// From where the head was thought to be to where it was, at the exposure.
+    pub aligned: Isometry3<f64>,
+}
+
+impl Said {
+    fn as_said(&self, t_ns: u64) -> Flight {
+        let ball = &self.prediction;
+        let flight = Flight {
+            p: ball.p.into(),
+            v: ball.v.into(),
+            k: ball.k,
+            lift: ball.lift.into(),
+        };
+        flight.after((t_ns as f64 - ball.t_ns as f64) * 1e-9)
+    }
+
+    /// Returns where the ball was said to be at a time, seen from where the head really was.
+    pub fn at(&self, t_ns: u64) -> Flight {
+        let then = self.as_said(t_ns);
+        Flight {
+            p: (self.aligned * Point3::from(then.p)).coords,
+            v: self.aligned.rotation * then.v,
+            k: then.k,
+            lift: self.aligned.rotation * then.lift,
+        }
+    }
+
+    /// Returns how far from a ball's true flight it was said to be at the exposure, m; `None` if the ball did not fly then.
+    pub fn distance(&self, flight: &[FlightSample]) -> Option<f64> {
+        let sample = flight
+            .iter()
+            .min_by_key(|sample| sample.t_ns.abs_diff(self.exposure_ns))?;
+        (sample.t_ns.abs_diff(self.exposure_ns) < 2 * TICK_NS)
+            .then(|| (self.at(self.exposure_ns).p - sample.state.position).norm())
+    }
+
+    /// Compares with the truth at the moment of the catch. What matters to a hand is where the ball is seen from the head, which carries
+    /// on its pose until then: `aligned` leads from where it is thought to be at the catch to where it is.
+    pub fn judge(
+        &self,
+        aligned: &Isometry3<f64>,
+        catch_ns: u64,
+        p: &Vector3<f64>,
+        v: &Vector3<f64>,
+    ) -> LookAhead {
+        let said = (aligned * Point3::from(self.as_said(catch_ns).p)).coords;
+        let error = said - p;
+        let heading = v / v.norm();
+        let along = error.dot(&heading);
+        let covariance = self.covariance_at(catch_ns);
+        let variance_along = (heading.transpose() * covariance * heading)[0].max(0.0);
+        let variance_across = (covariance.trace() - variance_along).max(0.0);
+        let nees = covariance
+            .try_inverse()
+            .map_or(f64::NAN, |inverse| (error.transpose() * inverse * error)[0]);
+        LookAhead {
+            left: (catch_ns as f64 - self.exposure_ns as f64) * 1e-9,
+            across_mm: (error - heading * along).norm() * 1e3,
+            along_ms: along / v.norm() * 1e3,
+            sigma_across_mm: variance_across.sqrt() * 1e3,
+            sigma_along_ms: variance_along.sqrt() / v.norm() * 1e3,
+            nees,
+        }
+    }
+
+    /// The covariance of the position, by differences along the flight.
+    fn covariance_at(&self, t_ns: u64) -> Matrix3<f64> {
+        let ball = &self.prediction;
+        let dt = (t_ns as f64 - ball.t_ns as f64) * 1e-9;
+        let at = |state: [f64; 10]| {
+            Flight {
+                p: Vector3::new(state[0], state[1], state[2]),
+                v: Vector3::new(state[3], state[4], state[5]),
+                k: state[6],
+                lift: Vector3::new(state[7], state[8], state[9]),
+            }
+            .after(dt)
+            .p
+        };
+        let state: [f64; 10] = std::array::from_fn(|i| match i {
+            0..3 => ball.p[i],
+            3..6 => ball.v[i - 3],
+            6 => ball.k,
+            _ => ball.lift[i - 7],
+        });
+        let mut slopes = SMatrix::<f64, 3, 10>::zeros();
+        for i in 0..10 {
+            let (mut more, mut less) = (state, state);
+            let h = 1e-5;
+            more[i] += h;
+            less[i] -= h;
+            slopes.set_column(i, &((at(more) - at(less)) / (2.0 * h)));
+        }
+        let covariance = SMatrix::<f64, 10, 10>::from_fn(|i, k| ball.covariance[i][k]);
+        slopes * covariance * slopes.transpose()
+    }
+}
+
+/// Returns the ball of a sample, with the drag that is usual.
+pub(crate) fn as_flight(sample: &FlightSample) -> Flight {
+    Flight::with_usual_drag(sample.state.position, sample.state.velocity)
+}
+
+/// Returns where the ball of a true flight, sampled every millisecond, was at a time; `None` before its first sample.
+pub(crate) fn true_at(flight: &[FlightSample], at_ns: u64) -> Option<Flight> {
+    let sample = flight.iter().rfind(|sample| sample.t_ns <= at_ns)?;
+    Some(as_flight(sample).after((at_ns - sample.t_ns) as f64 * 1e-9))
+}
+
+/// How wrong many predictions were, and whether the filter knew.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Errors {
+    /// Across the flight, mm, root mean square.
+    pub across_mm_rms: f64,
+    /// Along the flight, ms, root mean square.
+    pub along_ms_rms: f64,
+    /// Mean of the normalised squared error of the position; 3 if the covariance is right.
+    pub nees: f64,
+    /// 95 % band of that mean, if it were.
+    pub nees_band: [f64; 2],
+}
+
+impl Errors {
+    /// Returns those of some predictions; `None` of none.
+    pub fn of(ahead: &[LookAhead]) -> Option<Self> {
+        if ahead.is_empty() {
+            return None;
+        }
+        let number = ahead.len() as f64;
+        let rms = |of: fn(&LookAhead) -> f64| {
+            (ahead.iter().map(|a| of(a).powi(2)).sum::<f64>() / number).sqrt()
+        };
+        Some(Self {
+            across_mm_rms: rms(|a| a.across_mm),
+            along_ms_rms: rms(|a| a.along_ms),
+            nees: ahead.iter().map(|a| a.nees).sum::<f64>() / number,
+            nees_band: chi_square_band(3.0, ahead.len()),
+        })
+    }
+
+    /// Returns true if the mean lies in its band.
+    pub fn nees_in_band(&self) -> bool {
+        let [low, high] = self.nees_band;
+        low <= self.nees && self.nees <= high
+    }
+}

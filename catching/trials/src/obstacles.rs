@@ -1,0 +1,196 @@
+//! Throws among obstacles: what was touched, what was caught, and how long it takes from looking to planning.
+
+mod page;
+mod scene;
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use serde::Serialize;
+use tactnet_catching_world::Contacts;
+
+pub use page::obstacles_page;
+
+use crate::quantiles::Quantiles;
+use crate::series::SeriesReport;
+use crate::throw::{BallOutcome, ThrowOutcome};
+use tactnet_plot::wilson_of_counts;
+
+/// What happened to a robot that looked about before a throw.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AmongObstacles {
+    /// What it touched.
+    pub contacts: Contacts,
+    /// Plans that found obstacles in every way.
+    pub obstructed: u64,
+    /// Arms that stayed up because their way down was not clear.
+    pub arms_held_up: usize,
+    /// From the pictures of the last look to the map, s.
+    pub look_seconds: f64,
+    /// The first plans, both arms', s; `None`: none was asked for.
+    pub plan_seconds: Option<f64>,
+}
+
+/// What a series among obstacles gave beside what every series gives.
+#[derive(Debug, Clone, Serialize)]
+pub struct ObstaclesReport {
+    /// Throws in which the robot touched anything, from the first look to the verdict.
+    pub contacts: usize,
+    /// Wilson's 95 % interval of their share.
+    pub contacts_ci95: [f64; 2],
+    /// Of those, by part of the robot that went deepest.
+    pub contact_parts: BTreeMap<String, usize>,
+    /// The deepest contact, mm.
+    pub contact_mm_max: f64,
+    /// Throws in which at least one plan found obstacles in every way.
+    pub obstructed: usize,
+    /// Arms that stayed up because their way down was not clear.
+    pub arms_held_up: usize,
+    /// Throws in which all balls were caught and nothing was touched.
+    pub untouched_catches: usize,
+    /// From the four depth pictures of a look to the first plan of both arms: fusion, transform, planning; ms. Depends on the machine.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub look_to_plan_ms: Option<Quantiles>,
+    /// Of that, fusion and transform, ms.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub look_ms: Option<Quantiles>,
+    /// The same throws without a map.
+    #[serde(flatten)]
+    pub without_map: Option<WithoutMap>,
+}
+
+/// The same throws by a robot that does not look.
+#[derive(Debug, Clone, Serialize)]
+pub struct WithoutMap {
+    /// Throws in which it touched anything.
+    pub contacts_without_map: usize,
+    /// Caught of those in the catch space.
+    pub rate_without_map: f64,
+    /// Throws in which all balls were caught and nothing was touched.
+    pub untouched_catches_without_map: usize,
+    /// The deepest contact, mm.
+    pub contact_mm_max_without_map: f64,
+    /// Throws that the oracle can catch: not always the same, since arms that stay up wait elsewhere.
+    #[serde(skip)]
+    pub in_catch_space: usize,
+    /// Of those, caught.
+    #[serde(skip)]
+    pub caught: usize,
+    /// Numbers of the throws in which it touched anything.
+    #[serde(skip)]
+    pub touched: Vec<u64>,
+}
+
+fn touched(outcome: &ThrowOutcome) -> bool {
+    outcome
+        .obstacles
+        .is_some_and(|among| among.contacts.ticks > 0)
+}
+
+fn untouched_catches(outcomes: &[ThrowOutcome]) -> usize {
+    let good = outcomes
+        .iter()
+        .filter(|outcome| !touched(outcome) && outcome.balls.iter().all(BallOutcome::caught));
+    good.count()
+}
+
+fn deepest_mm(outcomes: &[ThrowOutcome]) -> f64 {
+    let contacts = outcomes
+        .iter()
+        .filter_map(|outcome| outcome.obstacles?.contacts.deepest);
+    contacts
+        .map(|contact| 1e3 * contact.depth_m)
+        .fold(0.0, f64::max)
+}
+
+impl ObstaclesReport {
+    /// Returns what the throws gave; `None` if the robot did not look about.
+    pub(crate) fn of(outcomes: &[ThrowOutcome]) -> Option<Self> {
+        let among: Vec<AmongObstacles> = outcomes
+            .iter()
+            .filter_map(|outcome| outcome.obstacles)
+            .collect();
+        if among.is_empty() {
+            return None;
+        }
+        let mut contact_parts = BTreeMap::new();
+        for contact in among.iter().filter_map(|among| among.contacts.deepest) {
+            *contact_parts.entry(contact.part.to_string()).or_insert(0) += 1;
+        }
+        let contacts = outcomes.iter().filter(|outcome| touched(outcome)).count();
+        let looked = |among: &&AmongObstacles| among.look_seconds > 0.0;
+        let milliseconds = |seconds: f64| 1e3 * seconds;
+        Some(Self {
+            contacts,
+            contacts_ci95: wilson_of_counts(contacts, outcomes.len()),
+            contact_parts,
+            contact_mm_max: deepest_mm(outcomes),
+            obstructed: among.iter().filter(|among| among.obstructed > 0).count(),
+            arms_held_up: among.iter().map(|among| among.arms_held_up).sum(),
+            untouched_catches: untouched_catches(outcomes),
+            look_to_plan_ms: Quantiles::of(
+                among
+                    .iter()
+                    .filter(looked)
+                    .filter_map(|among| {
+                        Some(milliseconds(among.look_seconds + among.plan_seconds?))
+                    })
+                    .collect(),
+            ),
+            look_ms: Quantiles::of(
+                among
+                    .iter()
+                    .filter(looked)
+                    .map(|among| milliseconds(among.look_seconds))
+                    .collect(),
+            ),
+            without_map: None,
+        })
+    }
+}
+
+impl WithoutMap {
+    /// Returns what a series of a robot that does not look gave.
+    pub(crate) fn of(report: &SeriesReport) -> Self {
+        let outcomes = &report.outcomes;
+        let those = outcomes.iter().filter(|outcome| touched(outcome));
+        let touched: Vec<u64> = those.map(|outcome| outcome.number).collect();
+        Self {
+            contacts_without_map: touched.len(),
+            rate_without_map: report.rate,
+            untouched_catches_without_map: untouched_catches(outcomes),
+            contact_mm_max_without_map: deepest_mm(outcomes),
+            in_catch_space: report.in_catch_space,
+            caught: report.caught,
+            touched,
+        }
+    }
+}
+
+impl fmt::Display for ObstaclesReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "\nobstacles touched in {} throws, at most {:.0} mm deep; in their way every plan in {} throws; {} arms stayed up",
+            self.contacts, self.contact_mm_max, self.obstructed, self.arms_held_up
+        )?;
+        if let Some(times) = self.look_to_plan_ms {
+            write!(
+                f,
+                "\nfrom depth pictures to plans: median {:.0} ms, 99 % {:.0} ms, longest {:.0} ms",
+                times.p50, times.p99, times.max
+            )?;
+        }
+        if let Some(without) = &self.without_map {
+            write!(
+                f,
+                "\nwithout the map: touched in {} throws, caught {:.1} %; caught and nothing touched: {} throws, with it {}",
+                without.contacts_without_map,
+                100.0 * without.rate_without_map,
+                without.untouched_catches_without_map,
+                self.untouched_catches
+            )?;
+        }
+        Ok(())
+    }
+}

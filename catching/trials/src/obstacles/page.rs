@@ -1,0 +1,375 @@
+//! Throws among obstacles as a page: with and without the map, one catch in it, times.
+
+use std::fmt::Write;
+
+use tactnet_plot::{legend, wilson_of_counts};
+
+use super::scene::Scene;
+use super::{ObstaclesReport, touched};
+use crate::error::TrialError;
+use crate::look::Mapping;
+use crate::series::{Series, SeriesReport};
+use crate::sheet::{Share, at_most, captioned, counts_table, percent, shares, sheet, table};
+use crate::throw::{BallOutcome, ThrowConfig, ThrowOutcome};
+
+const TITLE: &str = "Catching among obstacles";
+/// Goal from depth pictures to plans, ms.
+const GOAL_MS: f64 = 1000.0;
+
+/// Returns a page that needs no network.
+///
+/// - `report`: of [`Series::run_with_and_without_map`]; where the robot did not look about, the page says so
+///
+/// # Errors
+/// As the series: the drawn throw is run again.
+pub fn obstacles_page(series: &Series, report: &SeriesReport) -> Result<String, TrialError> {
+    let Some(obstacles) = &report.obstacles else {
+        let body = format!(
+            "<p class=\"headline\">The robot did not look about in any of {} throws.</p>",
+            report.throws
+        );
+        return Ok(sheet(TITLE, &body));
+    };
+    let mut html = String::new();
+    headline(&mut html, report, obstacles);
+    side_by_side(&mut html, report, obstacles);
+    if let Some(number) = telling(report, obstacles) {
+        let config = ThrowConfig {
+            mapping: Mapping::Depth,
+            ..series.config.clone()
+        };
+        let trace = Series { config, ..*series }.again(number)?;
+        if let Some(scene) = Scene::of(&trace, &series.config.robot) {
+            draw(&mut html, number, &scene);
+        }
+    }
+    times(&mut html, report, obstacles);
+    causes(&mut html, report, obstacles);
+    Ok(sheet(TITLE, &html))
+}
+
+fn headline(html: &mut String, report: &SeriesReport, obstacles: &ObstaclesReport) {
+    let rate = obstacles.contacts as f64 / report.throws.max(1) as f64;
+    let without = match &obstacles.without_map {
+        Some(without) => format!(", without a map in {}", without.contacts_without_map),
+        None => String::new(),
+    };
+    let _ = write!(
+        html,
+        "<p class=\"headline\">With a map the robot touched something in {} of {} throws{without}; it caught {} of {} balls in the catch \
+         space.</p><p>Touched: {}. Caught: {}. Intervals are Wilson's, 95 %; seed {}. A simulation in stepped time: what stands about is put \
+         elsewhere before each throw, the robot looks with a depth camera in its head, and the same throws are then thrown to a robot that \
+         does not look.</p>",
+        obstacles.contacts,
+        report.throws,
+        report.caught,
+        report.in_catch_space,
+        percent(rate, obstacles.contacts_ci95),
+        percent(report.rate, [report.ci95_low, report.ci95_high]),
+        report.seed
+    );
+}
+
+fn counted(name: &str, look: usize, count: usize, of: usize) -> Share {
+    Share {
+        name: name.into(),
+        look,
+        share: count as f64 / of.max(1) as f64,
+        ci95: wilson_of_counts(count, of),
+    }
+}
+
+fn side_by_side(html: &mut String, report: &SeriesReport, obstacles: &ObstaclesReport) {
+    let throws = report.throws;
+    let without = obstacles.without_map.as_ref();
+    let of = |count: usize, of: usize| {
+        let share = counted("", 0, count, of);
+        format!("{count} of {of}: {}", percent(share.share, share.ci95))
+    };
+    let missing = || "not run".to_string();
+    let rows = [
+        [
+            "Throws in which anything was touched".into(),
+            of(obstacles.contacts, throws),
+            without.map_or_else(missing, |w| of(w.contacts_without_map, throws)),
+            "0 of 500; the thesis has none".into(),
+        ],
+        [
+            "The deepest contact [mm]".into(),
+            format!("{:.0}", obstacles.contact_mm_max),
+            without.map_or_else(missing, |w| format!("{:.0}", w.contact_mm_max_without_map)),
+            "0".into(),
+        ],
+        [
+            "Caught of those in the catch space".into(),
+            of(report.caught, report.in_catch_space),
+            without.map_or_else(missing, |w| of(w.caught, w.in_catch_space)),
+            "reported; the thesis has none".into(),
+        ],
+        [
+            "Caught and nothing touched, of all throws".into(),
+            of(obstacles.untouched_catches, throws),
+            without.map_or_else(missing, |w| of(w.untouched_catches_without_map, throws)),
+            "reported; the thesis has none".into(),
+        ],
+        [
+            "Throws with obstacles in every way of a plan".into(),
+            of(obstacles.obstructed, throws),
+            "no map, no such plan".into(),
+            "reported".into(),
+        ],
+        [
+            "Arms that stayed up, their way down not clear".into(),
+            obstacles.arms_held_up.to_string(),
+            "no map: none".into(),
+            "reported".into(),
+        ],
+    ];
+    let _ = write!(
+        html,
+        "<h2>With and without the map</h2>{}",
+        table(["What", "With the map", "Without", "Goal"], &rows)
+    );
+    if throws == 0 {
+        return;
+    }
+    let mut all = Vec::new();
+    let touching = (obstacles.contacts, throws);
+    let caught = (report.caught, report.in_catch_space);
+    let untouched = (obstacles.untouched_catches, throws);
+    for (name, (count, of), blind) in [
+        (
+            "touched",
+            touching,
+            without.map(|w| (w.contacts_without_map, throws)),
+        ),
+        (
+            "caught",
+            caught,
+            without.map(|w| (w.caught, w.in_catch_space)),
+        ),
+        (
+            "untouched catch",
+            untouched,
+            without.map(|w| (w.untouched_catches_without_map, throws)),
+        ),
+    ] {
+        all.push(counted(name, 0, count, of));
+        all.extend(blind.map(|(count, of)| counted("no map", 1, count, of)));
+    }
+    let figure = shares("Shares with and without the map", "share [%]", &all);
+    let caption = "Shares of throws that touched anything, of balls in the catch space that were caught, and of throws with a catch and no \
+                   contact; each beside the robot that does not look. Bars are Wilson's 95 % intervals.";
+    *html += &captioned(&figure, caption, &legend(&["with the map", "without"]));
+}
+
+/// The throw that says most: caught with the map and nothing touched, touched without, both arms lowered. Where there is none, as much of that
+/// as there is; otherwise the first.
+fn telling(report: &SeriesReport, obstacles: &ObstaclesReport) -> Option<u64> {
+    let without = obstacles.without_map.as_ref();
+    let worth = |outcome: &&ThrowOutcome| {
+        let good = !touched(outcome) && outcome.balls.iter().all(BallOutcome::caught);
+        let blind = without.is_some_and(|without| without.touched.contains(&outcome.number));
+        let lowered = outcome
+            .obstacles
+            .is_some_and(|among| among.arms_held_up == 0);
+        (good, good && blind, good && lowered)
+    };
+    // Of equals the first.
+    let best = report.outcomes.iter().rev().max_by_key(worth)?;
+    Some(best.number)
+}
+
+fn draw(html: &mut String, number: u64, scene: &Scene) {
+    let truly = match scene.true_clearance {
+        Some(clearance) => format!(
+            ", and {:.0} mm from what truly stands there",
+            1e3 * clearance
+        ),
+        None => String::new(),
+    };
+    let legend = legend(&["ball", "arms, as spheres", "what truly stands there"]);
+    let _ = write!(
+        html,
+        "<h2>Throw {number}</h2><p>When the ball is nearest to the hand, the arms are {:.0} mm from what the map shows{truly}. Shades: the \
+         map's distance to obstacles, dark inside, none from 30 cm on. What the camera saw only from behind counts as an obstacle.</p>{}{}",
+        1e3 * scene.clearance,
+        captioned(
+            &scene.plan_view(),
+            "From above, cut through what the map shows nearest to the arms. Boxes and arms are darker where the cut goes through them.",
+            &legend
+        ),
+        captioned(
+            &scene.side_view(),
+            "From the side, cut through the same place.",
+            &legend
+        )
+    );
+}
+
+fn times(html: &mut String, report: &SeriesReport, obstacles: &ObstaclesReport) {
+    let Some(quantiles) = obstacles.look_to_plan_ms else {
+        return;
+    };
+    let among = || {
+        let all = report.outcomes.iter();
+        all.filter_map(|outcome| outcome.obstacles)
+            .filter(|among| among.look_seconds > 0.0)
+    };
+    let curves = [
+        among()
+            .filter_map(|among| Some(1e3 * (among.look_seconds + among.plan_seconds?)))
+            .collect(),
+        among().map(|among| 1e3 * among.look_seconds).collect(),
+        among()
+            .filter_map(|among| Some(1e3 * among.plan_seconds?))
+            .collect(),
+    ];
+    let title = format!(
+        "Times from depth pictures to plans: median {:.0} ms, longest {:.0} ms",
+        quantiles.p50, quantiles.max
+    );
+    let rows = [[
+        "Four depth pictures to the first plans of both arms [ms]".to_string(),
+        format!(
+            "median {:.0}, 99 % {:.0}, longest {:.0}",
+            quantiles.p50, quantiles.p99, quantiles.max
+        ),
+        format!("less than {GOAL_MS:.0}; less than 3000 in the thesis, on graphics processors"),
+    ]];
+    html.push_str("<h2>From looking to planning</h2>");
+    if let Some(figure) = at_most(&title, "time [ms]", &curves) {
+        let names = [
+            "pictures to plans",
+            "of that, the map",
+            "of that, the plans",
+        ];
+        let caption = "The share of throws in which it takes at most so long, on this machine.";
+        *html += &captioned(&figure, caption, &legend(&names));
+    }
+    *html += &table(["What", "Here", "Goal"], &rows);
+}
+
+fn causes(html: &mut String, report: &SeriesReport, obstacles: &ObstaclesReport) {
+    for (head, counts) in [
+        (["Missed because", "Balls"], &report.misses),
+        (["Touched deepest by", "Throws"], &obstacles.contact_parts),
+    ] {
+        *html += &counts_table(head, counts);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tactnet_catching::Robot;
+    use tactnet_catching_packets::RobotDescription;
+    use tactnet_catching_world::{DepthConfig, ObstaclesConfig, WorldConfig};
+
+    use super::*;
+    use crate::sheet::tests::assert_page;
+    use tactnet_catching::Timing;
+
+    fn series(throws: u64) -> Series {
+        Series {
+            config: ThrowConfig {
+                robot: Robot::new(RobotDescription::nominal()),
+                calibration: None,
+                world: WorldConfig {
+                    obstacles: ObstaclesConfig::table_and_box(),
+                    // A sixth of the camera's width and height.
+                    depth: DepthConfig {
+                        width: 136,
+                        height: 102,
+                        focal: DepthConfig::default().focal / 6.0,
+                        ..DepthConfig::default()
+                    },
+                    ..WorldConfig::default()
+                },
+                timing: Timing::ours(),
+                without: Vec::new(),
+                balls: 1,
+                perfect_perception: true,
+                pixels: false,
+                watch: false,
+                mapping: Mapping::Depth,
+                closing_error: 0.0,
+            },
+            throws,
+            seed: 1,
+        }
+    }
+
+    #[test]
+    fn the_page_of_a_series_shows_both_and_a_cut_through_the_map() {
+        let series = series(1);
+        let report = series.run_with_and_without_map(|| ()).unwrap();
+        let page = obstacles_page(&series, &report).unwrap();
+        assert_page(&page);
+        let obstacles = report.obstacles.as_ref().unwrap();
+        let touched = format!("touched something in {} of 1 throws", obstacles.contacts);
+        let without = obstacles.without_map.as_ref().unwrap();
+        let blind = format!("without a map in {}", without.contacts_without_map);
+        for expected in [
+            touched.as_str(),
+            blind.as_str(),
+            "<h2>Throw 0</h2>",
+            "from an obstacle</title>",
+            "inside an obstacle",
+            "to the right of the robot [m]",
+        ] {
+            assert!(page.contains(expected), "{expected}");
+        }
+        // Two arms from above and from the side.
+        assert!(page.matches("<circle").count() >= 4 * 21);
+        // What goes over the wire stays small.
+        let json = serde_json::to_string(&report).unwrap();
+        assert!(json.len() < 4000 && !json.contains("\"touched\""), "{json}");
+        assert!(page.len() < 1_500_000, "{}", page.len());
+    }
+
+    #[test]
+    fn the_page_of_no_throws_says_so() {
+        let series = series(0);
+        let report = series.run_with_and_without_map(|| ()).unwrap();
+        let page = obstacles_page(&series, &report).unwrap();
+        assert_page(&page);
+        assert!(page.contains("did not look about in any of 0 throws"));
+    }
+
+    #[test]
+    fn the_throw_that_is_drawn_is_one_that_the_map_saved() {
+        let series = series(1);
+        let mut report = series.run_with_and_without_map(|| ()).unwrap();
+        let mut obstacles = report.obstacles.clone().unwrap();
+        let template = report.outcomes[0].clone();
+        report.outcomes = (0..4)
+            .map(|number| {
+                let mut outcome = template.clone();
+                outcome.number = number;
+                // Without balls, all that were thrown are caught.
+                outcome.balls.clear();
+                if let Some(among) = &mut outcome.obstacles {
+                    among.contacts.ticks = u64::from(number == 0);
+                    among.arms_held_up = usize::from(number == 1);
+                }
+                outcome
+            })
+            .collect();
+        let touched = |obstacles: &mut ObstaclesReport, numbers: &[u64]| {
+            obstacles.without_map.as_mut().unwrap().touched = numbers.to_vec();
+        };
+        touched(&mut obstacles, &[0, 2]);
+        assert_eq!(telling(&report, &obstacles), Some(2));
+        touched(&mut obstacles, &[0, 1]);
+        assert_eq!(telling(&report, &obstacles), Some(1));
+        // Both arms are lowered, and of equals it is the first.
+        touched(&mut obstacles, &[]);
+        assert_eq!(telling(&report, &obstacles), Some(2));
+        touched(&mut obstacles, &[1, 3]);
+        assert_eq!(telling(&report, &obstacles), Some(3));
+        report.outcomes.truncate(1);
+        assert_eq!(telling(&report, &obstacles), Some(0));
+        report.outcomes.clear();
+        assert_eq!(telling(&report, &obstacles), None);
+    }
+}

@@ -1,0 +1,448 @@
+//! Two robots play catch (thesis, section 3.5.4): each throws back what it has caught.
+//!
+//! They face each other, each in a world of its own: nothing but the ball goes from one to the other, with the place, velocity and rotation
+//! that it truly has when it leaves the hand. Before the games each arm of each robot practises: the catcher says where its tracker saw the
+//! ball come down, and the thrower aims beside its target by as much. The torso swings under a throw, so the first balls fall short.
+
+mod catching;
+mod flight;
+mod page;
+mod player;
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Rotation3, Vector2, Vector3};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use tactnet_catching::Robot;
+use tactnet_catching::flight::DRAG;
+use tactnet_catching::throw::{Aim, ThrowPlan, ThrowPlanConfig};
+use tactnet_catching_packets::{ARMS, RobotDescription};
+use tactnet_catching_world::{BallState, Released, WorldConfig};
+
+use crate::error::TrialError;
+use crate::look::Mapping;
+use crate::throw::{ThrowConfig, world_seed};
+pub use flight::RallyFlight;
+use flight::{landings, profile};
+pub use page::rally_page;
+use player::Learnt;
+pub(crate) use player::Player;
+use tactnet_catching::Oracle;
+use tactnet_catching::Timing;
+use tactnet_catching_world::down_to;
+use tactnet_plot::wilson_of_counts;
+
+/// Two robots and how they play.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RallyConfig {
+    /// Between the two robots' axes, m.
+    pub distance: f64,
+    /// Where balls are to come down, in the catcher's frame, m.
+    pub target: [f64; 3],
+    /// In throws the platform turns on wheels so far from its middle, m. `None`: the torso's vertical axis turns, with its own limits.
+    pub wheels: Option<f64>,
+    /// Planner of throws.
+    pub throws: ThrowPlanConfig,
+    /// Throws of each arm before the games.
+    pub practice: usize,
+    /// Share of what was seen by which the next aim is changed.
+    pub gain: f64,
+    /// A game ends after so many catches, at the latest.
+    pub most: usize,
+}
+
+impl Default for RallyConfig {
+    fn default() -> Self {
+        Self {
+            distance: 5.0,
+            target: [0.5, 0.4, 1.2],
+            wheels: None,
+            throws: ThrowPlanConfig::default(),
+            practice: 4,
+            gain: 0.8,
+            most: 100,
+        }
+    }
+}
+
+/// Games that are played.
+#[derive(Debug, Clone)]
+pub struct Rally {
+    /// How.
+    pub config: RallyConfig,
+    /// The robots.
+    pub robot: Robot,
+    /// Their worlds.
+    pub world: WorldConfig,
+    /// Delays of the stack.
+    pub timing: Timing,
+    /// Games.
+    pub rallies: usize,
+    /// Of everything that is drawn.
+    pub seed: u64,
+}
+
+/// What came of it.
+#[derive(Debug, Clone, Serialize)]
+pub struct RallyReport {
+    /// Games.
+    pub rallies: usize,
+    /// Of everything that is drawn.
+    pub seed: u64,
+    /// Between the robots, m.
+    pub between_m: f64,
+    /// Catches in a row, at most.
+    pub longest: usize,
+    /// Catches in a row, mean over games.
+    pub mean: f64,
+    /// Balls that were thrown and caught.
+    pub catches: usize,
+    /// Balls that were thrown.
+    pub throws: usize,
+    /// Games that ended because nothing was thrown.
+    pub no_throws: usize,
+    /// Catches a throw.
+    pub rate: f64,
+    /// Wilson's 95 % interval of the rate.
+    pub ci95_low: f64,
+    /// The same.
+    pub ci95_high: f64,
+    /// Throws that the oracle can catch.
+    pub in_catch_space: usize,
+    /// Catches of those.
+    pub caught_in_catch_space: usize,
+    /// Length of the true flights down to the target's height, m, mean.
+    pub distance_m: Option<f64>,
+    /// Of the planned throws, how much nearer they come down if fingers open 2 ms early or late, whichever costs more, mm, mean.
+    pub distance_lost_mm_at_2ms: Option<f64>,
+    /// By how far they come down elsewhere then, mm, mean.
+    pub displaced_mm_at_2ms: Option<f64>,
+    /// Where the balls truly came down beside the target, mm, root mean square.
+    pub beside_mm_rms: Option<f64>,
+    /// Why balls were not caught.
+    pub causes: BTreeMap<String, usize>,
+    /// Why nothing was thrown.
+    pub no_throw_causes: BTreeMap<String, usize>,
+    /// Catches of every game.
+    pub lengths: Vec<usize>,
+    /// The first throws of the first games.
+    #[serde(skip)]
+    pub flights: Vec<RallyFlight>,
+}
+
+/// A throw of a game.
+#[derive(Debug, Clone, Copy)]
+struct Exchange {
+    caught: bool,
+    cause: &'static str,
+    in_catch_space: bool,
+    distance: f64,
+    beside: f64,
+    /// Nearer, and elsewhere, m.
+    at_2ms: [f64; 2],
+}
+
+/// A game.
+#[derive(Debug, Clone, Default)]
+struct Game {
+    exchanges: Vec<Exchange>,
+    no_throw: Option<String>,
+    /// Those that are kept.
+    flights: Vec<RallyFlight>,
+}
+
+impl Rally {
+    /// Practises, and plays all games on all cores; `done` is told after every throw of a game. The result does not depend on how many there are.
+    ///
+    /// # Errors
+    /// Where settings make no sense, and where no throw gets to the target.
+    pub fn run(&self, done: impl Fn() + Sync) -> Result<RallyReport, TrialError> {
+        self.check()?;
+        let oracle = Oracle::new(&self.robot, true);
+        let learnt = self.practise(&oracle)?;
+        let games: Result<Vec<Game>, TrialError> = (0..self.rallies)
+            .into_par_iter()
+            .map(|number| self.play(number as u64, &learnt, &oracle, &done))
+            .collect();
+        Ok(self.report(&games?))
+    }
+
+    fn check(&self) -> Result<(), TrialError> {
+        let RallyConfig {
+            distance,
+            target,
+            gain,
+            ..
+        } = &self.config;
+        let bad = |setting, expected, found: String| {
+            Err(TrialError::Setting {
+                setting,
+                expected,
+                found,
+            })
+        };
+        if !(distance.is_finite() && *distance > 1.5) {
+            return bad("distance", "more than 1.5 m", distance.to_string());
+        }
+        if !target.iter().all(|x| x.is_finite()) || target[0] >= distance - 0.5 {
+            let expected = "a place nearer to the catcher than to the thrower";
+            return bad("target", expected, format!("{target:?}"));
+        }
+        if !(0.0..=1.5).contains(gain) {
+            return bad("gain", "0 to 1.5", gain.to_string());
+        }
+        if self.config.most == 0 {
+            return bad("most", "1 or more", self.config.most.to_string());
+        }
+        Ok(())
+    }
+
+    fn player(&self, seed: u64) -> Result<Player, TrialError> {
+        let config = ThrowConfig {
+            mapping: Mapping::Off,
+            calibration: None,
+            robot: self.robot.clone(),
+            world: self.world.clone(),
+            timing: self.timing,
+            without: Vec::new(),
+            balls: 1,
+            perfect_perception: false,
+            pixels: false,
+            watch: false,
+            closing_error: 0.0,
+        };
+        let description = with_turn(self.robot.description(), self.config.wheels)?;
+        Player::new(&config, &description, self.config.throws, seed)
+    }
+
+    /// Where throws are to come down, in the thrower's frame.
+    fn aim(&self) -> Aim {
+        Aim::At {
+            target: self.across(&self.config.target.into()),
+        }
+    }
+
+    /// Returns a place of one robot's frame in the other's.
+    fn across(&self, p: &Vector3<f64>) -> Vector3<f64> {
+        Vector3::new(self.config.distance - p.x, -p.y, p.z)
+    }
+
+    fn handed_over(&self, released: &Released) -> Released {
+        let half_turn = Rotation3::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI);
+        Released {
+            state: BallState {
+                position: self.across(&released.state.position),
+                velocity: half_turn * released.state.velocity,
+            },
+            spin: half_turn * released.spin,
+            ..*released
+        }
+    }
+
+    /// Returns what throws are to be aimed beside the target, by robot and arm.
+    fn practise(&self, oracle: &Oracle) -> Result<[[Learnt; ARMS]; 2], TrialError> {
+        let mut found = [[Learnt::default(); ARMS]; 2];
+        let sides: Result<Vec<Learnt>, TrialError> = (0..2 * ARMS)
+            .into_par_iter()
+            .map(|number| {
+                let arm = number % ARMS;
+                let seed =
+                    |side: usize| world_seed(self.seed, PRACTICE + (2 * number + side) as u64);
+                let mut players = [self.player(seed(0))?, self.player(seed(1))?];
+                let mut before = Learnt::default();
+                for number in 0..self.config.practice {
+                    let [thrower, catcher] = &mut players;
+                    thrower.world.give(arm)?;
+                    let throw = match thrower.throw(arm, self.aim(), 0.0) {
+                        // Nothing is thrown so far beside the target: the aim before will do.
+                        Err(TrialError::Throw(_)) if number > 0 => {
+                            thrower.learnt[arm] = before;
+                            break;
+                        }
+                        throw => throw?,
+                    };
+                    before = thrower.learnt[arm];
+                    let released = self.handed_over(&throw.released);
+                    let catch = catcher.catch(&released, &self.config.target, oracle)?;
+                    if let Some(beside) = catch.beside {
+                        // The catcher looks the other way.
+                        thrower.learnt[arm].beside += beside * self.config.gain;
+                    }
+                    (0..ARMS).for_each(|arm| catcher.world.take(arm));
+                    if !(thrower.go_home() && catcher.go_home()) {
+                        break;
+                    }
+                }
+                Ok(players[0].learnt[arm])
+            })
+            .collect();
+        for (number, learnt) in sides?.into_iter().enumerate() {
+            found[number / ARMS][number % ARMS] = learnt;
+        }
+        Ok(found)
+    }
+
+    fn play(
+        &self,
+        number: u64,
+        learnt: &[[Learnt; ARMS]; 2],
+        oracle: &Oracle,
+        done: &(impl Fn() + Sync),
+    ) -> Result<Game, TrialError> {
+        let mut players = [
+            self.player(world_seed(self.seed, 2 * number))?,
+            self.player(world_seed(self.seed, 2 * number + 1))?,
+        ];
+        for (player, learnt) in players.iter_mut().zip(learnt) {
+            player.learnt = *learnt;
+        }
+        let mut game = Game::default();
+        let mut arm = (number % ARMS as u64) as usize;
+        let mut thrower = 0;
+        players[thrower].world.give(arm)?;
+        for _ in 0..self.config.most {
+            let throw = match players[thrower].throw(arm, self.aim(), 0.0) {
+                Ok(throw) => throw,
+                Err(TrialError::Throw(why)) => {
+                    game.no_throw = Some(why.to_string());
+                    break;
+                }
+                Err(error) => return Err(error),
+            };
+            let catcher = &mut players[1 - thrower];
+            let released = self.handed_over(&throw.released);
+            let catch = catcher.catch(&released, &self.config.target, oracle)?;
+            let flight = catcher.world.flight_of(&released);
+            let height = self.config.target[2];
+            let begin = released.state.position.xy();
+            let down = down_to(&flight, height).unwrap_or(begin);
+            let target = Vector2::new(self.config.target[0], self.config.target[1]);
+            game.exchanges.push(Exchange {
+                caught: catch.arm.is_some(),
+                cause: catch.cause,
+                in_catch_space: catch.in_catch_space,
+                distance: (down - begin).norm(),
+                beside: (down - target).norm(),
+                at_2ms: lost(&throw.plan, players[thrower].throwing(), height),
+            });
+            if number < GAMES_KEPT && game.flights.len() < THROWS_KEPT {
+                let timing = landings(&throw.plan, players[thrower].throwing(), height);
+                game.flights.push(RallyFlight {
+                    game: number,
+                    arm: throw.plan.arm,
+                    caught: catch.arm.is_some(),
+                    path: profile(&flight, height),
+                    timing,
+                });
+            }
+            done();
+            let Some(with) = catch.arm else {
+                break;
+            };
+            arm = with;
+            if !players[thrower].go_home() {
+                game.no_throw = Some("no free way back".into());
+                break;
+            }
+            thrower = 1 - thrower;
+        }
+        Ok(game)
+    }
+
+    fn report(&self, games: &[Game]) -> RallyReport {
+        let all: Vec<&Exchange> = games.iter().flat_map(|game| &game.exchanges).collect();
+        let catches = all.iter().filter(|exchange| exchange.caught).count();
+        let lengths: Vec<usize> = games
+            .iter()
+            .map(|game| game.exchanges.iter().filter(|one| one.caught).count())
+            .collect();
+        let mut causes = BTreeMap::new();
+        for exchange in all.iter().filter(|exchange| !exchange.caught) {
+            *causes.entry(exchange.cause.to_string()).or_insert(0) += 1;
+        }
+        let mut no_throw_causes = BTreeMap::new();
+        for why in games.iter().filter_map(|game| game.no_throw.as_ref()) {
+            *no_throw_causes.entry(why.clone()).or_insert(0) += 1;
+        }
+        let mean = |of: &dyn Fn(&Exchange) -> f64| {
+            let sum: f64 = all.iter().map(|exchange| of(exchange)).sum();
+            (!all.is_empty()).then(|| sum / all.len() as f64)
+        };
+        let [ci95_low, ci95_high] = wilson_of_counts(catches, all.len());
+        let possible = || all.iter().filter(|exchange| exchange.in_catch_space);
+        RallyReport {
+            rallies: games.len(),
+            seed: self.seed,
+            between_m: self.config.distance,
+            longest: lengths.iter().copied().max().unwrap_or(0),
+            mean: catches as f64 / games.len().max(1) as f64,
+            catches,
+            throws: all.len(),
+            no_throws: no_throw_causes.values().sum(),
+            rate: catches as f64 / all.len().max(1) as f64,
+            ci95_low,
+            ci95_high,
+            in_catch_space: possible().count(),
+            caught_in_catch_space: possible().filter(|exchange| exchange.caught).count(),
+            distance_m: mean(&|exchange| exchange.distance),
+            distance_lost_mm_at_2ms: mean(&|exchange| exchange.at_2ms[0] * 1e3),
+            displaced_mm_at_2ms: mean(&|exchange| exchange.at_2ms[1] * 1e3),
+            beside_mm_rms: mean(&|exchange| exchange.beside.powi(2)).map(|mean| mean.sqrt() * 1e3),
+            causes,
+            no_throw_causes,
+            lengths,
+            flights: games.iter().flat_map(|game| game.flights.clone()).collect(),
+        }
+    }
+}
+
+/// Games and throws of each of which flights are kept.
+const GAMES_KEPT: u64 = 4;
+const THROWS_KEPT: usize = 2;
+
+/// Worlds of the practice come after those of the games.
+const PRACTICE: u64 = 1 << 32;
+
+/// Returns a robot's description with the limits of a platform that turns on wheels `wheels` m from its middle: the torso's vertical axis,
+/// in the same place, stands for it. The thesis gives the platform's speed, 1.4 m/s; at 0.4 m that is 200 deg/s. `None` leaves it.
+pub(crate) fn with_turn(
+    description: &RobotDescription,
+    wheels: Option<f64>,
+) -> Result<RobotDescription, TrialError> {
+    let mut description = description.clone();
+    let Some(wheels) = wheels else {
+        return Ok(description);
+    };
+    if !(0.1..=2.0).contains(&wheels) {
+        return Err(TrialError::Setting {
+            setting: "wheels",
+            expected: "0.1 to 2 m",
+            found: wheels.to_string(),
+        });
+    }
+    let platform = description.platform.joint;
+    let turn = &mut description.torso.joints[0];
+    turn.speed = platform.speed / wheels;
+    turn.acceleration = platform.acceleration / wheels;
+    Ok(description)
+}
+
+/// Returns by how much nearer a planned flight comes down, and by how much elsewhere, m, if fingers open 2 ms early or late, whichever is worse.
+pub(crate) fn lost(plan: &ThrowPlan, robot: &Robot, height: f64) -> [f64; 2] {
+    let mut worst = [0.0f64; 2];
+    let flown = plan.landing.p - plan.p;
+    let heading = flown.xy() / flown.xy().norm();
+    for late in [-2e-3, 2e-3] {
+        if let Some(landing) = plan.released_late(robot, late, DRAG, height) {
+            let moved = (landing.p - plan.landing.p).xy();
+            worst[0] = worst[0].max(-moved.dot(&heading));
+            worst[1] = worst[1].max(moved.norm());
+        }
+    }
+    worst
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,138 @@
+//! Catching what the other robot throws, with the same parts as in series of throws.
+
+use std::collections::VecDeque;
+
+use nalgebra::Vector2;
+use tactnet_catching::coordinate::{CatchState, Coordinator, Planned};
+use tactnet_catching::throw::Landing;
+use tactnet_catching_packets::ARMS;
+use tactnet_catching_world::{Released, TICK_NS, Verdict};
+
+use super::player::Player;
+use crate::ablation::Ablation;
+use crate::error::TrialError;
+use crate::look_ahead::{Said, as_flight};
+use crate::perception::Perception;
+use crate::series::cause;
+use crate::throw::{Answers, answer, nanoseconds, ticks};
+use tactnet_catching::Oracle;
+
+/// The robot stands this long before the throw, s: its inertial unit finds its bias.
+const REST: f64 = 1.0;
+/// A throw is over this long after it, at the latest, s.
+const LONGEST: f64 = 2.5;
+/// The robot comes to rest in this time after a catch, s.
+const STANDS: f64 = 0.3;
+/// A ball was seen well enough from so many pictures on to say where it came down.
+const SEEN: u32 = 6;
+
+/// What became of a ball.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Catch {
+    /// The arm that caught it.
+    pub arm: Option<usize>,
+    /// Why it was not caught; meaningless if it was.
+    pub cause: &'static str,
+    /// True if the oracle can catch it.
+    pub in_catch_space: bool,
+    /// By how much the robot saw it come down beside its target, m, in its own frame.
+    pub beside: Option<Vector2<f64>>,
+}
+
+impl Player {
+    /// Waits for a ball that left the other robot's hand, with `released` in this robot's frame, and tries to catch it.
+    ///
+    /// - `target`: where it was thrown to, m
+    pub fn catch(
+        &mut self,
+        released: &Released,
+        target: &[f64; 3],
+        oracle: &Oracle,
+    ) -> Result<Catch, TrialError> {
+        let ready = self.config.ready();
+        let robot = self.config.robot.clone();
+        let mut perception = Perception::new(&self.config, 0)?;
+        let mut coordinator = Coordinator::new(robot, self.config.coordination(), ready);
+        let mut answers: VecDeque<Answers> = VecDeque::new();
+        let mut said: Vec<Said> = Vec::new();
+        let near = !self.config.is_without(Ablation::NearMiss);
+        let ahead_ns = nanoseconds(self.config.timing.drives);
+        let before = self.world.verdicts().len();
+        let mut left = ticks(LONGEST);
+        let mut tick = 0;
+        while left > 0 {
+            left -= 1;
+            let now_ns = self.world.time_ns();
+            if tick == ticks(REST) {
+                // The two worlds' ticks need not begin together.
+                let ago = (TICK_NS - released.at_ns % TICK_NS) as f64 * 1e-9;
+                self.world.launch(released, ago);
+            } else if tick < ticks(REST) {
+                left = ticks(LONGEST);
+            }
+            while let Some(due) = answers.pop_front_if(|answer| answer.due_ns <= now_ns) {
+                coordinator.planned(&due.answers);
+            }
+            while let Some(seen) = perception.predictions(now_ns)? {
+                said.extend(seen.said());
+                let requests = coordinator.predictions(now_ns, &seen.predictions, &seen.chest);
+                let asked: Vec<Planned> = requests
+                    .iter()
+                    .flatten()
+                    .map(|request| answer(&self.planners, request, None, near))
+                    .collect();
+                if !asked.is_empty() {
+                    answers.push_back(Answers {
+                        due_ns: now_ns + nanoseconds(self.config.timing.to_path()),
+                        answers: asked,
+                    });
+                }
+            }
+            let command = coordinator.tick(now_ns + ahead_ns);
+            let sensed = self.step(command, coordinator.hands());
+            perception.sense(
+                &sensed,
+                &self.world.truth(),
+                coordinator.state() == CatchState::Armed,
+            )?;
+            if self.world.verdicts().len() > before {
+                left = left.min(ticks(STANDS));
+            }
+            tick += 1;
+        }
+        // What was commanded last goes on until joints stand.
+        let verdict = self.world.verdicts().get(before).copied();
+        Ok(self.judge(verdict, &coordinator, &said, released, target, oracle))
+    }
+
+    fn judge(
+        &self,
+        verdict: Option<Verdict>,
+        coordinator: &Coordinator,
+        said: &[Said],
+        released: &Released,
+        target: &[f64; 3],
+        oracle: &Oracle,
+    ) -> Catch {
+        let flight = self.world.flight_of(released);
+        let cameras = &self.config.robot.description().cameras;
+        let reaction = self.config.timing.reaction(cameras.rate);
+        let planned = (0..ARMS).any(|arm| coordinator.target(arm).is_some());
+        // The last ones are of a ball that is below that height already.
+        let beside = said.iter().rev().find_map(|said| {
+            let ball = Some(&said.prediction).filter(|ball| ball.frames >= SEEN)?;
+            let landing = Landing::of(&ball.p.into(), &ball.v.into(), ball.k, target[2])?;
+            Some(landing.p.xy() - Vector2::new(target[0], target[1]))
+        });
+        Catch {
+            arm: verdict
+                .filter(Verdict::caught)
+                .and_then(|verdict| Some(verdict.crossing?.arm)),
+            cause: cause(verdict.as_ref(), !said.is_empty(), planned),
+            in_catch_space: oracle
+                .arms_of(flight.iter().map(as_flight), reaction, &self.config.ready())
+                .contains(&true),
+            beside,
+        }
+    }
+}

@@ -1,0 +1,471 @@
+//! One throw in stepped time: world and stack tick by tick, every delay as configured.
+
+use std::collections::VecDeque;
+use std::time::Instant;
+
+use nalgebra::Isometry3;
+use tactnet_catching::Robot;
+use tactnet_catching::calibrate::{Calibration, Corrections};
+use tactnet_catching::coordinate::{
+    CatchState, Coordinator, CoordinatorConfig, PlanRequest, Planned, Room,
+};
+use tactnet_catching::plan::{NoPlan, ObstacleConfig, PlanConfig, Planner, Surroundings};
+use tactnet_catching_packets::packets::JointCommand;
+use tactnet_catching_packets::{ARMS, JOINTS, joint};
+use tactnet_catching_world::{FlightSample, TICK_NS, Verdict, World, WorldConfig};
+
+use crate::ablation::Ablation;
+use crate::bound::{Bound, bounds};
+use crate::error::TrialError;
+use crate::look::{Mapping, begin};
+use crate::look_ahead::{LookAhead, SAME_BALL, Said, as_flight, true_at};
+use crate::obstacles::AmongObstacles;
+use crate::perception::Perception;
+use crate::series::AHEAD;
+use crate::trace::{Trace, TracePlan};
+use crate::watch::{Braked, Watch};
+use tactnet_catching::Oracle;
+use tactnet_catching::Timing;
+
+/// The robot stands this long before the throw, s: its inertial unit finds its bias.
+const REST: f64 = 1.0;
+/// The same after the robot has looked about and moved its arms, s: its torso comes to rest.
+const REST_AFTER_LOOK: f64 = 2.5;
+/// A throw is over this long after it, at the latest, s.
+const LONGEST: f64 = 2.5;
+
+/// What is the same for all throws of a series.
+#[derive(Debug, Clone)]
+pub struct ThrowConfig {
+    /// The robot as described.
+    pub robot: Robot,
+    /// What the stack knows of the robot besides.
+    pub calibration: Option<Calibration>,
+    /// The world.
+    pub world: WorldConfig,
+    /// Delays.
+    pub timing: Timing,
+    /// What is left out.
+    pub without: Vec<Ablation>,
+    /// Balls at once.
+    pub balls: usize,
+    /// Where head and balls are is taken from the truth, not from the sensors.
+    pub perfect_perception: bool,
+    /// Pictures are drawn and searched for circles; otherwise circles come straight from the truth, with noise, misses and clutter.
+    pub pixels: bool,
+    /// A monitor judges whether the robot would touch itself if it braked; it watches and does not brake.
+    pub watch: bool,
+    /// What the robot makes of what stands about.
+    pub mapping: Mapping,
+    /// The hands close this much later than the stack says, s: to see that the judge judges.
+    pub closing_error: f64,
+}
+
+/// What became of a ball, and what was said of it before.
+#[derive(Debug, Clone)]
+pub struct BallOutcome {
+    /// The judge's word; `None` if the throw ended before it came.
+    pub verdict: Option<Verdict>,
+    /// Arms with which the oracle can catch it.
+    pub arms: [bool; ARMS],
+    /// True if it was predicted.
+    pub tracked: bool,
+    /// True if an arm was on its way to it.
+    pub planned: bool,
+    /// All predictions of it, if it crossed a hand's plane.
+    pub predictions: Vec<LookAhead>,
+    /// The last one 200 ms before that or more.
+    pub ahead: Option<LookAhead>,
+    /// What of that no filter could do without, of this very flight, had the head stood still and the ball no spin.
+    pub bound: Option<Bound>,
+}
+
+impl BallOutcome {
+    /// Returns true if it was caught.
+    pub fn caught(&self) -> bool {
+        self.verdict.is_some_and(|verdict| verdict.caught())
+    }
+}
+
+/// What happened in a throw.
+#[derive(Debug, Clone)]
+pub struct ThrowOutcome {
+    /// Its number.
+    pub number: u64,
+    /// Its balls, in the order in which they were thrown.
+    pub balls: Vec<BallOutcome>,
+    /// Plans that found nothing.
+    pub no_plans: u64,
+    /// What the robot touched and how it saw it, if it looked about.
+    pub obstacles: Option<AmongObstacles>,
+    /// The first command at which the monitor would have braked, if it watched and there was one.
+    pub braked: Option<Braked>,
+}
+
+pub(crate) struct Answers {
+    pub due_ns: u64,
+    pub answers: Vec<Planned>,
+}
+
+/// A throw when it is over.
+struct Finished<'a> {
+    world: &'a World,
+    perception: &'a Perception,
+    coordinator: &'a Coordinator,
+    said: &'a [Said],
+}
+
+impl ThrowConfig {
+    /// Returns true if that is left out.
+    pub fn is_without(&self, ablation: Ablation) -> bool {
+        self.without.contains(&ablation)
+    }
+
+    /// Returns true if platform and torso move; with two balls only the arms do, as in the thesis.
+    pub fn moves_lower_body(&self) -> bool {
+        self.balls == 1 && !self.is_without(Ablation::LowerBody)
+    }
+
+    /// Returns the joints in which the robot waits.
+    pub fn ready(&self) -> [f64; JOINTS] {
+        self.robot.waiting()
+    }
+
+    /// Runs throw `number` of a series.
+    ///
+    /// # Errors
+    /// Where settings of the world or the stack make no sense.
+    pub fn run(
+        &self,
+        seed: u64,
+        number: u64,
+        ready: &[f64; JOINTS],
+        oracle: &Oracle,
+    ) -> Result<ThrowOutcome, TrialError> {
+        self.simulate(seed, number, ready, oracle, None)
+    }
+
+    /// The same, with what happened tick by tick.
+    ///
+    /// # Errors
+    /// As [`ThrowConfig::run`].
+    pub fn trace(
+        &self,
+        seed: u64,
+        number: u64,
+        ready: &[f64; JOINTS],
+        oracle: &Oracle,
+    ) -> Result<(ThrowOutcome, Trace), TrialError> {
+        let mut trace = Trace::default();
+        let outcome = self.simulate(seed, number, ready, oracle, Some(&mut trace))?;
+        Ok((outcome, trace))
+    }
+
+    fn simulate(
+        &self,
+        seed: u64,
+        number: u64,
+        ready: &[f64; JOINTS],
+        oracle: &Oracle,
+        mut trace: Option<&mut Trace>,
+    ) -> Result<ThrowOutcome, TrialError> {
+        let seed = world_seed(seed, number);
+        let corrections = self.corrections();
+        let known = corrections.robot();
+        let start = corrections.sensors(ready);
+        let (mut world, looked) = begin(self, seed, &start)?;
+        let ready = &match self.mapping {
+            Mapping::Off => *ready,
+            Mapping::Blind | Mapping::Depth => looked.joints,
+        };
+        let rest = match self.mapping {
+            Mapping::Off => REST,
+            Mapping::Blind | Mapping::Depth => REST_AFTER_LOOK,
+        };
+        let mut perception = Perception::new(self, seed)?;
+        let planners = self.planners(known);
+        let mut coordinator = Coordinator::new(known.clone(), self.coordination(), *ready);
+        if let Some(field) = &looked.field {
+            let apart = ObstacleConfig::default().hard;
+            coordinator.stay_in(Room::new(known, field.clone(), apart));
+        }
+        if let Some(trace) = &mut trace {
+            trace.field.clone_from(&looked.field);
+            trace.boxes = world.boxes().to_vec();
+        }
+        let (mut obstructed, mut first_plan) = (0, None);
+        let mut answers: VecDeque<Answers> = VecDeque::new();
+        let mut said: Vec<Said> = Vec::new();
+        let first_tick = world.time_ns() / TICK_NS;
+        let (rest_ticks, ticks) = (first_tick + ticks(rest), first_tick + ticks(rest + LONGEST));
+        let ahead_ns = nanoseconds(self.timing.drives);
+        let mut watch = self.watch.then(|| Watch::new(&self.robot, ready));
+        for tick in first_tick..ticks {
+            let now_ns = tick * TICK_NS;
+            if tick == rest_ticks {
+                world.throw(self.balls);
+            }
+            let since = (tick - first_tick) as f64 * 1e-3 - rest;
+            while let Some(due) = answers.pop_front_if(|answer| answer.due_ns <= now_ns) {
+                coordinator.planned(&due.answers);
+                if let Some(trace) = &mut trace {
+                    trace.plans.extend(
+                        due.answers
+                            .iter()
+                            .filter_map(|answer| carried_out(answer, &coordinator, since)),
+                    );
+                }
+            }
+            while let Some(seen) = perception.predictions(now_ns)? {
+                said.extend(seen.said());
+                let requests = coordinator.predictions(now_ns, &seen.predictions, &seen.chest);
+                let begun = Instant::now();
+                let asked: Vec<Planned> = requests
+                    .iter()
+                    .flatten()
+                    .map(|request| {
+                        let among = looked.field.as_deref().map(|field| Surroundings {
+                            field,
+                            chest: coordinator.chest_way(request.start_ns),
+                        });
+                        let near = !self.is_without(Ablation::NearMiss);
+                        answer(&planners, request, among.as_ref(), near)
+                    })
+                    .collect();
+                if !asked.is_empty() {
+                    first_plan.get_or_insert_with(|| begun.elapsed().as_secs_f64());
+                    let none = |answer: &&Planned| answer.plan == Err(NoPlan::Obstructed);
+                    obstructed += asked.iter().filter(none).count() as u64;
+                    answers.push_back(Answers {
+                        due_ns: now_ns + nanoseconds(self.timing.to_path()),
+                        answers: asked,
+                    });
+                }
+            }
+            // For the moment at which it takes effect.
+            let (q, dq) = coordinator.tick(now_ns + ahead_ns);
+            let command = JointCommand {
+                number: tick,
+                command_ns: now_ns,
+                q,
+                dq,
+            };
+            if let Some(watch) = &mut watch {
+                watch.look(&command, since);
+            }
+            let mut hands = *coordinator.hands();
+            for hand in hands.iter_mut().flatten() {
+                hand.catch_ns = hand
+                    .catch_ns
+                    .saturating_add_signed((self.closing_error * 1e9) as i64);
+            }
+            let sensed = *world.step(&corrections.command(&command), &hands);
+            if let Some(trace) = trace.as_mut().filter(|_| tick >= rest_ticks) {
+                trace.tick(since, &self.robot, &world.truth(), &command, &sensed);
+            }
+            perception.sense(
+                &sensed,
+                &world.truth(),
+                coordinator.state() == CatchState::Armed,
+            )?;
+            if tick > rest_ticks && world.verdicts().len() == self.balls {
+                break;
+            }
+        }
+        let braked =
+            watch.and_then(|watch| watch.end(&mut coordinator, world.time_ns() + ahead_ns));
+        let balls = (0..self.balls as u64)
+            .map(|ball| {
+                let run = Finished {
+                    world: &world,
+                    perception: &perception,
+                    coordinator: &coordinator,
+                    said: &said,
+                };
+                self.outcome(&run, ball, ready, oracle)
+            })
+            .collect();
+        Ok(ThrowOutcome {
+            number,
+            balls,
+            no_plans: coordinator.no_plans(),
+            obstacles: (self.mapping != Mapping::Off).then(|| AmongObstacles {
+                contacts: *world.contacts(),
+                obstructed,
+                arms_held_up: (0..ARMS)
+                    .filter(|arm| {
+                        let own = joint::ARM[*arm].clone();
+                        ready[own] != self.robot.ready(*arm)
+                    })
+                    .count(),
+                look_seconds: looked.seconds,
+                plan_seconds: first_plan,
+            }),
+            braked,
+        })
+    }
+
+    /// Returns what the calibration does to measurements and commands.
+    pub(crate) fn corrections(&self) -> Corrections {
+        Corrections::new(&self.robot, self.calibration.as_ref())
+    }
+
+    pub(crate) fn planners(&self, robot: &Robot) -> [Planner; ARMS] {
+        let all = PlanConfig::default();
+        let config = PlanConfig {
+            starts: if self.is_without(Ablation::Multistart) {
+                1
+            } else {
+                all.starts
+            },
+            ..all
+        };
+        std::array::from_fn(|arm| Planner::new(robot, arm, config))
+    }
+
+    pub(crate) fn coordination(&self) -> CoordinatorConfig {
+        CoordinatorConfig {
+            plan_delay: self.timing.to_path(),
+            replan: !self.is_without(Ablation::Replan),
+            lower_body: self.moves_lower_body(),
+            ..CoordinatorConfig::default()
+        }
+    }
+
+    fn outcome(
+        &self,
+        run: &Finished<'_>,
+        ball: u64,
+        ready: &[f64; JOINTS],
+        oracle: &Oracle,
+    ) -> BallOutcome {
+        let Finished {
+            world,
+            perception,
+            coordinator,
+            said,
+        } = run;
+        let flight = world.true_flight(ball).unwrap_or_default();
+        let reaction = self.timing.reaction(self.robot.description().cameras.rate);
+        let verdict = world
+            .verdicts()
+            .iter()
+            .find(|verdict| verdict.ball == ball)
+            .copied();
+        let catch = verdict
+            .and_then(|verdict| verdict.crossing)
+            .and_then(|crossing| Some((crossing.at_ns, true_at(&flight, crossing.at_ns)?)));
+        let own: Vec<&Said> = said
+            .iter()
+            .filter(|said| is_of(said, ball, &flight, world))
+            .collect();
+        let predictions: Vec<LookAhead> = catch.map_or_else(Vec::new, |(at_ns, there)| {
+            let aligned = perception.alignment(at_ns);
+            own.iter()
+                .filter(|said| said.exposure_ns < at_ns)
+                .map(|said| said.judge(&aligned, at_ns, &there.p, &there.v))
+                .collect()
+        });
+        let target = |arm: usize| coordinator.target(arm).map(|(number, _)| number);
+        let ahead = predictions
+            .iter()
+            .rfind(|prediction| prediction.left >= AHEAD)
+            .copied();
+        let bound = ahead
+            .zip(catch)
+            .and_then(|(ahead, (at_ns, _))| self.bound(&ahead, flight.first()?, at_ns, ready));
+        BallOutcome {
+            arms: oracle.arms_of(flight.iter().map(as_flight), reaction, ready),
+            tracked: !own.is_empty(),
+            planned: own
+                .iter()
+                .any(|said| (0..ARMS).any(|arm| target(arm) == Some(said.prediction.ball))),
+            ahead,
+            bound,
+            predictions,
+            verdict,
+        }
+    }
+
+    fn bound(
+        &self,
+        ahead: &LookAhead,
+        release: &FlightSample,
+        catch_ns: u64,
+        ready: &[f64; JOINTS],
+    ) -> Option<Bound> {
+        let cameras = &self.robot.description().cameras;
+        let seconds = (catch_ns - release.t_ns) as f64 * 1e-9;
+        let first = (seconds - ahead.left).rem_euclid(1.0 / cameras.rate);
+        let head = self.robot.chest(ready) * self.robot.head(ready);
+        bounds(&as_flight(release), first, seconds, &head, cameras)
+            .into_iter()
+            .find(|bound| (bound.left - ahead.left).abs() < 0.5 / cameras.rate)
+    }
+}
+
+/// True if of all balls this one is the nearest to what was said, when it was said.
+fn is_of(said: &Said, ball: u64, flight: &[FlightSample], world: &World) -> bool {
+    let Some(own) = said.distance(flight) else {
+        return false;
+    };
+    let others = (0..).map_while(|other| world.true_flight(other).map(|flight| (other, flight)));
+    own < SAME_BALL
+        && others
+            .filter(|(other, _)| *other != ball)
+            .all(|(_, flight)| said.distance(&flight).is_none_or(|distance| distance > own))
+}
+
+fn carried_out(answer: &Planned, coordinator: &Coordinator, since: f64) -> Option<TracePlan> {
+    let plan = answer.plan.ok()?;
+    let (ball, _) = coordinator.target(answer.request.arm)?;
+    (ball == answer.request.ball).then_some(TracePlan {
+        t: since,
+        arm: answer.request.arm,
+        cost: plan.cost,
+        catch: since + plan.t,
+    })
+}
+
+pub(crate) fn answer(
+    planners: &[Planner; ARMS],
+    request: &PlanRequest,
+    among: Option<&Surroundings<'_>>,
+    near: bool,
+) -> Planned {
+    let last = request.last.as_ref().map(|(q, t)| (q, *t));
+    let planner = &planners[request.arm];
+    let plan = match among {
+        None => planner.plan(&request.catch, last, || false),
+        Some(among) => planner.plan_among(&request.catch, among, last, || false),
+    };
+    Planned {
+        request: *request,
+        plan: plan.or_else(|no_plan| match among {
+            _ if !near => Err(no_plan),
+            None => planner.nearest_miss(&request.catch, last, || false),
+            // What is in the way stays the reason.
+            Some(among) => planner
+                .nearest_miss_among(&request.catch, among, last, || false)
+                .map_err(|_| no_plan),
+        }),
+    }
+}
+
+/// Returns the seed of the world in which throw `number` of a series is thrown.
+pub(crate) fn world_seed(seed: u64, number: u64) -> u64 {
+    seed.wrapping_mul(1_000_003).wrapping_add(number)
+}
+
+pub(crate) fn nanoseconds(seconds: f64) -> u64 {
+    (seconds * 1e9).round() as u64
+}
+
+pub(crate) fn ticks(seconds: f64) -> u64 {
+    nanoseconds(seconds) / TICK_NS
+}
+
+/// Returns the difference between a frame as it is thought to be and as it is.
+pub(crate) fn between(thought: &Isometry3<f64>, is: &Isometry3<f64>) -> Isometry3<f64> {
+    is * thought.inverse()
+}

@@ -1,0 +1,423 @@
+//! How far the robot throws: as planned, in its world, with fingers that open early or late, and with faster joints.
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use tactnet_catching::Robot;
+use tactnet_catching::flight::DRAG;
+use tactnet_catching::throw::{
+    Aim, Swing, THROW_JOINTS, ThrowJoints, ThrowPlan, ThrowPlanConfig, ThrowRequest, Thrower,
+};
+use tactnet_catching_packets::{ARMS, RobotDescription};
+use tactnet_catching_world::{WorldConfig, down_to};
+
+use crate::error::TrialError;
+use crate::look::Mapping;
+use crate::quantiles::Quantiles;
+use crate::rally::{Player, lost, with_turn};
+use crate::throw::{ThrowConfig, world_seed};
+use tactnet_catching::Timing;
+
+/// Fingers open so much early and late, s.
+const LATE: f64 = 2e-3;
+/// The least speeds of arm joints and the speeds of the turn in the table, deg/s.
+const ARM_SPEEDS: [f64; 3] = [0.0, 125.0, 150.0];
+const TURN_SPEEDS: [f64; 4] = [0.0, 120.0, 160.0, 200.0];
+/// Where speeds for the goal are sought: up to so many times the robot's own.
+const FASTEST: f64 = 3.0;
+/// A joint this near to its greatest speed is at it.
+const AT_LIMIT: f64 = 0.999;
+/// A joint that gives less than this gives nothing, m/s.
+const GIVES: f64 = 0.05;
+
+/// Throws as far as possible.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ThrowBenchConfig {
+    /// Flights end at this height, m.
+    pub height: f64,
+    /// The platform turns on wheels so far from its middle, m, and keeps its speed there. `None`: the torso's vertical axis turns, with its own limits.
+    pub wheels: Option<f64>,
+    /// Planner of throws.
+    pub throws: ThrowPlanConfig,
+    /// Length that is asked for, m.
+    pub goal: f64,
+}
+
+impl Default for ThrowBenchConfig {
+    fn default() -> Self {
+        Self {
+            height: 1.1,
+            wheels: None,
+            throws: ThrowPlanConfig::default(),
+            goal: 7.0,
+        }
+    }
+}
+
+/// What is measured.
+#[derive(Debug, Clone)]
+pub struct ThrowBench {
+    /// How.
+    pub config: ThrowBenchConfig,
+    /// The robot.
+    pub robot: Robot,
+    /// Its world.
+    pub world: WorldConfig,
+    /// Delays.
+    pub timing: Timing,
+    /// Throws in the world, of both arms in turn.
+    pub throws: usize,
+    /// Of everything that is drawn.
+    pub seed: u64,
+}
+
+/// What was measured. All but the times repeats to the bit.
+#[derive(Debug, Clone, Serialize)]
+pub struct ThrowReport {
+    /// Throws in the world.
+    pub throws: usize,
+    /// Of everything that is drawn.
+    pub seed: u64,
+    /// Flights end at this height, m.
+    pub height_m: f64,
+    /// Length of the planned flight, m.
+    pub planned_m: f64,
+    /// Planned speed of the ball at the release, m/s.
+    pub planned_speed_m_s: f64,
+    /// Planned height of the release, m.
+    pub release_height_m: f64,
+    /// What turn and arm joints give of that speed, m/s.
+    pub speed_by_joint_m_s: ThrowJoints,
+    /// Joints that give speed and are at their greatest at the release: 0 the turn, 1 to 7 the arm's.
+    pub at_limit: Vec<usize>,
+    /// Length of the true flights, m, mean, least, greatest.
+    pub distance_m: [f64; 3],
+    /// True speed of the balls at the release, m/s, mean.
+    pub speed_m_s: f64,
+    /// Greatest torques of turn and arm until the robot stands again, Nm, over all throws. The world's drives have no torque limits.
+    pub torques_nm: ThrowJoints,
+    /// By how much nearer the planned flight comes down if fingers open 2 ms early or late, whichever is worse, mm.
+    pub planned_lost_mm_at_2ms: f64,
+    /// The same in the world, by hands told so and without jitter.
+    pub distance_lost_mm_at_2ms: f64,
+    /// By how far balls come down elsewhere then, mm.
+    pub displaced_mm_at_2ms: f64,
+    /// Planning, ms, one core.
+    pub plan_ms: Option<Quantiles>,
+    /// Planned lengths with other speeds.
+    pub speeds: Vec<SpeedRow>,
+    /// What it would take to get as far as the goal.
+    pub goal: Goal,
+}
+
+/// A planned throw with other speeds; accelerations are in proportion.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct SpeedRow {
+    /// No joint of the arm is slower, deg/s; 0: as described.
+    pub arm_deg_s: f64,
+    /// The turn's, deg/s; 0: it does not turn.
+    pub turn_deg_s: f64,
+    /// Length of the flight, m.
+    pub planned_m: f64,
+    /// Speed of the ball, m/s.
+    pub speed_m_s: f64,
+}
+
+/// Speeds with which planned throws are as long as the goal.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Goal {
+    /// m.
+    pub goal_m: f64,
+    /// The arm's speeds times this, the turn as described; `None`: more than three times.
+    pub arm_times: Option<f64>,
+    /// The turn's speed, the arm as described, deg/s; `None`: more than three times as fast.
+    pub turn_deg_s: Option<f64>,
+}
+
+impl ThrowBench {
+    /// Measures.
+    ///
+    /// # Errors
+    /// Where settings make no sense, and where nothing can be thrown.
+    pub fn run(&self, done: impl Fn() + Sync) -> Result<ThrowReport, TrialError> {
+        let ThrowBenchConfig { height, goal, .. } = self.config;
+        for (setting, value) in [("height", height), ("goal", goal)] {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(TrialError::Setting {
+                    setting,
+                    expected: "a number greater than 0, m",
+                    found: value.to_string(),
+                });
+            }
+        }
+        let description = with_turn(self.robot.description(), self.config.wheels)?;
+        let robot = Robot::new(description.clone());
+        let plan = self.plan(&description, ARMS - 1)?;
+        let (shares, given) = (plan.shares_of_speed(&robot), by_joint(&plan, &robot));
+        // The last is told early and the one before late, both without jitter.
+        let flown: Result<Vec<Flown>, TrialError> = (0..self.throws + 3)
+            .into_par_iter()
+            .map(|number| {
+                let flown = self.fly(&description, number);
+                done();
+                flown
+            })
+            .collect();
+        let flown = flown?;
+        let (usual, exact) = flown.split_at(self.throws);
+        let lengths = || usual.iter().map(|flown| flown.length);
+        let mean = |of: &dyn Fn(&Flown) -> f64| {
+            usual.iter().map(of).sum::<f64>() / self.throws.max(1) as f64
+        };
+        let worst = |of: &dyn Fn(&Flown) -> f64| exact[1..].iter().map(of).fold(0.0, f64::max);
+        Ok(ThrowReport {
+            throws: self.throws,
+            seed: self.seed,
+            height_m: height,
+            planned_m: plan.distance(),
+            planned_speed_m_s: plan.v.norm(),
+            release_height_m: plan.p.z,
+            speed_by_joint_m_s: given,
+            at_limit: (0..shares.len())
+                .filter(|i| shares[*i].abs() >= AT_LIMIT && given[*i] >= GIVES)
+                .collect(),
+            distance_m: [
+                mean(&|flown| flown.length),
+                lengths().fold(f64::INFINITY, f64::min),
+                lengths().fold(0.0, f64::max),
+            ],
+            speed_m_s: mean(&|flown| flown.speed),
+            torques_nm: std::array::from_fn(|i| {
+                usual
+                    .iter()
+                    .map(|flown| flown.torques[i])
+                    .fold(0.0, f64::max)
+            }),
+            planned_lost_mm_at_2ms: 1e3 * lost(&plan, &robot, height)[0],
+            distance_lost_mm_at_2ms: 1e3 * worst(&|flown| exact[0].down.x - flown.down.x),
+            displaced_mm_at_2ms: 1e3 * worst(&|flown| (exact[0].down - flown.down).norm()),
+            plan_ms: Quantiles::of(flown.iter().map(|flown| flown.plan_ms).collect()),
+            speeds: self.speeds()?,
+            goal: Goal {
+                goal_m: goal,
+                arm_times: self.times_for_goal(|times| faster_arms(&description, times)),
+                turn_deg_s: self
+                    .times_for_goal(|times| faster_turn(&description, times))
+                    .map(|times| times * description.torso.joints[0].speed.to_degrees()),
+            },
+        })
+    }
+
+    fn plan(&self, description: &RobotDescription, arm: usize) -> Result<ThrowPlan, TrialError> {
+        let robot = Robot::new(description.clone());
+        let thrower = Thrower::new(&robot, self.config.throws);
+        Ok(thrower.plan(&ThrowRequest {
+            q: robot.waiting(),
+            holding: Some(arm),
+            aim: self.aim(),
+            drag: DRAG,
+            last: None,
+        })?)
+    }
+
+    fn aim(&self) -> Aim {
+        Aim::Farthest {
+            heading: 0.0,
+            height: self.config.height,
+        }
+    }
+
+    /// Throws once in the world. The last three are without jitter, the first of them told right, then late, then early.
+    fn fly(&self, description: &RobotDescription, number: usize) -> Result<Flown, TrialError> {
+        let mut world = self.world.clone();
+        let late = match number.checked_sub(self.throws) {
+            None => 0.0,
+            Some(which) => {
+                world.release.jitter = 0.0;
+                [0.0, LATE, -LATE][which]
+            }
+        };
+        // Those three are the same throw.
+        let (draw, arm) = (number.min(self.throws), number.min(self.throws) % ARMS);
+        let config = ThrowConfig {
+            mapping: Mapping::Off,
+            calibration: None,
+            robot: self.robot.clone(),
+            world,
+            timing: self.timing,
+            without: Vec::new(),
+            balls: 1,
+            perfect_perception: false,
+            pixels: false,
+            watch: false,
+            closing_error: 0.0,
+        };
+        let seed = world_seed(self.seed, draw as u64);
+        let mut player = Player::new(&config, description, self.config.throws, seed)?;
+        player.world.give(arm)?;
+        let throw = player.throw(arm, self.aim(), late)?;
+        let flight = player.world.flight_of(&throw.released);
+        let start = throw.released.state;
+        let down = down_to(&flight, self.config.height).unwrap_or(start.position.xy());
+        Ok(Flown {
+            length: (down - start.position.xy()).norm(),
+            down,
+            speed: start.velocity.norm(),
+            plan_ms: throw.plan_ms,
+            torques: throw.torques,
+        })
+    }
+
+    fn speeds(&self) -> Result<Vec<SpeedRow>, TrialError> {
+        let pairs: Vec<(f64, f64)> = ARM_SPEEDS
+            .iter()
+            .flat_map(|arm| TURN_SPEEDS.map(|turn| (*arm, turn)))
+            .collect();
+        pairs
+            .into_par_iter()
+            .map(|(arm_deg_s, turn_deg_s)| {
+                let mut description = self.robot.description().clone();
+                for joint in description.arms.iter_mut().flat_map(|arm| &mut arm.joints) {
+                    let times = (arm_deg_s.to_radians() / joint.speed).max(1.0);
+                    joint.speed *= times;
+                    joint.acceleration *= times;
+                }
+                let turn = &mut description.torso.joints[0];
+                // A joint has a speed: a thousandth of it is none.
+                let times = (turn_deg_s.to_radians() / turn.speed).max(1e-3);
+                turn.speed *= times;
+                turn.acceleration *= times;
+                let plan = self.plan(&description, ARMS - 1)?;
+                Ok(SpeedRow {
+                    arm_deg_s,
+                    turn_deg_s,
+                    planned_m: plan.distance(),
+                    speed_m_s: plan.v.norm(),
+                })
+            })
+            .collect()
+    }
+
+    /// Returns how many times the speeds have to be what they are for the goal, to a hundredth, by bisection.
+    fn times_for_goal(&self, with: impl Fn(f64) -> RobotDescription) -> Option<f64> {
+        let reaches = |times: f64| {
+            self.plan(&with(times), ARMS - 1)
+                .is_ok_and(|plan| plan.distance() >= self.config.goal)
+        };
+        let (mut low, mut high) = (0.0, FASTEST);
+        if !reaches(high) {
+            return None;
+        }
+        while high - low > 0.01 {
+            let middle = (low + high) / 2.0;
+            if middle > 0.05 && reaches(middle) {
+                high = middle;
+            } else {
+                low = middle;
+            }
+        }
+        Some(high)
+    }
+}
+
+/// A throw in the world.
+#[derive(Debug, Clone, Copy)]
+struct Flown {
+    length: f64,
+    down: nalgebra::Vector2<f64>,
+    speed: f64,
+    plan_ms: f64,
+    torques: ThrowJoints,
+}
+
+/// Returns what every joint's turning gives of the planned speed.
+fn by_joint(plan: &ThrowPlan, robot: &Robot) -> ThrowJoints {
+    let swing = Swing::new(robot, plan.arm, &robot.waiting());
+    std::array::from_fn(|i| {
+        let mut rates = [0.0; THROW_JOINTS];
+        rates[i] = plan.rates[i];
+        swing.hand(&plan.q, &rates).1.dot(&plan.v.normalize())
+    })
+}
+
+fn faster_arms(description: &RobotDescription, times: f64) -> RobotDescription {
+    let mut description = description.clone();
+    for joint in description.arms.iter_mut().flat_map(|arm| &mut arm.joints) {
+        joint.speed *= times;
+        joint.acceleration *= times;
+    }
+    description
+}
+
+fn faster_turn(description: &RobotDescription, times: f64) -> RobotDescription {
+    let mut description = description.clone();
+    description.torso.joints[0].speed *= times;
+    description.torso.joints[0].acceleration *= times;
+    description
+}
+
+#[cfg(test)]
+mod tests {
+    use tactnet_catching_world::Stiffness;
+
+    use super::*;
+
+    fn bench() -> ThrowBench {
+        ThrowBench {
+            config: ThrowBenchConfig::default(),
+            robot: Robot::new(RobotDescription::nominal()),
+            world: WorldConfig::default(),
+            timing: Timing::ours(),
+            throws: 2,
+            seed: 4,
+        }
+    }
+
+    /// Drives that lag, drag and spin that the planner does not know, and a jitter of half a millisecond cost less than a tenth.
+    #[test]
+    fn with_a_rigid_torso_balls_fly_as_far_as_planned() {
+        let mut bench = bench();
+        bench.world.torso.stiffness = Stiffness::Rigid;
+        let report = bench.run(|| ()).unwrap();
+        let [mean, ..] = report.distance_m;
+        println!("{mean} of {}", report.planned_m);
+        assert!((mean / report.planned_m - 1.0).abs() < 0.1, "{report:?}");
+        assert!((report.speed_m_s / report.planned_speed_m_s - 1.0).abs() < 0.05);
+        assert!(
+            (1.0..100.0).contains(&report.distance_lost_mm_at_2ms),
+            "{report:?}"
+        );
+        assert!(report.displaced_mm_at_2ms >= report.distance_lost_mm_at_2ms - 1e-9);
+    }
+
+    #[test]
+    fn speeds_for_the_goal_reach_it_and_a_little_less_does_not() {
+        let bench = bench();
+        let report = bench.run(|| ()).unwrap();
+        let times = report.goal.arm_times.unwrap();
+        let reach = |times: f64| {
+            let description = faster_arms(bench.robot.description(), times);
+            bench.plan(&description, 1).unwrap().distance()
+        };
+        assert!(reach(times) >= 7.0 && reach(times - 0.03) < 7.0);
+        // Faster joints never throw less far.
+        let rows = &report.speeds;
+        for pair in rows
+            .windows(2)
+            .filter(|pair| pair[0].arm_deg_s == pair[1].arm_deg_s)
+        {
+            assert!(pair[0].planned_m < pair[1].planned_m, "{pair:?}");
+        }
+        let sum: f64 = report.speed_by_joint_m_s.iter().sum();
+        assert!((sum - report.planned_speed_m_s).abs() < 1e-9);
+        assert!((rows[0].turn_deg_s, rows.len()) == (0.0, ARM_SPEEDS.len() * TURN_SPEEDS.len()));
+    }
+
+    #[test]
+    fn settings_that_make_no_sense_are_named() {
+        let mut bench = bench();
+        bench.config.height = f64::NAN;
+        let error = bench.run(|| ()).unwrap_err().to_string();
+        assert!(error.contains("`height`"), "{error}");
+    }
+}

@@ -1,0 +1,61 @@
+//! Channels between robot components: many putters, many getters, the same few calls whether they are threads of a process, processes
+//! of a host or on different hosts. After chapter 2 of B. Bäuml's thesis (the aRDx communication layer), on iceoryx2 and zenoh.
+//!
+//! ```text
+//! Table (TOML) ─> Bus::open ─┬─> put_port ─ loan ─ put ──> channel ──> get ─┬─ get_port
+//!                            │                                     wait ────┴─ sync_group
+//!                            └── Hub: one per host, holds the channels, bridges hosts
+//! ```
+#![doc = include_str!("../README.md")]
+
+#[cfg(feature = "zenoh")]
+mod bridge;
+mod bus;
+mod create_port;
+mod error;
+mod failed_connections;
+mod get;
+mod hub;
+mod hub_thread;
+mod listing;
+mod memory_folder;
+#[cfg(feature = "zenoh")]
+mod network_settings;
+mod own_bus;
+mod own_file;
+mod packet;
+mod percentile;
+mod put;
+mod rate;
+mod rate_limit;
+mod received_summary;
+mod shared;
+mod sync_group;
+mod table;
+mod ticker;
+mod transport;
+mod wake_event;
+
+pub use bus::{AsChannelId, Bus, Domain};
+pub use error::{ChannelError, is_wrong_path};
+pub use get::{GetPort, GetSide, Received, Start, Wait};
+pub use hub::{ChannelState, Hub};
+pub use hub_thread::HubThread;
+pub use listing::{ListedChannel, list_channels};
+pub use memory_folder::{
+    MEMORY_FOLDER_VARIABLE, free_memory, memory_folder, remove_abandoned_buses, remove_bus,
+};
+pub use own_bus::{OwnBus, own_bus_name};
+pub use packet::{ChannelId, Header, PacketType, Priority};
+pub use percentile::percentile;
+pub use put::{Loan, PutPort, now_ns};
+pub use rate::{PacketRate, measure_rate};
+pub use rate_limit::RateLimit;
+pub use received_summary::ReceivedSummary;
+pub use sync_group::SyncGroup;
+pub use table::{ChannelConfig, Congestion, Network, Table};
+pub use tactnet_packet::{
+    Choice, Described, Description, Field, FieldType, Fields, IsField, Layout, Packet, Text,
+    choices, packets,
+};
+pub use ticker::Ticker;

@@ -1,0 +1,136 @@
+//! Hub, simulated skin, classifier and dashboard together.
+
+use std::net::TcpListener;
+use std::path::{Path, PathBuf};
+
+use tactnet_channel::{Bus, Domain, Table, own_bus_name, remove_bus};
+use tactnet_serving::web::Dashboard;
+use tactnet_skin::ServeConfig;
+
+use crate::write_table::write_table;
+use crate::{ChildProcess, PlayCycle, SimulationError};
+
+/// The processes of a demonstration, on a bus of their own, and the page; they are killed if this is dropped before [`Demo::end`].
+pub struct Demo {
+    page: Option<Dashboard>,
+    /// In the order in which they were started, the hub first.
+    processes: Vec<ChildProcess>,
+    table: Table,
+    path: PathBuf,
+    cycle: Option<PlayCycle>,
+}
+
+impl Demo {
+    /// Returns the file with the table of its channels, which lasts as long as the demo.
+    pub fn table(&self) -> &Path {
+        &self.path
+    }
+
+    /// Starts all processes and waits until each is ready.
+    ///
+    /// - `program`: the `tactnet` command
+    /// - `folder`: where the table is written
+    /// - `run`: run directory of the network that serves
+    /// - `sweeps`: data set whose sweeps the skin plays, but for those that the network was trained on
+    /// - `rate_hz`: frames a second, for sweeps whose file does not say
+    /// - `listener`: where browsers are answered
+    ///
+    /// # Errors
+    /// A process that does not start; a folder that cannot be written.
+    pub fn start(
+        program: &Path,
+        folder: &Path,
+        run: &Path,
+        sweeps: &Path,
+        rate_hz: Option<f64>,
+        listener: TcpListener,
+    ) -> Result<Self, SimulationError> {
+        let config = ServeConfig::default();
+        let table = config.table(&own_bus_name("demo"));
+        let path = write_table(&table, folder)?;
+        let (run, sweeps) = (run.display().to_string(), sweeps.display().to_string());
+        let mut demo = Self {
+            page: None,
+            processes: Vec::new(),
+            table,
+            path,
+            cycle: None,
+        };
+        let hub = ["channel", "hub", "--table"];
+        let classifier = ["serve", "--metrics", "off", "--run", &run, "--table"];
+        let cycle = folder.join("cycle.json");
+        let cycle_name = cycle.display().to_string();
+        let skin = ["simulate", "skin", "--data", &sweeps, "--unseen-by", &run];
+        let rate = rate_hz.map(|rate| rate.to_string());
+        let rate = rate.as_deref().map(|rate| ["--rate", rate]);
+        let rate: &[&str] = rate.as_ref().map(|words| &words[..]).unwrap_or_default();
+        let skin = [&skin[..], rate, &["--cycle-out", &cycle_name, "--table"]].concat();
+        let mut start = |name: &'static str, arguments: &[&str]| {
+            let process = ChildProcess::start(program, name, arguments, &demo.path)?;
+            demo.processes.push(process);
+            Ok::<_, SimulationError>(())
+        };
+        start("hub", &hub)?;
+        start("classifier", &classifier)?;
+        let bus = Bus::open(Domain::Host, &demo.table)?;
+        demo.page = Some(Dashboard::open(&bus, &config, listener)?);
+        start("skin", &skin)?;
+        // Written before it was ready.
+        let text = std::fs::read_to_string(cycle).ok();
+        demo.cycle = text.and_then(|text| serde_json::from_str(&text).ok());
+        if let (Some(page), Some(cycle)) = (&mut demo.page, demo.cycle) {
+            page.set_note(cycle.to_string());
+        }
+        Ok(demo)
+    }
+
+    /// Returns how many sweeps are played before they come again, where the skin says so.
+    pub fn cycle(&self) -> Option<PlayCycle> {
+        self.cycle
+    }
+
+    /// Waits for the next frame, brings the page up to date, and looks after all processes. Returns a line for every object that was judged
+    /// and every sweep that was rejected since.
+    ///
+    /// # Errors
+    /// A process that has ended by itself; channels that have broken down.
+    pub fn step(&mut self) -> Result<Vec<String>, SimulationError> {
+        let shown = self.page.as_mut().map(Dashboard::step).transpose();
+        for process in &mut self.processes {
+            if let Some(status) = process.ended()? {
+                let reason = format!("ended: {status}");
+                return Err(SimulationError::child(process.name(), reason));
+            }
+        }
+        shown?;
+        let page = self.page.as_mut();
+        Ok(page.map(Dashboard::take_news).unwrap_or_default())
+    }
+
+    /// Returns the link that opens the page.
+    pub fn link(&self) -> String {
+        self.page.as_ref().map_or_else(String::new, Dashboard::link)
+    }
+
+    /// Ends the page and all processes, the hub last.
+    ///
+    /// # Errors
+    /// A process that ends with another status than success.
+    pub fn end(mut self) -> Result<(), SimulationError> {
+        self.page = None;
+        while let Some(process) = self.processes.pop() {
+            process.end()?;
+        }
+        Ok(())
+    }
+}
+
+impl Drop for Demo {
+    fn drop(&mut self) {
+        // Their memory can only be removed after they have ended.
+        self.page = None;
+        self.processes.clear();
+        // Nothing depends on it.
+        let _ = remove_bus(&self.table);
+    }
+}

@@ -1,0 +1,224 @@
+//! From what was measured to the report of a soak test.
+
+use std::fmt;
+
+use serde::Serialize;
+#[cfg(feature = "catching")]
+use tactnet_catching_stage::RunReport;
+use tactnet_channel::percentile;
+use tactnet_serving::ServeReport;
+use tactnet_skin::packets::Stage;
+
+use super::Soak;
+use crate::company::CompanyReport;
+use crate::{LoopTimes, Scheduling};
+
+/// Of the histogram, microseconds.
+const BOUNDS_US: [f64; 10] = [
+    300.0, 400.0, 500.0, 600.0, 800.0, 1000.0, 1333.0, 2000.0, 4000.0, 8000.0,
+];
+
+/// Result of a soak test, as `tactnet simulate soak --json` prints it.
+#[derive(Debug, Clone, Serialize)]
+pub struct SoakReport {
+    /// 1.
+    pub schema_version: u32,
+    /// Commit of the program.
+    pub git: &'static str,
+    /// Time with the classifier attached.
+    pub seconds: f64,
+    /// How processes were scheduled.
+    pub scheduling: Scheduling,
+    /// Frames between the first and the last that came, over every time that the classifier served.
+    pub frames_sent: u64,
+    /// Frames of those that never came.
+    pub frames_lost: u64,
+    /// Whole sweeps.
+    pub sweeps: u64,
+    /// Sweeps that were rejected.
+    pub rejected: u64,
+    /// Whole sweeps whose most probable material was the true one.
+    pub correct: u64,
+    /// Whole sweeps that were compared with the truth.
+    #[serde(rename = "judged")]
+    pub evaluated: u64,
+    /// Beliefs that were put.
+    pub beliefs: u64,
+    /// From a sweep's last frame to its plain belief, median.
+    pub belief_latency_p50_us: f64,
+    /// 99th percentile.
+    pub belief_latency_p99_us: f64,
+    /// The longest.
+    pub belief_latency_max_us: f64,
+    /// From a sweep's last frame to its Monte Carlo belief, median.
+    pub dropout_latency_p50_us: f64,
+    /// 99th percentile.
+    pub dropout_latency_p99_us: f64,
+    /// The longest.
+    pub dropout_latency_max_us: f64,
+    /// Of beliefs about a sweep that is going on, median.
+    pub anytime_latency_p50_us: f64,
+    /// 99th percentile.
+    pub anytime_latency_p99_us: f64,
+    /// Allocations of the classifier's thread for each frame.
+    pub allocations_per_frame: f64,
+    /// Predictions that took longer than promised.
+    pub deadline_misses: u64,
+    /// Longest time from a frame's put until it was dealt with.
+    pub worst_delay_us: f64,
+    /// The 1 kHz loop while the classifier and the dashboard ran.
+    pub loop_with: LoopTimes,
+    /// The 1 kHz loop without them.
+    pub loop_without: LoopTimes,
+    /// Packets of the catching stack that were lost, over the whole time.
+    pub stack_lost: u64,
+    /// The loop's 99th percentile with the classifier and the dashboard over the one without.
+    pub loop_p99_ratio: f64,
+    /// Median over the turns of that turn's ratio, which a burst of other work on the machine moves less.
+    pub loop_p99_ratio_of_turns: f64,
+    /// Plain beliefs by latency, cumulative.
+    pub histogram: Vec<LatencyBucket>,
+    /// Report of the catching stack, if it was the company.
+    #[cfg(feature = "catching")]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub catching: Option<RunReport>,
+}
+
+impl fmt::Display for SoakReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "frames: {}, lost: {}; beliefs: {}, after the last frame {:.0} us, 99 % below {:.0} (dropout {:.0}, {:.0}); \
+             deadlines missed: {}; allocations a frame: {}; 1 kHz loop with/without: {:.3}",
+            self.frames_sent,
+            self.frames_lost,
+            self.beliefs,
+            self.belief_latency_p50_us,
+            self.belief_latency_p99_us,
+            self.dropout_latency_p50_us,
+            self.dropout_latency_p99_us,
+            self.deadline_misses,
+            self.allocations_per_frame,
+            self.loop_p99_ratio
+        )?;
+        #[cfg(not(feature = "catching"))]
+        return Ok(());
+        #[cfg(feature = "catching")]
+        match &self.catching {
+            None => Ok(()),
+            Some(catching) => write!(
+                f,
+                "; caught {} of {} balls that could be caught, {} of {} in all",
+                catching.caught, catching.catchable, catching.caught_of_all, catching.balls
+            ),
+        }
+    }
+}
+
+/// Plain beliefs that came within some time of their last frame.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct LatencyBucket {
+    /// Microseconds; `null` in JSON: any time.
+    pub below_us: f64,
+    /// Number of beliefs.
+    pub beliefs: usize,
+}
+
+/// Beliefs that came, compared with the truth.
+#[derive(Debug, Default)]
+pub(super) struct HeardBeliefs {
+    /// By stage.
+    pub(super) latency_us: [Vec<f64>; 3],
+    pub(super) evaluated: u64,
+    pub(super) correct: u64,
+}
+
+/// Reports of the processes, and when they ran.
+pub(super) struct Measured {
+    pub(super) company: CompanyReport,
+    /// One for each time that the classifier served.
+    pub(super) served: Vec<ServeReport>,
+    pub(super) heard: HeardBeliefs,
+    /// From and to, nanoseconds, with the classifier attached.
+    pub(super) with: Vec<(u64, u64)>,
+    pub(super) without: Vec<(u64, u64)>,
+}
+
+impl Measured {
+    pub(super) fn report(mut self, soak: &Soak<'_>) -> SoakReport {
+        let sum = |count: fn(&ServeReport) -> u64| self.served.iter().map(count).sum::<u64>();
+        let frames = sum(|served| served.frames);
+        let frames_sent = sum(|served| served.frames_sent(0));
+        let ratio_of = |(with, without): (&(u64, u64), &(u64, u64))| {
+            let trips = &self.company.trips;
+            LoopTimes::of(trips, &[*with]).p99_us / LoopTimes::of(trips, &[*without]).p99_us
+        };
+        let turns = self.with.iter().zip(&self.without);
+        let mut ratios: Vec<f64> = turns.map(ratio_of).collect();
+        ratios.sort_by(f64::total_cmp);
+        let loop_with = LoopTimes::of(&self.company.trips, &self.with);
+        let loop_without = LoopTimes::of(&self.company.trips, &self.without);
+        let latency_us = &mut self.heard.latency_us;
+        latency_us
+            .iter_mut()
+            .for_each(|stage| stage.sort_by(f64::total_cmp));
+        let latency_us = &self.heard.latency_us;
+        let at =
+            |stage: Stage, share| percentile(&latency_us[stage as usize - 1], share).unwrap_or(0.0);
+        SoakReport {
+            schema_version: 1,
+            git: soak.git,
+            seconds: self
+                .with
+                .iter()
+                .map(|(from, to)| (to - from) as f64 / 1e9)
+                .sum(),
+            scheduling: soak.scheduling,
+            frames_sent,
+            frames_lost: frames_sent.saturating_sub(frames),
+            sweeps: sum(|served| served.sweeps),
+            rejected: sum(|served| served.rejected),
+            correct: self.heard.correct,
+            evaluated: self.heard.evaluated,
+            beliefs: sum(|served| served.beliefs),
+            belief_latency_p50_us: at(Stage::Plain, 0.5),
+            belief_latency_p99_us: at(Stage::Plain, 0.99),
+            belief_latency_max_us: at(Stage::Plain, 1.0),
+            dropout_latency_p50_us: at(Stage::Dropout, 0.5),
+            dropout_latency_p99_us: at(Stage::Dropout, 0.99),
+            dropout_latency_max_us: at(Stage::Dropout, 1.0),
+            anytime_latency_p50_us: at(Stage::Anytime, 0.5),
+            anytime_latency_p99_us: at(Stage::Anytime, 0.99),
+            allocations_per_frame: sum(|served| served.allocations) as f64 / frames.max(1) as f64,
+            deadline_misses: sum(|served| served.deadline_misses),
+            worst_delay_us: self
+                .served
+                .iter()
+                .map(|served| served.worst_delay_us)
+                .fold(0.0, f64::max),
+            loop_p99_ratio: loop_with.p99_us / loop_without.p99_us,
+            loop_p99_ratio_of_turns: percentile(&ratios, 0.5).unwrap_or(f64::NAN),
+            loop_with,
+            loop_without,
+            stack_lost: self.company.lost,
+            histogram: histogram(&latency_us[Stage::Plain as usize - 1]),
+            #[cfg(feature = "catching")]
+            catching: self.company.catching,
+        }
+    }
+}
+
+/// - `latency_us`: ascending
+fn histogram(latency_us: &[f64]) -> Vec<LatencyBucket> {
+    BOUNDS_US
+        .iter()
+        .map(|bound| LatencyBucket {
+            below_us: *bound,
+            beliefs: latency_us.partition_point(|latency| latency <= bound),
+        })
+        .chain([LatencyBucket {
+            below_us: f64::INFINITY,
+            beliefs: latency_us.len(),
+        }])
+        .collect()
+}

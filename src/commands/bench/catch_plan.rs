@@ -1,0 +1,107 @@
+//! `tactnet bench catch-plan`: the planner alone.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use anyhow::Context;
+use clap::Args;
+use tactnet_catching::plan::PlanConfig;
+use tactnet_catching_trials::{PlanBench, PlanReport, peer_problems};
+
+use crate::commands::catch::{self, ObjectiveChoice};
+use crate::commands::progress_line::about;
+use crate::output;
+
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    tactnet bench catch-plan --problems 10000 --json\n  \
+    tactnet bench catch-plan --objective cool --robot my_robot.toml\n  \
+    tactnet bench catch-plan --problems 200 --write-problems problems.json     for other planners")]
+pub struct PlanBenchArgs {
+    /// Problems that can be solved
+    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    problems: u32,
+    /// Of the problems
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// What plans seek
+    #[arg(long, value_enum, default_value_t = ObjectiveChoice::Soft)]
+    objective: ObjectiveChoice,
+    /// The robot [default: the one that simulations use]
+    #[arg(long, value_name = "FILE")]
+    robot: Option<PathBuf>,
+    /// Write the problems, where descents begin and what was found, as JSON, and measure nothing else
+    #[arg(long, value_name = "FILE")]
+    write_problems: Option<PathBuf>,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+pub fn run(arguments: &PlanBenchArgs) -> anyhow::Result<ExitCode> {
+    let robot = catch::robot(arguments.robot.as_ref())?;
+    let problems = arguments.problems as usize;
+    if let Some(path) = &arguments.write_problems {
+        let problems = peer_problems(&robot, arguments.objective.into(), arguments.seed, problems);
+        std::fs::write(path, serde_json::to_vec(&problems)?)
+            .with_context(|| path.display().to_string())?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let bench = PlanBench {
+        problems,
+        seed: arguments.seed,
+        objective: arguments.objective.into(),
+        config: PlanConfig::default(),
+    };
+    let begun = Instant::now();
+    let mut said = begun;
+    let report = bench.run(&robot, |done| {
+        if said.elapsed().as_secs_f64() > 2.0 {
+            said = Instant::now();
+            let left = begun
+                .elapsed()
+                .mul_f64((problems - done.min(problems)) as f64 / done.max(1) as f64);
+            say!("{done} of {problems} problems, {} to go", about(left));
+        }
+    });
+    if arguments.json {
+        output::print_json(&report)?;
+    } else {
+        print(&report)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn print(report: &PlanReport) -> anyhow::Result<()> {
+    output::print(format_args!(
+        "{} problems ({} were drawn; the others have no solution that a dense grid or the planner finds)",
+        report.problems, report.drawn
+    ))?;
+    output::print(format_args!("                 median      99 %   longest"))?;
+    let times = [
+        ("first plan", Some(report.first_plan_ms)),
+        ("re-plan", report.replan_ms),
+    ];
+    for (name, times) in times {
+        if let Some(times) = times {
+            output::print(format_args!(
+                "{name:<12}{:>8.2} ms{:>7.2} ms{:>7.2} ms",
+                times.p50, times.p99, times.max
+            ))?;
+        }
+    }
+    output::print(format_args!(
+        "missed: {} ({:.3} %); found beyond the grid: {}; re-plans missed: {}",
+        report.missed,
+        100.0 * report.missed_of_feasible,
+        report.beyond_oracle,
+        report.replans_missed
+    ))?;
+    output::print(format_args!(
+        "cost over the best known: median {:.4} %, 99 % {:.4} %",
+        100.0 * report.cost_gap_p50,
+        100.0 * report.cost_gap_p99
+    ))
+}

@@ -1,0 +1,96 @@
+//! `tactnet bench catch-safety`: the monitor of self-collisions alone.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::Context;
+use clap::Args;
+use tactnet_catching::safety::MonitorConfig;
+use tactnet_catching_trials::{SafetyBench, SafetyReport};
+
+use crate::commands::catch;
+use crate::output;
+
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    tactnet bench catch-safety --motions 1000000 --seed 1 --json\n  \
+    tactnet bench catch-safety --motions 2000 --peer-hulls hulls.json     for other libraries\n\n\
+    A motion begins anywhere within the joints' ranges with any velocity within their limits. Those that the monitor lets go on are braked \
+    and looked at 49 times on the way.")]
+pub struct SafetyBenchArgs {
+    /// Random motions
+    #[arg(long, value_name = "N", default_value_t = 10_000, value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
+    motions: u32,
+    /// Of the motions
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// The robot [default: the one that simulations use]
+    #[arg(long, value_name = "FILE")]
+    robot: Option<PathBuf>,
+    /// Write hulls of bodies in those motions with our distances, as JSON, and measure nothing else
+    #[arg(long, value_name = "FILE")]
+    peer_hulls: Option<PathBuf>,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+pub fn run(arguments: &SafetyBenchArgs) -> anyhow::Result<ExitCode> {
+    let robot = catch::robot(arguments.robot.as_ref())?;
+    let bench = SafetyBench {
+        motions: arguments.motions as usize,
+        seed: arguments.seed,
+        config: MonitorConfig::default(),
+    };
+    if let Some(path) = &arguments.peer_hulls {
+        std::fs::write(path, serde_json::to_vec(&bench.peer_hulls(&robot))?)
+            .with_context(|| path.display().to_string())?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let report = bench.run(&robot, |done| {
+        if done.is_multiple_of(50_000) {
+            say!("{done} of {} motions", bench.motions);
+        }
+    });
+    if arguments.json {
+        output::print_json(&report)?;
+    } else {
+        print(&report)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn print(report: &SafetyReport) -> anyhow::Result<()> {
+    output::print(format_args!(
+        "{} random motions, {} of them begun with bodies nearer than {:.0} mm",
+        report.motions,
+        report.begun_too_near,
+        1e3 * report.margin
+    ))?;
+    output::print(format_args!(
+        "{} may go on; braked, bodies touch in {} of them, and come to {:.1} mm at the nearest",
+        report.go,
+        report.missed,
+        1e3 * report.least_distance
+    ))?;
+    output::print(format_args!(
+        "braked in vain: {} of {} motions in which bodies stay apart",
+        report.braked_in_vain, report.free
+    ))?;
+    for (name, times) in [
+        ("in a motion", report.judge_us),
+        ("anew", report.judge_anew_us),
+    ] {
+        if let Some(times) = times {
+            output::print(format_args!(
+                "a judgement {name}: median {:.0} us, 99 % {:.0} us, longest {:.0} us",
+                times.p50, times.p99, times.max
+            ))?;
+        }
+    }
+    output::print(format_args!(
+        "a pair: distance {:.2} us, swept hulls and distance {:.0} us",
+        report.distance_us, report.swept_us
+    ))
+}

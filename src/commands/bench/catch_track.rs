@@ -1,0 +1,108 @@
+//! `tactnet bench catch-track`: the tracker alone.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use anyhow::Context;
+use clap::Args;
+use tactnet_catching::track::TrackConfig;
+use tactnet_catching_trials::{TrackBench, TrackFigures, TrackReport, peer_circles};
+
+use crate::commands::catch;
+use crate::commands::progress_line::about;
+use crate::output;
+
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    tactnet bench catch-track --throws 1000 --seed 1 --json\n  \
+    tactnet bench catch-track --robot my_robot.toml\n  \
+    tactnet bench catch-track --throws 200 --peer-circles circles.json     for other trackers")]
+pub struct TrackBenchArgs {
+    /// Throws of one ball each, seen from a head that stands still and is known
+    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    throws: u32,
+    /// Of throws, noise and clutter
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// The robot [default: the one that simulations use]
+    #[arg(long, value_name = "FILE")]
+    robot: Option<PathBuf>,
+    /// Write the circles, where trackers begin and what ours made of them, as JSON, and measure nothing else
+    #[arg(long, value_name = "FILE")]
+    peer_circles: Option<PathBuf>,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+pub fn run(arguments: &TrackBenchArgs) -> anyhow::Result<ExitCode> {
+    let robot = catch::robot(arguments.robot.as_ref())?;
+    let throws = arguments.throws as usize;
+    let config = TrackConfig::default();
+    let begun = Instant::now();
+    let mut said = begun;
+    let progress = |done: usize| {
+        if said.elapsed().as_secs_f64() > 2.0 {
+            said = Instant::now();
+            let left = begun
+                .elapsed()
+                .mul_f64((throws - done) as f64 / done.max(1) as f64);
+            say!("{done} of {throws} throws, {} to go", about(left));
+        }
+    };
+    if let Some(path) = &arguments.peer_circles {
+        let circles = peer_circles(&robot, config, arguments.seed, throws, progress)?;
+        std::fs::write(path, serde_json::to_vec(&circles)?)
+            .with_context(|| path.display().to_string())?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let bench = TrackBench {
+        throws,
+        seed: arguments.seed,
+        config,
+    };
+    let report = bench.run(&robot, progress)?;
+    if arguments.json {
+        output::print_json(&report)?;
+    } else {
+        print(&report)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn print(report: &TrackReport) -> anyhow::Result<()> {
+    output::print(format_args!(
+        "{} throws, predicted from the last pictures at least 200 ms before the catch (root mean squares)",
+        report.throws
+    ))?;
+    print_figures("every ball found, no clutter", &report.without_clutter)?;
+    print_figures("clutter and misses", &report.with_clutter)
+}
+
+fn print_figures(name: &str, figures: &TrackFigures) -> anyhow::Result<()> {
+    output::print(format_args!(
+        "{name}: {} circles a picture that are no balls, {:.0} % of balls found",
+        figures.clutter,
+        100.0 * figures.detection
+    ))?;
+    if let (Some(across), Some(along)) = (figures.across_mm_rms_200ms, figures.along_ms_rms_200ms) {
+        output::print(format_args!(
+            "  {across:.2} mm across the flight, {along:.2} ms along it; lost: {}",
+            figures.lost
+        ))?;
+    }
+    if let (Some(nees), Some([low, high])) = (figures.nees_200ms, figures.nees_band) {
+        output::print(format_args!(
+            "  normalised squared error: {nees:.2}, {low:.2} to {high:.2} if the filter's covariance is right"
+        ))?;
+    }
+    if let Some(times) = figures.pair_us {
+        output::print(format_args!(
+            "  a pair of pictures: median {:.0} us, 99 % {:.0} us, longest {:.0} us",
+            times.p50, times.p99, times.max
+        ))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,19 @@
+//! `tactnet catch` in a build without the feature `catching`: names the feature.
+
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+use clap::Subcommand;
+use tactnet_models::left_out;
+
+#[derive(Subcommand)]
+pub enum CatchCommand {
+    /// Any subcommand.
+    #[command(external_subcommand)]
+    Any(Vec<OsString>),
+}
+
+/// Returns the error that names the missing feature.
+pub fn run(_: CatchCommand) -> anyhow::Result<ExitCode> {
+    anyhow::bail!(left_out("catching"))
+}
