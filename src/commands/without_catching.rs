@@ -8,9 +8,9 @@ use tactnet_models::left_out;
 
 #[derive(Subcommand)]
 pub enum CatchCommand {
-    /// Any subcommand.
+    /// Any subcommand, whatever its arguments.
     #[command(external_subcommand)]
-    Any(Vec<OsString>),
+    Any(#[expect(dead_code, reason = "clap collects the arguments")] Vec<OsString>),
 }
 
 /// Returns the error that names the missing feature.

@@ -169,7 +169,7 @@ mod tests {
     #[test]
     fn distances_are_those_of_scipy() {
         let golden: serde_json::Value = serde_json::from_str(include_str!(
-            "../../../../tests/golden/distances_with_scipy.json"
+            "../../../tests/golden/distances_with_scipy.json"
         ))
         .unwrap();
         let cases = golden["cases"].as_array().unwrap();

@@ -2,8 +2,9 @@
 #![allow(clippy::unwrap_used)]
 
 use tactnet_catching::Robot;
+use tactnet_catching::Timing;
 use tactnet_catching_packets::RobotDescription;
-use tactnet_catching_trials::{Ablation, Mapping, Series, SeriesReport, ThrowConfig, Timing};
+use tactnet_catching_trials::{Ablation, Mapping, Series, SeriesReport, ThrowConfig};
 use tactnet_catching_world::{ObstaclesConfig, Stiffness, WorldConfig};
 
 fn series(throws: u64, change: impl FnOnce(&mut ThrowConfig)) -> Series {

@@ -205,7 +205,7 @@ mod tests {
     #[test]
     fn torques_and_places_are_those_of_pinocchio() {
         let golden: serde_json::Value = serde_json::from_str(include_str!(
-            "../../../../tests/golden/catching_dynamics_with_pinocchio.json"
+            "../../../tests/golden/catching_dynamics_with_pinocchio.json"
         ))
         .unwrap();
         let numbers = |value: &serde_json::Value| -> Vec<f64> {
