@@ -4,7 +4,7 @@
 
 use divan::Bencher;
 use rand_chacha::ChaCha8Rng;
-use tactnet_models::{Architecture, Compute, InputShape, StreamingNet, TactNet, TactNetConfig};
+use tactnet_models::{Architecture, Compute, InputShape, Network, NetworkConfig, StreamingNet};
 
 const STEPS: usize = 1000;
 const ARRAYS: [usize; 5] = [1, 16, 64, 256, 1024];
@@ -18,13 +18,13 @@ fn network(taxels: usize, mc_samples: usize) -> StreamingNet {
         steps: STEPS,
         taxels,
     };
-    let config = TactNetConfig::new(Architecture::default(), input, 36)
+    let config = NetworkConfig::new(Architecture::default(), input, 36)
         .unwrap_or_else(|error| panic!("{error}"));
     let device = Compute::Cpu
         .open()
         .unwrap_or_else(|error| panic!("{error}"));
     let mut rng: ChaCha8Rng = rand_chacha::rand_core::SeedableRng::seed_from_u64(1);
-    let net = TactNet::init(&config, &device, &mut rng);
+    let net = Network::init(&config, &device, &mut rng);
     // Four features kept, one dropped, as with a keep probability of 0.8.
     let mask = |i: usize| {
         if (i.wrapping_mul(2_654_435_761)) >> 16 & 0xff < 205 {

@@ -6,7 +6,7 @@ use divan::Bencher;
 use tactnet_data::twin::{TwinConfig, generate};
 use tactnet_data::{Dataset, Fold, Scheme, Seed};
 use tactnet_pipeline::{
-    ClassifierConfig, Device, ModelConfig, Recipe, TactNetSetup, Training, TrainingMethod,
+    ClassifierConfig, Device, ModelConfig, NetworkSetup, Recipe, Training, TrainingMethod,
 };
 
 fn main() {
@@ -33,8 +33,8 @@ fn train(bencher: Bencher, batch: usize, steps: usize, adversarial: bool) {
     if !adversarial {
         recipe.training.method = TrainingMethod::Base;
     }
-    let setup = TactNetSetup::fit(&recipe, &fold.train);
-    let config = ClassifierConfig::new(ModelConfig::TactNet2(setup.clone()), &fold.train, Seed(1));
+    let setup = NetworkSetup::fit(&recipe, &fold.train);
+    let config = ClassifierConfig::new(ModelConfig::Network(setup.clone()), &fold.train, Seed(1));
     let network = config
         .network_config(&setup)
         .unwrap_or_else(|error| panic!("{error}"));

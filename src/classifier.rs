@@ -31,7 +31,7 @@ impl Classifier {
     ) -> Result<Option<Self>, Error> {
         let (spec, device) = (job.spec(), job.device());
         let (fitted, weights) = match job.recipe() {
-            ModelRecipe::TactNet2(recipe) => {
+            ModelRecipe::Network(recipe) => {
                 let Some(fitted) = train_network(recipe, train, spec.seed, device, go_on)? else {
                     return Ok(None);
                 };
@@ -47,7 +47,7 @@ impl Classifier {
             }
         };
         let embeddings = match job.recipe() {
-            ModelRecipe::TactNet2(_) => Some(TrainEmbeddings::of(&fitted.embed(train)?)),
+            ModelRecipe::Network(_) => Some(TrainEmbeddings::of(&fitted.embed(train)?)),
             ModelRecipe::Baseline(_) => None,
         };
         let config = RunConfig {
@@ -81,7 +81,7 @@ impl Classifier {
         let fitted =
             tactnet_pipeline::Classifier::new(config.classifier.clone(), &weights, &device)?;
         let embeddings = match &config.classifier.model {
-            ModelConfig::TactNet2(_) => Some(run.train_embeddings()?),
+            ModelConfig::Network(_) => Some(run.train_embeddings()?),
             ModelConfig::Baseline(_) => None,
         };
         Ok(Self {

@@ -6,7 +6,7 @@ use anyhow::Context;
 use tactnet_data::twin::{TwinConfig, generate};
 use tactnet_data::{Dataset, Fold, Scheme, Seed};
 use tactnet_models::Compute;
-use tactnet_pipeline::{ClassifierConfig, ModelConfig, ModelRecipe, TactNetSetup, Training};
+use tactnet_pipeline::{ClassifierConfig, ModelConfig, ModelRecipe, NetworkSetup, Training};
 #[cfg(any(feature = "vulkan", feature = "cuda"))]
 use tactnet_pipeline::{StackMember, StackedTraining};
 
@@ -35,11 +35,11 @@ pub fn time(
     device: Compute,
     limit: Option<usize>,
 ) -> anyhow::Result<Times> {
-    let ModelRecipe::TactNet2(recipe) = ModelRecipe::load(recipe)? else {
+    let ModelRecipe::Network(recipe) = ModelRecipe::load(recipe)? else {
         anyhow::bail!("{recipe} is no recipe of a network");
     };
-    let setup = TactNetSetup::fit(&recipe, &fold.train);
-    let model = ModelConfig::TactNet2(setup.clone());
+    let setup = NetworkSetup::fit(&recipe, &fold.train);
+    let model = ModelConfig::Network(setup.clone());
     let config = ClassifierConfig::new(model, &fold.train, Seed(1)).network_config(&setup)?;
     let (compute, device) = (device, device.open()?);
     let start = || {
@@ -96,7 +96,7 @@ pub fn time_stack(
     if device == Compute::Cpu {
         return Ok(None);
     }
-    let ModelRecipe::TactNet2(recipe) = ModelRecipe::load(recipe)? else {
+    let ModelRecipe::Network(recipe) = ModelRecipe::load(recipe)? else {
         anyhow::bail!("{recipe} is no recipe of a network");
     };
     let scheme = Scheme::default();
@@ -110,8 +110,8 @@ pub fn time_stack(
         .collect::<Result<Vec<Fold<'_>>, _>>()?;
     let mut fitted = Vec::with_capacity(networks);
     for fold in &all {
-        let setup = TactNetSetup::fit(&recipe, &fold.train);
-        let model = ModelConfig::TactNet2(setup.clone());
+        let setup = NetworkSetup::fit(&recipe, &fold.train);
+        let model = ModelConfig::Network(setup.clone());
         let config = ClassifierConfig::new(model, &fold.train, Seed(1)).network_config(&setup)?;
         fitted.push((setup, config));
     }

@@ -16,7 +16,7 @@ use tactnet_data::{
 };
 use tactnet_models::Isa;
 use tactnet_pipeline::{
-    Classifier, ClassifierConfig, Device, ModelConfig, PredictionMethod, Recipe, TactNetSetup,
+    Classifier, ClassifierConfig, Device, ModelConfig, NetworkSetup, PredictionMethod, Recipe,
     Training, TrainingMethod,
 };
 
@@ -40,8 +40,8 @@ fn main() -> anyhow::Result<()> {
     recipe.training.batch = batch;
     let mut plain = recipe.clone();
     plain.training.method = TrainingMethod::Base;
-    let setup = TactNetSetup::fit(&recipe, &split);
-    let config = ClassifierConfig::new(ModelConfig::TactNet2(setup.clone()), &split, Seed(1));
+    let setup = NetworkSetup::fit(&recipe, &split);
+    let config = ClassifierConfig::new(ModelConfig::Network(setup.clone()), &split, Seed(1));
     let network = config.network_config(&setup)?;
     let start = |recipe| {
         Training::start(

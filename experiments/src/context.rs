@@ -6,8 +6,8 @@ use burn::tensor::Device;
 use rand::Rng;
 use tactnet_data::{Dataset, Seed, SweepView, TrainSplit};
 use tactnet_pipeline::{
-    BatchReport, Classifier, ClassifierConfig, Embedding, ModelConfig, PipelineError, Recipe,
-    TactNetSetup, train_network, train_siamese,
+    BatchReport, Classifier, ClassifierConfig, Embedding, ModelConfig, NetworkSetup, PipelineError,
+    Recipe, train_network, train_siamese,
 };
 
 use crate::networks::FinishedNetworks;
@@ -112,8 +112,8 @@ impl StudyContext<'_> {
             self.recipe.to_toml()
         ));
         if let Some(weights) = network.read().map_err(Cancelled::Failed)? {
-            let setup = TactNetSetup::fit(self.recipe, train);
-            let config = ClassifierConfig::new(ModelConfig::TactNet2(setup), train, seed);
+            let setup = NetworkSetup::fit(self.recipe, train);
+            let config = ClassifierConfig::new(ModelConfig::Network(setup), train, seed);
             return Ok((Classifier::new(config, &weights, self.device)?, None));
         }
         let go_on = |batch: &BatchReport| (self.go_on)(what, Some(batch));

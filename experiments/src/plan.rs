@@ -136,7 +136,7 @@ impl Plan {
         };
         matches!(
             recipe_of(&self.recipes, spec),
-            Some(ModelRecipe::TactNet2(_))
+            Some(ModelRecipe::Network(_))
         )
     }
 

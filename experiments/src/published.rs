@@ -55,7 +55,7 @@ pub fn published_for(
     split: &SplitManifest,
     way: PredictionMethod,
 ) -> Option<&'static PublishedAccuracy> {
-    let ModelRecipe::TactNet2(recipe) = &config.recipe else {
+    let ModelRecipe::Network(recipe) = &config.recipe else {
         return None;
     };
     let shortest = Recipe::load("fast").ok()?.training.epochs;

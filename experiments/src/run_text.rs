@@ -79,7 +79,7 @@ pub fn advice(session: &Session, result: &RunResult) -> Result<Vec<String>, Pipe
     let run = session.run();
     let config = run.config()?;
     let mut lines = Vec::new();
-    let ModelRecipe::TactNet2(recipe) = &config.recipe else {
+    let ModelRecipe::Network(recipe) = &config.recipe else {
         return Ok(lines);
     };
     let accuracies = result.evaluations.values().map(|of| of.one_sweep);
@@ -135,7 +135,7 @@ pub fn next_steps(session: &Session, fits_serving: bool) -> Result<String, Pipel
     let run = session.run();
     let config = run.config()?;
     let folder = quoted(&run.path().display().to_string());
-    let network = matches!(config.recipe, ModelRecipe::TactNet2(_));
+    let network = matches!(config.recipe, ModelRecipe::Network(_));
     let first = if network && fits_serving {
         format!("`tactnet demo --run {folder}` shows it live")
     } else {

@@ -189,7 +189,7 @@ impl Trained {
     /// `None` before the first epoch has ended, and of what is no training of a network.
     fn of(run: &Path) -> Option<Self> {
         let run = RunDir::open(run).ok()?;
-        let ModelRecipe::TactNet2(recipe) = run.config().ok()?.recipe else {
+        let ModelRecipe::Network(recipe) = run.config().ok()?.recipe else {
             return None;
         };
         let epochs = run.metrics_before(usize::MAX).ok()?;

@@ -9,7 +9,7 @@ const MAX_NUMBERS: u64 = 1 << 31;
 
 /// A checked description of one network.
 #[derive(Debug, Clone, PartialEq)]
-pub struct TactNetConfig {
+pub struct NetworkConfig {
     architecture: Architecture,
     input: InputShape,
     materials: usize,
@@ -136,7 +136,7 @@ impl ConvolutionShape {
     }
 }
 
-impl TactNetConfig {
+impl NetworkConfig {
     /// Checks `architecture` for sweeps of shape `input` and `materials` output units.
     ///
     /// # Errors
@@ -300,7 +300,7 @@ mod tests {
     #[test]
     fn multiply_adds_are_counted_by_definition() {
         let count = |architecture| {
-            TactNetConfig::new(architecture, TACTMAT, 36)
+            NetworkConfig::new(architecture, TACTMAT, 36)
                 .unwrap()
                 .multiply_adds()
                 .unwrap()
@@ -332,7 +332,7 @@ mod tests {
             trunk: Trunk::Spectra(spectra),
             ..Architecture::default()
         };
-        let refused = TactNetConfig::new(architecture, input, 3).unwrap_err();
+        let refused = NetworkConfig::new(architecture, input, 3).unwrap_err();
         assert!(refused.to_string().contains("numbers"), "{refused}");
     }
 
@@ -352,7 +352,7 @@ mod tests {
             taxels: 4,
         };
         let refused = |architecture: Architecture| {
-            TactNetConfig::new(architecture, input, 3)
+            NetworkConfig::new(architecture, input, 3)
                 .unwrap_err()
                 .to_string()
         };

@@ -38,6 +38,7 @@ mod loss;
 mod mlp;
 #[cfg(any(feature = "vulkan", feature = "cuda"))]
 mod net_stack;
+mod network;
 mod norm_relu;
 mod ridge;
 mod safetensors_bytes;
@@ -47,7 +48,6 @@ mod spectral_stream;
 mod spectral_trunk;
 mod streaming;
 mod svm;
-mod tactnet;
 mod temperature;
 mod weights;
 
@@ -59,7 +59,7 @@ pub use belief::{
 };
 pub use block::{BatchStatistics, BlockConfig, ConvBlock, NORM_EPSILON};
 pub use compute::{Adapter, Compute};
-pub use config::TactNetConfig;
+pub use config::NetworkConfig;
 pub use conv::{is_cpu, is_fused};
 pub use dense::NormalizedDense;
 pub use dropout::{dropout_bits, dropout_masks};
@@ -75,6 +75,7 @@ pub use loss::cross_entropy;
 pub use mlp::{DenseWeights, Mlp, matrix};
 #[cfg(any(feature = "vulkan", feature = "cuda"))]
 pub use net_stack::{NetStack, StackSettings, StackedNet};
+pub use network::{Network, TrainingForward};
 pub use ridge::{Gram, Ridge, default_penalties};
 pub use safetensors_bytes::safetensors_bytes;
 pub use siamese::{batch_contrastive_loss, contrastive_loss, distance, probability_of_difference};
@@ -82,7 +83,6 @@ pub use spectral_shape::{Spectra, SpectralShape, default_window};
 pub use spectral_trunk::DEVIATION_EPSILON;
 pub use streaming::StreamingNet;
 pub use svm::{Pair, PlattSigmoids, Svm, SvmSettings, fit_platt};
-pub use tactnet::{TactNet, TrainingForward};
 pub use tactnet_conv::spare::take as spare_memory;
 pub use tactnet_conv::{AdamStep, Isa};
 #[cfg(any(feature = "vulkan", feature = "cuda"))]

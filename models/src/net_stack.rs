@@ -13,7 +13,7 @@ use tactnet_conv_gpu::{
 };
 
 use crate::config::TrunkShape;
-use crate::{ModelError, NamedTensor, TactNetConfig, Weights};
+use crate::{ModelError, NamedTensor, NetworkConfig, Weights};
 
 /// A network of a stack at a moment.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,7 +55,7 @@ impl NetStack {
     /// Returns the sizes of so many networks; `None` for networks that are none of TactNet-II's.
     ///
     /// - `batch`: sweeps of a batch, at most
-    pub fn shape(config: &TactNetConfig, networks: usize, batch: usize) -> Option<StackShape> {
+    pub fn shape(config: &NetworkConfig, networks: usize, batch: usize) -> Option<StackShape> {
         let TrunkShape::Convolutions(trunk) = config.trunk() else {
             return None;
         };
@@ -74,7 +74,7 @@ impl NetStack {
 
     /// Returns how many networks fit onto the device of `device` at once: buffers of a size that it takes, and no more in all than half of its memory,
     /// or than `bytes` where its driver does not say how much it has; 0 on a device without stacks, or for networks without.
-    pub fn most(device: &Device, config: &TactNetConfig, batch: usize, bytes: usize) -> usize {
+    pub fn most(device: &Device, config: &NetworkConfig, batch: usize, bytes: usize) -> usize {
         let (Some(client), Some(one)) = (client(device), Self::shape(config, 1, batch)) else {
             return 0;
         };
@@ -93,7 +93,7 @@ impl NetStack {
     /// A device that is no GPU; weights that are not those of `config`.
     pub fn start(
         device: &Device,
-        config: &TactNetConfig,
+        config: &NetworkConfig,
         settings: StackSettings,
         nets: &[StackedNet],
         digits: Option<StackDigits<'_>>,

@@ -177,7 +177,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use crate::{
-        Architecture, InputShape, Spectra, StreamingNet, TactNet, TactNetConfig, Trunk,
+        Architecture, InputShape, Network, NetworkConfig, Spectra, StreamingNet, Trunk,
         dropout_masks, values,
     };
 
@@ -205,9 +205,9 @@ mod tests {
                 keep_probability: 0.7,
             };
             let input = InputShape { steps, taxels };
-            let config = TactNetConfig::new(architecture, input, 4).unwrap();
+            let config = NetworkConfig::new(architecture, input, 4).unwrap();
             let mut rng = ChaCha8Rng::seed_from_u64(7);
-            let mut net = TactNet::init(&config, &device, &mut rng);
+            let mut net = Network::init(&config, &device, &mut rng);
             let mut noise = |sweeps: usize| -> Vec<f32> {
                 let len = sweeps * steps * taxels;
                 (0..len).map(|_| rng.random_range(-2.0..2.0)).collect()

@@ -3,15 +3,15 @@
 use tactnet_conv::StreamHead;
 
 use crate::conv_stream::ConvStream;
+use crate::network::TrunkNet;
 use crate::spectral_stream::SpectralStream;
-use crate::tactnet::TrunkNet;
 use crate::weights::values;
-use crate::{TactNet, TactNetConfig};
+use crate::{Network, NetworkConfig};
 
 /// A trained network with frozen statistics that takes one sweep, frame by frame.
 ///
 /// Every frame advances the network as far as it goes; after the last one little is left. At any time [`StreamingNet::features`] are those
-/// of the frames so far: the features that [`TactNet::features`] gives for a sweep of that many steps, with zeros for pooled steps that
+/// of the frames so far: the features that [`Network::features`] gives for a sweep of that many steps, with zeros for pooled steps that
 /// have not begun and, of spectra, before the first window is complete. Nothing allocates after [`StreamingNet::new`].
 #[derive(Debug, Clone)]
 pub struct StreamingNet {
@@ -44,7 +44,7 @@ impl StreamingNet {
     ///
     /// # Panics
     /// If `config` does not describe `net`, or the masks are not whole rows.
-    pub fn new(net: &TactNet, config: &TactNetConfig, masks: &[f32]) -> Self {
+    pub fn new(net: &Network, config: &NetworkConfig, masks: &[f32]) -> Self {
         let input = config.input();
         let features = config.features();
         assert_eq!(masks.len() % features, 0, "masks of {features} features");
@@ -105,7 +105,7 @@ impl StreamingNet {
         }
     }
 
-    /// Returns the features of the frames so far, in the order of [`TactNet::features`].
+    /// Returns the features of the frames so far, in the order of [`Network::features`].
     pub fn features(&mut self) -> &[f32] {
         self.trunk.features()
     }
@@ -143,7 +143,7 @@ mod tests {
     use super::*;
     use crate::{Architecture, Convolutions, InputShape, Trunk, dropout_masks};
 
-    fn network(steps: usize, taxels: usize, pools: Vec<usize>) -> (TactNet, TactNetConfig) {
+    fn network(steps: usize, taxels: usize, pools: Vec<usize>) -> (Network, NetworkConfig) {
         let trunk = Convolutions {
             maps: vec![5, 9, 6],
             pools: Some(pools),
@@ -154,9 +154,9 @@ mod tests {
             hidden: 11,
             ..Architecture::default()
         };
-        let config = TactNetConfig::new(architecture, InputShape { steps, taxels }, 4).unwrap();
+        let config = NetworkConfig::new(architecture, InputShape { steps, taxels }, 4).unwrap();
         let mut rng = ChaCha8Rng::seed_from_u64(7);
-        let mut net = TactNet::init(&config, &Device::flex(), &mut rng);
+        let mut net = Network::init(&config, &Device::flex(), &mut rng);
         // Statistics that are not those of a fresh network.
         let sweeps = noise(6 * steps * taxels, 8);
         let sweeps = Tensor::from_data(

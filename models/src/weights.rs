@@ -10,9 +10,9 @@ use rand_chacha::ChaCha8Rng;
 use safetensors::tensor::{Dtype, TensorView};
 
 use crate::initial::parameter;
+use crate::network::{Network, TrunkNet};
 use crate::safetensors_bytes::safetensors_bytes;
-use crate::tactnet::{TactNet, TrunkNet};
-use crate::{ModelError, TactNetConfig};
+use crate::{ModelError, NetworkConfig};
 
 /// One tensor: its shape and its values in row-major order.
 #[derive(Debug, Clone, PartialEq)]
@@ -180,7 +180,7 @@ macro_rules! for_each_tensor {
     };
 }
 
-impl TactNet {
+impl Network {
     /// All weights and running statistics.
     pub fn weights(&self) -> Weights {
         let mut weights = Weights::default();
@@ -222,7 +222,7 @@ impl TactNet {
     /// # Errors
     /// Names the tensor that is missing or has another shape than `config` asks for.
     pub fn from_weights(
-        config: &TactNetConfig,
+        config: &NetworkConfig,
         weights: &Weights,
         device: &Device,
     ) -> Result<Self, ModelError> {
@@ -265,14 +265,14 @@ mod tests {
             steps: 50,
             taxels: 2,
         };
-        let config = TactNetConfig::new(architecture, input, 3).unwrap();
-        let net = TactNet::init(&config, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(5));
+        let config = NetworkConfig::new(architecture, input, 3).unwrap();
+        let net = Network::init(&config, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(5));
         let weights = net.weights();
         assert_eq!(weights.0.len(), 2 * 5 + 5 + 2);
         let bytes = weights.to_safetensors(BTreeMap::new()).unwrap();
         let read = Weights::from_safetensors(&bytes).unwrap();
         assert_eq!(read, weights);
-        let rebuilt = TactNet::from_weights(&config, &read, &Device::flex()).unwrap();
+        let rebuilt = Network::from_weights(&config, &read, &Device::flex()).unwrap();
         assert_eq!(rebuilt.weights(), weights);
     }
 
@@ -285,10 +285,10 @@ mod tests {
         let small = Architecture::tactnet2(&[2], 4);
         let large = Architecture::tactnet2(&[2], 5);
         let device = Device::flex();
-        let config = TactNetConfig::new(small, input, 3).unwrap();
-        let other = TactNetConfig::new(large, input, 3).unwrap();
-        let weights = TactNet::init(&config, &device, &mut ChaCha8Rng::seed_from_u64(5)).weights();
-        let message = TactNet::from_weights(&other, &weights, &device)
+        let config = NetworkConfig::new(small, input, 3).unwrap();
+        let other = NetworkConfig::new(large, input, 3).unwrap();
+        let weights = Network::init(&config, &device, &mut ChaCha8Rng::seed_from_u64(5)).weights();
+        let message = Network::from_weights(&other, &weights, &device)
             .unwrap_err()
             .to_string();
         assert!(

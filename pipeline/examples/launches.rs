@@ -12,7 +12,7 @@ use tactnet_data::twin::{TwinConfig, generate};
 use tactnet_data::{Fold, Scheme, Seed};
 use tactnet_models::Compute;
 use tactnet_pipeline::{
-    ClassifierConfig, ModelConfig, Recipe, StackMember, StackedTraining, TactNetSetup, Training,
+    ClassifierConfig, ModelConfig, NetworkSetup, Recipe, StackMember, StackedTraining, Training,
 };
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -40,8 +40,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ..TwinConfig::default()
     })?;
     let fold = Fold::new(&twin, Scheme::default(), Seed(1), 0, 0)?;
-    let setup = TactNetSetup::fit(&recipe, &fold.train);
-    let model = ModelConfig::TactNet2(setup.clone());
+    let setup = NetworkSetup::fit(&recipe, &fold.train);
+    let model = ModelConfig::Network(setup.clone());
     let config = ClassifierConfig::new(model, &fold.train, Seed(1)).network_config(&setup)?;
     let device = Compute::Vulkan.open()?;
     if networks == 0 {

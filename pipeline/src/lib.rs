@@ -57,7 +57,7 @@ pub use predict::by_method::serialize_by_method;
 pub use predict::calibration::{
     Calibration, CalibrationTarget, Verdict, least_probability, prediction_set, upper_quantile,
 };
-pub use predict::classifier::{Classifier, ClassifierConfig, ModelConfig, TactNetSetup};
+pub use predict::classifier::{Classifier, ClassifierConfig, ModelConfig, NetworkSetup};
 pub use predict::classify::{ClassifiedObject, ClassifiedSweep, ClassifiedSweeps};
 pub use predict::confusion::Confusion;
 pub use predict::enroll::{

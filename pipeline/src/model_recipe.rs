@@ -28,7 +28,7 @@ const BASELINES: [(&str, &str); 9] = [
 pub enum ModelRecipe {
     /// TactNet-II.
     #[serde(rename = "tactnet2")]
-    TactNet2(Recipe),
+    Network(Recipe),
     /// Features and a classical classifier.
     #[serde(rename = "baseline")]
     Baseline(BaselineRecipe),
@@ -64,7 +64,7 @@ impl ModelRecipe {
             return Self::parse(name, text);
         }
         if Recipe::built_in_names().any(|name| name == name_or_path) {
-            return Recipe::load(name_or_path).map(Self::TactNet2);
+            return Recipe::load(name_or_path).map(Self::Network);
         }
         let path = Path::new(name_or_path);
         if !path.exists() {
@@ -96,7 +96,7 @@ impl ModelRecipe {
             .parse::<toml::Table>()
             .is_ok_and(|table| table.contains_key("features"));
         if !is_baseline {
-            return Recipe::parse(origin, text).map(Self::TactNet2);
+            return Recipe::parse(origin, text).map(Self::Network);
         }
         let recipe: BaselineRecipe = toml::from_str(text)
             .map_err(|error| refused(error.to_string().trim_end().replace('\n', " / ")))?;
@@ -109,7 +109,7 @@ impl ModelRecipe {
     /// Returns the recipe's name.
     pub fn name(&self) -> &str {
         match self {
-            Self::TactNet2(recipe) => &recipe.name,
+            Self::Network(recipe) => &recipe.name,
             Self::Baseline(recipe) => &recipe.name,
         }
     }
@@ -121,7 +121,7 @@ impl ModelRecipe {
     /// - `counts`: training sweeps of every material
     pub fn starved(&self, counts: &[usize]) -> Option<(usize, usize)> {
         match self {
-            Self::TactNet2(_) => None,
+            Self::Network(_) => None,
             Self::Baseline(recipe) => recipe.starved(counts),
         }
     }
@@ -141,7 +141,7 @@ impl ModelRecipe {
     /// How a classifier of this recipe predicts unless told otherwise.
     pub fn method(&self) -> PredictionMethod {
         match self {
-            Self::TactNet2(recipe) => recipe.prediction.method,
+            Self::Network(recipe) => recipe.prediction.method,
             Self::Baseline(_) => PredictionMethod::Plain,
         }
     }
@@ -149,7 +149,7 @@ impl ModelRecipe {
     /// Returns what happens to the mean of each taxel over a sweep.
     pub fn levels(&self) -> MeanRemoval {
         match self {
-            Self::TactNet2(recipe) => recipe.input.levels,
+            Self::Network(recipe) => recipe.input.levels,
             Self::Baseline(recipe) => recipe.levels,
         }
     }
@@ -157,7 +157,7 @@ impl ModelRecipe {
     /// The same recipe with other levels.
     pub fn with_levels(mut self, levels: MeanRemoval) -> Self {
         match &mut self {
-            Self::TactNet2(recipe) => recipe.input.levels = levels,
+            Self::Network(recipe) => recipe.input.levels = levels,
             Self::Baseline(recipe) => recipe.levels = levels,
         }
         self
@@ -169,7 +169,7 @@ impl ModelRecipe {
     /// Never: every recipe can be written as TOML.
     pub fn to_toml(&self) -> String {
         match self {
-            Self::TactNet2(recipe) => recipe.to_toml(),
+            Self::Network(recipe) => recipe.to_toml(),
             Self::Baseline(recipe) => toml::to_string(recipe)
                 .unwrap_or_else(|error| panic!("a recipe is always valid TOML: {error}")),
         }

@@ -275,7 +275,7 @@ impl TryFrom<TrainSpec> for TrainJob {
         match (&mut recipe, spec.epochs) {
             (_, None) => {}
             (_, Some(0)) => return Err(refused("epochs", "at least 1", "0".into())),
-            (ModelRecipe::TactNet2(network), Some(epochs)) => {
+            (ModelRecipe::Network(network), Some(epochs)) => {
                 network.training.epochs = epochs;
                 network.training.least_steps = None;
             }
@@ -397,7 +397,7 @@ mod tests {
             ..TrainSpec::default()
         })
         .unwrap();
-        let ModelRecipe::TactNet2(recipe) = job.recipe() else {
+        let ModelRecipe::Network(recipe) = job.recipe() else {
             panic!("`fast` is a network");
         };
         assert_eq!(recipe.training.epochs, 3);

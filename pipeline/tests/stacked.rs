@@ -4,11 +4,11 @@
 
 use tactnet_data::twin::{TwinConfig, generate};
 use tactnet_data::{Dataset, Fold, Scheme, Seed};
-use tactnet_models::{Compute, TactNetConfig, Weights};
+use tactnet_models::{Compute, NetworkConfig, Weights};
 
 use tactnet_pipeline::{
-    BatchReport, ClassifierConfig, Device, ModelConfig, Recipe, StackMember, StackedTraining,
-    TactNetSetup, Training, TrainingState,
+    BatchReport, ClassifierConfig, Device, ModelConfig, NetworkSetup, Recipe, StackMember,
+    StackedTraining, Training, TrainingState,
 };
 
 const PLAIN: &str = "{ kind = \"base\" }";
@@ -38,7 +38,7 @@ fn twin() -> Dataset {
 struct Folds<'a> {
     recipe: Recipe,
     folds: Vec<Fold<'a>>,
-    fitted: Vec<(TactNetSetup, TactNetConfig)>,
+    fitted: Vec<(NetworkSetup, NetworkConfig)>,
 }
 
 impl<'a> Folds<'a> {
@@ -48,8 +48,8 @@ impl<'a> Folds<'a> {
             .map(|fold| Fold::new(twin, Scheme::default(), Seed(1), 0, fold).unwrap())
             .into();
         let fitted = folds.iter().map(|fold| {
-            let setup = TactNetSetup::fit(&recipe, &fold.train);
-            let model = ModelConfig::TactNet2(setup.clone());
+            let setup = NetworkSetup::fit(&recipe, &fold.train);
+            let model = ModelConfig::Network(setup.clone());
             let config = ClassifierConfig::new(model, &fold.train, Seed(1));
             let network = config.network_config(&setup).unwrap();
             (setup, network)

@@ -15,7 +15,7 @@ pub(crate) fn limits(config: &ClassifierConfig) -> Option<[f32; 2]> {
     let [zero, full] = ValueRange::DIGITS;
     match (&config.values, &config.model) {
         (Some(values), _) => Some(values.limits()),
-        (None, ModelConfig::TactNet2(setup)) => {
+        (None, ModelConfig::Network(setup)) => {
             let mut means = setup.normalizer.offset().iter();
             means
                 .all(|mean| (zero..=full).contains(mean))

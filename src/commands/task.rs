@@ -155,7 +155,7 @@ fn answer(
 ) -> anyhow::Result<ExitCode> {
     let job = TrainJob::try_from(task.networks.clone())?;
     let spec = job.spec();
-    let ModelRecipe::TactNet2(recipe) = job.recipe() else {
+    let ModelRecipe::Network(recipe) = job.recipe() else {
         bail!("recipe `{}`: a question needs a network", spec.recipe);
     };
     let _lock = RunDir::lock(folder)?;

@@ -112,7 +112,7 @@ pub fn train(
 
 fn refuse_other_model(job: &TrainJob, model: ModelChoice) -> anyhow::Result<()> {
     let fits = match job.recipe() {
-        ModelRecipe::TactNet2(recipe) => match recipe.network.trunk {
+        ModelRecipe::Network(recipe) => match recipe.network.trunk {
             Trunk::Convolutions(_) => model == ModelChoice::Tactnet2,
             Trunk::Spectra(_) => model == ModelChoice::Spectra,
         },

@@ -12,7 +12,7 @@ use burn::optim::{AdamConfig, GradientsParams};
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use safetensors::SafeTensors;
 use tactnet_models::{
-    Architecture, Convolutions, InputShape, NamedTensor, TactNet, TactNetConfig, Trunk, Weights,
+    Architecture, Convolutions, InputShape, NamedTensor, Network, NetworkConfig, Trunk, Weights,
     cross_entropy,
 };
 use tactnet_pipeline::{AttackedLabel, Perturbation, adversarial_pass, base_pass};
@@ -53,7 +53,7 @@ impl Golden {
         Weights(named.collect())
     }
 
-    fn config(&self) -> TactNetConfig {
+    fn config(&self) -> NetworkConfig {
         let [_, _, steps, taxels]: [usize; 4] =
             self.tensors["sweeps"].shape.clone().try_into().unwrap();
         let trunk = if self.metadata.contains_key("spectra") {
@@ -71,7 +71,7 @@ impl Golden {
             keep_probability: 0.8,
         };
         let materials = self.setting("materials");
-        TactNetConfig::new(architecture, InputShape { steps, taxels }, materials).unwrap()
+        NetworkConfig::new(architecture, InputShape { steps, taxels }, materials).unwrap()
     }
 }
 
@@ -126,7 +126,7 @@ fn check_against_pytorch(name: &str) {
     let config = golden.config();
     let plain = Device::flex();
     let device = plain.clone().autodiff();
-    let mut net = TactNet::from_weights(&config, &golden.weights("initial."), &device).unwrap();
+    let mut net = Network::from_weights(&config, &golden.weights("initial."), &device).unwrap();
 
     let sweeps = golden.tensor::<4>("sweeps", &plain);
     let valid = net.valid();
@@ -219,7 +219,7 @@ fn base_objective_is_the_clean_half_of_the_adversarial_one() {
     let plain = Device::flex();
     let device = plain.clone().autodiff();
     let net =
-        TactNet::from_weights(&golden.config(), &golden.weights("initial."), &device).unwrap();
+        Network::from_weights(&golden.config(), &golden.weights("initial."), &device).unwrap();
     let mask = golden.tensor::<2>("mask.0.clean", &device);
     let pass = base_pass(
         &net,
@@ -259,9 +259,9 @@ fn full_size_logits_match_pytorch() {
         steps: 1000,
         taxels: 16,
     };
-    let config = TactNetConfig::new(Architecture::default(), input, 36).unwrap();
+    let config = NetworkConfig::new(Architecture::default(), input, 36).unwrap();
     let mut rng = tactnet_data::Seed(0).rng("overwritten below");
-    let mut weights = TactNet::init(&config, &device, &mut rng).weights();
+    let mut weights = Network::init(&config, &device, &mut rng).weights();
     for (stream, (name, tensor)) in weights.0.iter_mut().enumerate() {
         let fan_in: usize = match name.as_str() {
             "output.bias" => 512,
@@ -284,7 +284,7 @@ fn full_size_logits_match_pytorch() {
             } as f32;
         }
     }
-    let net = TactNet::from_weights(&config, &weights, &device).unwrap();
+    let net = Network::from_weights(&config, &weights, &device).unwrap();
     let digits: Vec<f32> = counter_uniform(1000, 2 * 16_000)
         .map(|u| ((u + 1.0) * 20.0).floor() as f32)
         .collect();

@@ -5,10 +5,10 @@ use burn::tensor::{Device, Int, Tensor, TensorData};
 use tactnet_data::twin::{TwinConfig, generate};
 use tactnet_data::{Fold, Scheme, Seed};
 use tactnet_models::{
-    Architecture, Compute, InputShape, Spectra, TactNet, TactNetConfig, Trunk, Weights,
+    Architecture, Compute, InputShape, Network, NetworkConfig, Spectra, Trunk, Weights,
     cross_entropy, dropout_masks,
 };
-use tactnet_pipeline::{ClassifierConfig, ModelConfig, Recipe, TactNetSetup, Training};
+use tactnet_pipeline::{ClassifierConfig, ModelConfig, NetworkSetup, Recipe, Training};
 
 fn logits_and_gradients(device: &Device, architecture: Architecture) -> (Vec<f32>, Weights) {
     let device = device.clone().autodiff();
@@ -16,8 +16,8 @@ fn logits_and_gradients(device: &Device, architecture: Architecture) -> (Vec<f32
         steps: 100,
         taxels: 4,
     };
-    let config = TactNetConfig::new(architecture, input, 3).unwrap();
-    let net = TactNet::init(&config, &device, &mut Seed(1).rng("initial weights"));
+    let config = NetworkConfig::new(architecture, input, 3).unwrap();
+    let net = Network::init(&config, &device, &mut Seed(1).rng("initial weights"));
     let values: Vec<f32> = (0..6 * 400)
         .map(|i| ((i * 7919) % 101) as f32 / 50.0 - 1.0)
         .collect();
@@ -87,8 +87,8 @@ fn trained(device: Compute, layers: &str, method: &str, threads: bool) -> (Vec<f
     })
     .unwrap();
     let fold = Fold::new(&twin, Scheme::default(), Seed(1), 0, 0).unwrap();
-    let setup = TactNetSetup::fit(&recipe, &fold.train);
-    let model = ModelConfig::TactNet2(setup.clone());
+    let setup = NetworkSetup::fit(&recipe, &fold.train);
+    let model = ModelConfig::Network(setup.clone());
     let config = ClassifierConfig::new(model, &fold.train, Seed(1))
         .network_config(&setup)
         .unwrap();

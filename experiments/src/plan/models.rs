@@ -45,7 +45,7 @@ pub(super) fn models(
     };
     for name in &recipe.models {
         let variant = recipe.variants.iter().find(|variant| variant.name == *name);
-        let is_network = |recipe: &ModelRecipe| matches!(recipe, ModelRecipe::TactNet2(_));
+        let is_network = |recipe: &ModelRecipe| matches!(recipe, ModelRecipe::Network(_));
         models.push(match variant {
             Some(variant) => {
                 let settings = variant
@@ -84,7 +84,7 @@ pub(super) fn models(
                 format!("{title}, {setting} {}", short(value))
             });
             let (text, made) = made_from(&name, &title, &search.base, drawn.into_iter())?;
-            let is_network = matches!(made, ModelRecipe::TactNet2(_));
+            let is_network = matches!(made, ModelRecipe::Network(_));
             let model = own(name, text, is_network);
             models.push(model);
         }

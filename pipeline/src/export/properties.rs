@@ -2,15 +2,15 @@
 
 use std::collections::BTreeMap;
 
-use crate::{Calibration, ClassifierConfig, ModelConfig, PipelineError, TactNetSetup};
+use crate::{Calibration, ClassifierConfig, ModelConfig, NetworkSetup, PipelineError};
 
 /// The network of a classifier.
 ///
 /// # Errors
 /// A classifier that is no network.
-pub(super) fn network_setup(config: &ClassifierConfig) -> Result<&TactNetSetup, PipelineError> {
+pub(super) fn network_setup(config: &ClassifierConfig) -> Result<&NetworkSetup, PipelineError> {
     match &config.model {
-        ModelConfig::TactNet2(setup) => Ok(setup),
+        ModelConfig::Network(setup) => Ok(setup),
         ModelConfig::Baseline(_) => Err(PipelineError::Incompatible {
             item: "export".into(),
             expected: "a network".into(),
@@ -22,7 +22,7 @@ pub(super) fn network_setup(config: &ClassifierConfig) -> Result<&TactNetSetup, 
 /// Properties by name that a program needs besides the numbers: labels, rate (and whether it is assumed), window, calibration and `about`. Lists are JSON.
 pub(super) fn properties(
     config: &ClassifierConfig,
-    setup: &TactNetSetup,
+    setup: &NetworkSetup,
     calibration: Option<&Calibration>,
     about: &BTreeMap<String, String>,
 ) -> BTreeMap<String, String> {

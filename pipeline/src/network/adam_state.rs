@@ -6,7 +6,7 @@ use burn::optim::{
     Optimizer,
 };
 use burn::tensor::{Bytes, Device, Tensor};
-use tactnet_models::{TactNet, TactNetConfig, Weights};
+use tactnet_models::{Network, NetworkConfig, Weights};
 
 use crate::PipelineError;
 
@@ -78,7 +78,7 @@ impl Optimizer for Shown {
 /// # Errors
 /// Moments of another network.
 pub(crate) fn optimizer_bytes(
-    config: &TactNetConfig,
+    config: &NetworkConfig,
     weights: &Weights,
     moments: &[Weights; 2],
     time: usize,
@@ -100,7 +100,7 @@ pub(crate) fn optimizer_bytes(
 /// # Errors
 /// Bytes of no optimiser.
 pub(crate) fn moments_of(
-    config: &TactNetConfig,
+    config: &NetworkConfig,
     weights: &Weights,
     bytes: &[u8],
 ) -> Result<[Weights; 2], PipelineError> {
@@ -115,9 +115,9 @@ pub(crate) fn moments_of(
     Ok([shown(Shown::First)?, shown(Shown::Second)?])
 }
 
-fn on_processor(config: &TactNetConfig, weights: &Weights) -> Result<TactNet, PipelineError> {
+fn on_processor(config: &NetworkConfig, weights: &Weights) -> Result<Network, PipelineError> {
     let device = Device::flex().autodiff();
-    Ok(TactNet::from_weights(config, weights, &device)?)
+    Ok(Network::from_weights(config, weights, &device)?)
 }
 
 /// With the tensors of `others` that are missing.
@@ -128,7 +128,7 @@ fn filled(weights: &Weights, others: &Weights) -> Weights {
 }
 
 /// The parameters of a network in the place of their gradients.
-fn as_gradients(net: &TactNet) -> GradientsParams {
+fn as_gradients(net: &Network) -> GradientsParams {
     struct Given(GradientsParams);
     impl ModuleVisitor for Given {
         fn visit_float<const D: usize>(&mut self, parameter: &Param<Tensor<D>>) {

@@ -6,12 +6,12 @@ use burn::tensor::{Device, Tensor, TensorData};
 use rayon::prelude::*;
 use tactnet_data::{Seed, SweepView};
 use tactnet_models::{
-    Features, StreamingNet, TactNet, TactNetConfig, Weights, dropout_masks, log_mean_exp_into,
+    Features, Network, NetworkConfig, StreamingNet, Weights, dropout_masks, log_mean_exp_into,
     log_softmax, log_softmax_into, matrix, mutual_information, spare_memory, values,
 };
 
 use crate::network::in_pool::in_pool;
-use crate::{Embedding, Normalizer, PipelineError, PredictionMethod, TactNetSetup};
+use crate::{Embedding, NetworkSetup, Normalizer, PipelineError, PredictionMethod};
 
 /// Numbers of all dropout masks together: a gibibyte.
 const MASK_NUMBERS: usize = 1 << 28;
@@ -20,8 +20,8 @@ const BATCH: usize = 36;
 
 pub(crate) struct NetworkScorer {
     normalizer: Normalizer,
-    network: TactNetConfig,
-    net: TactNet,
+    network: NetworkConfig,
+    net: Network,
     device: Device,
     /// Names the masks.
     seed: Seed,
@@ -35,14 +35,14 @@ impl NetworkScorer {
     /// # Errors
     /// Weights of another network.
     pub fn new(
-        setup: &TactNetSetup,
-        network: TactNetConfig,
+        setup: &NetworkSetup,
+        network: NetworkConfig,
         weights: &Weights,
         device: &Device,
         seed: Seed,
     ) -> Result<Self, PipelineError> {
         let device = device.clone().without_autodiff();
-        let net = TactNet::from_weights(&network, weights, &device)?;
+        let net = Network::from_weights(&network, weights, &device)?;
         Ok(Self {
             normalizer: setup.normalizer.clone(),
             network,
@@ -155,7 +155,7 @@ impl NetworkScorer {
     }
 
     /// The trained network.
-    pub fn net(&self) -> &TactNet {
+    pub fn net(&self) -> &Network {
         &self.net
     }
 

@@ -4,7 +4,7 @@ use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::GradientsParams;
 use burn::tensor::{Gradients, Int, Tensor, TensorData};
 use rayon::prelude::*;
-use tactnet_models::{BatchStatistics, TactNet, cross_entropy, is_cpu, values};
+use tactnet_models::{BatchStatistics, Network, cross_entropy, is_cpu, values};
 
 use super::measured::Measured;
 use crate::AttackedLabel;
@@ -41,7 +41,7 @@ pub struct Perturbation {
 /// - `labels`: `[batch]`
 /// - `mask`: `[batch, features]` dropout mask
 pub fn base_pass(
-    net: &TactNet,
+    net: &Network,
     sweeps: Tensor<4>,
     labels: Tensor<1, Int>,
     mask: Tensor<2>,
@@ -62,7 +62,7 @@ pub fn base_pass(
 /// the second pass (Goodfellow et al., 2014). `masks` is `[clean, adversarial]`. If the predicted label is attacked, `E` under the sign
 /// is the loss of what the clean pass takes for the most probable, and takes another forward and backward pass with the clean mask.
 pub fn adversarial_pass(
-    net: &TactNet,
+    net: &Network,
     sweeps: Tensor<4>,
     labels: Tensor<1, Int>,
     masks: [Tensor<2>; 2],
@@ -112,7 +112,7 @@ pub fn adversarial_pass(
 }
 
 /// `dE/dx` of the most probable label's loss.
-fn gradient_of_predicted(net: &TactNet, sweeps: Tensor<4>, mask: Tensor<2>) -> Tensor<4> {
+fn gradient_of_predicted(net: &Network, sweeps: Tensor<4>, mask: Tensor<2>) -> Tensor<4> {
     let tracked = sweeps.autodiff().require_grad();
     let logits = net.forward_train(tracked.clone(), mask).logits;
     let predicted = logits.clone().argmax(1).squeeze_dim::<1>(1);
@@ -158,7 +158,7 @@ fn perturbed(sweeps: Tensor<4>, gradient: Tensor<4>, epsilon: &[f32]) -> Tensor<
 
 /// Gradients of `weight` times the loss, batch statistics, and `[2]`: the loss itself, the sweeps recognised.
 fn pass(
-    net: &TactNet,
+    net: &Network,
     sweeps: Tensor<4>,
     labels: Tensor<1, Int>,
     mask: Tensor<2>,
@@ -193,7 +193,7 @@ fn added<const D: usize>(first: Tensor<D>, second: Tensor<D>) -> Tensor<D> {
     Tensor::from_data(TensorData::new(total, extents), &device)
 }
 
-fn sum(net: &TactNet, first: GradientsParams, second: GradientsParams) -> GradientsParams {
+fn sum(net: &Network, first: GradientsParams, second: GradientsParams) -> GradientsParams {
     struct Sum {
         first: GradientsParams,
         second: GradientsParams,
@@ -223,7 +223,7 @@ mod tests {
     use super::*;
     use burn::tensor::Device;
     use tactnet_data::Seed;
-    use tactnet_models::{Architecture, InputShape, TactNetConfig, dropout_masks};
+    use tactnet_models::{Architecture, InputShape, NetworkConfig, dropout_masks};
 
     const SHAPE: InputShape = InputShape {
         steps: 60,
@@ -231,7 +231,7 @@ mod tests {
     };
 
     struct Batch {
-        net: TactNet,
+        net: Network,
         sweeps: Tensor<4>,
         labels: Tensor<1, Int>,
         mask: Tensor<2>,
@@ -239,10 +239,10 @@ mod tests {
 
     fn batch() -> Batch {
         let architecture = Architecture::tactnet2(&[3, 4], 8);
-        let config = TactNetConfig::new(architecture, SHAPE, 3).unwrap();
+        let config = NetworkConfig::new(architecture, SHAPE, 3).unwrap();
         let device = Device::flex();
         let tracked = device.clone().autodiff();
-        let net = TactNet::init(&config, &tracked, &mut Seed(1).rng("weights"));
+        let net = Network::init(&config, &tracked, &mut Seed(1).rng("weights"));
         let count = 6 * SHAPE.steps * 4;
         let digits: Vec<f32> = (0..count)
             .map(|i| ((i * 7919) % 101) as f32 / 10.0)

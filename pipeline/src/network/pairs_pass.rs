@@ -2,7 +2,7 @@
 
 use burn::optim::GradientsParams;
 use burn::tensor::Tensor;
-use tactnet_models::{TactNet, batch_contrastive_loss};
+use tactnet_models::{Network, batch_contrastive_loss};
 
 use super::measured::Measured;
 use super::objective::Pass;
@@ -17,7 +17,7 @@ const MARGIN: f64 = 1.0;
 /// - `labels`: `[batch]`
 /// - `mask`: `[batch, features]` dropout mask
 pub(crate) fn pairs_pass(
-    net: &TactNet,
+    net: &Network,
     sweeps: Tensor<4>,
     labels: &[usize],
     mask: Tensor<2>,

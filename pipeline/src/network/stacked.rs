@@ -8,8 +8,8 @@ use burn::tensor::Device;
 use rayon::prelude::*;
 use tactnet_data::{Samples, Seed, TrainSplit};
 use tactnet_models::{
-    AdamStep, NetStack, StackAttack, StackBatch, StackDigits, StackSettings, StackSweeps,
-    StackedNet, TactNet, TactNetConfig, dropout_bits,
+    AdamStep, NetStack, Network, NetworkConfig, StackAttack, StackBatch, StackDigits,
+    StackSettings, StackSweeps, StackedNet, dropout_bits,
 };
 
 use crate::network::adam::{BETA, corrected};
@@ -32,7 +32,7 @@ pub struct StackMember<'a> {
     /// What is done to its sweeps.
     pub normalizer: &'a Normalizer,
     /// Its layers.
-    pub config: &'a TactNetConfig,
+    pub config: &'a NetworkConfig,
     /// Of every random choice.
     pub seed: Seed,
 }
@@ -474,7 +474,7 @@ fn net_of(
 ) -> Result<StackedNet, PipelineError> {
     let Some(state) = state else {
         let mut rng = member.seed.rng("initial weights");
-        let net = TactNet::init(member.config, &Device::flex(), &mut rng);
+        let net = Network::init(member.config, &Device::flex(), &mut rng);
         return Ok(StackedNet {
             weights: net.weights(),
             moments: None,

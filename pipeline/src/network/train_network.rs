@@ -7,7 +7,7 @@ use tactnet_data::{Seed, SweepView, TrainSplit};
 
 use crate::run::training_record::TrainingRecord;
 use crate::{
-    BatchReport, Classifier, ClassifierConfig, ModelConfig, PipelineError, Recipe, TactNetSetup,
+    BatchReport, Classifier, ClassifierConfig, ModelConfig, NetworkSetup, PipelineError, Recipe,
     Training,
 };
 
@@ -103,8 +103,8 @@ fn train_whole(
     go_on: impl FnMut(&BatchReport) -> bool,
 ) -> Result<Option<Classifier>, PipelineError> {
     let recipe = &recipe.for_sweeps(train.len());
-    let setup = TactNetSetup::fit(recipe, train);
-    let model = ModelConfig::TactNet2(setup.clone());
+    let setup = NetworkSetup::fit(recipe, train);
+    let model = ModelConfig::Network(setup.clone());
     let config = ClassifierConfig::new(model, train, seed);
     let network = config.network_config(&setup)?;
     let training = Training::start(recipe, train, &setup.normalizer, &network, seed, device)?;

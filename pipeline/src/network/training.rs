@@ -4,7 +4,7 @@ use burn::optim::ModuleOptimizer;
 use burn::tensor::{Bytes, Device, Int, Tensor, TensorData};
 use serde::{Deserialize, Serialize};
 use tactnet_data::{Seed, SweepView, TrainSplit};
-use tactnet_models::{TactNet, TactNetConfig, Weights, dropout_masks, is_cpu, spare_memory};
+use tactnet_models::{Network, NetworkConfig, Weights, dropout_masks, is_cpu, spare_memory};
 
 use crate::network::adam::FusedAdam;
 use crate::network::batches::{augment, batch_positions, fill_batch};
@@ -88,11 +88,11 @@ pub struct Training<'a> {
     recipe: &'a Recipe,
     train: &'a TrainSplit<'a>,
     normalizer: &'a Normalizer,
-    config: TactNetConfig,
+    config: NetworkConfig,
     seed: Seed,
     device: Device,
     /// Absent only while the optimiser has it: what nobody else holds it changes in place.
-    net: Option<TactNet>,
+    net: Option<Network>,
     optimizer: ModuleOptimizer,
     /// The sweeps, where they lie on a GPU.
     resident: Option<ResidentSweeps>,
@@ -114,7 +114,7 @@ impl<'a> Training<'a> {
         recipe: &'a Recipe,
         train: &'a TrainSplit<'a>,
         normalizer: &'a Normalizer,
-        config: &TactNetConfig,
+        config: &NetworkConfig,
         seed: Seed,
         device: &Device,
     ) -> Result<Self, PipelineError> {
@@ -126,7 +126,7 @@ impl<'a> Training<'a> {
             });
         }
         let device = device.clone().autodiff();
-        let net = TactNet::init(config, &device, &mut seed.rng("initial weights"));
+        let net = Network::init(config, &device, &mut seed.rng("initial weights"));
         // Augmented sweeps are others in every epoch.
         let resident = if is_cpu(&device) || !recipe.training.augmentation.is_none() {
             None
@@ -165,7 +165,7 @@ impl<'a> Training<'a> {
     /// # Errors
     /// A state that belongs to another network.
     pub fn resume(mut self, state: TrainingState) -> Result<Self, PipelineError> {
-        let net = TactNet::from_weights(&self.config, &state.weights, &self.device)?;
+        let net = Network::from_weights(&self.config, &state.weights, &self.device)?;
         self.net = Some(net);
         if !state.optimizer.is_empty() {
             self.optimizer = adam(self.recipe)
@@ -385,7 +385,7 @@ impl<'a> Training<'a> {
         )
     }
 
-    fn net(&self) -> &TactNet {
+    fn net(&self) -> &Network {
         self.net.as_ref().unwrap_or_else(no_network)
     }
 
@@ -473,7 +473,7 @@ mod tests {
     use tactnet_models::{Compute, values};
 
     use super::*;
-    use crate::{ClassifierConfig, ModelConfig, TactNetSetup};
+    use crate::{ClassifierConfig, ModelConfig, NetworkSetup};
 
     #[test]
     fn watched_batches_have_sweeps_of_all_materials_and_every_sweep_once() {
@@ -502,8 +502,8 @@ mod tests {
         })
         .unwrap();
         let fold = Fold::new(&twin, Scheme::default(), Seed(1), 0, 0).unwrap();
-        let setup = TactNetSetup::fit(&recipe, &fold.train);
-        let model = ModelConfig::TactNet2(setup.clone());
+        let setup = NetworkSetup::fit(&recipe, &fold.train);
+        let model = ModelConfig::Network(setup.clone());
         let config = ClassifierConfig::new(model, &fold.train, Seed(1))
             .network_config(&setup)
             .unwrap();

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use burn::tensor::Device;
 use serde::{Deserialize, Serialize};
 use tactnet_data::{LabelSet, Seed, SweepShape, SweepView, TrainSplit, ValueRange, is_same_name};
-use tactnet_models::{Architecture, InputShape, TactNet, TactNetConfig, Weights};
+use tactnet_models::{Architecture, InputShape, Network, NetworkConfig, Weights};
 
 use crate::baseline::fitted::Baseline;
 use crate::network::network_scorer::NetworkScorer;
@@ -41,7 +41,7 @@ pub struct ClassifierConfig {
 pub enum ModelConfig {
     /// TactNet-II.
     #[serde(rename = "tactnet2")]
-    TactNet2(TactNetSetup),
+    Network(NetworkSetup),
     /// Features and a classical classifier.
     #[serde(rename = "baseline")]
     Baseline(BaselineRecipe),
@@ -50,7 +50,7 @@ pub enum ModelConfig {
 /// A network and what surrounds it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct TactNetSetup {
+pub struct NetworkSetup {
     /// Layers.
     pub network: Architecture,
     /// How it predicts unless told otherwise.
@@ -59,7 +59,7 @@ pub struct TactNetSetup {
     pub normalizer: Normalizer,
 }
 
-impl TactNetSetup {
+impl NetworkSetup {
     /// Returns the network of `recipe`, with its normaliser fitted to training sweeps.
     pub fn fit(recipe: &Recipe, train: &TrainSplit<'_>) -> Self {
         Self {
@@ -91,7 +91,7 @@ impl ClassifierConfig {
     /// A setting of the network out of range; sweeps too short for the features of a baseline.
     pub(crate) fn validate(&self) -> Result<(), PipelineError> {
         match &self.model {
-            ModelConfig::TactNet2(setup) => self.network_config(setup).map(drop),
+            ModelConfig::Network(setup) => self.network_config(setup).map(drop),
             ModelConfig::Baseline(recipe) => recipe.features.check(self.shape, self.sample_rate_hz),
         }
     }
@@ -100,12 +100,12 @@ impl ClassifierConfig {
     ///
     /// # Errors
     /// A setting out of range.
-    pub fn network_config(&self, setup: &TactNetSetup) -> Result<TactNetConfig, PipelineError> {
+    pub fn network_config(&self, setup: &NetworkSetup) -> Result<NetworkConfig, PipelineError> {
         let input = InputShape {
             steps: self.shape.steps,
             taxels: self.shape.taxels(),
         };
-        Ok(TactNetConfig::new(
+        Ok(NetworkConfig::new(
             setup.network.clone(),
             input,
             self.labels.len(),
@@ -135,7 +135,7 @@ impl Classifier {
         device: &Device,
     ) -> Result<Self, PipelineError> {
         let model = match &config.model {
-            ModelConfig::TactNet2(setup) => {
+            ModelConfig::Network(setup) => {
                 let network = config.network_config(setup)?;
                 if !setup.normalizer.is_of(config.shape.taxels()) {
                     return Err(PipelineError::Incompatible {
@@ -252,7 +252,7 @@ impl Classifier {
     /// A setting of the network out of range.
     pub fn multiply_adds(&self) -> Result<Option<u64>, PipelineError> {
         match &self.config.model {
-            ModelConfig::TactNet2(setup) => Ok(self.config.network_config(setup)?.multiply_adds()),
+            ModelConfig::Network(setup) => Ok(self.config.network_config(setup)?.multiply_adds()),
             ModelConfig::Baseline(_) => Ok(None),
         }
     }
@@ -261,7 +261,7 @@ impl Classifier {
     ///
     /// # Errors
     /// A model that is no network.
-    pub fn network(&self) -> Result<&TactNet, PipelineError> {
+    pub fn network(&self) -> Result<&Network, PipelineError> {
         Ok(self.scorer()?.net())
     }
 

@@ -75,7 +75,7 @@ impl RunConfig {
     /// A baseline.
     pub fn require_network(&self, run: &Path, what: &str) -> Result<(), PipelineError> {
         match &self.recipe {
-            ModelRecipe::TactNet2(_) => Ok(()),
+            ModelRecipe::Network(_) => Ok(()),
             ModelRecipe::Baseline(recipe) => Err(PipelineError::Run {
                 path: run.into(),
                 reason: format!(
@@ -102,7 +102,7 @@ impl RunConfig {
             fold: Some(fold.fold()),
             repeat: fold.repeat(),
             epochs: match &self.recipe {
-                ModelRecipe::TactNet2(recipe) => Some(recipe.training.epochs),
+                ModelRecipe::Network(recipe) => Some(recipe.training.epochs),
                 ModelRecipe::Baseline(_) => None,
             },
             ..self.spec.clone()

@@ -15,8 +15,8 @@ use super::training_record::TrainingRecord;
 use crate::network::train_network::train_batches;
 use crate::{
     BaselineRecipe, BatchReport, Calibration, CalibrationTarget, Classifier, ClassifierConfig,
-    ModelConfig, ModelRecipe, NoveltyScore, NoveltyScorer, PipelineError, Provenance, Recipe,
-    RunConfig, RunDir, RunResult, TactNetSetup, TrainEmbeddings, TrainJob, TrainSpec, Training,
+    ModelConfig, ModelRecipe, NetworkSetup, NoveltyScore, NoveltyScorer, PipelineError, Provenance,
+    Recipe, RunConfig, RunDir, RunResult, TrainEmbeddings, TrainJob, TrainSpec, Training,
     TrainingSettings, TrainingSteps, TrainingSummary, evaluate_run, fit_baseline,
 };
 
@@ -140,14 +140,14 @@ impl Session {
         }
         refuse_starved(job.recipe(), &fitted.train)?;
         let recipe = match job.recipe() {
-            ModelRecipe::TactNet2(recipe) => {
-                ModelRecipe::TactNet2(recipe.for_sweeps(fitted.train.len()))
+            ModelRecipe::Network(recipe) => {
+                ModelRecipe::Network(recipe.for_sweeps(fitted.train.len()))
             }
             baseline => baseline.clone(),
         };
         let model = match &recipe {
-            ModelRecipe::TactNet2(recipe) => {
-                ModelConfig::TactNet2(TactNetSetup::fit(recipe, &fitted.train))
+            ModelRecipe::Network(recipe) => {
+                ModelConfig::Network(NetworkSetup::fit(recipe, &fitted.train))
             }
             ModelRecipe::Baseline(recipe) => ModelConfig::Baseline(recipe.clone()),
         };
@@ -169,7 +169,7 @@ impl Session {
         };
         let run = RunDir::create(&folder, &config, &fold.manifest(), &program)?;
         let asked = match job.recipe() {
-            ModelRecipe::TactNet2(recipe) => Some(recipe.training.clone()),
+            ModelRecipe::Network(recipe) => Some(recipe.training.clone()),
             ModelRecipe::Baseline(_) => None,
         };
         Ok(Self {
@@ -254,7 +254,7 @@ impl Session {
         };
         let (config, fitted) = (&begun.config, &begun.fitted);
         let trained = match (&config.recipe, &config.classifier.model) {
-            (ModelRecipe::TactNet2(recipe), ModelConfig::TactNet2(setup)) => {
+            (ModelRecipe::Network(recipe), ModelConfig::Network(setup)) => {
                 let watched = config.spec.watch_test.then_some(&*begun.fold.test);
                 let trained = (&fitted.train, watched);
                 self.train_network(config, recipe, setup, trained, &mut on_event, &stop)?
@@ -322,7 +322,7 @@ impl Session {
         } = begun;
         let device = config.spec.device.open()?;
         let classifier = Classifier::new(config.classifier.clone(), &run.weights()?, &device)?;
-        if let ModelConfig::TactNet2(_) = config.classifier.model {
+        if let ModelConfig::Network(_) = config.classifier.model {
             let known = TrainEmbeddings::of(&classifier.embed(&fitted.train)?);
             run.write_train_embeddings(&known)?;
             if let Some((target, aside)) = &aside {
@@ -355,7 +355,7 @@ impl Session {
         &self,
         config: &RunConfig,
         recipe: &Recipe,
-        setup: &TactNetSetup,
+        setup: &NetworkSetup,
         (train, watched): (&TrainSplit<'_>, Option<&SweepView<'_>>),
         on_event: &mut impl FnMut(TrainEvent<'_>),
         stop: &impl Fn() -> bool,

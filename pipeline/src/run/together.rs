@@ -37,7 +37,7 @@ mod stacks {
     use std::time::{Duration, Instant};
 
     use burn::tensor::Device;
-    use tactnet_models::{NetStack, TactNetConfig};
+    use tactnet_models::{NetStack, NetworkConfig};
 
     use super::Ended;
     use crate::run::session::{Begun, Opened};
@@ -55,7 +55,7 @@ mod stacks {
         index: usize,
         session: &'a Session,
         begun: Box<Begun<'a>>,
-        network: TactNetConfig,
+        network: NetworkConfig,
     }
 
     impl<'a> Ready<'a> {
@@ -66,7 +66,7 @@ mod stacks {
             on_event: &mut impl FnMut(usize, TrainEvent<'_>),
         ) -> Result<Option<Self>, PipelineError> {
             let config = session.run().config()?;
-            let (ModelRecipe::TactNet2(_), ModelConfig::TactNet2(setup)) =
+            let (ModelRecipe::Network(_), ModelConfig::Network(setup)) =
                 (&config.recipe, &config.classifier.model)
             else {
                 return Ok(None);
@@ -89,7 +89,7 @@ mod stacks {
 
         fn member(&self) -> StackMember<'_> {
             let config = &self.begun.config;
-            let (ModelRecipe::TactNet2(recipe), ModelConfig::TactNet2(setup)) =
+            let (ModelRecipe::Network(recipe), ModelConfig::Network(setup)) =
                 (&config.recipe, &config.classifier.model)
             else {
                 panic!("networks alone are ready");

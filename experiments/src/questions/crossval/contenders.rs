@@ -226,14 +226,14 @@ fn sum(matrices: impl Iterator<Item = Vec<Vec<usize>>>) -> Vec<Vec<usize>> {
 /// What kind of network it is.
 fn network(fold: &Fold<'_>) -> Option<&'static str> {
     match &fold.config.recipe {
-        ModelRecipe::TactNet2(recipe) => Some(recipe.network.kind()),
+        ModelRecipe::Network(recipe) => Some(recipe.network.kind()),
         ModelRecipe::Baseline(_) => None,
     }
 }
 
 /// Epochs and batches of a network's training.
 fn training(fold: &Fold<'_>) -> Option<TrainingSteps> {
-    let ModelRecipe::TactNet2(recipe) = &fold.config.recipe else {
+    let ModelRecipe::Network(recipe) = &fold.config.recipe else {
         return None;
     };
     Some(TrainingSteps::of(&recipe.training, fold.result.n_train))

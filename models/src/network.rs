@@ -10,7 +10,7 @@ use crate::conv_trunk::ConvTrunk;
 use crate::dense::NormalizedDense;
 use crate::initial::uniform_parameter;
 use crate::spectral_trunk::SpectralTrunk;
-use crate::{DenseWeights, LinearHead, TactNetConfig};
+use crate::{DenseWeights, LinearHead, NetworkConfig};
 
 /// Ids of parameters are spaced so that every layer keeps its own, whatever the others hold.
 const IDS_PER_LAYER: u64 = 8;
@@ -21,13 +21,13 @@ pub struct TrainingForward {
     pub logits: Tensor<2>,
     /// `[batch, hidden]`: what the output layer sees.
     pub hidden: Tensor<2>,
-    /// Statistics of every normalised layer, for [`TactNet::update_running_stats`].
+    /// Statistics of every normalised layer, for [`Network::update_running_stats`].
     pub statistics: Vec<BatchStatistics>,
 }
 
 /// The network. Sweeps are `[batch, 1, steps, taxels]`.
 #[derive(Module, Debug)]
-pub struct TactNet {
+pub struct Network {
     pub(crate) trunk: TrunkNet,
     pub(crate) hidden: NormalizedDense,
     /// `[materials, hidden]`
@@ -46,7 +46,7 @@ pub(crate) enum TrunkNet {
 
 impl TrunkNet {
     fn init(
-        config: &TactNetConfig,
+        config: &NetworkConfig,
         next_id: impl FnMut() -> u64,
         device: &Device,
         rng: &mut impl Rng,
@@ -90,9 +90,9 @@ impl TrunkNet {
     }
 }
 
-impl TactNet {
+impl Network {
     /// Fresh weights from `rng`. On a device with autodiff the parameters can be trained.
-    pub fn init(config: &TactNetConfig, device: &Device, rng: &mut impl Rng) -> Self {
+    pub fn init(config: &NetworkConfig, device: &Device, rng: &mut impl Rng) -> Self {
         let hidden_units = config.architecture().hidden;
         let mut ids = (0..).map(|layer| 1 + layer * IDS_PER_LAYER);
         let mut next_id = || ids.next().unwrap_or(0);
@@ -214,10 +214,10 @@ mod tests {
             steps: 1000,
             taxels: 16,
         };
-        let config = TactNetConfig::new(Architecture::default(), input, 36).unwrap();
+        let config = NetworkConfig::new(Architecture::default(), input, 36).unwrap();
         assert_eq!(config.convolutions().unwrap().1, [10, 10, 10]);
         assert_eq!(config.features(), 2048);
-        let net = TactNet::init(&config, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(1));
+        let net = Network::init(&config, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(1));
         let convolutions = 75 * 32 + 75 * 32 * 64 + 75 * 64 * 128;
         let norms = 2 * (32 + 64 + 128 + 512);
         assert_eq!(
@@ -233,8 +233,8 @@ mod tests {
             taxels: 3,
         };
         let architecture = Architecture::tactnet2(&[2, 3], 4);
-        let config = TactNetConfig::new(architecture, input, 5).unwrap();
-        let net = TactNet::init(&config, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(1));
+        let config = NetworkConfig::new(architecture, input, 5).unwrap();
+        let net = Network::init(&config, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(1));
         let sweeps = Tensor::ones([2, 1, 43, 3], &Device::flex());
         let features = net.features(sweeps);
         assert_eq!(features.dims(), [2, config.features()]);
