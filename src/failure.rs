@@ -6,10 +6,9 @@ use std::process::ExitCode;
 use clap::CommandFactory;
 use clap::error::{ContextKind, ErrorKind};
 use tactnet_channel::ChannelError;
-use tactnet_data::{DataError, FetchError, near_name};
+use tactnet_data::{DataError, near_name};
 use tactnet_experiments::ExperimentError;
 use tactnet_pipeline::PipelineError;
-use tactnet_recording::RecordingError;
 use tactnet_serving::ServeError;
 use tactnet_simulation::SimulationError;
 use tactnet_skin::SkinError;
@@ -292,28 +291,42 @@ fn broke(cause: &(dyn Error + 'static)) -> bool {
 /// Returns what an error of our own crates says of itself; `None` for others.
 fn is_usage(cause: &(dyn Error + 'static)) -> Option<bool> {
     None.or_else(|| cause.downcast_ref().map(DataError::is_usage))
-        .or_else(|| cause.downcast_ref().map(FetchError::is_usage))
         .or_else(|| cause.downcast_ref().map(PipelineError::is_usage))
         .or_else(|| cause.downcast_ref().map(ExperimentError::is_usage))
         .or_else(|| cause.downcast_ref().map(ChannelError::is_usage))
         .or_else(|| cause.downcast_ref().map(SkinError::is_usage))
-        .or_else(|| cause.downcast_ref().map(RecordingError::is_usage))
         .or_else(|| cause.downcast_ref().map(ServeError::is_usage))
         .or_else(|| cause.downcast_ref().map(SimulationError::is_usage))
-        .or_else(|| is_usage_of_catching(cause))
+        .or_else(|| is_usage_of_features(cause))
 }
 
-#[cfg(feature = "catching")]
-fn is_usage_of_catching(cause: &(dyn Error + 'static)) -> Option<bool> {
-    use tactnet_catching_roles::RoleError;
-    use tactnet_catching_stage::StageError;
-    None.or_else(|| cause.downcast_ref().map(RoleError::is_usage))
-        .or_else(|| cause.downcast_ref().map(StageError::is_usage))
-}
-
-#[cfg(not(feature = "catching"))]
-fn is_usage_of_catching(_: &(dyn Error + 'static)) -> Option<bool> {
-    None
+/// Returns the same for errors of crates and modules that a cargo feature adds.
+fn is_usage_of_features(cause: &(dyn Error + 'static)) -> Option<bool> {
+    #[cfg_attr(
+        not(any(feature = "fetch", feature = "recording", feature = "catching")),
+        expect(unused_mut, reason = "features add answers")
+    )]
+    let mut answer = None;
+    #[cfg(feature = "fetch")]
+    {
+        let error = cause.downcast_ref::<tactnet_data::FetchError>();
+        answer = answer.or_else(|| error.map(tactnet_data::FetchError::is_usage));
+    }
+    #[cfg(feature = "recording")]
+    {
+        let error = cause.downcast_ref::<tactnet_recording::RecordingError>();
+        answer = answer.or_else(|| error.map(tactnet_recording::RecordingError::is_usage));
+    }
+    #[cfg(feature = "catching")]
+    {
+        use tactnet_catching_roles::RoleError;
+        use tactnet_catching_stage::StageError;
+        answer = answer
+            .or_else(|| cause.downcast_ref().map(RoleError::is_usage))
+            .or_else(|| cause.downcast_ref().map(StageError::is_usage));
+    }
+    let _ = cause;
+    answer
 }
 
 /// Returns true for a disk that is full or cannot be written; other errors of the system, such as a file that is not there, may well be
@@ -390,10 +403,9 @@ mod tests {
                 action,
                 source: source(),
             };
-            let errors: [anyhow::Error; 11] = [
+            let mut errors: Vec<anyhow::Error> = vec![
                 source().into(),
                 data().into(),
-                FetchError::Disk(data()).into(),
                 pipeline().into(),
                 PipelineError::from(data()).into(),
                 ExperimentError::from(pipeline()).into(),
@@ -409,11 +421,6 @@ mod tests {
                     source: source(),
                 }
                 .into(),
-                RecordingError::Io {
-                    path: path(),
-                    source: source(),
-                }
-                .into(),
                 ServeError::Io {
                     path: path(),
                     source: source(),
@@ -421,6 +428,16 @@ mod tests {
                 .into(),
                 SimulationError::from(data()).into(),
             ];
+            #[cfg(feature = "fetch")]
+            errors.push(tactnet_data::FetchError::Disk(data()).into());
+            #[cfg(feature = "recording")]
+            errors.push(
+                tactnet_recording::RecordingError::Io {
+                    path: path(),
+                    source: source(),
+                }
+                .into(),
+            );
             for error in errors {
                 assert_eq!(broken(error), fails, "{kind:?}");
             }

@@ -14,6 +14,7 @@ mod data_origin;
 mod data_source;
 mod dataset;
 mod error;
+#[cfg(feature = "fetch")]
 mod fetch;
 mod finding;
 mod folds;
@@ -37,6 +38,7 @@ pub use data_origin::DataOrigin;
 pub use data_source::DataSource;
 pub use dataset::{ASSUMED_RATE_HZ, Dataset, SweepRecord, SweepShape};
 pub use error::{DataError, is_wrong_path};
+#[cfg(feature = "fetch")]
 pub use fetch::{FetchError, Fetched, Origin, Progress, Source, fetch, git_blob_id};
 pub use finding::{
     CheckReport, Finding, FindingGroup, FindingKind, Place, Severity, group_findings,

@@ -1,7 +1,10 @@
 //! `tactnet data`: look at, check, make, convert and fetch data sets.
 
+#[cfg_attr(not(feature = "fetch"), path = "data/without_fetch.rs")]
 mod fetch;
 mod import;
+#[cfg(feature = "recording")]
+mod import_recording;
 mod make_twin;
 
 use std::path::{Path, PathBuf};

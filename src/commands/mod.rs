@@ -17,7 +17,9 @@ pub mod export;
 pub mod man;
 pub mod predict;
 pub mod progress_line;
+#[cfg(feature = "recording")]
 pub mod record;
+#[cfg(feature = "recording")]
 pub mod replay;
 pub mod run_choice;
 pub mod run_classifier;
@@ -30,3 +32,8 @@ pub mod task;
 pub mod train;
 pub mod version;
 pub mod view;
+#[cfg(not(feature = "recording"))]
+pub mod without_recording;
+
+#[cfg(not(feature = "recording"))]
+pub use {without_recording as record, without_recording as replay};

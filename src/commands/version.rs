@@ -10,8 +10,10 @@ use crate::GIT;
 use crate::output::{self, OutputFormat};
 
 /// Optional cargo features, and whether this build has them.
-const FEATURES: [(&str, bool); 8] = [
+const FEATURES: [(&str, bool); 10] = [
     ("catching", cfg!(feature = "catching")),
+    ("recording", cfg!(feature = "recording")),
+    ("fetch", cfg!(feature = "fetch")),
     ("vulkan", cfg!(feature = "vulkan")),
     ("cuda", cfg!(feature = "cuda")),
     ("zenoh", cfg!(feature = "zenoh")),

@@ -20,6 +20,7 @@ pub enum SimulationError {
     #[error(transparent)]
     Catching(#[from] tactnet_catching_stage::StageError),
     /// A recording.
+    #[cfg(feature = "recording")]
     #[error(transparent)]
     Recording(#[from] tactnet_recording::RecordingError),
     /// The table of channels, as text.
@@ -98,6 +99,7 @@ impl SimulationError {
             Self::Serve(error) => error.is_usage(),
             #[cfg(feature = "catching")]
             Self::Catching(error) => error.is_usage(),
+            #[cfg(feature = "recording")]
             Self::Recording(error) => error.is_usage(),
             Self::NoMaterial { .. }
             | Self::TooFewSweeps { .. }

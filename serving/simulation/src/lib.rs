@@ -12,6 +12,7 @@ mod held_skin;
 mod load;
 mod play_cycle;
 mod play_order;
+#[cfg(feature = "recording")]
 mod replay_alone;
 mod skin;
 mod skin_driver;
@@ -29,6 +30,7 @@ pub use held_skin::HeldSkin;
 pub use load::{LoadReport, LoadRole, Trip, load_table, run_role};
 pub use play_cycle::PlayCycle;
 pub use play_order::play_order;
+#[cfg(feature = "recording")]
 pub use replay_alone::replay_alone;
 pub use skin::{SkinSimulator, SkinStep, rest_frames};
 pub use skin_driver::SkinDriver;

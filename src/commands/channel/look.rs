@@ -11,11 +11,11 @@ use tactnet_channel::{
     Bus, ChannelConfig, ChannelId, Domain, ListedChannel, ReceivedSummary, Start, Wait,
     list_channels, measure_rate,
 };
-use tactnet_recording::PlainPacket;
 use tactnet_skin::packets::ModelNames;
 use tactnet_skin::{Readable, ServeConfig};
 
 use super::TableArgs;
+use super::packets::DescribedPacket;
 use crate::output;
 use crate::stop::Stop;
 use crate::table;
@@ -79,14 +79,14 @@ enum Contents {
     /// In words.
     Tactile(Readable),
     /// Field by field.
-    Described(PlainPacket),
+    Described(DescribedPacket),
 }
 
 impl Contents {
     fn new(config: &ChannelConfig, bytes: &[u8], network: Option<&ModelNames>) -> Option<Self> {
         let readable = Readable::new(&config.packet, config.version, bytes, network);
         readable.map(Self::Tactile).or_else(|| {
-            PlainPacket::new(&config.packet, config.version, bytes).map(Self::Described)
+            DescribedPacket::new(&config.packet, config.version, bytes).map(Self::Described)
         })
     }
 }

@@ -3,7 +3,9 @@
 use std::process::ExitCode;
 
 use clap::{Args, ValueEnum};
+use serde::{Serialize, Serializer};
 use tactnet_catching_packets::packets::DESCRIPTION as CATCHING;
+use tactnet_channel::{Fields, Layout};
 use tactnet_skin::packets::DESCRIPTION as TACTILE;
 
 use crate::output;
@@ -61,4 +63,47 @@ pub fn packets(arguments: &PacketsArgs) -> anyhow::Result<ExitCode> {
     };
     output::print(format_args!("{}", text.trim_end()))?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// A packet of a type that is known only at run time.
+pub struct DescribedPacket {
+    layout: &'static Layout,
+    bytes: Box<[u8]>,
+}
+
+impl DescribedPacket {
+    /// Returns the first item of a packet's bytes; `None` for packets without a description and for too few bytes.
+    ///
+    /// - `name`, `version`: type of the channel's packets
+    pub fn new(name: &str, version: u32, bytes: &[u8]) -> Option<Self> {
+        let known = [&TACTILE, &CATCHING];
+        let mut layouts = known.iter().flat_map(|description| description.packets);
+        let layout = layouts.find(|layout| {
+            layout.is_packet() && layout.name == name && layout.version == version
+        })?;
+        let bytes = bytes.get(..layout.bytes)?.into();
+        Some(Self { layout, bytes })
+    }
+
+    /// Returns the fields of the packet.
+    pub fn fields(&self) -> Fields<'_> {
+        Fields::of(self.layout, &self.bytes).expect("as many bytes as the layout has")
+    }
+}
+
+/// An object of the packet's fields, with the packet's name as `type`.
+impl Serialize for DescribedPacket {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Typed<'a> {
+            r#type: &'static str,
+            #[serde(flatten)]
+            fields: Fields<'a>,
+        }
+        let typed = Typed {
+            r#type: self.layout.name,
+            fields: self.fields(),
+        };
+        typed.serialize(serializer)
+    }
 }

@@ -7,7 +7,6 @@ use anyhow::bail;
 use clap::Args;
 use tactnet_data::format::{Format, read_beginning, read_to_classify};
 use tactnet_data::{DataSource, Dataset};
-use tactnet_recording::{Recording, SweepSettings, sweeps};
 
 use super::ConvertArgs;
 use crate::{output, source};
@@ -15,19 +14,19 @@ use crate::{output, source};
 #[derive(Args)]
 pub struct ImportArgs {
     #[command(flatten)]
-    convert: ConvertArgs,
+    pub(super) convert: ConvertArgs,
     /// What was swept over, where the data does not say
     #[arg(long, value_name = "NAME")]
-    material: Option<String>,
+    pub(super) material: Option<String>,
     /// Frames of a sweep that are kept [default: all; of a recording those of the recorded classifier, or 1000]
     #[arg(long, value_name = "N")]
-    steps: Option<usize>,
+    pub(super) steps: Option<usize>,
     /// Frames a second [default: what the data says; of a recording the recorded classifier's, or by the frames' own clock]
     #[arg(long, value_name = "HZ")]
-    rate: Option<f64>,
+    pub(super) rate: Option<f64>,
     /// Rows and columns of taxels [default: what the data says; of a recording the recorded classifier's, or a square]
     #[arg(long, value_name = "RxC", value_parser = shape)]
-    shape: Option<(usize, usize)>,
+    pub(super) shape: Option<(usize, usize)>,
 }
 
 /// `4x4`
@@ -119,54 +118,12 @@ fn import_data_set(arguments: &ImportArgs, format: Format) -> anyhow::Result<Exi
 /// # Errors
 /// What cannot be read, or not be written in the format asked for.
 pub fn run(arguments: &ImportArgs) -> anyhow::Result<ExitCode> {
-    let convert_arguments = &arguments.convert;
-    let (path, out) = (Path::new(&convert_arguments.data), &convert_arguments.out);
-    let format = Format::from_extension(out)?;
+    let format = Format::from_extension(&arguments.convert.out)?;
     if !arguments.is_recording() {
         return import_data_set(arguments, format);
     }
-    output::refuse_to_overwrite(out, convert_arguments.force)?;
-    let recording = Recording::read(path)?;
-    if let Some(cut) = &recording.cut {
-        say!("{}: the end is missing ({cut})", path.display());
-    }
-    if recording.foreign > 0 {
-        say!(
-            "left out: {} messages that are none of ours",
-            recording.foreign
-        );
-    }
-    let settings = SweepSettings {
-        steps: arguments.steps,
-        rate_hz: arguments.rate,
-        rows_cols: arguments.shape,
-    };
-    let found = sweeps(path, &recording, arguments.material.as_deref(), settings)?;
-    for reason in &found.rejected {
-        say!("left out: {reason}");
-    }
-    if found.unlabelled > 0 {
-        say!(
-            "left out: {} sweeps of which nobody said what was swept over (`--material` names it)",
-            found.unlabelled
-        );
-    }
-    let counts = found.dataset.sweeps_per_label();
-    if format == Format::TactMat && counts.iter().any(|count| *count != counts[0]) {
-        bail!(
-            "{}: an .h5 data set has equally many sweeps of every material, this recording has {} to {}; .npz holds any number",
-            out.display(),
-            counts.iter().min().unwrap_or(&0),
-            counts.iter().max().unwrap_or(&0)
-        );
-    }
-    format.write(out, &found.dataset)?;
-    say!(
-        "{}: {} sweeps of {} ({})",
-        out.display(),
-        found.dataset.len(),
-        output::counted(found.dataset.labels().len(), "material"),
-        found.dataset.shape()
-    );
-    Ok(ExitCode::SUCCESS)
+    #[cfg(feature = "recording")]
+    return super::import_recording::run(arguments, format);
+    #[cfg(not(feature = "recording"))]
+    bail!(tactnet_models::left_out("recording"))
 }

@@ -1,0 +1,21 @@
+//! `tactnet record` and `tactnet replay` in a build without the feature `recording`.
+
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+use clap::Args;
+use tactnet_models::left_out;
+
+#[derive(Args)]
+pub struct RecordArgs {
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true, hide = true)]
+    _any: Vec<OsString>,
+}
+
+/// The arguments of `tactnet replay`.
+pub type ReplayArgs = RecordArgs;
+
+/// Returns the error that names the missing feature.
+pub fn run(_: &RecordArgs) -> anyhow::Result<ExitCode> {
+    anyhow::bail!(left_out("recording"))
+}
