@@ -1,12 +1,12 @@
-//! Trains networks for some steps, so that what is launched can be counted in CubeCL's log: the lines of a run less those of a shorter one.
+//! Trains networks for some steps, to count kernel launches in CubeCL's log: subtract the lines of a shorter run.
 //!
 //! ```sh
 //! export CUBECL_DEBUG_LOG=/tmp/log CUBECL_DEBUG_OPTION=profile
-//! cargo run -p tactnet-pipeline --features vulkan --example launches -- base 0 6         # one network, as it is trained alone
-//! cargo run -p tactnet-pipeline --features vulkan --example launches -- adversarial 4 6   # four networks at once
+//! cargo run -p tactnet-pipeline --features vulkan --example launches -- base 0 6         # one network alone
+//! cargo run -p tactnet-pipeline --features vulkan --example launches -- adversarial 4 6  # four networks at once
 //! ```
 //!
-//! Arguments: the method, the networks at once (0: alone), the steps.
+//! Arguments: method, number of networks at once (0: alone), number of steps.
 
 use tactnet_data::twin::{TwinConfig, generate};
 use tactnet_data::{Fold, Scheme, Seed};
@@ -25,7 +25,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         "base" => "{ kind = \"base\" }",
         _ => "{ kind = \"adversarial\", alpha = 0.5, epsilon = 4.0 }",
     };
-    // Three blocks, as the thesis's network has, of fewer maps.
+    // Three blocks as in the thesis's network, with fewer maps.
     let recipe = Recipe::parse(
         "small",
         &format!(

@@ -1,4 +1,4 @@
-//! Everything that can go wrong between sweeps and predictions.
+//! Errors of features, training, prediction and run directories.
 
 use std::path::{Path, PathBuf};
 
@@ -8,46 +8,46 @@ use tactnet_models::{ModelError, left_out};
 /// An error of training, prediction or a run directory.
 #[derive(Debug, thiserror::Error)]
 pub enum PipelineError {
-    /// The data set.
+    /// Error of the data set.
     #[error(transparent)]
     Data(#[from] DataError),
-    /// Sweeps that most likely are not what they seem.
+    /// Data that is probably wrong, such as swapped axes.
     #[error("{finding}; {remedy}")]
     Doubtful {
-        /// What is odd about them.
+        /// Description of the suspicious property.
         finding: String,
         /// How to go on all the same.
         remedy: &'static str,
     },
-    /// The network.
+    /// Error of a model.
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// The operating system refused.
+    /// Error of the operating system.
     #[error("{}: cannot {action}: {source}", path.display())]
     Io {
-        /// The file in question.
+        /// Path of the file.
         path: PathBuf,
-        /// What was attempted.
+        /// Attempted action, as a verb phrase: "write".
         action: &'static str,
-        /// What the system said.
+        /// Error of the system.
         source: std::io::Error,
     },
-    /// Neither a built-in recipe nor a file.
+    /// Name of a recipe that is neither built in nor a file.
     #[error(
         "recipe `{name}`: no such file and no such recipe; recipes that ship with tactnet: {known}"
     )]
     UnknownRecipe {
-        /// What was asked for.
+        /// Name that was given.
         name: String,
-        /// What there is.
+        /// Known names, as text.
         known: String,
     },
-    /// A recipe that cannot be used.
+    /// Invalid recipe.
     #[error("recipe {origin}: {reason}")]
     Recipe {
         /// Its name or path.
         origin: String,
-        /// What is wrong with it.
+        /// Reason why it is invalid.
         reason: String,
     },
     /// A training that cannot be done as it was asked for.
@@ -55,99 +55,99 @@ pub enum PipelineError {
     Spec {
         /// The setting, as on the command line without dashes.
         setting: &'static str,
-        /// What could be done.
+        /// Valid values.
         expected: String,
-        /// What was asked for.
+        /// Value that was given.
         found: String,
     },
-    /// A run directory that does not hold what is needed.
+    /// Run directory that is incomplete or does not match.
     #[error("{}: {reason}", path.display())]
     Run {
-        /// The directory, or the file in it.
+        /// Path of the directory or of the file in it.
         path: PathBuf,
-        /// What is wrong, and what would be right.
+        /// Expected and found content.
         reason: String,
     },
-    /// Sweeps that do not fit the classifier.
+    /// Sweeps that do not match the classifier.
     #[error("{item}: the classifier expects {expected}, the data set has {found}")]
     Incompatible {
-        /// What differs.
+        /// Property that differs.
         item: String,
-        /// What the classifier was trained on.
+        /// Value in the classifier's training data.
         expected: String,
-        /// What came.
+        /// Value in the data set.
         found: String,
     },
-    /// Too few sweeps for thresholds that keep their rates.
+    /// Too few sweeps for calibrated thresholds at the requested rates.
     #[error(
         "calibration: {false_alarms_percent} % false alarms and {coverage_percent} % coverage need at least {needed} sweeps set aside, a fifth of \
          the training sweeps are {found}; {remedy}"
     )]
     TooFewSetAside {
-        /// Sweeps that would do.
+        /// Number of sweeps needed.
         needed: usize,
-        /// Asked for.
+        /// Requested share of false alarms, in percent.
         false_alarms_percent: f64,
-        /// Asked for.
+        /// Requested coverage of prediction sets, in percent.
         coverage_percent: f64,
-        /// Sweeps that there are.
+        /// Number of sweeps set aside.
         found: usize,
         /// What can be done.
         remedy: String,
     },
-    /// A material that cannot be added.
+    /// Material that cannot be enrolled.
     #[error("material `{material}`: {reason}")]
     Enroll {
-        /// Its name.
+        /// Name of the material.
         material: String,
-        /// Why not.
+        /// Reason why it cannot be enrolled.
         reason: String,
     },
-    /// A form of the network that this program was built without.
+    /// Runtime that this build lacks.
     #[error("{}", left_out(runtime))]
     NoRuntime {
-        /// Its name, which is that of the cargo feature.
+        /// Name of the runtime, which is also the cargo feature.
         runtime: &'static str,
     },
-    /// Another form of the network that cannot be made or run.
+    /// Failure of another runtime.
     #[error("{runtime}: {reason}")]
     Runtime {
-        /// Its name.
+        /// Name of the runtime.
         runtime: &'static str,
-        /// What it said.
+        /// Message of the runtime.
         reason: String,
     },
-    /// The loss or a weight is no number any more.
+    /// A loss or weight that is not finite.
     #[error(
         "{what} is not finite in epoch {epoch}, batch {batch}; try a lower learning rate or another scaling"
     )]
     NotFinite {
-        /// "loss" or the name of a weight.
+        /// "loss", or the name of the weight.
         what: String,
         /// Epoch, counted from 1.
         epoch: usize,
         /// Batch, counted from 1.
         batch: usize,
     },
-    /// Burn could not store or restore the optimiser's state.
+    /// Burn's error while storing or restoring the state of the optimiser.
     #[error("optimiser state: {0}")]
     Optimizer(String),
 }
 
-/// A setting of a recipe that is out of range.
+/// Setting of a recipe that is out of range.
 #[derive(Debug, thiserror::Error)]
 #[error("`{setting}`: expected {expected}, found {found}")]
 pub(crate) struct InvalidSetting {
-    /// Its path in the recipe.
+    /// Path of the setting in the recipe.
     pub setting: &'static str,
-    /// What it may be.
+    /// Valid values.
     pub expected: &'static str,
-    /// What it is.
+    /// Value that was given.
     pub found: String,
 }
 
 impl PipelineError {
-    /// Returns true if another call would succeed: the mistake is in what was asked for or in what was handed over, not in the machine.
+    /// Returns true if the caller can fix the error, because the request or its data is at fault and not the machine.
     pub fn is_usage(&self) -> bool {
         match self {
             Self::Data(error) => error.is_usage(),

@@ -1,4 +1,4 @@
-//! Sweeps to predictions.
+//! From sweeps to predictions: features, training, evaluation, run directories.
 //!
 //! ```text
 //! TrainSplit ─> Normalizer ─> Training (step by step) ─> RunDir ─> Classifier ─> Predictions ─> Evaluation
@@ -6,16 +6,16 @@
 //!
 //! | room | content |
 //! |---|---|
-//! | `spec` | what is trained on what, shared by command line, plans and child processes |
-//! | `features` | scaling, augmentation, the features of baselines |
-//! | `network` | the training of networks, embeddings, novelty |
-//! | `baseline` | features and a classical classifier |
-//! | `predict` | classifiers, offline and online, their predictions, and how good those are |
-//! | `run` | run directories, and the session that fills one |
-//! | `export` | networks for other programs |
+//! | `spec` | settings of one training, shared by command line, plans and child processes |
+//! | `features` | scaling, augmentation and the features of baselines |
+//! | `network` | training of networks, embeddings, novelty scores |
+//! | `baseline` | features followed by a classical classifier |
+//! | `predict` | offline and online classifiers, predictions, evaluations |
+//! | `run` | run directories and the session that fills one |
+//! | `export` | ONNX and safetensors files for other programs |
 //!
-//! Only a [`tactnet_data::TrainSplit`] can be fitted to; any view can be predicted. A [`Training`] does one batch at a
-//! time and can be stopped anywhere: every random choice is named by seed, epoch and batch.
+//! Only a [`tactnet_data::TrainSplit`] can be fitted to; any view can be predicted. A [`Training`] runs one batch per call and can
+//! stop after any of them, because every random choice is derived from seed, epoch and batch.
 
 mod baseline;
 mod error;

@@ -1,4 +1,4 @@
-//! Recipes of every kind of model, by name or from a file.
+//! Recipes of all kinds of models, by name or from a file.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use tactnet_data::known_names;
 
 use crate::{BaselineRecipe, MeanRemoval, PipelineError, PredictionMethod, Recipe};
 
-/// Recipes of baselines that ship with the binary, by name.
+/// Names and TOML of the built-in recipes of baselines.
 const BASELINES: [(&str, &str); 9] = [
     ("means", include_str!("../recipes/means.toml")),
     ("knn-l", include_str!("../recipes/knn-l.toml")),
@@ -23,10 +23,10 @@ const BASELINES: [(&str, &str); 9] = [
     ),
 ];
 
-/// How a classifier of any kind comes about.
+/// Recipe of any kind of model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum ModelRecipe {
-    /// TactNet-II.
+    /// A network: TactNet-II or the spectral network.
     #[serde(rename = "tactnet2")]
     Network(Recipe),
     /// Features and a classical classifier.
@@ -35,15 +35,15 @@ pub enum ModelRecipe {
 }
 
 impl ModelRecipe {
-    /// Names of all recipes that ship with the binary.
+    /// Returns the names of all built-in recipes.
     pub fn built_in_names() -> impl Iterator<Item = &'static str> {
         Recipe::built_in_names().chain(BASELINES.iter().map(|(name, _)| *name))
     }
 
-    /// Returns the TOML of a recipe that ships with the binary, with its comments.
+    /// Returns the TOML of a built-in recipe, including its comments.
     ///
     /// # Errors
-    /// No such name.
+    /// An unknown name.
     pub fn built_in_text(name: &str) -> Result<&'static str, PipelineError> {
         let baselines = BASELINES.iter().copied();
         baselines
@@ -55,10 +55,10 @@ impl ModelRecipe {
             })
     }
 
-    /// Loads a built-in recipe by name, or a file.
+    /// Loads a built-in recipe by name, or a recipe file.
     ///
     /// # Errors
-    /// Neither a known name nor a readable file; TOML that does not parse; a setting out of range.
+    /// An unknown name that is not a readable file either; invalid TOML; a setting out of range.
     pub fn load(name_or_path: &str) -> Result<Self, PipelineError> {
         if let Some((name, text)) = BASELINES.iter().find(|(name, _)| *name == name_or_path) {
             return Self::parse(name, text);
@@ -68,7 +68,7 @@ impl ModelRecipe {
         }
         let path = Path::new(name_or_path);
         if !path.exists() {
-            // `tactnet2` is the model's name on the command line.
+            // `tactnet2` is the name of the model, not of a recipe.
             let meant = match name_or_path {
                 "tactnet2" => "fast",
                 other => other,
@@ -83,10 +83,10 @@ impl ModelRecipe {
         Self::parse(name_or_path, &text)
     }
 
-    /// Parses and checks TOML: with a key `features` a baseline, else a network. `origin` stands in the messages.
+    /// Parses and validates TOML: a baseline if it has the key `features`, else a network. Error messages name `origin`.
     ///
     /// # Errors
-    /// TOML that does not parse, unknown fields, a setting out of range.
+    /// Invalid TOML; an unknown field; a setting out of range.
     pub fn parse(origin: &str, text: &str) -> Result<Self, PipelineError> {
         let refused = |reason: String| PipelineError::Recipe {
             origin: origin.into(),
@@ -114,11 +114,11 @@ impl ModelRecipe {
         }
     }
 
-    /// Returns a material of which there are too few training sweeps for this recipe, and how many it takes; `None` where there are enough.
+    /// Returns a material that has too few training sweeps for this recipe and the number needed; `None` if all have enough.
     ///
-    /// Networks learn from one sweep of each; a baseline that chooses settings or calibrates on a part of them takes two.
+    /// Networks need one sweep of each material. A baseline that selects settings or calibrates on a part of the sweeps needs two.
     ///
-    /// - `counts`: training sweeps of every material
+    /// - `counts`: number of training sweeps of each material
     pub fn starved(&self, counts: &[usize]) -> Option<(usize, usize)> {
         match self {
             Self::Network(_) => None,
@@ -126,9 +126,9 @@ impl ModelRecipe {
         }
     }
 
-    /// Returns the names of built-in `models` that can learn from as many training sweeps of every material.
+    /// Returns the built-in `models` that can be trained with these numbers of sweeps.
     ///
-    /// - `counts`: training sweeps of every material
+    /// - `counts`: number of training sweeps of each material
     pub fn not_starved<'a>(
         models: impl IntoIterator<Item = &'a str>,
         counts: &[usize],
@@ -138,7 +138,7 @@ impl ModelRecipe {
         models.into_iter().filter(can).collect()
     }
 
-    /// How a classifier of this recipe predicts unless told otherwise.
+    /// Returns the default prediction method of a classifier of this recipe.
     pub fn method(&self) -> PredictionMethod {
         match self {
             Self::Network(recipe) => recipe.prediction.method,
@@ -146,7 +146,7 @@ impl ModelRecipe {
         }
     }
 
-    /// Returns what happens to the mean of each taxel over a sweep.
+    /// Returns the removal of each taxel's mean over a sweep.
     pub fn levels(&self) -> MeanRemoval {
         match self {
             Self::Network(recipe) => recipe.input.levels,
@@ -154,7 +154,7 @@ impl ModelRecipe {
         }
     }
 
-    /// The same recipe with other levels.
+    /// Returns the recipe with another removal of means.
     pub fn with_levels(mut self, levels: MeanRemoval) -> Self {
         match &mut self {
             Self::Network(recipe) => recipe.input.levels = levels,
@@ -163,10 +163,10 @@ impl ModelRecipe {
         self
     }
 
-    /// The recipe as TOML.
+    /// Returns the recipe as TOML.
     ///
     /// # Panics
-    /// Never: every recipe can be written as TOML.
+    /// Never: every recipe can be serialised as TOML.
     pub fn to_toml(&self) -> String {
         match self {
             Self::Network(recipe) => recipe.to_toml(),

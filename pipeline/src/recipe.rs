@@ -1,4 +1,4 @@
-//! A recipe: everything that decides how a classifier is trained and how it predicts, as one TOML file.
+//! Recipes of networks: TOML files with all settings of training and prediction.
 
 use std::path::Path;
 
@@ -9,39 +9,39 @@ use tactnet_models::Architecture;
 use crate::error::InvalidSetting;
 use crate::{Augmentation, MeanRemoval, PipelineError, Scaling};
 
-/// Recipes that ship with the binary, by name.
+/// Names and TOML of the built-in recipes.
 const BUILT_IN: [(&str, &str); 3] = [
     ("fast", include_str!("../recipes/fast.toml")),
     ("spectra", include_str!("../recipes/spectra.toml")),
     ("thesis", include_str!("../recipes/thesis.toml")),
 ];
 
-/// How a classifier comes about.
+/// All settings from which a network is trained and with which it predicts.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Recipe {
-    /// What people call it.
+    /// Name of the recipe.
     pub name: String,
     /// Layers of the network.
     #[serde(default)]
     pub network: Architecture,
-    /// What happens to the digits before the network sees them.
+    /// Preprocessing of the digits.
     #[serde(default)]
     pub input: Input,
-    /// The optimisation.
+    /// Settings of the optimisation.
     pub training: TrainingSettings,
-    /// How the trained network is asked.
+    /// Settings of the prediction.
     #[serde(default)]
     pub prediction: Prediction,
 }
 
-/// What happens to the digits before the network sees them.
+/// Preprocessing of the digits before they enter the network.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Input {
     /// See [`Scaling`].
     pub scaling: Scaling,
-    /// What happens to the mean of each taxel over a sweep.
+    /// Removal of each taxel's mean over a sweep.
     #[serde(skip_serializing_if = "MeanRemoval::is_none")]
     pub levels: MeanRemoval,
 }
@@ -52,43 +52,45 @@ pub struct Input {
 pub struct TrainingSettings {
     /// Passes over the training sweeps.
     pub epochs: usize,
-    /// Steps of the optimiser that a training takes at least: with few sweeps, epochs are added.
+    /// Minimum number of optimiser steps; few sweeps get more epochs to reach it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub least_steps: Option<usize>,
-    /// Sweeps in a batch, at most; batches of one epoch differ by one sweep at most.
+    /// Maximum number of sweeps in a batch. The batches of an epoch differ by at most one sweep.
     pub batch: usize,
-    /// Learning rate of the first epoch; the highest one where `one_cycle` is set.
+    /// Learning rate of the first epoch; with `one_cycle`, the highest rate.
     pub learning_rate: f64,
-    /// Where the learning rate falls.
+    /// Epochs after which the learning rate falls.
     #[serde(default)]
     pub learning_rate_drops: Vec<LearningRateDrop>,
-    /// Lets the learning rate rise and fall once over the whole training instead.
+    /// One-cycle schedule, which replaces the drops.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub one_cycle: Option<OneCycle>,
-    /// L2 penalty: `l2 * parameter` is added to a parameter's gradient, before Adam.
+    /// L2 penalty. `l2 * parameter` is added to each penalised parameter's gradient before Adam.
     #[serde(default)]
     pub l2: f64,
-    /// Which parameters it is on.
+    /// Parameters with an L2 penalty.
     #[serde(default, skip_serializing_if = "is_default")]
     pub l2_on: PenalizedParameters,
-    /// Changes the training sweeps anew in every epoch.
+    /// Random changes of the training sweeps, drawn anew in every epoch.
     #[serde(default, skip_serializing_if = "Augmentation::is_none")]
     pub augmentation: Augmentation,
-    /// The loss.
+    /// Loss.
     pub method: TrainingMethod,
 }
 
-/// One-cycle learning rate, batch by batch: half a cosine from 1/25 of the highest rate up to it during `warm_up` of the training, then
-/// half a cosine down to 1/10000 of where it began (Smith & Topin, 2019; the constants are those of PyTorch's `OneCycleLR`).
+/// One-cycle learning rate, updated after each batch (Smith & Topin, 2019; constants of PyTorch's `OneCycleLR`).
+///
+/// The rate rises along half a cosine from 1/25 of the highest rate to the highest rate during `warm_up`, then falls along half a cosine to
+/// 1/10000 of the initial rate.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OneCycle {
-    /// Share of the training in which the rate rises, in `(0, 1)`.
+    /// Share of the training during which the rate rises, in `(0, 1)`.
     pub warm_up: f64,
 }
 
 impl OneCycle {
-    /// Factor on the highest rate after `progress` of the training, 0 to 1.
+    /// Returns the factor on the highest rate at `progress`, 0 to 1.
     fn factor(self, progress: f64) -> f64 {
         let first = 1.0 / 25.0;
         let half_cosine = |from: f64, to: f64, share: f64| {
@@ -103,17 +105,17 @@ impl OneCycle {
     }
 }
 
-/// After `after_epoch` epochs the learning rate is multiplied by `factor`.
+/// Drop of the learning rate by a factor.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LearningRateDrop {
-    /// Number of epochs at the former rate.
+    /// Number of epochs before the drop.
     pub after_epoch: usize,
-    /// Factor, above 0.
+    /// Factor on the learning rate, above 0.
     pub factor: f64,
 }
 
-/// The loss that is minimised.
+/// Loss that training minimises.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum TrainingMethod {
@@ -123,7 +125,7 @@ pub enum TrainingMethod {
     Adversarial {
         /// Weight of the clean loss, 0 to 1.
         alpha: f64,
-        /// Size of the perturbation, digits: what the sensor would have to read differently, however sweeps are scaled.
+        /// Size of the perturbation in digits of the sensor, whatever the scaling.
         epsilon: f64,
         /// See [`AdversarialStatistics`].
         #[serde(default, skip_serializing_if = "is_default")]
@@ -141,51 +143,51 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 
-/// Which parameters an L2 penalty is on. The papers do not say.
+/// Parameters that an L2 penalty applies to. The papers do not specify them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PenalizedParameters {
     /// All, as PyTorch's optimisers do.
     #[default]
     All,
-    /// Weights of convolutions and dense layers; neither biases nor batch normalisation.
+    /// Weights of convolutions and dense layers, without biases and batch normalisation.
     Weights,
 }
 
-/// Which passes the running statistics of batch normalisation follow. The papers do not say.
+/// Passes that update the running statistics of batch normalisation. The papers do not specify them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum AdversarialStatistics {
-    /// The clean one: prediction sees clean sweeps.
+    /// The clean pass only, since prediction sees clean sweeps.
     #[default]
     Clean,
-    /// The clean one, then the adversarial one, as where both are run through one layer.
+    /// The clean pass, then the adversarial pass, as if both ran through one layer.
     Both,
 }
 
-/// Which units the adversarial pass drops. The papers do not say.
+/// Dropout mask of the adversarial pass. The papers do not specify it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum AdversarialMask {
-    /// Others than the clean pass.
+    /// A mask drawn separately from the clean pass.
     #[default]
     Own,
-    /// The same.
+    /// The mask of the clean pass.
     Shared,
 }
 
-/// Whose loss the perturbation raises.
+/// Label whose loss the perturbation increases.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum AttackedLabel {
-    /// The sweep's own material, as published. The network may learn to read the label off the perturbation (Kurakin et al., 2017).
+    /// The sweep's own material, as published. The network may learn to read the label from the perturbation (Kurakin et al., 2017).
     #[default]
     True,
-    /// The material that the network takes for the most probable; costs another forward and backward pass.
+    /// The material with the highest predicted probability; costs another forward and backward pass.
     Predicted,
 }
 
-/// How the trained network is asked.
+/// Settings of the prediction.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Prediction {
@@ -193,7 +195,7 @@ pub struct Prediction {
     pub method: PredictionMethod,
 }
 
-/// How probabilities are computed. Sorted by their names, as files have them.
+/// Method that computes probabilities. The order of the variants is that of their names in files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum PredictionMethod {
@@ -209,7 +211,7 @@ pub enum PredictionMethod {
 }
 
 impl PredictionMethod {
-    /// Its name in results: `plain` or `mc_dropout`.
+    /// Returns the name in results: `plain` or `mc_dropout`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Plain => "plain",
@@ -217,7 +219,7 @@ impl PredictionMethod {
         }
     }
 
-    /// Its name for people.
+    /// Returns the name for readers.
     pub fn title(self) -> &'static str {
         match self {
             Self::Plain => "without dropout",
@@ -225,7 +227,7 @@ impl PredictionMethod {
         }
     }
 
-    /// Number of Monte Carlo passes, or `otherwise` for a plain prediction.
+    /// Returns the number of Monte Carlo passes, or `otherwise` for a plain prediction.
     pub fn mc_samples_or(self, otherwise: usize) -> usize {
         match self {
             Self::Plain => otherwise,
@@ -235,20 +237,20 @@ impl PredictionMethod {
 }
 
 impl Recipe {
-    /// Names of the recipes that ship with the binary.
+    /// Returns the names of the built-in recipes.
     pub fn built_in_names() -> impl Iterator<Item = &'static str> {
         BUILT_IN.iter().map(|(name, _)| *name)
     }
 
-    /// Names and TOML of the recipes that ship with the binary.
+    /// Returns names and TOML of the built-in recipes.
     pub(crate) fn built_in_texts() -> impl Iterator<Item = (&'static str, &'static str)> {
         BUILT_IN.iter().copied()
     }
 
-    /// Loads a built-in recipe by name, or a file.
+    /// Loads a built-in recipe by name, or a recipe file.
     ///
     /// # Errors
-    /// Neither a known name nor a readable file; TOML that does not parse; a setting out of range.
+    /// An unknown name that is not a readable file either; invalid TOML; a setting out of range.
     pub fn load(name_or_path: &str) -> Result<Self, PipelineError> {
         if let Some((name, text)) = BUILT_IN.iter().find(|(name, _)| *name == name_or_path) {
             return Self::parse(name, text);
@@ -265,10 +267,10 @@ impl Recipe {
         Self::parse(name_or_path, &text)
     }
 
-    /// Parses and checks TOML; `origin` stands in the messages.
+    /// Parses and validates TOML; error messages name `origin`.
     ///
     /// # Errors
-    /// TOML that does not parse, unknown fields, a setting out of range.
+    /// Invalid TOML; an unknown field; a setting out of range.
     pub fn parse(origin: &str, text: &str) -> Result<Self, PipelineError> {
         let recipe: Self = toml::from_str(text).map_err(|error| PipelineError::Recipe {
             origin: origin.into(),
@@ -283,16 +285,16 @@ impl Recipe {
         }
     }
 
-    /// The recipe as TOML.
+    /// Returns the recipe as TOML.
     ///
     /// # Panics
-    /// Never: every recipe can be written as TOML.
+    /// Never: every recipe can be serialised as TOML.
     pub fn to_toml(&self) -> String {
         toml::to_string(self)
             .unwrap_or_else(|error| panic!("a recipe is always valid TOML: {error}"))
     }
 
-    /// Returns the recipe for so many training sweeps: with the epochs that its least number of steps takes.
+    /// Returns a copy for `sweeps` training sweeps, with enough epochs for the minimum number of steps.
     #[must_use]
     pub fn for_sweeps(&self, sweeps: usize) -> Self {
         let mut recipe = self.clone();
@@ -304,7 +306,7 @@ impl Recipe {
         recipe
     }
 
-    /// Learning rate of batch `batch` of `batches` in `epoch`, both counted from 0.
+    /// Returns the learning rate of batch `batch` of `batches` in `epoch`, both counted from 0.
     pub fn learning_rate(&self, epoch: usize, batch: usize, batches: usize) -> f64 {
         let training = &self.training;
         if let Some(cycle) = training.one_cycle {
@@ -400,7 +402,7 @@ mod tests {
         let fast = Recipe::load("fast").unwrap();
         let epochs = |sweeps| fast.for_sweeps(sweeps).training.epochs;
         assert_eq!((epochs(2880), epochs(1000)), (12, 12));
-        // 3 batches, and one.
+        // 96 sweeps give 3 batches per epoch, 20 sweeps give one.
         assert_eq!((epochs(96), epochs(20)), (100, 300));
         assert_eq!(fast.for_sweeps(20).training.least_steps, None);
         let thesis = Recipe::load("thesis").unwrap();

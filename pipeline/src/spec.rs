@@ -1,4 +1,4 @@
-//! What is trained on what: the settings that the command line, an experiment's plan and a child process share.
+//! Settings of one training, shared by the command line, the plans of experiments and child processes.
 
 use std::fmt;
 use std::path::Path;
@@ -9,62 +9,62 @@ use tactnet_models::Compute;
 
 use crate::{CalibrationTarget, Device, LabelOrder, MeanRemoval, ModelRecipe, PipelineError};
 
-/// One training, as it is asked for.
+/// Settings of one training, not yet validated.
 ///
-/// As JSON or TOML every field may be absent; [`TrainSpec::default`] then says what is trained. As text it is the call of `tactnet train`
-/// that leads to the same run, paths as they were given. Nothing here is checked: that is what turning it into a [`TrainJob`] does.
+/// As JSON or TOML every field may be absent and then has the value of [`TrainSpec::default`]. Converting the settings into a [`TrainJob`]
+/// validates them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrainSpec {
-    /// `twin`, or the data set's file.
+    /// Path of the data set, or `twin`.
     pub data: String,
-    /// Built-in name or file of the recipe, of a network or of a baseline.
+    /// Name of a built-in recipe, or path of a recipe file.
     pub recipe: String,
-    /// What happens to the mean of each taxel over a sweep; absent: as the recipe says.
+    /// Removal of each taxel's mean over a sweep; absent: the recipe's.
     #[serde(rename = "levels", skip_serializing_if = "Option::is_none")]
     pub mean_removal: Option<MeanRemoval>,
-    /// Frames per second, for data that does not say; absent: what the data says, or assumed.
+    /// Sample rate in frames per second, for data that does not name it; absent: the data's own rate, or an assumed one.
     #[serde(rename = "rate", skip_serializing_if = "Option::is_none")]
     pub rate_hz: Option<f64>,
-    /// Time steps kept of every sweep, from its beginning; absent: all.
+    /// Number of time steps kept from the beginning of every sweep; absent: all.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub steps: Option<usize>,
-    /// Whose labels the sweeps have.
+    /// Order of the labels: as in the data set, or permuted at random.
     #[serde(skip_serializing_if = "is_default")]
     pub label_order: LabelOrder,
-    /// How the sweeps are split; absent: k-fold if a fold is named, else the data set's own test sweeps, else k-fold.
+    /// Split into training and test sweeps; absent: k-fold if a fold is set, else the data set's own test sweeps, else k-fold.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub split: Option<SplitKind>,
-    /// Parts of a k-fold split; absent: 5, or as many as the material with the fewest sweeps has.
+    /// Number of folds of a k-fold split; absent: 5, or the sweep count of the smallest material if that is fewer.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub folds: Option<usize>,
-    /// Fold that is tested on, counted from 0; absent: 0.
+    /// Index of the fold that is tested on, from 0; absent: 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fold: Option<usize>,
-    /// Repeat of the cross-validation, counted from 0.
+    /// Index of the repeat of the cross-validation, from 0.
     #[serde(skip_serializing_if = "is_default")]
     pub repeat: usize,
-    /// Part of the training sweeps that is tested on instead of the test sweeps, counted from 0; absent: the test sweeps are.
+    /// Index of the part of the training sweeps that replaces the test sweeps, from 0; absent: the test sweeps are used.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub inner: Option<usize>,
-    /// What a fifth of the training sweeps is set aside for; absent: all are trained on.
+    /// Rates for which a fifth of the training sweeps is set aside to calibrate; absent: no calibration.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub calibration: Option<CalibrationTarget>,
-    /// The accuracy on the test sweeps is noted after every epoch of a network; nothing is chosen by it.
+    /// True if the test accuracy is recorded after every epoch of a network. Nothing is chosen by it.
     #[serde(skip_serializing_if = "is_default")]
     pub watch_test: bool,
-    /// Names every random choice.
+    /// Seed of every random choice.
     pub seed: Seed,
-    /// Passes over the training sweeps; absent: as the recipe says.
+    /// Passes over the training sweeps; absent: the recipe's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub epochs: Option<usize>,
-    /// Where tensors live.
+    /// Compute device.
     #[serde(skip_serializing_if = "is_default")]
     pub device: Compute,
 }
 
 impl Default for TrainSpec {
-    /// The fast recipe on the twin, seed 1.
+    /// Returns the settings for the `fast` recipe on the twin with seed 1.
     fn default() -> Self {
         Self {
             data: "twin".into(),
@@ -91,25 +91,25 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 
-/// The ways to split a data set that can be asked for by name; a [`Scheme`] with the published number of folds and repeats.
+/// Named ways to split a data set: each is a [`Scheme`] with the published number of folds and repeats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SplitKind {
-    /// Stratified folds.
+    /// Stratified k-fold cross-validation.
     #[default]
     KFold,
-    /// A fifth of every material's sweeps, drawn at random.
+    /// A fifth of every material's sweeps is tested on, drawn at random.
     HoldOut,
-    /// The author's own test sweeps.
+    /// The test sweeps that the data set names.
     TestFlag,
     /// Fold k tests on the k-th recording block.
     LeaveBlockOut,
-    /// Every sweep trains.
+    /// All sweeps are trained on.
     TrainOnAll,
 }
 
 impl SplitKind {
-    /// Returns its name on the command line and in recipes of experiments.
+    /// Returns the name used in files and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::KFold => "k-fold",
@@ -120,7 +120,7 @@ impl SplitKind {
         }
     }
 
-    /// Returns the scheme that it stands for.
+    /// Returns the scheme for `dataset`.
     fn scheme(self, dataset: &Dataset) -> Scheme {
         match self {
             Self::KFold => Scheme::folds_for(dataset),
@@ -131,7 +131,7 @@ impl SplitKind {
         }
     }
 
-    /// Returns the kind of `scheme`, whatever its numbers.
+    /// Returns the kind of `scheme`, ignoring its numbers of folds and repeats.
     pub fn of(scheme: Scheme) -> Self {
         match scheme {
             Scheme::StratifiedKFold { .. } => Self::KFold,
@@ -144,7 +144,7 @@ impl SplitKind {
 }
 
 impl TrainSpec {
-    /// Returns the scheme by which `dataset` is split.
+    /// Returns the scheme that splits `dataset`.
     pub fn scheme(&self, dataset: &Dataset) -> Scheme {
         let scheme = match (self.split, self.fold, self.folds) {
             (Some(split), _, _) => split.scheme(dataset),
@@ -159,7 +159,7 @@ impl TrainSpec {
         }
     }
 
-    /// Returns the same with the file names of data set and recipe only, for results that others read.
+    /// Returns a copy whose paths of data set and recipe are reduced to file names, for published results.
     pub fn without_folders(mut self) -> Self {
         for path in [&mut self.data, &mut self.recipe] {
             if let Some(name) = Path::new(path.as_str()).file_name() {
@@ -221,7 +221,7 @@ impl fmt::Display for TrainSpec {
     }
 }
 
-/// Returns a word as a shell reads it: in single quotes unless it has letters, digits and `-_./:,+@=` alone.
+/// Returns `word` quoted for a POSIX shell: in single quotes unless it consists of letters, digits and `-_./:,+@=`.
 pub fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_alphanumeric() || "-_./:,+@=".contains(c);
     if !word.is_empty() && word.chars().all(plain) {
@@ -231,7 +231,7 @@ pub fn quoted(word: &str) -> String {
     }
 }
 
-/// A training that can begin: its recipe is loaded, with `levels` and `epochs` of the spec in it, and its device is open.
+/// Validated settings of one training, with the recipe loaded and the device open. The recipe includes the settings' `levels` and `epochs`.
 #[derive(Debug, Clone)]
 pub struct TrainJob {
     spec: TrainSpec,
@@ -240,12 +240,12 @@ pub struct TrainJob {
 }
 
 impl TrainJob {
-    /// Returns the spec that the job was made from.
+    /// Returns the settings from which the job was made.
     pub fn spec(&self) -> &TrainSpec {
         &self.spec
     }
 
-    /// Returns how the classifier comes about.
+    /// Returns the recipe of the classifier.
     pub fn recipe(&self) -> &ModelRecipe {
         &self.recipe
     }
@@ -260,8 +260,7 @@ impl TryFrom<TrainSpec> for TrainJob {
     type Error = PipelineError;
 
     /// # Errors
-    /// A recipe that is not there or cannot be used; epochs or a calibration for a baseline; a number out of range; a device that this
-    /// program was built without.
+    /// An unknown or invalid recipe; epochs or a calibration for a baseline; a number out of range; a device that this build lacks.
     fn try_from(spec: TrainSpec) -> Result<Self, PipelineError> {
         let refused = |setting: &'static str, expected: &str, found: String| PipelineError::Spec {
             setting,

@@ -1,4 +1,4 @@
-//! Networks that a GPU trains at once against each of them alone.
+//! Networks trained at once on a GPU, compared with each of them trained alone.
 #![cfg(feature = "vulkan")]
 #![allow(clippy::unwrap_used)]
 
@@ -23,7 +23,7 @@ fn recipe(method: &str) -> Recipe {
     Recipe::parse("small", &text).unwrap()
 }
 
-/// Seven sweeps of each of three materials: folds have 16 or 17 training sweeps, two batches of 8 or three of 5 and 6.
+/// Seven sweeps of each of three materials: folds have 16 or 17 training sweeps, so two batches of 8 or three of 5 and 6.
 fn twin() -> Dataset {
     generate(&TwinConfig {
         materials: 3,
@@ -34,7 +34,7 @@ fn twin() -> Dataset {
     .unwrap()
 }
 
-/// Three folds of one data set, each with a seed of its own.
+/// Three folds of one data set, each with a different seed.
 struct Folds<'a> {
     recipe: Recipe,
     folds: Vec<Fold<'a>>,
@@ -83,7 +83,7 @@ fn begun<'a>(members: &[StackMember<'a>]) -> StackedTraining<'a> {
     StackedTraining::start(members.to_vec(), states, &device()).unwrap()
 }
 
-/// Takes `steps`, and returns the reports of epochs that ended, of each network.
+/// Takes `steps` steps and returns the reports at the ends of epochs, for each network.
 fn advance(training: &mut StackedTraining<'_>, steps: usize) -> Vec<Vec<BatchReport>> {
     let mut reports: Vec<Vec<BatchReport>> = vec![Vec::new(); training.len()];
     for _ in 0..steps {
@@ -99,7 +99,7 @@ fn states(training: &mut StackedTraining<'_>) -> Vec<TrainingState> {
     states.map(Result::unwrap).collect()
 }
 
-/// Largest distance of a tensor from another, in the 2-norm, relative.
+/// Returns the largest relative distance of a tensor from the expected one, in the 2-norm.
 fn apart(found: &Weights, expected: &Weights) -> f64 {
     assert_eq!(found.0.len(), expected.0.len());
     let tensors = found.0.iter().map(|(name, tensor)| {
@@ -113,7 +113,7 @@ fn apart(found: &Weights, expected: &Weights) -> f64 {
     tensors.fold(0.0, f64::max)
 }
 
-/// Ten steps alone, as networks are trained one by one.
+/// Trains a network alone for ten steps.
 fn alone(member: &StackMember<'_>) -> (Vec<BatchReport>, TrainingState) {
     let mut training = Training::start(
         member.recipe,
@@ -135,7 +135,7 @@ fn alone(member: &StackMember<'_>) -> (Vec<BatchReport>, TrainingState) {
     (reports, training.state().unwrap())
 }
 
-/// One process for all: each would have the driver compile the same kernels.
+/// Runs all checks in one process, so that the driver compiles the kernels once.
 #[test]
 fn networks_train_together_as_each_does_alone() {
     for (method, tolerance) in [(PLAIN, 2e-3), (ATTACKED, 2e-2), (BOTH, 2e-2)] {
@@ -146,8 +146,8 @@ fn networks_train_together_as_each_does_alone() {
     networks_end_with_their_own_last_epoch();
 }
 
-/// - `tolerance`: of weights after ten steps; gradients near zero change their sign where sums are rounded otherwise, and Adam's first steps
-///   are as large for small gradients as for large ones
+/// - `tolerance`: tolerance of weights after ten steps. Rounding changes the signs of gradients near zero, and Adam's first steps are as large for
+///   small gradients as for large ones
 fn trains_as_alone(method: &str, tolerance: f64) {
     let twin = twin();
     let folds = Folds::of(&twin, method);

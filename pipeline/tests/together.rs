@@ -1,4 +1,4 @@
-//! Run directories whose networks a GPU trains at once.
+//! Run directories whose networks are trained at once on a GPU.
 #![cfg(feature = "vulkan")]
 #![allow(clippy::unwrap_used)]
 
@@ -28,7 +28,7 @@ fn program() -> Provenance {
     Provenance::of_this_process("0", "test")
 }
 
-/// Three folds of different sizes, each in a folder of its own below `into`.
+/// Begins runs of three folds of different sizes in separate folders below `into`.
 fn begin(folder: &Path, into: &str, device: Compute) -> Vec<Session> {
     let [data, recipe] = ["twin.h5", "small.toml"].map(|name| folder.join(name));
     if !data.exists() {
@@ -115,7 +115,7 @@ fn folds_train_together_and_an_interrupted_stack_ends_with_the_same_bits() {
             steps.set(steps.get() + usize::from(is_batch));
         };
         rounds += 1;
-        // After about two steps of all.
+        // After about two steps of all networks.
         let ended = train_together(&sessions, Some(3), count, || steps.get() >= 6);
         if finished(&ended) == 3 {
             break;

@@ -1,4 +1,4 @@
-//! How a classical or random-convolution classifier comes about: features, scaling, classifier.
+//! Recipes of baselines: features, scaling, classifier.
 
 use serde::{Deserialize, Serialize};
 use tactnet_models::default_penalties;
@@ -6,66 +6,68 @@ use tactnet_models::default_penalties;
 use crate::error::InvalidSetting;
 use crate::{FeatureSet, MeanRemoval};
 
-/// How a baseline comes about.
+/// All settings from which a baseline is fitted.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BaselineRecipe {
-    /// What people call it.
+    /// Name of the recipe.
     pub name: String,
-    /// What is computed from a sweep.
+    /// Features computed from a sweep.
     pub features: FeatureSet,
-    /// What happens to the mean of each taxel over a sweep.
+    /// Removal of each taxel's mean over a sweep.
     #[serde(default, skip_serializing_if = "MeanRemoval::is_none")]
     pub levels: MeanRemoval,
-    /// What happens to the features.
+    /// Scaling of the features.
     #[serde(default)]
     pub scaling: FeatureScaling,
-    /// What reads them.
+    /// Classifier on the features.
     pub classifier: ClassicalClassifier,
 }
 
-/// What happens to features before a classifier reads them.
+/// Scaling of features before classification.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FeatureScaling {
-    /// Nothing.
+    /// No scaling.
     #[default]
     Raw,
-    /// Mean 0 and standard deviation 1 over the training sweeps (Hydra's features: their own sparse scaling).
+    /// Mean 0 and standard deviation 1 over the training sweeps; Hydra's features have their own sparse scaling.
     Standard,
 }
 
-/// What reads the features. Where a list holds several values, the inner 64/16 split chooses.
+/// Classifier on the features. If a list holds several values, the inner 64/16 split selects one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum ClassicalClassifier {
     /// k nearest neighbours.
     Knn {
-        /// Values of k.
+        /// Candidates for k.
         neighbours: Vec<usize>,
     },
-    /// Support vector machine, one against one, radial basis kernel.
+    /// Support vector machine, one against one, with a radial basis kernel.
     Svm {
-        /// Values of C.
+        /// Candidates for C.
         c: Vec<f64>,
-        /// Values of gamma, in units of one over the number of features.
+        /// Candidates for gamma, in multiples of one over the number of features.
         gamma: Vec<f64>,
     },
     /// Linear discriminant analysis with the shrinkage of Ledoit and Wolf.
     Lda,
-    /// Ridge regression on +1 and -1.
+    /// Ridge regression on targets of +1 and -1.
     Ridge {
-        /// Penalties to choose from by leave-one-out.
+        /// Candidate penalties; leave-one-out selects one.
         #[serde(default = "default_penalties")]
         penalties: Vec<f64>,
     },
 }
 
 impl BaselineRecipe {
-    /// Returns a material with too few training sweeps for this classifier, and how many it takes: settings and calibration take two of every
-    /// material, to fit to and to judge by; a covariance takes two of any; neighbours take as many sweeps as there are to be.
+    /// Returns a material that has too few training sweeps for this classifier and the number needed; `None` if all have enough.
     ///
-    /// - `counts`: training sweeps of every material
+    /// Selecting settings and calibrating need two sweeps of each material: one for fitting, one for evaluation. A covariance needs two sweeps
+    /// of any one material. A fixed k needs k sweeps in total.
+    ///
+    /// - `counts`: number of training sweeps of each material
     pub(crate) fn starved(&self, counts: &[usize]) -> Option<(usize, usize)> {
         let fewest = || (0..counts.len()).min_by_key(|label| counts[*label]);
         match &self.classifier {
@@ -83,8 +85,10 @@ impl BaselineRecipe {
         }
     }
 
+    /// Validates names and ranges.
+    ///
     /// # Errors
-    /// An empty name, a list without values, a value out of range.
+    /// An empty name, an empty list, a value out of range.
     pub(crate) fn validate(&self) -> Result<(), InvalidSetting> {
         let positive =
             |values: &[f64]| !values.is_empty() && values.iter().all(|v| v.is_finite() && *v > 0.0);

@@ -1,4 +1,4 @@
-//! Trained networks for other programs: ONNX, safetensors.
+//! Export of trained networks as ONNX and safetensors.
 
 pub(crate) mod onnx;
 mod properties;

@@ -1,4 +1,4 @@
-//! A classifier as an ONNX file: digits in, log-probabilities out, for any program that has an ONNX runtime.
+//! Export of a network as an ONNX file: digits in, log-probabilities out, for any ONNX runtime.
 //!
 //! ```text
 //! digits [sweeps, steps, taxels] ─ levels, scaling ─ trunk ── features ─┬─────────── head ─> log_probability    [sweeps, materials]
@@ -6,7 +6,8 @@
 //!                                                                                         └> mutual_information [sweeps], nats
 //! ```
 //!
-//! The second line only with [`OnnxInputs::DigitsAndMasks`]. Masks are those of inverted dropout: `1 / keep_probability` or 0. The mean over runs is that of probabilities (thesis, section 4.5.2).
+//! The second row exists only with [`OnnxInputs::DigitsAndMasks`]. A mask value is `1 / keep_probability` or 0 (inverted dropout). Monte Carlo
+//! outputs average probabilities over runs (thesis, section 4.5.2).
 
 mod builder;
 mod convolutions;
@@ -25,16 +26,16 @@ use convolutions::convolutions;
 use message::{Attribute, IR_VERSION, Model, OPSET, OperatorSet, Property, Size, Value};
 use spectral::spectral;
 
-/// What an exported network takes. ONNX has no inputs that may be left out: one with a default is a warning of ONNX Runtime's at every load.
+/// Inputs of an exported network. ONNX has no optional inputs; ONNX Runtime warns at every load of an input with a default.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OnnxInputs {
-    /// Sweeps.
+    /// Sweeps only.
     Digits,
-    /// Sweeps, and dropout masks for Monte Carlo prediction.
+    /// Sweeps and dropout masks for Monte Carlo prediction.
     DigitsAndMasks,
 }
 
-/// What the file says about its use; a test runs the Python as it stands, with the file as `model.onnx`.
+/// Documentation inside the file. A test runs its Python code with the file as `model.onnx`.
 const USE: &str = r#"Which material did the fingertip sweep over? In Python, with onnxruntime and numpy:
 
 import json, numpy, onnxruntime
@@ -42,7 +43,7 @@ session = onnxruntime.InferenceSession("model.onnx")  # this file
 labels = json.loads(session.get_modelmeta().custom_metadata_map["labels"])
 digits = numpy.zeros((1, STEPS, TAXELS), numpy.float32)  # sweeps x steps x taxels, as the skin gives them
 print(labels[session.run(["log_probability"], {"digits": digits})[0][0].argmax()])"#;
-/// The same where there are masks, which the file cannot do without.
+/// Documentation inside a file with masks as mandatory input.
 const USE_WITH_MASKS: &str = r#"Which material did the fingertip sweep over? In Python, with onnxruntime and numpy:
 
 import json, numpy, onnxruntime
@@ -55,7 +56,7 @@ print(labels[session.run(["mc_log_probability"], {"digits": digits, "masks": mas
 A mask has KEPT with probability KEEP in each place, else 0; "mc_log_probability" is that of the mean over runs. "log_probability" is without dropout and takes any masks."#;
 
 impl Builder {
-    /// From features `[sweeps, runs, features]` to log-probabilities `[sweeps, runs, materials]`, all names beginning with `prefix`.
+    /// Adds the layers from features `[sweeps, runs, features]` to log-probabilities `[sweeps, runs, materials]`, with names that begin with `prefix`.
     fn head(&mut self, prefix: &str, features: &str) -> String {
         let name = |step: &str| format!("{prefix}_{step}");
         self.node(
@@ -99,7 +100,7 @@ impl Builder {
         scores
     }
 
-    /// `-sum_k p_k ln p_k` over the last axis, which goes.
+    /// Adds the entropy `-sum_k p_k ln p_k` over the last axis, which is removed.
     fn entropy(&mut self, log_p: &str, axis: i64, output: &str) {
         let name = |step: &str| format!("{output}_{step}");
         self.node("Exp", &[log_p], &name("p"), vec![]);
@@ -114,7 +115,7 @@ impl Builder {
         self.node("Neg", &[&name("sum")], output, vec![]);
     }
 
-    /// From features and `masks` to the scores of Monte Carlo dropout.
+    /// Adds Monte Carlo dropout, from features and `masks` to scores.
     fn monte_carlo(&mut self) {
         self.node("Mul", &["one_run", "masks"], "dropped", vec![]);
         let runs = self.head("mc", "dropped");
@@ -152,12 +153,12 @@ impl Builder {
     }
 }
 
-/// The bytes of an ONNX file.
+/// Returns the bytes of an ONNX file.
 ///
-/// - `about`: goes into its properties, besides labels, rate, window and calibration
+/// - `about`: additional properties besides labels, rate, window and calibration
 ///
 /// # Errors
-/// A classifier that is no network; weights of another one.
+/// A classifier that is not a network; weights of another network.
 pub fn to_onnx(
     config: &ClassifierConfig,
     weights: &Weights,
@@ -167,7 +168,7 @@ pub fn to_onnx(
 ) -> Result<Vec<u8>, PipelineError> {
     let setup = network_setup(config)?;
     let network = config.network_config(setup)?;
-    // Tensors of the sizes that the configuration asks for.
+    // Checks the sizes of the tensors.
     Classifier::new(config.clone(), weights, &Compute::Cpu.open()?)?;
     let mut builder = Builder::default();
     let (steps, taxels) = (config.shape.steps, config.shape.taxels());
@@ -215,7 +216,7 @@ pub fn to_onnx(
         vec![Attribute::int("axis", 1)],
     );
 
-    // Batch normalisation of the dense layer, folded: ONNX's own wants the channels second.
+    // Batch normalisation of the dense layer is folded, since ONNX's operator expects the channels on the second axis.
     let (shape, values) = tensor("hidden.weight")?;
     let hidden = shape[0];
     builder.floats(
@@ -313,7 +314,7 @@ pub fn to_onnx(
     Ok(model.encode_to_vec())
 }
 
-/// `[rows][columns]` to `[columns][rows]`.
+/// Transposes `[rows][columns]` to `[columns][rows]`.
 fn transposed(shape: &[usize], values: &[f32]) -> Vec<f32> {
     let (rows, columns) = (shape[0], shape[1]);
     (0..columns)

@@ -1,13 +1,13 @@
-//! What an exported file says besides its numbers.
+//! Properties of an exported file.
 
 use std::collections::BTreeMap;
 
 use crate::{Calibration, ClassifierConfig, ModelConfig, NetworkSetup, PipelineError};
 
-/// The network of a classifier.
+/// Returns the network settings of a classifier.
 ///
 /// # Errors
-/// A classifier that is no network.
+/// A classifier that is not a network.
 pub(super) fn network_setup(config: &ClassifierConfig) -> Result<&NetworkSetup, PipelineError> {
     match &config.model {
         ModelConfig::Network(setup) => Ok(setup),
@@ -19,7 +19,7 @@ pub(super) fn network_setup(config: &ClassifierConfig) -> Result<&NetworkSetup, 
     }
 }
 
-/// Properties by name that a program needs besides the numbers: labels, rate (and whether it is assumed), window, calibration and `about`. Lists are JSON.
+/// Returns the properties that a program needs besides the weights, by name: labels, rate, window, calibration and `about`. Lists are JSON.
 pub(super) fn properties(
     config: &ClassifierConfig,
     setup: &NetworkSetup,

@@ -1,4 +1,4 @@
-//! A classifier as a safetensors file: weights and scaling by name.
+//! Export of a network as a safetensors file: weights and scaling by name.
 
 use std::collections::BTreeMap;
 
@@ -7,11 +7,13 @@ use tactnet_models::{NamedTensor, Weights};
 use super::properties::{network_setup, properties};
 use crate::{Calibration, ClassifierConfig, PipelineError};
 
-/// The bytes of a safetensors file with weights and scaling: the tensors of a run directory, `input.offset` and `input.gain` `[taxels]`, of a
-/// network on spectra `spectra.fourier` and `spectra.bands` (see [`tactnet_models::SpectralTables`]), and the same properties as an ONNX file.
+/// Returns the bytes of a safetensors file with weights and scaling.
+///
+/// It holds the tensors of a run directory and `input.offset` and `input.gain`, `[taxels]`. A spectral network adds `spectra.fourier` and
+/// `spectra.bands` (see [`tactnet_models::SpectralTables`]). The properties are those of an ONNX file.
 ///
 /// # Errors
-/// A classifier that is no network.
+/// A classifier that is not a network.
 pub fn to_safetensors(
     config: &ClassifierConfig,
     weights: &Weights,

@@ -1,10 +1,10 @@
-//! Named arrays of fitted baselines, kept as `f32` tensors beside those of networks.
+//! Named arrays of fitted baselines, stored as `f32` tensors.
 
 use tactnet_models::{ModelError, NamedTensor, Weights};
 
 use crate::PipelineError;
 
-/// Whole numbers below this are exact as `f32`.
+/// Bound below which all whole numbers are exact as `f32`.
 const LARGEST_INDEX: usize = 1 << 24;
 
 /// Stores a vector.
@@ -13,7 +13,7 @@ pub(crate) fn put(weights: &mut Weights, name: &str, values: Vec<f32>) {
     weights.0.insert(name.into(), NamedTensor { shape, values });
 }
 
-/// Stores small whole numbers.
+/// Stores small whole numbers as `f32`.
 ///
 /// # Panics
 /// If one is not exact as `f32`.
@@ -25,7 +25,7 @@ pub(crate) fn put_indices(weights: &mut Weights, name: &str, indices: &[usize]) 
     put(weights, name, indices.iter().map(exact).collect());
 }
 
-/// Stores numbers in double precision, each as a sum of two `f32`.
+/// Stores double-precision numbers, each as a sum of two `f32`.
 pub(crate) fn put_doubles(weights: &mut Weights, name: &str, values: &[f64]) {
     let high: Vec<f32> = values.iter().map(|v| *v as f32).collect();
     let low = values
@@ -39,10 +39,10 @@ pub(crate) fn put_doubles(weights: &mut Weights, name: &str, values: &[f64]) {
         .insert(name.into(), NamedTensor { shape, values: all });
 }
 
-/// A stored array.
+/// Returns a stored array.
 ///
 /// # Errors
-/// None of that name.
+/// A missing array.
 pub(crate) fn get<'a>(weights: &'a Weights, name: &str) -> Result<&'a NamedTensor, PipelineError> {
     weights.0.get(name).ok_or_else(|| {
         PipelineError::Model(ModelError::Weights {
@@ -53,18 +53,18 @@ pub(crate) fn get<'a>(weights: &'a Weights, name: &str) -> Result<&'a NamedTenso
     })
 }
 
-/// Stored whole numbers.
+/// Returns stored whole numbers.
 ///
 /// # Errors
-/// None of that name; a number that [`put_indices`] does not write.
+/// A missing array; a number that [`put_indices`] cannot have written.
 pub(crate) fn get_indices(weights: &Weights, name: &str) -> Result<Vec<usize>, PipelineError> {
     get_indices_below(weights, name, LARGEST_INDEX)
 }
 
-/// Stored whole numbers below a limit.
+/// Returns stored whole numbers below a limit.
 ///
 /// # Errors
-/// None of that name; another number.
+/// A missing array; a number that is fractional or too large.
 pub(crate) fn get_indices_below(
     weights: &Weights,
     name: &str,
@@ -84,10 +84,10 @@ pub(crate) fn get_indices_below(
     get(weights, name)?.values.iter().map(whole).collect()
 }
 
-/// Stored numbers in double precision (to about 48 bits).
+/// Returns stored double-precision numbers, accurate to about 48 bits.
 ///
 /// # Errors
-/// None of that name.
+/// A missing array.
 pub(crate) fn get_doubles(weights: &Weights, name: &str) -> Result<Vec<f64>, PipelineError> {
     let values = &get(weights, name)?.values;
     let (high, low) = values.split_at(values.len() / 2);
@@ -98,10 +98,10 @@ pub(crate) fn get_doubles(weights: &Weights, name: &str) -> Result<Vec<f64>, Pip
         .collect())
 }
 
-/// Succeeds if an array has as many numbers as the others ask for.
+/// Succeeds if an array has the expected length.
 ///
 /// # Errors
-/// It has not.
+/// Another length.
 pub(crate) fn of_length(name: &str, found: usize, expected: usize) -> Result<(), PipelineError> {
     if found == expected {
         return Ok(());

@@ -1,4 +1,4 @@
-//! Training sweeps that look like others of the same material.
+//! Augmentation: random changes of training sweeps that keep the material.
 
 use rand::Rng;
 use rand::RngExt;
@@ -7,29 +7,31 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::InvalidSetting;
 
-/// What is drawn anew for every sweep of every epoch. All zero changes nothing.
+/// Sizes of random changes, drawn anew for every sweep in every epoch. The default, all zero, changes nothing.
 ///
-/// Inputs of a tactile sweep differ from stroke to stroke in when the finger touches down, in how hard it is pressed and in the
-/// noise of the skin; none of these tells the material.
+/// Strokes over the same material differ in the time of contact, the contact force and the noise of the skin; none of these depends on the
+/// material.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Augmentation {
-    /// The sweep is moved in time by up to so many steps either way; its first or last frame fills the gap.
+    /// Maximum shift in time steps, either way; the first or last frame fills the gap.
     pub shift_steps: usize,
-    /// Every value of the sweep is multiplied by `exp(gain * z)`, z standard normal.
+    /// Standard deviation of the logarithm of a factor on all values: `exp(gain * z)` with z standard normal.
     pub gain: f64,
-    /// `noise * z` is added to every value, digits.
+    /// Standard deviation of the noise added to every value, in digits.
     pub noise: f64,
 }
 
 impl Augmentation {
-    /// Returns true if sweeps stay as they are.
+    /// Returns true if sweeps stay unchanged.
     pub fn is_none(&self) -> bool {
         *self == Self::default()
     }
 
+    /// Validates the ranges.
+    ///
     /// # Errors
-    /// A setting that is negative or no number.
+    /// A setting that is negative or not finite.
     pub(crate) fn validate(&self) -> Result<(), InvalidSetting> {
         let wrong = [
             ("training.augmentation.gain", self.gain),
@@ -47,7 +49,7 @@ impl Augmentation {
         }
     }
 
-    /// Changes one sweep in place: `[steps][taxels]`, digits.
+    /// Changes one sweep in place: `[steps][taxels]`, in digits.
     pub fn apply(&self, sweep: &mut [f32], taxels: usize, rng: &mut impl Rng) {
         if self.shift_steps > 0 {
             let reach = self.shift_steps.min(sweep.len() / taxels - 1) as i64;
@@ -68,7 +70,7 @@ impl Augmentation {
     }
 }
 
-/// Moves a sweep `steps` later (earlier where negative) and repeats the frame at the edge.
+/// Shifts a sweep by `steps` (earlier if negative) and repeats the frame at the edge.
 fn shift(sweep: &mut [f32], taxels: usize, steps: i64) {
     let moved = steps.unsigned_abs() as usize * taxels;
     let len = sweep.len();

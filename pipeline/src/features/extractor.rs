@@ -1,4 +1,4 @@
-//! From sweeps to the feature vectors that classical classifiers read.
+//! Extraction of feature vectors for classical classifiers.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -13,18 +13,18 @@ use crate::features::series::Series;
 use crate::features::spectrum::{HighFeatures, LowFeatures};
 use crate::{MeanRemoval, PipelineError};
 
-/// MiniRocket's features, rounded down to a multiple of 84 (Dempster et al., 2021).
+/// Number of features of MiniRocket before rounding down to a multiple of 84 (Dempster et al., 2021).
 const MINIROCKET_FEATURES: usize = 10_000;
-/// MultiRocket's biases for each of two series, before four ways of pooling (Tan et al., 2022).
+/// Number of biases of MultiRocket for each of two series; four features are pooled per bias (Tan et al., 2022).
 const MULTIROCKET_BIASES: usize = 6_250;
 
-/// What is computed from a sweep.
+/// Features computed from a sweep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FeatureSet {
     /// Mean digit of every taxel.
     Means,
-    /// Roughness and two spectral centroids.
+    /// Three numbers: roughness and two spectral centroids.
     L,
     /// Short-time spectrum.
     H,
@@ -37,10 +37,10 @@ pub enum FeatureSet {
 }
 
 impl FeatureSet {
-    /// Returns true if sweeps of this shape and rate have such features.
+    /// Succeeds if the features exist for sweeps of this shape and rate.
     ///
     /// # Errors
-    /// Sweeps that are too short, or a rate that is too low.
+    /// Sweeps that are too short; a rate that is too low.
     pub fn check(self, shape: SweepShape, rate: f64) -> Result<(), PipelineError> {
         match self {
             Self::Means => Ok(()),
@@ -52,7 +52,7 @@ impl FeatureSet {
     }
 }
 
-/// A feature set, fitted where it has something to fit.
+/// Feature extractor, fitted to training sweeps if the feature set requires it.
 pub(crate) struct Extractor {
     shape: SweepShape,
     levels: MeanRemoval,
@@ -73,7 +73,7 @@ enum Kind {
 }
 
 impl Extractor {
-    /// Fits to training sweeps; only random kernels' biases depend on them.
+    /// Fits the extractor. Only the biases of random kernels depend on the training sweeps.
     ///
     /// # Errors
     /// Sweeps that are too short for the feature set.
@@ -147,10 +147,10 @@ impl Extractor {
         })
     }
 
-    /// Rebuilds what [`Extractor::save`] has written.
+    /// Restores the extractor written by [`Extractor::save`].
     ///
     /// # Errors
-    /// Tensors that are missing or do not belong together.
+    /// Tensors that are missing or inconsistent.
     pub fn load(
         set: FeatureSet,
         levels: MeanRemoval,
@@ -186,7 +186,7 @@ impl Extractor {
         })
     }
 
-    /// Writes what was fitted into `weights`.
+    /// Writes the fitted numbers into `weights`.
     pub fn save(&self, weights: &mut Weights) {
         match &self.kind {
             Kind::Means | Kind::Low(_) | Kind::High(_) | Kind::LogSpectra(_) => {}
@@ -204,7 +204,7 @@ impl Extractor {
         }
     }
 
-    /// Number of features.
+    /// Returns the number of features.
     pub fn width(&self) -> usize {
         match &self.kind {
             Kind::Means => self.shape.taxels(),
@@ -220,7 +220,7 @@ impl Extractor {
         }
     }
 
-    /// Of the features, how many (the last ones) are Hydra's.
+    /// Returns the number of Hydra's features, which are the last ones.
     pub fn hydra_width(&self) -> usize {
         match &self.kind {
             Kind::MultiRocketHydra { hydra, .. } => hydra.width(),
@@ -228,7 +228,7 @@ impl Extractor {
         }
     }
 
-    /// Features of every sweep of `view`: `[sweeps][width]`.
+    /// Returns the features of every sweep of `view`: `[sweeps][width]`.
     pub fn features(&self, view: &SweepView<'_>) -> Features {
         let mut all = vec![0.0; view.len() * self.width()];
         all.par_chunks_exact_mut(self.width())
@@ -282,7 +282,7 @@ impl Extractor {
     }
 }
 
-/// Mean of every taxel; exactly zero where levels are removed, so that rounding cannot tell materials apart.
+/// Writes the mean of every taxel; exactly zero if means are removed, so that rounding errors carry no information.
 fn write_means(sweep: &[f32], levels: MeanRemoval, out: &mut [f32]) {
     if levels == MeanRemoval::PerSweep {
         out.fill(0.0);
@@ -323,7 +323,7 @@ fn save_kernels(weights: &mut Weights, name: &str, kernels: &Kernels) {
     save_lists(weights, name, &kernels.taxels);
 }
 
-/// - `taxels`: of a sweep
+/// - `taxels`: number of taxels of a sweep
 pub(crate) fn load_kernels(
     weights: &Weights,
     name: &str,
@@ -344,7 +344,7 @@ fn save_lists(weights: &mut Weights, name: &str, lists: &[Vec<usize>]) {
     put_indices(weights, &format!("{name}.taxels"), &lists.concat());
 }
 
-/// - `taxels`: of a sweep
+/// - `taxels`: number of taxels of a sweep
 pub(crate) fn load_lists(
     weights: &Weights,
     name: &str,

@@ -1,4 +1,4 @@
-//! Features without a classifier, for benchmarks.
+//! Feature extraction without a classifier, for benchmarks.
 
 use tactnet_data::{Seed, SweepView, TrainSplit};
 use tactnet_models::Features;
@@ -6,7 +6,7 @@ use tactnet_models::Features;
 use crate::features::extractor::Extractor;
 use crate::{FeatureSet, MeanRemoval, PipelineError};
 
-/// Computes a feature set as baselines do, so that its time can be measured by itself.
+/// Feature extractor of baselines, for measuring its time alone.
 #[doc(hidden)]
 pub struct FeatureTimer(Extractor);
 
@@ -19,7 +19,7 @@ impl FeatureTimer {
         Extractor::fit(set, MeanRemoval::None, train, seed).map(Self)
     }
 
-    /// Features of every sweep of `view`: `[sweeps][width]`.
+    /// Returns the features of every sweep of `view`: `[sweeps][width]`.
     pub fn transform(&self, view: &SweepView<'_>) -> Features {
         self.0.features(view)
     }

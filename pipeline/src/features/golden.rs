@@ -1,4 +1,4 @@
-//! Features and ridge classifier beside aeon, scikit-learn, numpy and scipy (`tests/golden/features_with_aeon.py`).
+//! Golden tests of features and ridge classifier against aeon, scikit-learn, numpy and scipy (`tests/golden/features_with_aeon.py`).
 
 use tactnet_data::SweepShape;
 use tactnet_models::{Features, Gram, NamedTensor, Ridge, Weights};
@@ -24,7 +24,7 @@ fn tensor<'a>(golden: &'a Weights, name: &str) -> &'a NamedTensor {
     get(golden, name).unwrap()
 }
 
-/// Relative to the larger of the expected value and `floor`.
+/// Compares with a tolerance relative to the larger of the expected value and `floor`.
 fn assert_close(name: &str, found: &[f32], expected: &[f32], tolerance: f32, floor: f32) {
     assert_eq!(found.len(), expected.len(), "{name}");
     for (index, (f, e)) in found.iter().zip(expected).enumerate() {
@@ -61,7 +61,7 @@ fn minirocket_features_are_aeons() {
                 &mut found,
             );
             let expected = &expected.values[index * found.len()..][..found.len()];
-            // Shares are counts over steps; 1e-5 forbids a single step that is counted otherwise.
+            // Shares are counts over steps; 1e-5 detects a single step.
             assert_close(case, &found, expected, 1e-5, 1.0);
         });
     }
@@ -95,7 +95,7 @@ fn multirocket_features_are_aeons() {
                 second,
             );
             let expected = &expected.values[index * found.len()..][..found.len()];
-            // Mean values above a bias are sums that may cancel: relative to 1.
+            // Means of values above a bias are sums that may cancel, so the tolerance is relative to 1.
             assert_close(case, &found, expected, 1e-5, 1.0);
         });
     }
@@ -116,7 +116,7 @@ fn hydra_features_are_aeons() {
             let mut found = vec![0.0; hydra.width()];
             hydra.transform(series, &series.difference(), &mut found);
             let expected = &expected.values[index * found.len()..][..found.len()];
-            // Sums of up to 150 results in another order than torch's.
+            // Sums of up to 150 results, in another order than torch's.
             assert_close(case, &found, expected, 1e-5, 1.0);
         });
     }
@@ -154,7 +154,7 @@ fn ridge_classifier_is_scikit_learns() {
         .iter()
         .map(|s| *s as f32)
         .collect();
-    // Coefficients are kept in single precision.
+    // Coefficients are stored in single precision.
     assert_close(
         "scores",
         &found,
@@ -163,7 +163,7 @@ fn ridge_classifier_is_scikit_learns() {
         1.0,
     );
 
-    // What is held out is scored as by a classifier that never saw it.
+    // Held-out scores equal those of a classifier fitted without the held-out sweeps.
     let (train, held): (Vec<usize>, Vec<usize>) = (0..40).partition(|i| i % 5 != 0);
     let held_scores = Gram::of(&features)
         .held_out_scores(&train, &held, &labels, 4, &penalties)

@@ -1,9 +1,9 @@
-//! Hydra: random convolution kernels that compete (Dempster, Schmidt & Webb, 2023).
+//! Hydra: competing random convolution kernels (Dempster, Schmidt & Webb, 2023).
 //!
-//! Kernels come in groups of eight. At every step the kernel of a group with the largest result gets that result added, and the
-//! one with the smallest gets one more count. Half of the groups read the sweep, half its step-to-step change; with several
-//! taxels a group reads the sum of some. Layout and rules follow aeon 1.6 (`HydraTransformer`), so that with shared kernels
-//! the features are the same (`tests/golden/features_with_aeon.py`).
+//! Kernels form groups of eight. At every step the kernel of a group with the largest result adds that result to its sum, and the kernel with
+//! the smallest result increments its count. Half of the groups read the sweep, half its step-to-step change. With several taxels a group reads
+//! the sum of some of them. Layout and rules follow aeon 1.6 (`HydraTransformer`), so that equal kernels give equal features
+//! (`tests/golden/features_with_aeon.py`).
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -13,13 +13,13 @@ use crate::PipelineError;
 use crate::features::arrays::of_length;
 use crate::features::series::Series;
 
-/// Weights of a kernel.
+/// Number of weights of a kernel.
 const TAPS: usize = 9;
-/// Kernels of a group.
+/// Number of kernels in a group.
 const KERNELS: usize = 8;
-/// Groups at one dilation that read one of the two series.
+/// Number of groups per dilation and series.
 const GROUPS: usize = 32;
-/// Steps whose results are compared together.
+/// Number of steps that are compared at once.
 const BLOCK: usize = 128;
 
 /// Kernels of all groups.
@@ -27,7 +27,7 @@ const BLOCK: usize = 128;
 pub(crate) struct Hydra {
     /// `[dilations][2 series][32 groups][8 kernels][9 taps]`
     pub weights: Vec<f32>,
-    /// `[dilations * 2 * 32 groups]`, taxels that are summed; one may stand twice.
+    /// Taxels that each group sums, `[dilations * 2 * 32 groups]`; a taxel may occur twice.
     pub taxels: Vec<Vec<usize>>,
 }
 
@@ -54,10 +54,10 @@ impl Hydra {
         Self { weights, taxels }
     }
 
-    /// From stored kernels, for sweeps of `steps`.
+    /// Restores stored kernels for sweeps of `steps`.
     ///
     /// # Errors
-    /// Not as many as [`Hydra::draw`] draws.
+    /// Another number of kernels than [`Hydra::draw`] draws.
     pub fn of(
         weights: Vec<f32>,
         taxels: Vec<Vec<usize>>,
@@ -69,18 +69,18 @@ impl Hydra {
         Ok(Self { weights, taxels })
     }
 
-    /// Number of features.
+    /// Returns the number of features.
     pub fn width(&self) -> usize {
         self.taxels.len() * 2 * KERNELS
     }
 
-    /// Features of one sweep into `out`: by dilation, series, then `[2: largest, smallest][32 groups][8 kernels]`.
+    /// Writes the features of one sweep: by dilation, series, then `[2: largest, smallest][32 groups][8 kernels]`.
     ///
     /// # Panics
     /// If `out` has another length.
     pub fn transform(&self, series: &Series, difference: &Series, out: &mut [f32]) {
         assert_eq!(out.len(), self.width(), "features of a series");
-        // One compilation for each vector width the processor may have.
+        // Compiled once for each vector width of processors.
         pulp::Arch::new().dispatch(|| self.transform_inner([series, difference], out));
     }
 
@@ -111,12 +111,12 @@ impl Hydra {
     }
 }
 
-/// Number of dilations 1, 2, 4, … that fit.
+/// Returns the number of dilations 1, 2, 4, … that fit into a sweep.
 fn dilations(steps: usize) -> usize {
     ((steps - 1) as f64 / (TAPS - 1) as f64).log2() as usize + 1
 }
 
-/// Sum of the results that were the largest of their step, and number of steps with the smallest, for each kernel.
+/// Returns for each kernel the sum of its results that were the largest of a step, and the number of steps with its result as the smallest.
 #[inline(always)]
 fn compete(
     padded: &[f32],

@@ -1,5 +1,4 @@
-//! Mean and logarithmic power spectrum of every taxel: what differs between materials in the power of a band, a linear classifier reads
-//! off these.
+//! Mean and logarithmic power spectrum of every taxel: a linear classifier can read band powers from these.
 
 use std::sync::Arc;
 
@@ -8,17 +7,17 @@ use tactnet_data::SweepShape;
 
 use crate::PipelineError;
 
-/// Bands from the lowest frequency to half the rate, each so many times as wide as the one before; those without a frequency are left out.
+/// Number of bands from the lowest frequency to half the rate, with widths in geometric progression. Bands without a frequency are left out.
 const BANDS: usize = 14;
-/// Power below which a band holds nothing: a thousandth of the square of one digit.
+/// Floor added to the power of a band: a thousandth of a squared digit.
 const LEAST_POWER: f64 = 1e-3;
 
-/// Computes logarithmic spectra of sweeps of one shape and rate.
+/// Extractor of logarithmic spectra for sweeps of one shape and rate.
 pub struct LogSpectra {
     taxels: usize,
     steps: usize,
     transform: Arc<dyn RealToComplex<f64>>,
-    /// Bins of each band.
+    /// Frequency bins of each band.
     bands: Vec<std::ops::Range<usize>>,
 }
 
@@ -37,7 +36,7 @@ impl LogSpectra {
         }
         let last = (shape.steps / 2) as f64;
         let edge = |band: usize| last.powf(band as f64 / BANDS as f64);
-        // From the first bin, one period a sweep, to the last one.
+        // From bin 1, which is one period per sweep, to the last bin.
         let bins = |band: usize| {
             let end = edge(band + 1).round() as usize + usize::from(band + 1 == BANDS);
             edge(band).round() as usize..end
@@ -53,12 +52,12 @@ impl LogSpectra {
         })
     }
 
-    /// Number of features, with the taxels' means.
+    /// Returns the number of features, including the taxels' means.
     pub fn width(&self) -> usize {
         self.taxels * (1 + self.bands.len())
     }
 
-    /// Writes `ln(sum over the band of |S|^2 + 0.001)`, `[taxels][bands]`, of the unitary spectrum of one sweep, `[steps][taxels]`.
+    /// Writes `ln(0.001 + sum of |S|^2 over the band)`, `[taxels][bands]`, of the unitary spectrum of one sweep, `[steps][taxels]`.
     pub fn write(&self, sweep: &[f32], out: &mut [f32]) {
         let mut input = self.transform.make_input_vec();
         let mut spectrum = self.transform.make_output_vec();
@@ -66,7 +65,7 @@ impl LogSpectra {
             for (value, frame) in input.iter_mut().zip(sweep.chunks_exact(self.taxels)) {
                 *value = f64::from(frame[taxel]);
             }
-            // Lengths are the plan's own, so nothing can fail.
+            // The buffers have the plan's own lengths, so this cannot fail.
             let _ = self.transform.process(&mut input, &mut spectrum);
             for (out, bins) in out.iter_mut().zip(&self.bands) {
                 let band = &spectrum[bins.clone()];
@@ -113,7 +112,7 @@ mod tests {
         let nothing = LEAST_POWER.ln() as f32;
         assert!(found[..bands].iter().all(|x| (x - nothing).abs() < 1e-3));
         for (band, x) in spectra.bands.iter().zip(&found[bands..]) {
-            // Half of 1000 times the mean square of the sine.
+            // 1000 steps times half the mean square of the sine.
             let expected = if band.contains(&50) {
                 250.0_f32.ln()
             } else {

@@ -1,22 +1,22 @@
-//! Removes each taxel's mean over a sweep.
+//! Removal of each taxel's mean over a sweep.
 
 use serde::{Deserialize, Serialize};
 use tactnet_data::SweepShape;
 
-/// What happens to the mean of every taxel over a sweep, which in some recordings gives the material away by itself.
+/// Removal of each taxel's mean over a sweep. In some recordings these means alone identify the material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum MeanRemoval {
-    /// It stays.
+    /// The mean is kept.
     #[default]
     #[serde(rename = "kept", alias = "none")]
     None,
-    /// It is subtracted, sweep by sweep and taxel by taxel.
+    /// The mean of every taxel over the sweep is subtracted.
     #[serde(rename = "removed", alias = "per-sweep")]
     PerSweep,
 }
 
 impl MeanRemoval {
-    /// Its name on the command line and in results.
+    /// Returns the name in arguments and results.
     pub fn name(self) -> &'static str {
         match self {
             Self::None => "kept",
@@ -24,17 +24,17 @@ impl MeanRemoval {
         }
     }
 
-    /// True if the means stay.
+    /// Returns true if the means are kept.
     pub fn is_none(&self) -> bool {
         *self == Self::None
     }
 
-    /// Changes whole sweeps in place.
+    /// Removes the means of complete sweeps in place.
     ///
     /// - `sweeps`: `[sweeps][steps][taxels]`
     ///
     /// # Panics
-    /// If the values are not whole sweeps of `shape`.
+    /// If the values are not complete sweeps of `shape`.
     pub fn apply(self, sweeps: &mut [f32], shape: SweepShape) {
         assert_eq!(sweeps.len() % shape.values(), 0, "whole sweeps of {shape}");
         if self == Self::None {

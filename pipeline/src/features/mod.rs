@@ -1,4 +1,4 @@
-//! Sweeps to numbers: scaling, augmentation, and the features that baselines read.
+//! Preprocessing of sweeps: scaling, augmentation, features of baselines.
 
 pub(crate) mod arrays;
 pub(crate) mod augment;

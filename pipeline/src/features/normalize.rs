@@ -1,35 +1,35 @@
-//! From digits to what the network sees, fitted on training sweeps only.
+//! Normalisation of digits for networks, fitted to training sweeps only.
 
 use serde::{Deserialize, Serialize};
 use tactnet_data::{SweepShape, SweepView, TrainSplit};
 
 use crate::MeanRemoval;
 
-/// What to fit.
+/// Scaling of digits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Scaling {
-    /// Raw digits, as published for TactMat.
+    /// None: raw digits, as published for TactMat.
     #[default]
     Digits,
-    /// Every taxel by its mean and standard deviation over all steps of the training sweeps.
+    /// Mean 0 and standard deviation 1 of every taxel over all steps of the training sweeps.
     PerTaxel,
 }
 
-/// A fitted normaliser: levels kept or removed, then `(digit - offset) * gain` per taxel.
+/// Fitted normaliser: optional removal of means, then `(digit - offset) * gain` for each taxel.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Normalizer {
-    /// `[taxels]`, digits
+    /// Offset of each taxel, in digits.
     offset: Vec<f32>,
-    /// `[taxels]`, per digit
+    /// Gain of each taxel, per digit.
     gain: Vec<f32>,
     #[serde(default, skip_serializing_if = "MeanRemoval::is_none")]
     levels: MeanRemoval,
 }
 
 impl Normalizer {
-    /// Fits `scaling` to the training sweeps; a taxel that never changes keeps a gain of one.
+    /// Fits `scaling` to the training sweeps. A constant taxel has a gain of one.
     pub fn fit(scaling: Scaling, levels: MeanRemoval, train: &TrainSplit<'_>) -> Self {
         let taxels = train.shape().taxels();
         match scaling {
@@ -42,36 +42,36 @@ impl Normalizer {
         }
     }
 
-    /// Returns what is subtracted: `[taxels]`, digits.
+    /// Returns the offset of each taxel, in digits.
     pub fn offset(&self) -> &[f32] {
         &self.offset
     }
 
-    /// Returns what is multiplied with then: `[taxels]`, per digit.
+    /// Returns the gain of each taxel, per digit.
     pub fn gain(&self) -> &[f32] {
         &self.gain
     }
 
-    /// Returns a difference of so many digits as the network sees it: `[taxels]`.
+    /// Returns a difference in digits after scaling, `[taxels]`.
     pub fn scaled(&self, digits: f64) -> Vec<f32> {
         let scaled = self.gain.iter().map(|gain| digits as f32 * gain);
         scaled.collect()
     }
 
-    /// Number of taxels it was fitted to.
+    /// Returns the number of taxels that it was fitted to.
     pub fn taxels(&self) -> usize {
         self.offset.len()
     }
 
-    /// Returns true if it has an offset and a gain for each of so many taxels.
+    /// Returns true if it has an offset and a gain for each of `taxels` taxels.
     pub fn is_of(&self, taxels: usize) -> bool {
         (self.offset.len(), self.gain.len()) == (taxels, taxels)
     }
 
-    /// Scales whole sweeps in place: `[sweeps][steps][taxels]` digits.
+    /// Scales complete sweeps in place: `[sweeps][steps][taxels]`, in digits.
     ///
     /// # Panics
-    /// If the values are not whole sweeps of `shape`, or `shape` has another number of taxels.
+    /// If the values are not complete sweeps of `shape`, or `shape` has another number of taxels.
     pub fn apply(&self, values: &mut [f32], shape: SweepShape) {
         assert_eq!(shape.taxels(), self.taxels(), "taxels of a frame");
         self.levels.apply(values, shape);
@@ -80,30 +80,30 @@ impl Normalizer {
         }
     }
 
-    /// Returns what is done to a frame after its sweep's levels were kept or removed.
+    /// Scales a frame, without removal of means.
     fn scale(&self, frame: &mut [f32]) {
         for ((value, offset), gain) in frame.iter_mut().zip(&self.offset).zip(&self.gain) {
             *value = (*value - offset) * gain;
         }
     }
 
-    /// Scales one frame in place, `[taxels]` digits, while its sweep is still going on.
+    /// Scales one frame of an ongoing sweep in place, `[taxels]`, in digits.
     ///
     /// # Panics
-    /// If it has another number of taxels, or needs the whole sweep ([`Normalizer::needs_whole_sweep`]).
+    /// If it has another number of taxels, or needs the complete sweep ([`Normalizer::needs_whole_sweep`]).
     pub fn apply_to_frame(&self, frame: &mut [f32]) {
         assert_eq!(frame.len(), self.taxels(), "taxels of a frame");
         assert!(!self.needs_whole_sweep(), "levels of a whole sweep");
         self.scale(frame);
     }
 
-    /// Returns true if it removes levels, which are known only after the last frame.
+    /// Returns true if it removes means, which are known only after the last frame.
     pub fn needs_whole_sweep(&self) -> bool {
         !self.levels.is_none()
     }
 }
 
-/// Two passes in `f64`: means first, then squared deviations, so that large offsets do not cost digits.
+/// Fits offsets and gains in two passes in `f64`, means before squared deviations, so that large offsets do not cost precision.
 fn per_taxel(train: &SweepView<'_>, levels: MeanRemoval) -> Normalizer {
     let taxels = train.shape().taxels();
     let frames = (train.len() * train.shape().steps) as f64;

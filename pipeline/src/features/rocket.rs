@@ -3,12 +3,12 @@
 //! MiniRocket (Dempster, Schmidt & Webb, KDD 2021) convolves a series with 84 fixed kernels of length 9, six weights -1 and three
 //! weights 2, at exponentially spaced dilations. With several taxels a kernel reads the sum of a random subset of them. Its
 //! feature is the share of steps at which the result exceeds a bias (PPV); biases are quantiles of the result on a random
-//! training sweep. MultiRocket (Tan et al., 2022) pools four ways instead of one, over the series and its first difference.
+//! training sweep. MultiRocket (Tan et al., 2022) pools four features instead of one, over the series and its first difference.
 //!
-//! Kernels, order of features and padding follow aeon 1.6, so that with shared kernels the features are the same
-//! (`tests/golden/features_with_aeon.py`). That includes a shift by one step of the left taps on the differenced series, which
-//! aeon computes with the undifferenced length. What is not taken over: with several taxels aeon reads the difference from
-//! other taxels than its biases were fitted to.
+//! Kernels, order of features and padding follow aeon 1.6, so that equal kernels give equal features
+//! (`tests/golden/features_with_aeon.py`). This includes a shift by one step of the left taps on the differenced series, which aeon computes
+//! with the undifferenced length. One difference remains: with several taxels, aeon reads the difference from other taxels than those to which
+//! its biases were fitted.
 
 mod pooling;
 
@@ -26,16 +26,16 @@ use crate::features::series::Series;
 use pooling::KernelResult;
 pub(crate) use pooling::{Pooling, WAYS};
 
-/// Weights of a kernel.
+/// Number of weights of a kernel.
 const TAPS: usize = 9;
-/// Kernels: all choices of three taps out of nine.
+/// Number of kernels: all choices of three taps out of nine.
 const KERNELS: usize = 84;
-/// Dilations per kernel, at most.
+/// Maximum number of dilations per kernel.
 const MAX_DILATIONS: usize = 32;
-/// Taxels that one kernel reads, at most.
+/// Maximum number of taxels that one kernel reads.
 const MAX_TAXELS: usize = 9;
 
-/// Which series the kernels read.
+/// Series that the kernels read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Order {
     /// The sweep itself.
@@ -44,26 +44,26 @@ pub(crate) enum Order {
     Difference,
 }
 
-/// Kernels fitted to training sweeps: everything that decides their features.
+/// Kernels fitted to training sweeps, with everything that determines their features.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Kernels {
-    /// `[dilations]`, steps between taps.
+    /// Steps between taps, `[dilations]`.
     pub dilations: Vec<usize>,
-    /// `[dilations]`, biases for each of the 84 kernels.
+    /// Number of biases for each of the 84 kernels, `[dilations]`.
     pub biases_per_kernel: Vec<usize>,
-    /// `[dilations * 84]`, taxels that are summed.
+    /// Taxels that each kernel sums, `[dilations * 84]`.
     pub taxels: Vec<Vec<usize>>,
-    /// `[features]`, by dilation, kernel, bias.
+    /// Biases by dilation, kernel and number, `[features]`.
     pub biases: Vec<f32>,
 }
 
 impl Kernels {
-    /// Succeeds if the parts belong together, for sweeps of `steps`.
+    /// Succeeds if the parts are consistent for sweeps of `steps`.
     ///
-    /// - `name`: of the stored arrays
+    /// - `name`: name of the stored arrays
     ///
     /// # Errors
-    /// Arrays of another length; taps that reach farther than a sweep.
+    /// Arrays of another length; taps that reach beyond a sweep.
     pub fn check(&self, name: &str, steps: usize) -> Result<(), PipelineError> {
         let part = |part: &str| format!("{name}.{part}");
         let dilations = self.dilations.len();
@@ -93,10 +93,10 @@ impl Kernels {
         Ok(())
     }
 
-    /// Draws kernels for series of `taxels` x `steps` and takes their biases from training sweeps.
+    /// Draws kernels for series of `taxels` x `steps` and fits their biases to training sweeps.
     ///
-    /// - `features`: how many biases are wanted; rounded down to a multiple of 84
-    /// - `sweeps`: number of training sweeps; `series(i)` gives the `i`th
+    /// - `features`: number of biases, which is rounded down to a multiple of 84
+    /// - `sweeps`: number of training sweeps; `series(i)` returns the `i`th
     ///
     /// # Panics
     /// With fewer than nine steps.
@@ -152,12 +152,12 @@ impl Kernels {
         kernels
     }
 
-    /// Number of biases: features of MiniRocket, a quarter of MultiRocket's.
+    /// Returns the number of biases: all features of MiniRocket, a quarter of MultiRocket's.
     pub fn len(&self) -> usize {
         KERNELS * self.biases_per_kernel.iter().sum::<usize>()
     }
 
-    /// Features of one series into `out`: `[len]` for [`Pooling::Share`], `[4][len]` for [`Pooling::FourWays`].
+    /// Writes the features of one series: `[len]` for [`Pooling::Share`], `[4][len]` for [`Pooling::FourWays`].
     pub fn transform(
         &self,
         series: &Series,
@@ -171,7 +171,7 @@ impl Kernels {
             self.len() * pooling.ways(),
             "features of a series"
         );
-        // One compilation for each vector width the processor may have.
+        // Compiled once for each vector width of processors.
         pulp::Arch::new().dispatch(Transform {
             kernels: self,
             series,
@@ -203,7 +203,7 @@ impl Kernels {
             let padding = (TAPS / 2) * dilation;
             for kernel in 0..KERNELS {
                 let taxels = &self.taxels[index * KERNELS + kernel];
-                // Every other kernel leaves out the steps at which it reaches beyond the series.
+                // Every second kernel skips the steps at which it reaches beyond the series.
                 let steps = if (index + kernel) % 2 == 0 {
                     0..series.steps()
                 } else {
@@ -235,8 +235,8 @@ impl Kernels {
     }
 }
 
-/// A call of [`Kernels::transform`]. A closure would not do: it is too large to be inlined into the dispatch by itself, and
-/// then runs without the vectors that were dispatched for.
+/// Arguments of [`Kernels::transform`]. A closure is too large to be inlined into the dispatch, and would then run without the selected vector
+/// instructions.
 struct Transform<'a> {
     kernels: &'a Kernels,
     series: &'a Series,
@@ -261,7 +261,7 @@ impl pulp::NullaryFnOnce for Transform<'_> {
     }
 }
 
-/// Three of nine taps with weight 2, in lexicographic order.
+/// Returns all choices of the three taps with weight 2, in lexicographic order.
 const fn heavy_taps() -> [[usize; 3]; KERNELS] {
     let mut all = [[0; 3]; KERNELS];
     let mut next = 0;
@@ -284,7 +284,7 @@ const fn heavy_taps() -> [[usize; 3]; KERNELS] {
 
 static HEAVY_TAPS: [[usize; 3]; KERNELS] = heavy_taps();
 
-/// Dilations `2^0 … (steps - 1) / 8`, equally spaced exponents without repetitions, and the biases each gets per kernel.
+/// Returns the distinct dilations from 1 to `(steps - 1) / 8` with equally spaced exponents, and the number of biases of each per kernel.
 fn spaced_dilations(steps: usize, features: usize) -> (Vec<usize>, Vec<usize>) {
     let per_kernel = (features / KERNELS).max(1);
     let count = per_kernel.min(MAX_DILATIONS);
@@ -321,12 +321,12 @@ fn spaced_dilations(steps: usize, features: usize) -> (Vec<usize>, Vec<usize>) {
     (dilations, biases)
 }
 
-/// The `n`th number of the golden-ratio sequence in `[0, 1)`.
+/// Returns the `n`th number of the golden-ratio sequence in `[0, 1)`.
 fn low_discrepancy(n: usize) -> f64 {
     f64::from((n as f64 * f64::midpoint(5.0_f64.sqrt(), 1.0)).fract() as f32)
 }
 
-/// Linear interpolation between order statistics, as `numpy.quantile`.
+/// Returns a quantile with linear interpolation between order statistics, as `numpy.quantile`.
 fn quantile(sorted: &[f32], share: f64) -> f32 {
     let place = share * (sorted.len() - 1) as f64;
     let low = place.floor() as usize;
@@ -335,19 +335,19 @@ fn quantile(sorted: &[f32], share: f64) -> f32 {
     (a + (b - a) * place.fract()) as f32
 }
 
-/// Intermediate results of one series at one dilation. Kept from one series to the next, so that nothing is allocated.
+/// Intermediate results of one series at one dilation, reused between series to avoid allocation.
 #[derive(Default)]
 pub(crate) struct Workspace {
     steps: usize,
-    /// Zeros on either side of a padded series.
+    /// Number of zeros on either side of a padded series.
     padding: usize,
-    /// `[taxels][padding + steps + padding]`, three times the series.
+    /// Three times the padded series, `[taxels][padding + steps + padding]`.
     tripled: Vec<f32>,
-    /// `[taxels][steps]`, minus the sum over all taps.
+    /// Negative sum over all taps, `[taxels][steps]`.
     light: Vec<f32>,
-    /// Where each tap reads relative to its step, plus `padding`.
+    /// Position that each tap reads relative to its step, plus `padding`.
     offsets: [usize; TAPS],
-    /// `[padding + steps + padding]`, sum of `tripled` over the taxels of one kernel.
+    /// Sum of `tripled` over the taxels of one kernel, `[padding + steps + padding]`.
     tripled_sum: Vec<f32>,
     result: KernelResult,
     below: Vec<u8>,
@@ -378,7 +378,7 @@ impl Workspace {
             }
             let light = &mut self.light[taxel * steps..][..steps];
             for offset in self.offsets {
-                // A third of the tripled series would round; read the series itself where the tap is inside.
+                // A third of the tripled series would be rounded, so this reads the series itself.
                 let first = self.padding.saturating_sub(offset);
                 let last = (steps + self.padding).saturating_sub(offset).min(steps);
                 if first < last {

@@ -1,13 +1,13 @@
-//! Scaling of feature vectors, fitted on training sweeps.
+//! Scaling of feature vectors, fitted to training sweeps.
 
 use tactnet_models::{Features, Weights};
 
 use crate::PipelineError;
 use crate::features::arrays::{get, of_length, put};
 
-/// Subtracts a mean from every feature and multiplies it with a gain.
+/// Scaler that subtracts a mean from every feature and multiplies by a gain.
 ///
-/// The last `sparse` features are Hydra's: their square root is scaled, and zeros stay zero (aeon's `_SparseScaler`).
+/// The last `sparse` features are Hydra's: their square roots are scaled, and zeros stay zero (aeon's `_SparseScaler`).
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Scaler {
     /// `[width]`
@@ -18,7 +18,7 @@ pub(crate) struct Scaler {
 }
 
 impl Scaler {
-    /// Means and standard deviations of `train`; a feature that never changes keeps a gain of one.
+    /// Fits means and standard deviations to `train`. A constant feature has a gain of one.
     pub fn fit(train: &Features, sparse: usize) -> Self {
         let width = train.width();
         let dense = width - sparse;
@@ -52,7 +52,7 @@ impl Scaler {
                         1.0
                     }
                 } else {
-                    // Rarely winning kernels are damped; the constants are the paper's.
+                    // Damps kernels that rarely win; the constants are the paper's.
                     let deviation = (squares / (sweeps - 1.0).max(1.0)).sqrt();
                     let rare = (zeros[index] / sweeps).powi(4) + 1e-8;
                     (1.0 / (deviation + rare)) as f32
@@ -66,7 +66,7 @@ impl Scaler {
         }
     }
 
-    /// Scales in place.
+    /// Scales features in place.
     ///
     /// # Panics
     /// If `features` have another width.
@@ -88,15 +88,15 @@ impl Scaler {
         }
     }
 
-    /// Writes itself into `weights`.
+    /// Writes means and gains into `weights`.
     pub fn save(&self, weights: &mut Weights) {
         put(weights, "scaler.mean", self.mean.clone());
         put(weights, "scaler.gain", self.gain.clone());
     }
 
-    /// Rebuilds what [`Scaler::save`] has written.
+    /// Restores the scaler written by [`Scaler::save`].
     ///
-    /// - `width`: of a row
+    /// - `width`: number of features
     ///
     /// # Errors
     /// Tensors that are missing or of another length.

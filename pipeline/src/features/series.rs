@@ -1,6 +1,6 @@
-//! A sweep, taxel by taxel.
+//! Sweeps in taxel-major order.
 
-/// One sweep with the steps of each taxel side by side: `[taxels][steps]`.
+/// One sweep with the steps of each taxel in succession: `[taxels][steps]`.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Series {
     steps: usize,
@@ -8,7 +8,7 @@ pub(crate) struct Series {
 }
 
 impl Series {
-    /// From `[steps][taxels]`.
+    /// Transposes frames `[steps][taxels]`.
     pub fn from_frames(frames: &[f32], taxels: usize) -> Self {
         let steps = frames.len() / taxels;
         let mut values = vec![0.0; frames.len()];
@@ -20,7 +20,7 @@ impl Series {
         Self { steps, values }
     }
 
-    /// Change from each step to the next, one step shorter.
+    /// Returns the change from each step to the next, one step shorter.
     pub fn difference(&self) -> Self {
         let values = self
             .values
@@ -33,17 +33,17 @@ impl Series {
         }
     }
 
-    /// Number of steps.
+    /// Returns the number of steps.
     pub fn steps(&self) -> usize {
         self.steps
     }
 
-    /// Number of taxels.
+    /// Returns the number of taxels.
     pub fn taxels(&self) -> usize {
         self.values.len() / self.steps
     }
 
-    /// All steps of one taxel.
+    /// Returns all steps of one taxel.
     pub fn taxel(&self, taxel: usize) -> &[f32] {
         &self.values[taxel * self.steps..][..self.steps]
     }

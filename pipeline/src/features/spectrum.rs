@@ -1,8 +1,8 @@
-//! Spectral features designed by hand: L (three numbers) and H (short-time spectrum).
+//! Hand-designed spectral features: L (three numbers) and H (short-time spectrum).
 //!
-//! Both are those of Baishya & Bäuml (IROS 2016, section III), which the thesis compares TactNet-II with (section 4.4.1). Spectra
-//! are unitary (factor `1/sqrt(N)`). Taxels are combined with weights `w_m`: the sum of a taxel over the sweep, divided by
-//! the sum of all taxels. Where levels have been removed the sums are zero and every taxel weighs the same.
+//! Both follow Baishya & Bäuml (IROS 2016, section III), the baselines of the thesis (section 4.4.1). Spectra are unitary (factor `1/sqrt(N)`).
+//! Taxels are combined with weights `w_m`: the sum of a taxel over the sweep divided by the sum over all taxels. If means are removed, these sums
+//! are zero and all taxels have equal weights.
 
 use std::sync::Arc;
 
@@ -11,16 +11,16 @@ use tactnet_data::SweepShape;
 
 use crate::{MeanRemoval, PipelineError};
 
-/// Width of an H-feature's frequency bin, Hz; also where the L-features divide low from high.
+/// Width of a frequency band of the H-features, and limit between the two bands of the L-features, in Hz.
 const BAND_HZ: f64 = 20.0;
-/// Below this frequency nothing enters the L-features, Hz.
+/// Lowest frequency in the L-features, in Hz.
 const LOWEST_HZ: f64 = 2.0;
-/// Window of the short-time spectrum, seconds.
+/// Window of the short-time spectrum, in seconds.
 const WINDOW_SECONDS: f64 = 0.1;
-/// From one window to the next, seconds.
+/// Time between successive windows, in seconds.
 const HOP_SECONDS: f64 = 0.05;
 
-/// Computes L-features of sweeps of one shape and rate.
+/// Extractor of L-features for sweeps of one shape and rate.
 pub struct LowFeatures {
     shape: SweepShape,
     rate: f64,
@@ -32,10 +32,10 @@ impl LowFeatures {
     /// Number of features: roughness, centroid above and below 20 Hz.
     pub const WIDTH: usize = 3;
 
-    /// For sweeps of `shape` at `rate` frames per second.
+    /// Creates an extractor for sweeps of `shape` at `rate` frames per second.
     ///
     /// # Errors
-    /// A rate or a length that leaves one of the two bands without a frequency.
+    /// A rate or length that leaves one of the two bands without a frequency.
     pub fn new(shape: SweepShape, rate: f64, levels: MeanRemoval) -> Result<Self, PipelineError> {
         let this = Self {
             shape,
@@ -57,11 +57,11 @@ impl LowFeatures {
         Ok(this)
     }
 
-    /// Bins from `low` to below `high`, the last one to the Nyquist frequency.
+    /// Returns the bins from `low` to below `high`; up to the Nyquist frequency inclusive if `high` reaches it.
     fn bins(&self, low: f64, high: f64) -> std::ops::Range<usize> {
         let per_bin = self.rate / self.shape.steps as f64;
         let bins = self.shape.steps / 2 + 1;
-        // A bin that falls on the limit up to rounding belongs above it.
+        // A bin that equals the limit up to rounding belongs above it.
         let first = |hz: f64| (hz / per_bin - 1e-9).ceil().max(0.0) as usize;
         let end = if high >= self.rate / 2.0 {
             bins
@@ -71,10 +71,10 @@ impl LowFeatures {
         first(low).min(end)..end
     }
 
-    /// Features of one sweep, `[steps][taxels]`:
+    /// Returns the features of one sweep, `[steps][taxels]`:
     ///
     /// - `ln(sum over taxels of the mean |S|^2)`, 20 Hz to half the rate;
-    /// - centroid `sum |S_q| f_q / sum |S_q|` of that band and of 2 to 20 Hz, Hz, weighted over taxels.
+    /// - centroids `sum |S_q| f_q / sum |S_q|` of that band and of 2 to 20 Hz, in Hz, weighted over taxels.
     pub fn of(&self, sweep: &[f32]) -> [f32; Self::WIDTH] {
         let taxels = self.shape.taxels();
         let weights = taxel_weights(sweep, taxels, self.levels);
@@ -104,7 +104,7 @@ impl LowFeatures {
                 }
             }
         }
-        // A sweep that never changes has no roughness; its logarithm is that of rounding noise.
+        // The floor replaces the logarithm of rounding noise for a constant sweep.
         [
             power.max(1e-12).ln() as f32,
             centroids[0] as f32,
@@ -113,7 +113,7 @@ impl LowFeatures {
     }
 }
 
-/// Computes H-features of sweeps of one shape and rate.
+/// Extractor of H-features for sweeps of one shape and rate.
 pub struct HighFeatures {
     shape: SweepShape,
     rate: f64,
@@ -125,10 +125,10 @@ pub struct HighFeatures {
 }
 
 impl HighFeatures {
-    /// For sweeps of `shape` at `rate` frames per second.
+    /// Creates an extractor for sweeps of `shape` at `rate` frames per second.
     ///
     /// # Errors
-    /// A sweep shorter than one window of 0.1 s, or a rate below 20 Hz.
+    /// A sweep shorter than one window of 0.1 s; a rate below 20 Hz.
     pub fn new(shape: SweepShape, rate: f64, levels: MeanRemoval) -> Result<Self, PipelineError> {
         let window = (WINDOW_SECONDS * rate).round() as usize;
         if shape.steps < window || window < 2 {
@@ -139,7 +139,7 @@ impl HighFeatures {
                 rate,
             ));
         }
-        // As many hops as fit, 1500 steps at 750 Hz: 40. A window that reaches beyond the end is filled with zeros.
+        // As many hops as fit (40 for 1500 steps at 750 Hz). Zeros fill a window that reaches beyond the end.
         let hop = HOP_SECONDS * rate;
         let windows = (shape.steps as f64 / hop + 1e-9).floor() as usize;
         Ok(Self {
@@ -154,13 +154,13 @@ impl HighFeatures {
         })
     }
 
-    /// Number of features: windows times bands (760 for 1500 steps at 750 Hz).
+    /// Returns the number of features: windows times bands (760 for 1500 steps at 750 Hz).
     pub fn width(&self) -> usize {
         self.starts.len() * self.bands
     }
 
-    /// Features of one sweep (`[steps][taxels]`) into `out`, `[windows][bands]`: power in bands of 20 Hz, weighted over taxels,
-    /// divided by its sum over the bands of the window.
+    /// Writes the features of one sweep (`[steps][taxels]`), `[windows][bands]`: power in bands of 20 Hz, weighted over taxels, divided by the sum over
+    /// the bands of the window.
     ///
     /// # Panics
     /// If `out` has another length.
@@ -194,7 +194,7 @@ impl HighFeatures {
     }
 }
 
-/// `[taxels]`, summing to one.
+/// Returns the weight of each taxel; the weights sum to one.
 fn taxel_weights(sweep: &[f32], taxels: usize, levels: MeanRemoval) -> Vec<f64> {
     let equal = || vec![1.0 / taxels as f64; taxels];
     if levels == MeanRemoval::PerSweep {

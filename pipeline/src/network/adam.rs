@@ -1,8 +1,7 @@
 //! Adam in one pass over the parameters.
 //!
-//! Burn's own Adam composes about ten tensor operations, each a pass over memory; with two million parameters that costs a tenth of
-//! a training step. This one reads gradient, parameter and moments once and writes them once. State and record are
-//! Burn's.
+//! Burn's Adam composes about ten tensor operations, each a pass over memory. With two million parameters that takes a tenth of a training
+//! step. This implementation reads and writes gradient, parameter and moments once. State and record are Burn's.
 
 use burn::optim::decay::WeightDecayConfig;
 use burn::optim::{
@@ -21,12 +20,12 @@ const EPSILON: f32 = 1e-8;
 pub(crate) struct FusedAdam {
     l2: f32,
     l2_on: PenalizedParameters,
-    /// With the penalty, and without.
+    /// Burn's Adam with and without the penalty, for devices without the fused kernel.
     composed: [Adam; 2],
 }
 
 impl FusedAdam {
-    /// An optimiser for a whole module.
+    /// Returns an optimiser for a whole module.
     pub(crate) fn for_module(l2: f64, l2_on: PenalizedParameters) -> ModuleOptimizer {
         ModuleOptimizer::from(Self::new(l2 as f32, l2_on))
     }
@@ -47,13 +46,13 @@ impl FusedAdam {
         }
     }
 
-    /// True if parameters of `dimensions` dimensions are penalised: one dimension have biases and batch normalisation.
+    /// Returns true if parameters of `dimensions` dimensions are penalised. Biases and batch normalisation have one dimension.
     fn penalizes(&self, dimensions: usize) -> bool {
         self.l2_on == PenalizedParameters::All || dimensions > 1
     }
 }
 
-/// Returns rate and epsilon of step `time`, counted from 1, with the bias of the moments corrected.
+/// Returns learning rate and epsilon of step `time`, counted from 1, with bias correction of the moments.
 pub(crate) fn corrected(learning_rate: LearningRate, time: usize) -> [f32; 2] {
     let power = i32::try_from(time).unwrap_or(i32::MAX);
     let correction = BETA.map(|beta| 1.0 - f64::from(beta).powi(power));
@@ -126,7 +125,7 @@ mod tests {
         assert!(worst.into_scalar::<f32>() < 1e-6);
     }
 
-    /// With a gradient of zero only the penalty moves a parameter.
+    /// A gradient of zero leaves only the penalty to move a parameter.
     #[test]
     fn biases_and_normalisation_can_be_left_without_penalty() {
         let device = Device::flex();

@@ -1,4 +1,4 @@
-//! Adam's moments from and to the bytes that Burn stores: a checkpoint is the same whoever trained.
+//! Conversion of Adam's moments from and to Burn's bytes, so that checkpoints of single and stacked trainings are interchangeable.
 
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::{
@@ -10,10 +10,10 @@ use tactnet_models::{Network, NetworkConfig, Weights};
 
 use crate::PipelineError;
 
-/// Takes what it is given for the first moment, and at the second step for the second.
+/// Optimiser that stores the given gradients as moments: first moment at the first step, second moment at the second.
 #[derive(Clone)]
 struct Planted {
-    /// Steps taken.
+    /// Number of steps taken.
     time: usize,
 }
 
@@ -40,7 +40,7 @@ impl Optimizer for Planted {
     }
 }
 
-/// Puts a moment in the place of each parameter.
+/// Optimiser that replaces each parameter by one of its moments.
 #[derive(Clone, Copy)]
 enum Shown {
     First,
@@ -72,8 +72,8 @@ impl Optimizer for Shown {
 
 /// Returns the bytes of an optimiser after `time` steps.
 ///
-/// - `moments`: under the names of the parameters
-/// - `weights`: of the network, whose running statistics are taken for those that moments do not have
+/// - `moments`: moments under the names of the parameters
+/// - `weights`: weights of the network, which supply the tensors that have no moments
 ///
 /// # Errors
 /// Moments of another network.
@@ -95,10 +95,10 @@ pub(crate) fn optimizer_bytes(
     Ok(bytes.to_vec())
 }
 
-/// Returns the moments that an optimiser's bytes hold, under the names of the parameters.
+/// Returns the moments in an optimiser's bytes, under the names of the parameters.
 ///
 /// # Errors
-/// Bytes of no optimiser.
+/// Bytes that are not those of an optimiser.
 pub(crate) fn moments_of(
     config: &NetworkConfig,
     weights: &Weights,
@@ -120,14 +120,14 @@ fn on_processor(config: &NetworkConfig, weights: &Weights) -> Result<Network, Pi
     Ok(Network::from_weights(config, weights, &device)?)
 }
 
-/// With the tensors of `others` that are missing.
+/// Returns `weights` with missing tensors taken from `others`.
 fn filled(weights: &Weights, others: &Weights) -> Weights {
     let mut all = others.clone();
     all.0.extend(weights.0.clone());
     all
 }
 
-/// The parameters of a network in the place of their gradients.
+/// Returns the parameters of a network in the form of gradients.
 fn as_gradients(net: &Network) -> GradientsParams {
     struct Given(GradientsParams);
     impl ModuleVisitor for Given {

@@ -1,11 +1,11 @@
-//! Which sweeps a batch has, and what is done to them on the way to the network. Every choice is named by seed, epoch and batch.
+//! Selection and preprocessing of the sweeps of a batch. Every random choice is derived from seed, epoch and batch.
 
 use rayon::prelude::*;
 use tactnet_data::{Seed, SweepView, TrainSplit, shuffle};
 
 use crate::{Augmentation, Normalizer};
 
-/// Positions of the sweeps of a batch: the epoch's order is drawn afresh and cut into `batches` whose sizes differ by one at most.
+/// Returns the positions of the sweeps of a batch. Each epoch has its own random order, cut into `batches` whose sizes differ by at most one.
 pub(crate) fn batch_positions(
     sweeps: usize,
     batches: usize,
@@ -36,7 +36,7 @@ pub(crate) fn fill_batch(
         });
 }
 
-/// Augments the training sweep at a position, otherwise in every epoch.
+/// Augments the training sweep at a position, differently in every epoch.
 pub(crate) fn augment(
     augmentation: Augmentation,
     train: &TrainSplit<'_>,

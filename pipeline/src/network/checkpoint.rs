@@ -1,5 +1,4 @@
-//! One file that holds all a restart needs: a safetensors file with the weights, the optimiser's bytes as a `u8` tensor
-//! and the position in its metadata.
+//! Checkpoints: safetensors files with the weights, the optimiser's bytes as a `u8` tensor, and the position in the metadata.
 
 use std::collections::BTreeMap;
 
@@ -13,10 +12,10 @@ use crate::{PipelineError, Position, TrainingState};
 
 const OPTIMIZER: &str = "optimizer.burnpack";
 
-/// The bytes of a checkpoint; `seconds` is the training time spent so far.
+/// Returns the bytes of a checkpoint; `seconds` is the training time so far.
 ///
 /// # Errors
-/// A state that safetensors cannot hold.
+/// A state that safetensors cannot store.
 pub(crate) fn encode_checkpoint(
     state: &TrainingState,
     seconds: f64,
@@ -57,7 +56,7 @@ pub(crate) fn encode_checkpoint(
     safetensors_bytes(views, metadata).map_err(failed)
 }
 
-/// SHA-256 of all that a training goes on from, so that a damaged checkpoint is not gone on with.
+/// Returns the SHA-256 of everything that a restart uses, to detect damaged checkpoints.
 fn digest(state: &TrainingState, position: &str, seconds: &str) -> String {
     let mut hash = Sha256::new();
     let mut add = |bytes: &[u8]| {
@@ -78,10 +77,10 @@ fn digest(state: &TrainingState, position: &str, seconds: &str) -> String {
     hex(hash.finalize())
 }
 
-/// Reads what [`encode_checkpoint`] wrote.
+/// Parses the bytes of [`encode_checkpoint`]; also returns the training time in seconds.
 ///
 /// # Errors
-/// What is wrong with the bytes, as a sentence.
+/// A sentence about the damage.
 pub(crate) fn decode_checkpoint(bytes: &[u8]) -> Result<(TrainingState, f64), String> {
     let damaged = |what: &str| format!("not a tactnet checkpoint: {what}");
     let file = SafeTensors::deserialize(bytes).map_err(|error| damaged(&error.to_string()))?;
@@ -113,7 +112,7 @@ pub(crate) fn decode_checkpoint(bytes: &[u8]) -> Result<(TrainingState, f64), St
         weights,
         optimizer,
     };
-    // Checkpoints of former versions have no digest.
+    // Checkpoints of earlier versions have no digest.
     if let Some(known) = metadata.get("sha256")
         && *known != digest(&state, position_text, seconds_text)
     {
@@ -164,7 +163,7 @@ mod tests {
             let at = at.index(bytes.len());
             bytes[at] = value;
             if let Ok((read, seconds)) = decode_checkpoint(&bytes) {
-                // Nothing changed, or a blank of the header.
+                // Nothing changed except spaces in the header.
                 prop_assert_eq!(read.weights, state().weights);
                 prop_assert_eq!(read.optimizer, state().optimizer);
                 prop_assert_eq!((read.position, seconds), (state().position, 1.25));

@@ -1,33 +1,33 @@
-//! What a network makes of sweeps before it names a material.
+//! Layer outputs of a network for sweeps.
 
 use tactnet_data::SweepView;
 use tactnet_models::{Features, LinearHead, NamedTensor, Weights, log_softmax};
 
-/// Features of every sweep of a view, in the order of its positions.
+/// Layer outputs for every sweep of a view, in the order of its positions.
 #[derive(Debug, Clone)]
 pub struct Embedding {
     /// Label of every sweep.
     pub labels: Vec<usize>,
-    /// `[sweeps][features]`: what the convolutions give, in front of the dropout (2048 for TactMat).
+    /// Output of the convolutions before dropout, `[sweeps][features]` (2048 for TactMat).
     pub convolution: Features,
-    /// `[sweeps][hidden]`: what the output layer sees (512).
+    /// Input of the output layer, `[sweeps][hidden]` (512).
     pub hidden: Features,
-    /// `[sweeps][materials]`: the output layer's scores.
+    /// Scores of the output layer, `[sweeps][materials]`.
     pub logits: Features,
 }
 
 impl Embedding {
-    /// Number of sweeps.
+    /// Returns the number of sweeps.
     pub fn len(&self) -> usize {
         self.labels.len()
     }
 
-    /// Returns true if there is no sweep.
+    /// Returns true if it has no sweeps.
     pub fn is_empty(&self) -> bool {
         self.labels.is_empty()
     }
 
-    /// The sweeps at `positions`, in that order.
+    /// Returns the sweeps at `positions`, in that order.
     pub fn select(&self, positions: &[usize]) -> Self {
         Self {
             labels: positions.iter().map(|&p| self.labels[p]).collect(),
@@ -37,7 +37,7 @@ impl Embedding {
         }
     }
 
-    /// The sweeps of a view that lies within the one this was made from.
+    /// Returns the sweeps of `part`, a view within the view `whole` of this embedding.
     ///
     /// # Panics
     /// If a sweep of `part` is not in `whole`.
@@ -67,7 +67,7 @@ impl Embedding {
         }
     }
 
-    /// As tensors `convolution`, `hidden` and `labels`.
+    /// Returns the tensors `convolution`, `hidden` and `labels`.
     pub fn to_weights(&self) -> Weights {
         let matrix = |features: &Features| NamedTensor {
             shape: vec![features.len(), features.width()],
@@ -88,10 +88,10 @@ impl Embedding {
         )
     }
 
-    /// From such tensors, scored by an output layer.
+    /// Restores an embedding from the tensors of [`Embedding::to_weights`], scored by an output layer.
     ///
     /// # Errors
-    /// What is wrong with them.
+    /// A sentence about the first invalid tensor.
     pub fn from_weights(weights: &Weights, head: &LinearHead) -> Result<Self, String> {
         let tensor = |name: &str| weights.0.get(name).ok_or(format!("no tensor `{name}`"));
         let labels: Vec<usize> = tensor("labels")?
@@ -132,7 +132,7 @@ impl Embedding {
         Ok(unscored.scored_by(head))
     }
 
-    /// Log-probabilities of a plain prediction: `[sweeps][materials]`.
+    /// Returns the log-probabilities of a plain prediction, `[sweeps][materials]`.
     pub fn log_probabilities(&self) -> Vec<Vec<f64>> {
         self.logits.rows().map(log_softmax).collect()
     }

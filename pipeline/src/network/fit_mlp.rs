@@ -1,4 +1,4 @@
-//! Small networks on features that are computed once: fine-tuned layers, learnt distances.
+//! Small networks on precomputed features: fine-tuned layers, learnt distances.
 
 use burn::optim::GradientsParams;
 use burn::tensor::{Device, Int, Tensor, TensorData};
@@ -12,35 +12,35 @@ use tactnet_models::{
 use crate::network::adam::FusedAdam;
 use crate::{PenalizedParameters, PipelineError};
 
-/// How a small network is trained (Adam, beta 0.9 and 0.999).
+/// Settings for the training of a small network (Adam with beta 0.9 and 0.999).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MlpTraining {
     /// Passes over the training examples.
     pub epochs: usize,
-    /// Examples in a batch, at most.
+    /// Maximum number of examples in a batch.
     pub batch: usize,
     /// Learning rate.
     pub learning_rate: f64,
     /// L2 penalty on every parameter.
     pub l2: f64,
-    /// Probability to keep a unit in front of the layer named with it, in `(0, 1]`.
+    /// Layer with dropout on its inputs, and the probability to keep a unit, in `(0, 1]`.
     pub keep: Option<(usize, f64)>,
 }
 
-/// Two sweeps by their rows, and whether they are of different materials.
+/// Pair of sweeps by row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SweepPair {
-    /// Row of one.
+    /// Row of the first sweep.
     pub first: usize,
-    /// Row of the other.
+    /// Row of the second sweep.
     pub second: usize,
     /// True if their materials differ.
     pub different: bool,
 }
 
-/// Trains `layers` to classify: softmax cross entropy.
+/// Trains `layers` as a classifier with softmax cross entropy.
 ///
-/// - `device`: where it is trained and where the result stays, without autodiff
+/// - `device`: device of the training and of the result, without autodiff
 ///
 /// # Errors
 /// A loss that is not finite.
@@ -69,10 +69,11 @@ pub fn fit_labels(
     )
 }
 
-/// Trains `layers` so that sweeps of one material come close and others stay a margin of 1 apart: contrastive loss on the Euclidean
-/// distance between what the layers, followed by ReLU, give for both.
+/// Trains `layers` with the contrastive loss on the Euclidean distance between their rectified outputs.
 ///
-/// - `device`: where it is trained and where the result stays, without autodiff
+/// Sweeps of one material move close to each other; others keep a distance of `margin`.
+///
+/// - `device`: device of the training and of the result, without autodiff
 ///
 /// # Errors
 /// A loss that is not finite.
@@ -104,10 +105,10 @@ pub fn fit_embedding(
     )
 }
 
-/// Trains `layers` to tell from what separates two sweeps whether their materials differ: contrastive loss on that probability.
+/// Trains `layers` to predict from distances whether two sweeps are of different materials: contrastive loss on that probability.
 ///
 /// - `distances`: `[pairs][inputs]`
-/// - `device`: where it is trained and where the result stays, without autodiff
+/// - `device`: device of the training and of the result, without autodiff
 ///
 /// # Errors
 /// A loss that is not finite.
@@ -134,7 +135,7 @@ pub fn fit_difference(
     )
 }
 
-/// Probability that the pairs behind `distances` differ.
+/// Returns the probability that the materials of each pair differ.
 pub fn predict_difference(mlp: &Mlp, distances: &Features) -> Vec<f64> {
     let p = probability_of_difference(mlp, matrix(distances, &mlp.device()), |_, _| None);
     let values = p.into_data_as::<f32>().try_into_vec::<f32>();
@@ -145,7 +146,7 @@ pub fn predict_difference(mlp: &Mlp, distances: &Features) -> Vec<f64> {
         .collect()
 }
 
-/// `[rows, 1]`, 1 where the materials differ.
+/// Returns targets `[rows, 1]`: 1 if the materials differ, else 0.
 fn different(pairs: &[SweepPair], rows: &[usize], device: &Device) -> Tensor<2> {
     let values: Vec<f32> = rows
         .iter()
@@ -154,10 +155,10 @@ fn different(pairs: &[SweepPair], rows: &[usize], device: &Device) -> Tensor<2> 
     Tensor::from_data(TensorData::new(values, [rows.len(), 1]), device)
 }
 
-/// A mask for a layer, if it has one: see [`Mlp::forward_masked`].
+/// Returns the dropout mask of a layer, if it has one: see [`Mlp::forward_masked`].
 type Masks<'a> = &'a mut dyn FnMut(usize, usize) -> Option<Tensor<2>>;
 
-/// The loop that all share: examples in a new order every epoch, batches whose sizes differ by one at most.
+/// Shared training loop: a new order of the examples every epoch, batches whose sizes differ by at most one.
 fn fit(
     layers: &[DenseWeights],
     examples: usize,
@@ -214,7 +215,7 @@ mod tests {
         Mlp::init(widths, &Device::flex(), &mut Seed(1).rng("weights")).layers()
     }
 
-    /// Points in a ring, labelled by whether they lie inside another one.
+    /// Returns points on two rings, labelled by ring.
     fn rings() -> (Features, Vec<usize>) {
         let points: Vec<[f32; 2]> = (0..120)
             .map(|i| {
@@ -313,7 +314,7 @@ mod tests {
             .zip(&pairs)
             .filter(|(p, pair)| (**p > 0.5) == pair.different)
             .count();
-        // Rows of a ring meet rows of the other by chance alone in half of the pairs.
+        // In about half of the pairs the rings differ, so chance is 200.
         assert!(right > 320, "{right} of 400");
     }
 
@@ -334,7 +335,7 @@ mod tests {
             .zip(there.apply(&features).values())
             .map(|(a, b)| (a - b).abs())
             .fold(0.0, f32::max);
-        // Rounding differs between devices, and sixty epochs carry it on.
+        // Rounding differs between devices and accumulates over sixty epochs.
         assert!(apart < 0.1, "{apart}");
     }
 }

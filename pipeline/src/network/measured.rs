@@ -1,39 +1,39 @@
-//! What a batch measured: loss and recognised sweeps, read from the device when somebody has to know.
+//! Loss and accuracy of a batch, read from the device on demand.
 
 use burn::tensor::Tensor;
 use tactnet_models::values;
 
 use super::pairs_pass::near_their_own;
 
-/// What a batch measured, still on its device.
+/// Loss and accuracy of a batch, still on the device.
 pub struct Measured {
     values: Tensor<1>,
     kind: Kind,
 }
 
-/// What the values are.
+/// Layout of the values.
 enum Kind {
-    /// Loss, recognised sweeps.
+    /// Loss and number of correct predictions.
     Clean,
-    /// The same of the clean half and of the adversarial half; with the weight of the clean loss.
+    /// Loss and number of correct predictions of the clean half, then of the adversarial half; `alpha` is the weight of the clean loss.
     Adversarial { alpha: f64 },
-    /// Loss, distances `[sweeps][sweeps]`; with the labels of the sweeps.
+    /// Loss, then distances `[sweeps][sweeps]`.
     Pairs { labels: Vec<usize> },
 }
 
-/// What a batch measured.
+/// Loss and accuracy of a batch.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Figures {
-    /// The objective, nats per sweep.
+    /// Loss in nats per sweep.
     pub loss: f64,
-    /// Clean sweeps whose largest logit is their label's, with dropout on.
+    /// Number of correctly predicted clean sweeps, with dropout.
     pub correct: usize,
-    /// The same of the adversarial sweeps, where there were any.
+    /// Number of correctly predicted adversarial sweeps; `None` without adversarial training.
     pub adversarial_correct: Option<usize>,
 }
 
 impl Measured {
-    /// - `half`: `[2]`, loss and recognised sweeps
+    /// - `half`: loss and number of correct predictions, `[2]`
     pub(crate) fn clean(half: Tensor<1>) -> Self {
         Self {
             values: half,
@@ -41,7 +41,7 @@ impl Measured {
         }
     }
 
-    /// - `halves`: of the clean and of the adversarial sweeps, `[2]` each
+    /// - `halves`: loss and number of correct predictions of clean and of adversarial sweeps, `[2]` each
     /// - `alpha`: weight of the clean loss
     pub(crate) fn adversarial(halves: [Tensor<1>; 2], alpha: f64) -> Self {
         Self {
@@ -61,12 +61,12 @@ impl Measured {
         }
     }
 
-    /// Reads it, which waits for the device.
+    /// Reads the values, which waits for the device.
     pub fn read(self) -> Figures {
         Self::read_all(vec![self])[0]
     }
 
-    /// Reads several at once.
+    /// Reads several batches at once.
     pub(crate) fn read_all(several: Vec<Self>) -> Vec<Figures> {
         if several.is_empty() {
             return Vec::new();

@@ -1,4 +1,4 @@
-//! Training of TactNet-II and of small networks on its features; embeddings and novelty.
+//! Training of TactNet-II and of small networks on its features, embeddings, novelty scores.
 
 pub(crate) mod adam;
 #[cfg(any(feature = "vulkan", feature = "cuda"))]

@@ -1,4 +1,4 @@
-//! A trained network that scores sweeps, plainly or with Monte Carlo dropout.
+//! Trained network that scores sweeps, plainly or with Monte Carlo dropout.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -13,9 +13,9 @@ use tactnet_models::{
 use crate::network::in_pool::in_pool;
 use crate::{Embedding, NetworkSetup, Normalizer, PipelineError, PredictionMethod};
 
-/// Numbers of all dropout masks together: a gibibyte.
+/// Maximum number of values in all dropout masks together: one GiB of `f32`.
 const MASK_NUMBERS: usize = 1 << 28;
-/// Sweeps that go through the network at once.
+/// Number of sweeps in a forward pass.
 const BATCH: usize = 36;
 
 pub(crate) struct NetworkScorer {
@@ -23,14 +23,14 @@ pub(crate) struct NetworkScorer {
     network: NetworkConfig,
     net: Network,
     device: Device,
-    /// Names the masks.
+    /// Seed of the masks.
     seed: Seed,
-    /// The masks drawn last: they only depend on their number.
+    /// Last masks with their number, which alone determines them.
     masks: Mutex<Option<(usize, Tensor<2>)>>,
 }
 
 impl NetworkScorer {
-    /// Puts description and weights together on `device`.
+    /// Builds the network on `device` from its description and weights.
     ///
     /// # Errors
     /// Weights of another network.
@@ -53,7 +53,7 @@ impl NetworkScorer {
         })
     }
 
-    /// `[sweeps][materials]`
+    /// Returns log-probabilities `[sweeps][materials]`.
     pub fn log_probabilities(
         &self,
         view: &SweepView<'_>,
@@ -100,7 +100,7 @@ impl NetworkScorer {
         }
     }
 
-    /// How much the dropout masks disagree about every sweep, nats; see [`mutual_information`].
+    /// Returns the disagreement of the dropout masks about every sweep, in nats; see [`mutual_information`].
     pub fn mutual_information(&self, convolution: &Features, mc_samples: usize) -> Vec<f64> {
         let masks = self.masks(mc_samples);
         let mut mean = vec![0.0; self.network.materials()];
@@ -114,7 +114,7 @@ impl NetworkScorer {
             .collect()
     }
 
-    /// The same network for one sweep as it happens, with `mc_samples` masks.
+    /// Returns the network in the form that takes one frame at a time, with `mc_samples` masks.
     pub fn streaming(&self, mc_samples: usize) -> StreamingNet {
         let masks = match mc_samples {
             0 => Vec::new(),
@@ -123,20 +123,20 @@ impl NetworkScorer {
         StreamingNet::new(&self.net, &self.network, &masks)
     }
 
-    /// `[mc_samples][features]`: the masks behind a Monte Carlo prediction, for other forms of the network.
+    /// Returns the masks of a Monte Carlo prediction for other runtimes, `[mc_samples][features]`.
     pub fn mask_values(&self, mc_samples: usize) -> Vec<f32> {
         values(self.masks(mc_samples))
     }
 
-    /// Returns what is done to a frame before.
+    /// Returns the normaliser of the network's input.
     pub fn normalizer(&self) -> &Normalizer {
         &self.normalizer
     }
 
-    /// Succeeds if so many dropout masks fit into a gibibyte.
+    /// Succeeds if that number of dropout masks fits into one GiB.
     ///
     /// # Errors
-    /// They do not.
+    /// Too many masks.
     pub fn check_masks(&self, mc_samples: usize) -> Result<(), PipelineError> {
         let most = MASK_NUMBERS / self.network.features().max(1);
         if mc_samples <= most {
@@ -149,12 +149,12 @@ impl NetworkScorer {
         })
     }
 
-    /// Where it computes.
+    /// Returns the compute device.
     pub fn device(&self) -> &Device {
         &self.device
     }
 
-    /// The trained network.
+    /// Returns the trained network.
     pub fn net(&self) -> &Network {
         &self.net
     }
@@ -173,7 +173,7 @@ impl NetworkScorer {
         Tensor::from_data(TensorData::new(values, extents), &self.device)
     }
 
-    /// `[mc_samples, features]`
+    /// Returns dropout masks `[mc_samples, features]`.
     fn masks(&self, mc_samples: usize) -> Tensor<2> {
         let mut drawn = self.masks.lock().unwrap_or_else(PoisonError::into_inner);
         match &*drawn {
@@ -200,7 +200,7 @@ impl NetworkScorer {
             .collect()
     }
 
-    /// Log of the mean softmax over all masks; the head runs once per sweep, on all masks together.
+    /// Returns the logarithm of the mean softmax over all masks. The head runs once per sweep, on all masks together.
     fn monte_carlo(&self, features: Tensor<2>, masks: &Tensor<2>) -> Vec<Vec<f64>> {
         let [sweeps, _] = features.dims();
         (0..sweeps)
@@ -213,7 +213,7 @@ impl NetworkScorer {
             .collect()
     }
 
-    /// `[mc_samples][materials]`
+    /// Returns log-probabilities of one sweep, `[mc_samples][materials]`.
     fn run_log_probabilities(
         &self,
         features: &Tensor<2>,
@@ -289,7 +289,7 @@ mod tests {
         let plain = scores(&all_kept, PredictionMethod::Plain);
         for (found, expected) in scores(&all_kept, dropout).iter().zip(&plain) {
             for (found, expected) in found.iter().zip(expected) {
-                // Another order of the head's sums.
+                // The head adds in another order.
                 assert!((found - expected).abs() < 1e-5, "{found} {expected}");
             }
         }

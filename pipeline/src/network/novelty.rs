@@ -1,4 +1,4 @@
-//! How strange a sweep is to a network: scores that grow for materials that it has never seen.
+//! Novelty scores of sweeps, which are larger for materials that the network has not seen.
 
 use std::collections::BTreeMap;
 
@@ -7,27 +7,27 @@ use tactnet_models::{NearestMean, Whitening};
 
 use crate::{Classifier, Embedding, PipelineError, TrainEmbeddings};
 
-/// Share of the mean variance in the covariance of known sweeps.
+/// Weight of the mean variance in the shrunk covariance of known sweeps.
 const SHRINKAGE: f64 = 0.3;
-/// Passes of Monte Carlo dropout.
+/// Number of passes of Monte Carlo dropout.
 pub(crate) const MC_SAMPLES: usize = 100;
 
-/// A score that is larger for stranger sweeps.
+/// Score that is larger for less familiar sweeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum NoveltyScore {
-    /// Minus the log of the summed exponentials of the output layer's scores (Liu et al., 2020).
+    /// Negative log of the summed exponentials of the output layer's scores (Liu et al., 2020).
     Energy,
-    /// Minus the log of the largest probability (Hendrycks & Gimpel, 2017).
+    /// Negative log of the largest probability (Hendrycks & Gimpel, 2017).
     LargestProbability,
-    /// Mutual information of label and dropout masks (Gal & Ghahramani, 2016), nats.
+    /// Mutual information of label and dropout masks, in nats (Gal & Ghahramani, 2016).
     MutualInformation,
-    /// Half the squared distance to the nearest class mean, whitened with the known sweeps' covariance (Lee et al., 2018).
+    /// Half the squared distance to the nearest class mean, whitened with the covariance of known sweeps (Lee et al., 2018).
     WhitenedDistance,
 }
 
 impl NoveltyScore {
-    /// All of them.
+    /// All scores.
     pub const ALL: [Self; 4] = [
         Self::Energy,
         Self::LargestProbability,
@@ -35,10 +35,10 @@ impl NoveltyScore {
         Self::WhitenedDistance,
     ];
 
-    /// The one that tells unknown materials of the twin best (`tactnet experiment run unknown`, RESULTS.md).
+    /// Score with the best detection of the twin's unknown materials (experiment `unknown`, RESULTS.md).
     pub const BEST: Self = Self::MutualInformation;
 
-    /// Its name in results.
+    /// Returns the name in results.
     pub fn name(self) -> &'static str {
         match self {
             Self::Energy => "energy",
@@ -49,7 +49,7 @@ impl NoveltyScore {
     }
 }
 
-/// What scores need besides the network: means and covariance of the sweeps that it learnt from.
+/// Classifier with means and covariance of its training sweeps, which novelty scores need.
 pub struct NoveltyScorer<'a> {
     classifier: &'a Classifier,
     whitening: Whitening,
@@ -57,10 +57,10 @@ pub struct NoveltyScorer<'a> {
 }
 
 impl<'a> NoveltyScorer<'a> {
-    /// Fits to the sweeps behind `classifier`.
+    /// Fits means and covariance to the embeddings of the training sweeps.
     ///
     /// # Errors
-    /// A model that is no network; a covariance without eigenvalues.
+    /// A model that is not a network; a covariance without eigenvalues.
     pub fn fit(classifier: &'a Classifier, known: &TrainEmbeddings) -> Result<Self, PipelineError> {
         classifier.network()?;
         let materials = classifier.config().labels.len();
@@ -73,10 +73,10 @@ impl<'a> NoveltyScorer<'a> {
         })
     }
 
-    /// One score for every sweep.
+    /// Returns one score for every sweep.
     ///
     /// # Errors
-    /// None with a network.
+    /// A model that is not a network.
     pub fn score(
         &self,
         score: NoveltyScore,
@@ -107,10 +107,10 @@ impl<'a> NoveltyScorer<'a> {
         })
     }
 
-    /// All scores of every sweep, by name.
+    /// Returns all scores of every sweep, by name.
     ///
     /// # Errors
-    /// None with a network.
+    /// A model that is not a network.
     pub fn all(
         &self,
         embedding: &Embedding,

@@ -1,4 +1,4 @@
-//! The loss and its gradients: plain cross entropy, and the adversarial objective of the thesis.
+//! Loss and gradients: plain cross entropy, and the adversarial objective of the thesis.
 
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::GradientsParams;
@@ -9,18 +9,18 @@ use tactnet_models::{BatchStatistics, Network, cross_entropy, is_cpu, values};
 use super::measured::Measured;
 use crate::AttackedLabel;
 
-/// Values that a thread takes at once.
+/// Number of values that a thread processes at once.
 const RUN: usize = 1 << 14;
 
-/// What one batch gives to the optimiser.
+/// Result of one batch for the optimiser.
 pub struct Pass {
     /// Gradient of the objective for every parameter.
     pub gradients: GradientsParams,
     /// Batch statistics of the clean sweeps.
     pub statistics: Vec<BatchStatistics>,
-    /// Those of the adversarial sweeps, where there were any.
+    /// Batch statistics of the adversarial sweeps; `None` without adversarial training.
     pub adversarial_statistics: Option<Vec<BatchStatistics>>,
-    /// Loss and recognised sweeps, not read yet.
+    /// Loss and accuracy, not read yet.
     pub measured: Measured,
 }
 
@@ -29,17 +29,17 @@ pub struct Pass {
 pub struct Perturbation {
     /// Weight of the clean loss.
     pub alpha: f64,
-    /// Size of the step along the sign of the input gradient, of each taxel: `[taxels]`, in the units of `sweeps`.
+    /// Step size along the sign of the input gradient for each taxel, `[taxels]`, in the units of `sweeps`.
     pub epsilon: Vec<f32>,
-    /// Whose loss it raises.
+    /// Label whose loss the perturbation increases.
     pub attack: AttackedLabel,
 }
 
-/// `E(x)`: cross entropy.
+/// Runs a forward and backward pass of `E(x)`, the cross entropy.
 ///
 /// - `sweeps`: `[batch, 1, steps, taxels]` without autodiff
 /// - `labels`: `[batch]`
-/// - `mask`: `[batch, features]` dropout mask
+/// - `mask`: dropout mask, `[batch, features]`
 pub fn base_pass(
     net: &Network,
     sweeps: Tensor<4>,
@@ -56,11 +56,12 @@ pub fn base_pass(
     }
 }
 
-/// `alpha E(x) + (1 - alpha) E(x + r)` with `r = epsilon sign(dE/dx)`, thesis section 4.4.1.
+/// Runs forward and backward passes of `alpha E(x) + (1 - alpha) E(x + r)` with `r = epsilon sign(dE/dx)`, thesis section 4.4.1.
 ///
-/// One clean forward and backward pass gives both the weight gradients and `dE/dx`. The perturbation is a constant for
-/// the second pass (Goodfellow et al., 2014). `masks` is `[clean, adversarial]`. If the predicted label is attacked, `E` under the sign
-/// is the loss of what the clean pass takes for the most probable, and takes another forward and backward pass with the clean mask.
+/// One clean pass gives both the weight gradients and `dE/dx`. The perturbation is constant in the second pass (Goodfellow et al., 2014).
+/// If the predicted label is attacked, `dE/dx` is that of the loss of the most probable label, which takes another pass with the clean mask.
+///
+/// - `masks`: `[clean, adversarial]`
 pub fn adversarial_pass(
     net: &Network,
     sweeps: Tensor<4>,
@@ -75,7 +76,7 @@ pub fn adversarial_pass(
     let alpha = *alpha;
     let [clean_mask, adversarial_mask] = masks;
     let tracked = sweeps.clone().autodiff().require_grad();
-    // The sign of dE/dx needs a clean loss even where that has no weight.
+    // The sign of dE/dx needs a clean loss even if that has no weight.
     let clean_weight = if alpha > 0.0 { alpha } else { 1.0 };
     let predicted = (*attack == AttackedLabel::Predicted).then(|| clean_mask.clone());
     let (mut clean, statistics, clean_half) = pass(
@@ -111,7 +112,7 @@ pub fn adversarial_pass(
     }
 }
 
-/// `dE/dx` of the most probable label's loss.
+/// Returns `dE/dx` of the loss of the most probable label.
 fn gradient_of_predicted(net: &Network, sweeps: Tensor<4>, mask: Tensor<2>) -> Tensor<4> {
     let tracked = sweeps.autodiff().require_grad();
     let logits = net.forward_train(tracked.clone(), mask).logits;
@@ -122,7 +123,7 @@ fn gradient_of_predicted(net: &Network, sweeps: Tensor<4>, mask: Tensor<2>) -> T
         .unwrap_or_else(|| panic!("the loss depends on the sweeps"))
 }
 
-/// `sweeps + epsilon sign(gradient)`, of each taxel its own; on the processor in one pass, where they lie.
+/// Returns `sweeps + epsilon sign(gradient)` with an epsilon for each taxel; on the processor in place, in one pass.
 fn perturbed(sweeps: Tensor<4>, gradient: Tensor<4>, epsilon: &[f32]) -> Tensor<4> {
     let device = sweeps.device();
     let extents = sweeps.dims();
@@ -156,7 +157,7 @@ fn perturbed(sweeps: Tensor<4>, gradient: Tensor<4>, epsilon: &[f32]) -> Tensor<
     Tensor::from_data(TensorData::new(digits, extents), &device)
 }
 
-/// Gradients of `weight` times the loss, batch statistics, and `[2]`: the loss itself, the sweeps recognised.
+/// Returns the gradients of `weight` times the loss, batch statistics, and `[2]`: loss and number of correct predictions.
 fn pass(
     net: &Network,
     sweeps: Tensor<4>,
@@ -178,7 +179,7 @@ fn pass(
     (gradients, forward.statistics, half)
 }
 
-/// `first + second`; on the processor on all threads.
+/// Returns `first + second`; on the processor with all threads.
 fn added<const D: usize>(first: Tensor<D>, second: Tensor<D>) -> Tensor<D> {
     let device = first.device();
     if !is_cpu(&device) {
@@ -278,7 +279,7 @@ mod tests {
         adversarial_pass(net, sweeps.clone(), labels.clone(), masks, &perturbation)
     }
 
-    /// `alpha E(x) + (1 - alpha) E(x)` is `E(x)`, and so are its gradients.
+    /// `alpha E(x) + (1 - alpha) E(x)` equals `E(x)`, and so do the gradients.
     #[test]
     fn without_a_perturbation_the_objective_is_the_plain_loss_whatever_alpha() {
         let batch = batch();
@@ -299,7 +300,7 @@ mod tests {
             for (name, expected) in &expected.0 {
                 let largest = expected.values.iter().fold(1e-6_f32, |m, v| m.max(v.abs()));
                 for (found, expected) in found.0[name].values.iter().zip(&expected.values) {
-                    // A sum of two rounded parts.
+                    // The sum of two rounded parts.
                     assert!((found - expected).abs() < 1e-5 * largest, "{alpha} {name}");
                 }
             }

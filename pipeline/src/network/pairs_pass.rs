@@ -1,4 +1,4 @@
-//! The objective of a Siamese network: sweeps of one material close to each other, others apart (Koch et al., 2015).
+//! Objective of a Siamese network: sweeps of one material close to each other, others apart (Koch et al., 2015).
 
 use burn::optim::GradientsParams;
 use burn::tensor::Tensor;
@@ -7,15 +7,16 @@ use tactnet_models::{Network, batch_contrastive_loss};
 use super::measured::Measured;
 use super::objective::Pass;
 
-/// Distance that sweeps of two materials shall keep, in root mean squares of a unit: what a rectified, normalised unit has.
+/// Minimum distance of sweeps of two materials, in units of the root mean square of a rectified, normalised unit.
 const MARGIN: f64 = 1.0;
 
-/// Contrastive loss of all pairs of a batch on what the output layer sees, which itself learns nothing. Recognised are sweeps
-/// whose nearest neighbour in the batch is of their material.
+/// Runs a forward and backward pass of the contrastive loss of all pairs of a batch on the input of the output layer, which itself is not trained.
+///
+/// A sweep counts as correct if its nearest neighbour in the batch is of its material.
 ///
 /// - `sweeps`: `[batch, 1, steps, taxels]` without autodiff
 /// - `labels`: `[batch]`
-/// - `mask`: `[batch, features]` dropout mask
+/// - `mask`: dropout mask, `[batch, features]`
 pub(crate) fn pairs_pass(
     net: &Network,
     sweeps: Tensor<4>,
@@ -35,7 +36,7 @@ pub(crate) fn pairs_pass(
     }
 }
 
-/// Returns how many sweeps have their nearest neighbour among those of their own label.
+/// Returns the number of sweeps whose nearest neighbour has the same label.
 ///
 /// - `distances`: `[sweeps][sweeps]`
 pub(super) fn near_their_own(distances: &[f32], labels: &[usize]) -> usize {

@@ -1,17 +1,17 @@
-//! Training sweeps that lie on the device for as long as a training takes: 8-bit and 16-bit digits packed into words, batches taken from there by
-//! number and normalised there.
+//! Training sweeps in GPU memory for a whole training. Digits of 8 and 16 bits are packed into words; batches are gathered and normalised on
+//! the device.
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use tactnet_data::{Samples, SweepView};
 
 use crate::Normalizer;
 
-/// Sweeps that are larger are not kept there: what a WebGPU buffer that a kernel reads may have at least on every card.
+/// Maximum size in bytes of resident sweeps: the minimum size limit of a storage buffer that WebGPU guarantees.
 pub(crate) const MOST_BYTES: usize = 128 << 20;
-/// Bits of a word.
+/// Number of bits in a word.
 const WORD: usize = 32;
 
-/// Sweeps on a device.
+/// Sweeps in the memory of a device.
 pub(crate) struct ResidentSweeps {
     kept: Kept,
     /// Values of a sweep, `[1, steps, taxels]`.
@@ -20,13 +20,13 @@ pub(crate) struct ResidentSweeps {
 
 enum Kept {
     Packed(Box<Packed>),
-    /// `[sweeps, values]`, normalised.
+    /// Normalised values, `[sweeps, values]`.
     Normalized(Box<Tensor<2>>),
 }
 
-/// Digits as they were recorded.
+/// Digits as recorded, packed into words.
 struct Packed {
-    /// `[sweeps, words]`, the first value of a word in its lowest bits.
+    /// `[sweeps, words]`, with the first value of a word in its lowest bits.
     words: Tensor<2, Int>,
     bits: usize,
     /// `[1, 1, 1, taxels]`
@@ -35,7 +35,7 @@ struct Packed {
 }
 
 impl ResidentSweeps {
-    /// Puts sweeps onto `device`; `None` where they are too large for it.
+    /// Copies sweeps to `device`; returns `None` if they are too large.
     pub(crate) fn new(
         sweeps: &SweepView<'_>,
         normalizer: &Normalizer,
@@ -57,7 +57,7 @@ impl ResidentSweeps {
         })
     }
 
-    /// Returns the normalised sweeps at `positions`: `[batch, 1, steps, taxels]`.
+    /// Returns the normalised sweeps at `positions`, `[batch, 1, steps, taxels]`.
     pub(crate) fn batch(&self, positions: &[usize]) -> Tensor<4> {
         let [_, steps, taxels] = self.extents;
         let (batch, values) = (positions.len(), steps * taxels);
@@ -77,7 +77,7 @@ impl ResidentSweeps {
 }
 
 impl Packed {
-    /// Returns the digits of the sweeps at `positions`, and what fills up their last words: `[batch, values of the words]`.
+    /// Returns the digits of the sweeps at `positions`, including padding in their last words: `[batch, values of the words]`.
     fn digits(&self, positions: &[usize]) -> Tensor<2> {
         let numbers = numbers(positions, &self.words.device());
         let words = self.words.clone().select(0, numbers);
@@ -150,7 +150,7 @@ impl Kept {
     }
 }
 
-/// Digits in words, the first in the lowest bits.
+/// Packs digits into words, the first into the lowest bits.
 pub(crate) fn packed<T: Copy + Into<u32>>(digits: &[T]) -> impl Iterator<Item = u32> {
     let bits = 8 * size_of::<T>();
     digits.chunks(WORD / bits).map(move |chunk| {
@@ -176,7 +176,7 @@ mod tests {
     use super::*;
     use crate::{MeanRemoval, Scaling};
 
-    /// Three materials of ten sweeps, 7 steps of 3 taxels: rows that end within a word.
+    /// Returns three materials with ten sweeps of 7 steps and 3 taxels, whose values do not fill the last word.
     fn sweeps(samples: impl Fn(Vec<f32>) -> Samples) -> Dataset {
         let twin = generate(&TwinConfig {
             materials: 3,

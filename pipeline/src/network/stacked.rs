@@ -1,8 +1,8 @@
-//! Training of several networks at once on one GPU, step by step as [`Training`](crate::Training) does it for one.
+//! Training of several networks at once on one GPU, with the same steps as [`Training`](crate::Training).
 //!
-//! Each network has its own training sweeps, normaliser, seed and number of epochs; architecture, batch size and method are the same for all.
-//! Batches, order, dropout and initial weights are those that the network would have alone. In every step each network goes on with its own
-//! next batch, so networks with fewer batches in an epoch do not wait for the others.
+//! Each network has its own training sweeps, normaliser, seed and number of epochs; all share architecture, batch size and method. Batches,
+//! order, dropout and initial weights are those of a training alone. In every step each network trains on its own next batch, so networks with
+//! fewer batches per epoch do not wait for others.
 
 use burn::tensor::Device;
 use rayon::prelude::*;
@@ -25,20 +25,20 @@ use crate::{
 /// One of several networks that are trained at once.
 #[derive(Debug, Clone)]
 pub struct StackMember<'a> {
-    /// Epochs and learning rates are the network's own; all else is the same as of the others.
+    /// Recipe; only epochs and learning rates may differ between members.
     pub recipe: &'a Recipe,
-    /// What it learns from.
+    /// Training sweeps.
     pub train: &'a TrainSplit<'a>,
-    /// What is done to its sweeps.
+    /// Normaliser of the sweeps.
     pub normalizer: &'a Normalizer,
-    /// Its layers.
+    /// Layers of the network.
     pub config: &'a NetworkConfig,
-    /// Of every random choice.
+    /// Seed of every random choice.
     pub seed: Seed,
 }
 
 impl StackMember<'_> {
-    /// Returns whether the network can be trained beside others: one of convolutions, whose attacked sweeps raise the loss of their own material.
+    /// Returns true if the network can be trained in a stack: a convolutional network without attacks on the predicted label.
     pub fn can_be_stacked(&self) -> bool {
         let attacks_own = !matches!(
             self.recipe.training.method,
@@ -50,7 +50,7 @@ impl StackMember<'_> {
         attacks_own && !self.train.is_empty() && NetStack::shape(self.config, 1, 1).is_some()
     }
 
-    /// Returns whether two networks can be trained at once.
+    /// Returns true if two networks can be trained in the same stack.
     pub fn fits(&self, other: &Self) -> bool {
         let settings = |member: &Self| TrainingSettings {
             epochs: 0,
@@ -70,20 +70,20 @@ impl StackMember<'_> {
         self.train.len().div_ceil(self.recipe.training.batch)
     }
 
-    /// Sweeps of a batch, at most.
+    /// Returns the maximum number of sweeps in a batch.
     fn batch(&self) -> usize {
         self.recipe.training.batch.min(self.train.len())
     }
 }
 
-/// Where one network stands.
+/// Training progress of one network.
 struct Standing {
     position: Position,
-    /// Why it is not trained any more.
+    /// True after a loss that is not finite; the network is then not trained further.
     failed: bool,
 }
 
-/// A batch that has not been read: its network, its epoch, its number and its number of sweeps.
+/// Batch whose loss has not been read from the GPU.
 struct Unread {
     member: usize,
     epoch: usize,
@@ -91,15 +91,15 @@ struct Unread {
     sweeps: usize,
 }
 
-/// Where the sweeps of all networks lie.
+/// Location of the sweeps of all networks.
 enum Source {
-    /// Digits on the GPU, with the number of each member's first sweep, by positions in its training sweeps.
+    /// Digits on the GPU; for each member, the numbers of its training sweeps there by position.
     Digits(Vec<Vec<u32>>),
-    /// They are normalised by the processor, batch by batch.
+    /// The processor normalises them, batch by batch.
     Processor,
 }
 
-/// What the processor prepares of one network's batch, filled up.
+/// Batch of one network as prepared by the processor, padded to the full batch size.
 struct Prepared {
     sweeps: usize,
     labels: Vec<u32>,
@@ -109,28 +109,28 @@ struct Prepared {
     rates: [f32; 2],
 }
 
-/// Networks on their way.
+/// Several networks in training.
 pub struct StackedTraining<'a> {
     members: Vec<StackMember<'a>>,
     standings: Vec<Standing>,
     stack: NetStack,
     source: Source,
-    /// Sweeps of a batch, at most.
+    /// Maximum number of sweeps in a batch.
     batch: usize,
-    /// Of each step since the last reading.
+    /// Unread batches of each step since the last reading.
     unread: Vec<Vec<Unread>>,
 }
 
 impl<'a> StackedTraining<'a> {
-    /// Starts networks with fresh weights, or goes on from where they stand.
+    /// Starts networks with fresh weights or from saved states.
     ///
-    /// - `states`: of each network where it stands, `None` for one that begins
+    /// - `states`: saved state of each network; `None`: fresh weights
     ///
     /// # Errors
-    /// A device that is no GPU; a state of another network.
+    /// A device that is not a GPU; a state of another network.
     ///
     /// # Panics
-    /// If there is no network, or two do not fit each other.
+    /// If `members` is empty, or two cannot share a stack.
     pub fn start(
         members: Vec<StackMember<'a>>,
         states: Vec<Option<TrainingState>>,
@@ -172,27 +172,27 @@ impl<'a> StackedTraining<'a> {
         })
     }
 
-    /// How many networks there are.
+    /// Returns the number of networks.
     pub fn len(&self) -> usize {
         self.members.len()
     }
 
-    /// Returns true if there is none.
+    /// Returns true if the stack is empty.
     pub fn is_empty(&self) -> bool {
         self.members.is_empty()
     }
 
-    /// Where a network stands.
+    /// Returns the training position of a network.
     pub fn position(&self, member: usize) -> &Position {
         &self.standings[member].position
     }
 
-    /// Batches in an epoch of a network.
+    /// Returns the number of batches in an epoch of a network.
     pub fn batches(&self, member: usize) -> usize {
         self.members[member].batches()
     }
 
-    /// Returns true if every network has had all its epochs, or has failed.
+    /// Returns true if every network has completed its epochs or has failed.
     pub fn has_ended(&self) -> bool {
         (0..self.members.len()).all(|member| !self.is_on_its_way(member))
     }
@@ -202,8 +202,10 @@ impl<'a> StackedTraining<'a> {
         !standing.failed && standing.position.epoch < self.members[member].recipe.training.epochs
     }
 
-    /// Trains every network that has not ended on its next batch, and returns what was done to each: `None` for those that have ended. Asks the GPU for
-    /// the batches and waits for them only where an epoch ends. A network whose loss is not finite ends with that error; the others go on.
+    /// Trains every unfinished network on its next batch and returns the reports, `None` for finished ones.
+    ///
+    /// The GPU works asynchronously; the call waits for it only at the end of an epoch. A network whose loss is not finite ends with that error; the
+    /// others continue.
     pub fn step(&mut self) -> Vec<Option<Result<BatchReport, PipelineError>>> {
         let on_their_way: Vec<bool> = (0..self.members.len())
             .map(|member| self.is_on_its_way(member))
@@ -271,7 +273,7 @@ impl<'a> StackedTraining<'a> {
         reports
     }
 
-    /// Hands the batches of all networks, one after the other, to the GPU.
+    /// Submits the batches of all networks, in order, to the GPU.
     fn launch(&mut self, prepared: &[Prepared]) {
         let counts: Vec<u32> = prepared.iter().map(|of| of.sweeps as u32).collect();
         let rates: Vec<[f32; 2]> = prepared.iter().map(|of| of.rates).collect();
@@ -305,7 +307,7 @@ impl<'a> StackedTraining<'a> {
         });
     }
 
-    /// What a network's next batch has, on the processor; nothing for one that has ended.
+    /// Prepares a network's next batch on the processor; an empty batch for a finished network.
     fn prepare(&self, member: usize, goes: bool) -> Prepared {
         let StackMember {
             recipe,
@@ -367,7 +369,7 @@ impl<'a> StackedTraining<'a> {
         }
     }
 
-    /// Which mask attacked sweeps have; `None` where none are attacked.
+    /// Returns the mask of adversarial sweeps; `None` without adversarial training.
     fn attacks(&self, member: usize) -> Option<AdversarialMask> {
         match self.members[member].recipe.training.method {
             TrainingMethod::Base => None,
@@ -375,8 +377,7 @@ impl<'a> StackedTraining<'a> {
         }
     }
 
-    /// Waits until the batches so far are computed, and reads what they measured. Returns the networks whose loss is not finite: they are not
-    /// trained any further.
+    /// Waits for all batches so far and reads their losses. Returns the networks whose loss is not finite, which are not trained further.
     pub fn wait(&mut self) -> Vec<(usize, PipelineError)> {
         let mut failures = Vec::new();
         let unread = std::mem::take(&mut self.unread);
@@ -419,10 +420,10 @@ impl<'a> StackedTraining<'a> {
         failures
     }
 
-    /// Returns what a restart of each network needs, be it alone or in a stack; waits for the GPU.
+    /// Returns the restart state of each network, for a training alone or in a stack; waits for the GPU.
     ///
     /// # Errors
-    /// Of each network: a loss or a weight that is not finite.
+    /// For each network: a loss or weight that is not finite.
     pub fn states(&mut self) -> Vec<Result<TrainingState, PipelineError>> {
         let mut failures = self.wait();
         let nets = self.stack.nets();
@@ -467,7 +468,7 @@ impl<'a> StackedTraining<'a> {
     }
 }
 
-/// A network as it begins, or as it stands.
+/// Returns a network with fresh weights, or from a saved state.
 fn net_of(
     member: &StackMember<'_>,
     state: Option<&TrainingState>,
@@ -522,16 +523,16 @@ fn settings(members: &[StackMember<'_>], batch: usize) -> StackSettings {
     }
 }
 
-/// The digits of all training sweeps in words.
+/// Digits of all training sweeps, packed into words.
 struct Packed {
     bits: usize,
     words: Vec<u32>,
-    /// Of each member the numbers of its sweeps, by position.
+    /// Numbers of each member's sweeps, by position.
     numbers: Vec<Vec<u32>>,
 }
 
 impl Packed {
-    /// `None` where sweeps are no digits, are too large, or change from epoch to epoch. Data sets of equal content lie there once.
+    /// Returns `None` if sweeps are not digits, are too large, or are augmented. Data sets of equal content are stored once.
     fn of(members: &[StackMember<'_>]) -> Option<Self> {
         let mut bits = None;
         let mut words = Vec::new();

@@ -1,20 +1,20 @@
-//! What a classifier keeps of the sweeps that it learnt from, so that materials can be added to it later.
+//! Embeddings of a classifier's training sweeps, kept for later enrolments.
 
 use tactnet_models::{Features, NamedTensor, Weights};
 
 use crate::Embedding;
 
-/// Embeddings of the sweeps behind a classifier, with their labels.
+/// Embeddings of the training sweeps of a classifier, with their labels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrainEmbeddings {
-    /// `[sweeps][hidden]`: what the output layer sees.
+    /// Input of the output layer, `[sweeps][hidden]`.
     pub hidden: Features,
-    /// `[sweeps]`
+    /// Label of every sweep.
     pub labels: Vec<usize>,
 }
 
 impl TrainEmbeddings {
-    /// Of embedded training sweeps.
+    /// Returns the embeddings without convolution outputs and scores.
     pub fn of(embedding: &Embedding) -> Self {
         Self {
             hidden: embedding.hidden.clone(),
@@ -22,7 +22,7 @@ impl TrainEmbeddings {
         }
     }
 
-    /// As tensors `hidden` and `labels`.
+    /// Returns the tensors `hidden` and `labels`.
     pub fn to_weights(&self) -> Weights {
         let labels = self.labels.iter().map(|label| *label as f32).collect();
         Weights(
@@ -46,12 +46,12 @@ impl TrainEmbeddings {
         )
     }
 
-    /// From such tensors.
+    /// Restores embeddings from the tensors of [`TrainEmbeddings::to_weights`].
     ///
-    /// - `materials`: labels are below this
+    /// - `materials`: number of materials, which bounds the labels
     ///
     /// # Errors
-    /// What is wrong with them.
+    /// A sentence about the first invalid tensor.
     pub fn from_weights(weights: &Weights, materials: usize) -> Result<Self, String> {
         let tensor = |name: &str| weights.0.get(name).ok_or(format!("no tensor `{name}`"));
         let (hidden, labels) = (tensor("hidden")?, tensor("labels")?);

@@ -1,4 +1,4 @@
-//! The training loop of networks.
+//! Training loop of networks.
 
 use std::time::Instant;
 
@@ -11,10 +11,10 @@ use crate::{
     Training,
 };
 
-/// Trains batch by batch to the last epoch. Returns false if `go_on` said no before; a record then has a checkpoint of that moment.
+/// Trains to the last epoch. Returns false if `go_on` stopped it; a record then has a checkpoint of that moment.
 ///
-/// - `record`: where metrics and checkpoints are kept, if anywhere
-/// - `watched`: sweeps whose accuracy is noted in the record after every epoch
+/// - `record`: writes metrics and checkpoints, if any
+/// - `watched`: sweeps whose accuracy is recorded after every epoch
 /// - `go_on`: called after every batch; false stops the training
 pub(crate) fn train_batches(
     training: &mut Training<'_>,
@@ -53,12 +53,12 @@ pub(crate) fn train_batches(
     }
 }
 
-/// Trains a network to its end in one call, for experiments whose unit of work is more than one training. `None` when `go_on` said no.
+/// Trains a network in one call, for experiments that train several in one unit of work. Returns `None` if `go_on` stopped it.
 ///
 /// - `go_on`: called after every batch; false stops the training, whose work is then lost
 ///
 /// # Errors
-/// A training set without sweeps, a setting out of range, a loss that is not finite.
+/// A training set without sweeps; a setting that is out of range; a loss that is not finite.
 pub fn train_network(
     recipe: &Recipe,
     train: &TrainSplit<'_>,
@@ -69,14 +69,14 @@ pub fn train_network(
     train_whole(recipe, train, seed, device, |training| training, go_on)
 }
 
-/// Trains a network on pairs of sweeps, so that those of one material come close to each other in its embedding: a Siamese network (Koch
-/// et al., 2015). Its output layer has learnt nothing. `None` when `go_on` said no.
+/// Trains a Siamese network: sweeps of one material move close to each other in its embedding (Koch et al., 2015). Its output layer is not
+/// trained. Returns `None` if `go_on` stopped it.
 ///
-/// - `go_on`: called after every batch, whose accuracy is the share of sweeps with a nearest neighbour of their own material in the
-///   batch; false stops the training, whose work is then lost
+/// - `go_on`: called after every batch; false stops the training, whose work is then lost. The reported accuracy is the share of sweeps whose
+///   nearest neighbour in the batch is of the same material
 ///
 /// # Errors
-/// A training set without sweeps, a setting out of range, a loss that is not finite.
+/// A training set without sweeps; a setting that is out of range; a loss that is not finite.
 pub fn train_siamese(
     recipe: &Recipe,
     train: &TrainSplit<'_>,
@@ -135,7 +135,7 @@ mod tests {
         .unwrap()
     }
 
-    /// Weights after one step over all training sweeps; `method` is TOML.
+    /// Returns the weights after one step over all training sweeps; `training` is TOML.
     fn after_one_step(dataset: &Dataset, keep: f64, training: &str) -> Weights {
         let text = format!(
             "name = \"small\"\nnetwork = {{ maps = [3, 4], hidden = 8, keep_probability = {keep} }}\n\
@@ -155,7 +155,7 @@ mod tests {
 
     type Named<'a> = Vec<(&'a String, &'a Vec<f32>)>;
 
-    /// Running statistics, and what is trained.
+    /// Splits weights into running statistics and trained parameters.
     fn split(weights: &Weights) -> (Named<'_>, Named<'_>) {
         let all = weights
             .0
@@ -164,7 +164,7 @@ mod tests {
         all.partition(|(name, _)| name.contains("running"))
     }
 
-    /// Materials that sound at a pitch of their own, each sweep with another phase, in noise.
+    /// Returns sweeps with a pitch for each material, a random phase for each sweep, and noise.
     fn tones(materials: usize, sweeps: usize, steps: usize) -> Dataset {
         let like = generate(&TwinConfig {
             materials,
@@ -196,7 +196,7 @@ mod tests {
         .unwrap()
     }
 
-    /// Mean distance of test sweeps of two materials over that of one, in the embedding.
+    /// Returns the ratio of mean distances in the embedding: test sweeps of different materials over those of the same.
     fn apart(classifier: &Classifier, fold: &Fold<'_>) -> f64 {
         let embedding = classifier.embed(&fold.test).unwrap();
         let (hidden, labels) = (&embedding.hidden, &embedding.labels);
@@ -270,7 +270,7 @@ mod tests {
         assert_eq!(split(&predicted).0, running, "of the clean sweeps");
     }
 
-    /// Without a perturbation the adversarial half sees the clean sweeps; alpha 1 leaves it out.
+    /// Without a perturbation the adversarial half sees clean sweeps; alpha 1 removes it.
     #[test]
     fn alpha_weighs_the_clean_loss_and_epsilon_moves_the_sweeps() {
         let twin = twin();
@@ -308,12 +308,12 @@ mod tests {
         assert_ne!(all.0, none.0);
     }
 
-    /// With every digit doubled, sweeps that are scaled by taxel are the same, and so many digits are half as many deviations.
+    /// Doubled digits give the same sweeps after scaling by taxel, so a perturbation of the same number of digits is half as strong.
     #[test]
     fn a_perturbation_is_in_digits_whatever_the_scaling() {
         let twin = twin();
         let times = |factor: f32| {
-            // No taxel rests: one that does is not scaled.
+            // No taxel is constant, since constant taxels are not scaled.
             let digits = (0..twin.len())
                 .flat_map(|index| twin.sweep(index))
                 .enumerate()

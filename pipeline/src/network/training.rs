@@ -1,4 +1,4 @@
-//! Training, one batch at a time, so that whoever drives it can show progress, stop and resume.
+//! Training of a network, one batch per call, so that the caller can show progress, stop and resume.
 
 use burn::optim::ModuleOptimizer;
 use burn::tensor::{Bytes, Device, Int, Tensor, TensorData};
@@ -17,52 +17,52 @@ use crate::{
     AdversarialMask, AdversarialStatistics, Normalizer, PipelineError, Recipe, TrainingMethod,
 };
 
-/// Where training stands: the next batch, and what the running epoch has shown so far.
+/// Training position: the next batch and the running sums of the current epoch.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Position {
     /// Epoch of the next batch, counted from 0.
     pub epoch: usize,
-    /// The next batch, counted from 0.
+    /// Next batch, counted from 0.
     pub batch: usize,
-    /// Sum of the objective over the sweeps of this epoch so far, nats.
+    /// Sum of the loss over the sweeps of this epoch so far, in nats.
     pub loss_sum: f64,
-    /// Sweeps of this epoch that were recognised while training.
+    /// Number of sweeps of this epoch predicted correctly during training.
     pub correct: usize,
-    /// The same of the adversarial sweeps made of them.
+    /// Number of adversarial sweeps of this epoch predicted correctly.
     #[serde(default)]
     pub adversarial_correct: usize,
-    /// Sweeps of this epoch so far.
+    /// Number of sweeps of this epoch so far.
     pub sweeps: usize,
 }
 
-/// Everything that a restart needs to go on as if nothing had happened.
+/// State from which a restart continues exactly.
 #[derive(Debug, Clone)]
 pub struct TrainingState {
-    /// Where training stands.
+    /// Training position.
     pub position: Position,
     /// Parameters and running statistics.
     pub weights: Weights,
-    /// Adam's moments, as Burn stores them.
+    /// Adam's moments in Burn's format.
     pub optimizer: Vec<u8>,
 }
 
-/// What one batch did.
+/// Statistics of one batch.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BatchReport {
     /// Epoch, counted from 0.
     pub epoch: usize,
     /// Batch, counted from 0.
     pub batch: usize,
-    /// Batches in an epoch.
+    /// Number of batches in an epoch.
     pub batches: usize,
-    /// Mean objective of the epoch so far, nats per sweep; on a GPU `None` until the epoch's last batch, since reading it would make the GPU wait.
+    /// Mean loss of the epoch so far, in nats per sweep. On a GPU `None` until the epoch's last batch, since reading it would stall the GPU.
     pub mean_loss: Option<f64>,
-    /// Share of the epoch's sweeps recognised so far, with dropout on; as `mean_loss`.
+    /// Accuracy on the epoch's training sweeps so far, with dropout; `None` as `mean_loss`.
     pub accuracy: Option<f64>,
-    /// The same of the adversarial sweeps, where there are any; as `mean_loss`.
+    /// Accuracy on adversarial training sweeps; `None` as `mean_loss`, and without adversarial training.
     pub adversarial_accuracy: Option<f64>,
-    /// Learning rate used.
+    /// Learning rate of the batch.
     pub learning_rate: f64,
 }
 
@@ -73,17 +73,16 @@ impl BatchReport {
     }
 }
 
-/// How many of the sweeps that nothing is learnt from are recognised in the course of a training.
+/// Accuracy on sweeps that are watched but not trained on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Watched {
-    /// Share that is recognised.
+    /// Accuracy on clean sweeps.
     pub accuracy: f64,
-    /// The same of the adversarial sweeps made of them; `None` without adversarial training.
+    /// Accuracy on adversarial sweeps; `None` without adversarial training.
     pub adversarial_accuracy: Option<f64>,
 }
 
-/// A network on its way. Every random choice is named by epoch and batch, so it does not matter where a run was
-/// interrupted.
+/// Network in training. Every random choice is derived from epoch and batch, so interruptions do not change the result.
 pub struct Training<'a> {
     recipe: &'a Recipe,
     train: &'a TrainSplit<'a>,
@@ -91,17 +90,17 @@ pub struct Training<'a> {
     config: NetworkConfig,
     seed: Seed,
     device: Device,
-    /// Absent only while the optimiser has it: what nobody else holds it changes in place.
+    /// Network; `None` only during the optimiser's step, which can then update it in place.
     net: Option<Network>,
     optimizer: ModuleOptimizer,
-    /// The sweeps, where they lie on a GPU.
+    /// Training sweeps in GPU memory, if they fit.
     resident: Option<ResidentSweeps>,
     position: Position,
-    /// Batches of this epoch that have not been read, with their numbers and their numbers of sweeps.
+    /// Unread batches of this epoch: number of the batch, number of its sweeps, values.
     unread: Vec<(usize, usize, Measured)>,
-    /// Pairs are learnt, not materials.
+    /// True for a Siamese network, which learns from pairs instead of materials.
     on_pairs: bool,
-    /// Epoch and batch of the last step, counted from 0, for messages.
+    /// Epoch and batch of the last step, counted from 0, for error messages.
     last: (usize, usize),
 }
 
@@ -127,7 +126,7 @@ impl<'a> Training<'a> {
         }
         let device = device.clone().autodiff();
         let net = Network::init(config, &device, &mut seed.rng("initial weights"));
-        // Augmented sweeps are others in every epoch.
+        // Augmented sweeps differ in every epoch.
         let resident = if is_cpu(&device) || !recipe.training.augmentation.is_none() {
             None
         } else {
@@ -151,8 +150,8 @@ impl<'a> Training<'a> {
         })
     }
 
-    /// Brings sweeps of one material close to each other and keeps others apart, whatever the recipe's method: a Siamese network. The
-    /// output layer stays as it was drawn.
+    /// Returns the training with the objective of a Siamese network instead of the recipe's: sweeps of one material move close to each other,
+    /// others apart. The output layer keeps its initial weights.
     pub(crate) fn on_pairs(self) -> Self {
         Self {
             on_pairs: true,
@@ -176,10 +175,10 @@ impl<'a> Training<'a> {
         Ok(self)
     }
 
-    /// Returns what a restart needs; waits for a GPU.
+    /// Returns the restart state; waits for a GPU.
     ///
     /// # Errors
-    /// A loss or a weight that is not finite: such a state is not worth keeping.
+    /// A loss or weight that is not finite.
     pub fn state(&mut self) -> Result<TrainingState, PipelineError> {
         self.wait()?;
         let weights = self.net().weights();
@@ -203,21 +202,20 @@ impl<'a> Training<'a> {
         })
     }
 
-    /// Where training stands.
+    /// Returns the training position.
     pub fn position(&self) -> &Position {
         &self.position
     }
 
-    /// Batches in an epoch.
+    /// Returns the number of batches in an epoch.
     pub fn batches(&self) -> usize {
         self.train.len().div_ceil(self.recipe.training.batch)
     }
 
-    /// Trains on the next batch; `None` when all epochs are done. On a GPU it asks for the batch and does not wait for it, but for the last of an
-    /// epoch.
+    /// Trains on the next batch; returns `None` after the last epoch. On a GPU it waits only for the last batch of an epoch.
     ///
     /// # Errors
-    /// A loss that is not finite, with its epoch and batch; on the processor the weights are then those before this batch.
+    /// A loss that is not finite, with its epoch and batch. On the processor the weights are then those before this batch.
     pub fn step(&mut self) -> Result<Option<BatchReport>, PipelineError> {
         let device = self.device.clone();
         in_pool(&device, || self.take_step())
@@ -281,7 +279,7 @@ impl<'a> Training<'a> {
         Ok(Some(report))
     }
 
-    /// Waits until the batches so far are computed, and reads what they measured.
+    /// Waits for all batches so far and reads their losses.
     ///
     /// # Errors
     /// A loss that is not finite.
@@ -307,9 +305,9 @@ impl<'a> Training<'a> {
         Ok(())
     }
 
-    /// Forward and backward through the network as it stands, by the recipe's method.
+    /// Runs a forward and backward pass with the recipe's method.
     ///
-    /// - `mask`: a dropout mask, by the name of its stream
+    /// - `mask`: returns the dropout mask of the named random stream
     fn pass(
         &self,
         sweeps: Tensor<4>,
@@ -340,8 +338,8 @@ impl<'a> Training<'a> {
         }
     }
 
-    /// Says how the network, as it stands, does on sweeps under the circumstances of training: statistics of the batch, dropout, and the
-    /// recipe's perturbation. Nothing is learnt from them, and neither weights nor running statistics change.
+    /// Measures the accuracy on `watched` sweeps under training conditions: batch statistics, dropout, and the recipe's perturbation. Weights and
+    /// running statistics do not change.
     ///
     /// # Errors
     /// A loss that is not finite.
@@ -374,7 +372,7 @@ impl<'a> Training<'a> {
         })
     }
 
-    /// True if running statistics follow the adversarial sweeps too.
+    /// Returns true if running statistics follow both the clean and the adversarial sweeps.
     fn follows_both(&self) -> bool {
         matches!(
             self.recipe.training.method,
@@ -393,7 +391,7 @@ impl<'a> Training<'a> {
         batch_positions(self.train.len(), self.batches(), self.seed, (epoch, batch))
     }
 
-    /// `[batch, 1, steps, taxels]`, augmented and normalised, on the device without autodiff.
+    /// Returns training sweeps `[batch, 1, steps, taxels]`, augmented and normalised, on the device without autodiff.
     fn load(&self, epoch: usize, positions: &[usize]) -> Tensor<4> {
         if let Some(resident) = &self.resident {
             return resident.batch(positions);
@@ -410,7 +408,7 @@ impl<'a> Training<'a> {
         })
     }
 
-    /// `[batch, 1, steps, taxels]`, changed by `change` and normalised, on the device without autodiff.
+    /// Returns sweeps `[batch, 1, steps, taxels]`, changed by `change` and normalised, on the device without autodiff.
     fn loaded(
         &self,
         from: &SweepView<'_>,
@@ -452,8 +450,7 @@ impl<'a> Training<'a> {
     }
 }
 
-/// Positions of a batch when sweeps are dealt one by one: they may stand material by material, and a batch's statistics are to be those of
-/// many, as in training.
+/// Returns the positions of a batch, taken round-robin: sweeps may be sorted by material, and the batch statistics need many materials.
 fn dealt(sweeps: usize, batches: usize, batch: usize) -> Vec<usize> {
     (batch..sweeps).step_by(batches).collect()
 }
@@ -477,7 +474,7 @@ mod tests {
 
     #[test]
     fn watched_batches_have_sweeps_of_all_materials_and_every_sweep_once() {
-        // Three materials of twelve sweeps, one after the other.
+        // Three materials with twelve sweeps each, in order.
         let batches: Vec<Vec<usize>> = (0..5).map(|batch| dealt(36, 5, batch)).collect();
         for batch in &batches {
             let mut materials: Vec<usize> = batch.iter().map(|position| position / 12).collect();

@@ -1,4 +1,4 @@
-//! Maps from the ways of predicting, as files have them: by name.
+//! Maps by prediction method, with the methods' names as keys in files.
 
 use std::collections::BTreeMap;
 
@@ -7,10 +7,10 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::{Evaluation, PredictionMethod};
 
-/// Writes a map with the names of the methods ([`PredictionMethod::name`]) as its keys.
+/// Serialises a map with the names of the methods ([`PredictionMethod::name`]) as keys.
 ///
 /// # Errors
-/// Those of the serializer.
+/// Errors of the serializer.
 pub fn serialize_by_method<S: Serializer, T: Serialize>(
     map: &BTreeMap<PredictionMethod, T>,
     serializer: S,
@@ -18,7 +18,7 @@ pub fn serialize_by_method<S: Serializer, T: Serialize>(
     serializer.collect_map(map.iter().map(|(method, value)| (method.name(), value)))
 }
 
-/// Reads evaluations by the names of their methods; an evaluation says itself how many passes there were.
+/// Deserialises evaluations by the names of their methods. The evaluation itself holds the number of passes.
 ///
 /// # Errors
 /// An evaluation under the name of another method.

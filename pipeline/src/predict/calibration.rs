@@ -1,7 +1,7 @@
-//! When a classifier says "unknown", and how many materials it names to be right as often as promised.
+//! Calibrated thresholds for unknown materials and for prediction sets.
 //!
-//! Both bounds are order statistics of scores of sweeps that nothing was fitted to (split conformal prediction: Vovk et al., 2005;
-//! Sadinle et al., 2019), so they hold for new sweeps of the same materials, whatever the network.
+//! Both thresholds are order statistics of scores of held-out sweeps (split conformal prediction: Vovk et al., 2005; Sadinle et al., 2019).
+//! Their rates therefore hold for new sweeps of the same materials, whatever the network.
 
 use std::collections::BTreeMap;
 
@@ -10,16 +10,16 @@ use tactnet_models::argmax;
 
 use crate::{Embedding, NoveltyScore, NoveltyScorer, PipelineError};
 
-/// Sweeps of one object that have a threshold of their own.
+/// Maximum number of sweeps of one object with a separate threshold.
 const OBJECT_SWEEPS: usize = 5;
 
-/// Error rates that a calibrated classifier is to keep.
+/// Target error rates of a calibrated classifier.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CalibrationTarget {
-    /// Share of sweeps of known materials that may be called unknown, 0 to 1.
+    /// Maximum share of sweeps of known materials that are called unknown, 0 to 1.
     pub false_alarms: f64,
-    /// Share of sweeps whose material is to be in the prediction set, 0 to 1.
+    /// Minimum share of sweeps whose material is in the prediction set, 0 to 1.
     pub coverage: f64,
 }
 
@@ -33,10 +33,10 @@ impl Default for CalibrationTarget {
 }
 
 impl CalibrationTarget {
-    /// Succeeds if order statistics of `sweeps` sweeps can keep both rates.
+    /// Succeeds if order statistics of `sweeps` sweeps can guarantee both rates.
     ///
     /// # Errors
-    /// Too few of them.
+    /// Too few sweeps.
     pub fn check(self, sweeps: usize) -> Result<(), PipelineError> {
         let needed = self.least_sweeps();
         if sweeps >= needed {
@@ -44,7 +44,7 @@ impl CalibrationTarget {
         }
         let percent = |share: f64| (1e6 * share).round() / 1e4;
         let possible = 1.0 / (sweeps + 1) as f64 - 1e-9;
-        // Rounded to where it still works.
+        // Rounded up, so that the suggested rate is possible.
         let smallest = (100.0 * possible).ceil() / 100.0;
         let mut remedies = Vec::new();
         if self.false_alarms < possible {
@@ -66,37 +66,37 @@ impl CalibrationTarget {
         })
     }
 
-    /// Returns how many sweeps keep both rates at least: the smallest n with `ceil((n + 1)(1 - share)) <= n`.
+    /// Returns the minimum number of sweeps for both rates: the smallest n with `ceil((n + 1)(1 - share)) <= n`.
     fn least_sweeps(self) -> usize {
         let share = self.false_alarms.min(1.0 - self.coverage);
         (1.0 / share - 1.0 - 1e-9).ceil().max(1.0) as usize
     }
 }
 
-/// `calibration.json`: bounds that keep the rates of a [`CalibrationTarget`].
+/// `calibration.json`: thresholds that guarantee the rates of a [`CalibrationTarget`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Calibration {
     /// Version of this layout.
     pub schema_version: u32,
-    /// What the bounds were fitted to.
+    /// Rates that the thresholds were fitted for.
     #[serde(alias = "promise")]
     pub target: CalibrationTarget,
-    /// What tells unknown materials.
+    /// Novelty score that detects unknown materials.
     pub score: NoveltyScore,
-    /// A sweep with a larger score is unknown.
+    /// Novelty score above which a sweep is unknown.
     pub threshold: f64,
-    /// An object of so many sweeps (1, 2, …) with a larger mean score is unknown; as many as there were sweeps for, none in files of
-    /// former versions.
+    /// Mean novelty scores above which an object is unknown, by its number of sweeps (1, 2, …). Short if there were few sweeps, and empty in files
+    /// of earlier versions.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub object_thresholds: Vec<f64>,
-    /// Materials of at least this probability are in the prediction set.
+    /// Minimum probability of a material in the prediction set.
     pub least_probability: f64,
-    /// Number of sweeps behind the bounds.
+    /// Number of sweeps that the thresholds were fitted to.
     pub sweeps: usize,
 }
 
-/// What a classifier says of sweeps that nothing in it was fitted to.
+/// Scores of sweeps to which nothing in the classifier was fitted.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Judged {
     pub(super) scores: Vec<f64>,
@@ -118,7 +118,7 @@ impl Judged {
         })
     }
 
-    /// Share of the sweeps whose most probable material is the true one; 0 without sweeps.
+    /// Returns the share of sweeps whose most probable material is the true one; 0 without sweeps.
     pub(super) fn accuracy(&self) -> f64 {
         let rows = self.log_probabilities.iter().zip(&self.labels);
         let right = rows.filter(|(row, label)| argmax(row) == **label).count();
@@ -132,14 +132,14 @@ impl Judged {
     }
 }
 
-/// What a calibrated classifier says of one sweep besides its probabilities.
+/// Calibrated assessment of one sweep.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verdict {
-    /// Larger for stranger sweeps.
+    /// Novelty score; larger for less familiar sweeps.
     pub strangeness: f64,
-    /// True if the strangeness is above the threshold.
+    /// True if the novelty score is above the threshold.
     pub unknown: bool,
-    /// The materials it may be; never empty.
+    /// Prediction set: the labels of all plausible materials, at least one.
     pub set: Vec<usize>,
 }
 
@@ -147,10 +147,10 @@ impl Calibration {
     /// Version written by this program.
     pub const SCHEMA_VERSION: u32 = 1;
 
-    /// From sweeps of known materials that neither network nor `strangeness` was fitted to.
+    /// Fits the thresholds to held-out sweeps of known materials, to which neither the network nor `strangeness` was fitted.
     ///
     /// # Errors
-    /// Too few sweeps for the target; a model that is no network.
+    /// Too few sweeps for the target; a model that is not a network.
     pub fn fit(
         target: CalibrationTarget,
         score: NoveltyScore,
@@ -160,7 +160,7 @@ impl Calibration {
         Self::of(target, score, &Judged::of(score, strangeness, held_out)?)
     }
 
-    /// From what was said of such sweeps.
+    /// Fits the thresholds to the scores of held-out sweeps.
     ///
     /// # Errors
     /// Too few sweeps for the target.
@@ -189,10 +189,10 @@ impl Calibration {
         })
     }
 
-    /// Returns a sentence on how far the rate of false alarms may be from its target, where that is as much as the target itself.
+    /// Returns a warning if the rate of false alarms may differ from its target by more than the target itself.
     pub fn caution(&self) -> Option<String> {
         let rate = self.target.false_alarms;
-        // The rate that a threshold from n sweeps has is beta distributed around its target.
+        // The rate of a threshold fitted to n sweeps is beta distributed around its target.
         let spread = 1.96 * (rate * (1.0 - rate) / (self.sweeps + 2) as f64).sqrt();
         (spread > rate).then(|| {
             format!(
@@ -204,19 +204,19 @@ impl Calibration {
         })
     }
 
-    /// Returns whether an object is none of the known materials; `None` without sweeps or thresholds.
+    /// Returns true if an object is of an unknown material; `None` without sweeps or thresholds.
     ///
-    /// - `mean_score`: of its sweeps
-    /// - `sweeps`: how many they are; more than there are thresholds for are compared with the last
+    /// - `mean_score`: mean novelty score of its sweeps
+    /// - `sweeps`: number of its sweeps; numbers beyond the last threshold use the last one
     pub fn object_is_unknown(&self, mean_score: f64, sweeps: usize) -> Option<bool> {
         let last = self.object_thresholds.len().min(sweeps).checked_sub(1)?;
         Some(mean_score > self.object_thresholds[last])
     }
 
-    /// Returns what to say of every sweep.
+    /// Returns the verdict on every sweep.
     ///
     /// # Errors
-    /// A model that is no network.
+    /// A model that is not a network.
     pub fn assess(
         &self,
         strangeness: &NoveltyScorer<'_>,
@@ -235,7 +235,7 @@ impl Calibration {
     }
 }
 
-/// The mean scores of objects of so many sweeps of one material, each sweep in one object at most, in the order of the sweeps.
+/// Returns the mean scores of disjoint groups of `sweeps` successive sweeps of one material.
 fn object_means(scores: &[f64], labels: &[usize], sweeps: usize) -> Vec<f64> {
     let mut materials: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
     for (score, label) in scores.iter().zip(labels) {
@@ -247,10 +247,10 @@ fn object_means(scores: &[f64], labels: &[usize], sweeps: usize) -> Vec<f64> {
         .collect()
 }
 
-/// The probability that the true materials of at least a share `coverage` of new sweeps reach, from sweeps that nothing was fitted to;
-/// minus infinity where they are too few to promise that.
+/// Returns the probability that the true materials of at least a share `coverage` of new sweeps reach, estimated from held-out sweeps; minus
+/// infinity if they are too few for that guarantee.
 ///
-/// - `log_probabilities`: `[sweeps][materials]`
+/// - `log_probabilities`: `[sweeps][materials]`, natural logarithm
 pub fn least_probability(log_probabilities: &[Vec<f64>], labels: &[usize], coverage: f64) -> f64 {
     let losses: Vec<f64> = log_probabilities
         .iter()
@@ -260,7 +260,7 @@ pub fn least_probability(log_probabilities: &[Vec<f64>], labels: &[usize], cover
     1.0 - upper_quantile(&losses, 1.0 - coverage)
 }
 
-/// Every material of at least that probability, and the most probable one.
+/// Returns all labels of at least that probability, and the most probable one.
 pub fn prediction_set(log_probabilities: &[f64], least_probability: f64) -> Vec<usize> {
     let best = argmax(log_probabilities);
     (0..log_probabilities.len())
@@ -270,8 +270,8 @@ pub fn prediction_set(log_probabilities: &[f64], least_probability: f64) -> Vec<
         .collect()
 }
 
-/// The smallest value that at most `share` of `values` exceed, with the correction for a finite sample that split conformal
-/// prediction asks for: the `ceil((n + 1)(1 - share))`-th smallest of n; infinite where n is too small (Vovk et al., 2005).
+/// Returns the smallest value that at most `share` of `values` exceed, with the finite-sample correction of split conformal prediction: the
+/// `ceil((n + 1)(1 - share))`-th smallest of n; infinite if n is too small (Vovk et al., 2005).
 pub fn upper_quantile(values: &[f64], share: f64) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -381,7 +381,7 @@ mod tests {
         let log_p: Vec<Vec<f64>> = (1..=19)
             .map(|k| vec![f64::from(k).ln() - 20_f64.ln(), -1.0])
             .collect();
-        // The second smallest of 19: (19 + 1) * 0.9 = 18 of them are at or above it.
+        // The second smallest of 19: (19 + 1) * 0.9 = 18 values are at or above it.
         let bound = least_probability(&log_p, &[0; 19], 0.9);
         assert!((bound - 2.0 / 20.0).abs() < 1e-12, "{bound}");
         assert_eq!(

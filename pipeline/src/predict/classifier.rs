@@ -1,4 +1,4 @@
-//! The offline classifier: model and label set together.
+//! Offline classifier: a model with its label set.
 
 use std::collections::BTreeSet;
 
@@ -14,32 +14,32 @@ use crate::{
     Predictions, Recipe, SweepScore,
 };
 
-/// Everything about a classifier but its fitted numbers; together they rebuild it.
+/// Configuration of a classifier: with the fitted weights, it rebuilds the classifier.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ClassifierConfig {
-    /// What scores sweeps.
+    /// Model that scores sweeps.
     pub model: ModelConfig,
     /// Materials in label order.
     pub labels: LabelSet,
     /// Shape of every sweep.
     pub shape: SweepShape,
-    /// Frames per second of the training sweeps.
+    /// Sample rate of the training sweeps in Hz.
     pub sample_rate_hz: f64,
-    /// True if the data did not say, and the rate is the usual one.
+    /// True if the data does not name its rate, so that the default rate is assumed.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub sample_rate_assumed: bool,
-    /// Values of the training sweeps; runs of earlier versions do not say.
+    /// Range of the values of the training sweeps; absent in runs of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub values: Option<ValueRange>,
-    /// Names the Monte Carlo masks.
+    /// Seed of the Monte Carlo masks.
     pub seed: Seed,
 }
 
-/// What scores sweeps.
+/// Model that scores sweeps.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum ModelConfig {
-    /// TactNet-II.
+    /// A network: TactNet-II or the spectral network.
     #[serde(rename = "tactnet2")]
     Network(NetworkSetup),
     /// Features and a classical classifier.
@@ -47,20 +47,20 @@ pub enum ModelConfig {
     Baseline(BaselineRecipe),
 }
 
-/// A network and what surrounds it.
+/// Settings of a network and its fitted normaliser.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NetworkSetup {
-    /// Layers.
+    /// Layers of the network.
     pub network: Architecture,
-    /// How it predicts unless told otherwise.
+    /// Default prediction method.
     pub prediction: Prediction,
-    /// Fitted to the training sweeps.
+    /// Normaliser, fitted to the training sweeps.
     pub normalizer: Normalizer,
 }
 
 impl NetworkSetup {
-    /// Returns the network of `recipe`, with its normaliser fitted to training sweeps.
+    /// Returns the settings of `recipe`, with a normaliser fitted to the training sweeps.
     pub fn fit(recipe: &Recipe, train: &TrainSplit<'_>) -> Self {
         Self {
             network: recipe.network.clone(),
@@ -71,7 +71,7 @@ impl NetworkSetup {
 }
 
 impl ClassifierConfig {
-    /// For the sweeps and materials of `train`'s data set.
+    /// Returns the configuration for the sweep shape and materials of `train`'s data set.
     pub fn new(model: ModelConfig, train: &TrainSplit<'_>, seed: Seed) -> Self {
         let dataset = train.dataset();
         Self {
@@ -85,10 +85,10 @@ impl ClassifierConfig {
         }
     }
 
-    /// Succeeds if the model's settings fit the sweeps and materials.
+    /// Succeeds if the model's settings match the sweeps and materials.
     ///
     /// # Errors
-    /// A setting of the network out of range; sweeps too short for the features of a baseline.
+    /// A setting of the network that is out of range; sweeps too short for the features of a baseline.
     pub(crate) fn validate(&self) -> Result<(), PipelineError> {
         match &self.model {
             ModelConfig::Network(setup) => self.network_config(setup).map(drop),
@@ -96,10 +96,10 @@ impl ClassifierConfig {
         }
     }
 
-    /// The checked description of a network for these sweeps and materials.
+    /// Returns the validated configuration of a network for these sweeps and materials.
     ///
     /// # Errors
-    /// A setting out of range.
+    /// A setting that is out of range.
     pub fn network_config(&self, setup: &NetworkSetup) -> Result<NetworkConfig, PipelineError> {
         let input = InputShape {
             steps: self.shape.steps,
@@ -113,7 +113,7 @@ impl ClassifierConfig {
     }
 }
 
-/// A trained classifier.
+/// Trained classifier.
 pub struct Classifier {
     config: ClassifierConfig,
     model: Model,
@@ -125,7 +125,7 @@ enum Model {
 }
 
 impl Classifier {
-    /// Puts configuration and weights together; networks compute on `device`.
+    /// Builds a classifier from configuration and weights; networks compute on `device`.
     ///
     /// # Errors
     /// Weights of another model.
@@ -155,23 +155,23 @@ impl Classifier {
         Ok(Self { config, model })
     }
 
-    /// Returns the configuration that it was built from.
+    /// Returns the configuration that the classifier was built from.
     pub fn config(&self) -> &ClassifierConfig {
         &self.config
     }
 
-    /// Returns true if it has dropout, so that [`PredictionMethod::McDropout`] means something.
+    /// Returns true if the model has dropout and so supports [`PredictionMethod::McDropout`].
     pub fn has_dropout(&self) -> bool {
         matches!(self.model, Model::Network(_))
     }
 
-    /// Scores every sweep of `view`. Its materials are found by their names, in whatever order; the classifier may know more.
+    /// Predicts every sweep of `view`. Materials are matched by name, so their order is irrelevant and the classifier may know more.
     ///
-    /// The `mc_samples` Monte Carlo masks are drawn once from the classifier's seed: run `m` stands for the same draw of the
-    /// weights for every sweep, so a sweep's score does not depend on its neighbours.
+    /// The `mc_samples` Monte Carlo masks are drawn once from the classifier's seed. Mask `m` is the same draw of the weights for every sweep,
+    /// so a sweep's score does not depend on its neighbours.
     ///
     /// # Errors
-    /// Sweeps of another shape or rate, or of a material that it does not know; Monte Carlo dropout of a model without dropout.
+    /// Sweeps of another shape or rate; a material that the classifier does not know; Monte Carlo dropout of a model without dropout.
     pub fn predict(
         &self,
         view: &SweepView<'_>,
@@ -195,7 +195,7 @@ impl Classifier {
         })
     }
 
-    /// Returns `[sweeps][materials]`, the natural log of the probabilities. The sweeps' materials need not be the classifier's own.
+    /// Returns the natural logarithms of the probabilities, `[sweeps][materials]`. The classifier need not know the sweeps' materials.
     ///
     /// # Errors
     /// Sweeps of another shape or rate; Monte Carlo dropout of a model without dropout.
@@ -223,19 +223,19 @@ impl Classifier {
         }
     }
 
-    /// Returns the outputs of a network's layers for every sweep of `view`. The sweeps' materials need not be the classifier's own.
+    /// Returns the layer outputs of a network for every sweep of `view`. The classifier need not know the sweeps' materials.
     ///
     /// # Errors
-    /// Sweeps of another shape or rate; a model that is no network.
+    /// Sweeps of another shape or rate; a model that is not a network.
     pub fn embed(&self, view: &SweepView<'_>) -> Result<Embedding, PipelineError> {
         self.check_shape(view)?;
         Ok(self.scorer()?.embed(view))
     }
 
-    /// How much `mc_samples` dropout masks disagree about every sweep: mutual information of label and weights, nats.
+    /// Returns the disagreement of `mc_samples` dropout masks about every sweep: mutual information of label and weights, in nats.
     ///
     /// # Errors
-    /// A model that is no network.
+    /// A model that is not a network.
     pub fn mutual_information(
         &self,
         embedding: &Embedding,
@@ -246,10 +246,10 @@ impl Classifier {
         Ok(scorer.mutual_information(&embedding.convolution, mc_samples))
     }
 
-    /// Returns the multiply-adds of one prediction without dropout; `None` where they are beyond all bounds, and of baselines.
+    /// Returns the number of multiply-adds of one prediction without dropout; `None` if it overflows, and for baselines.
     ///
     /// # Errors
-    /// A setting of the network out of range.
+    /// A setting of the network that is out of range.
     pub fn multiply_adds(&self) -> Result<Option<u64>, PipelineError> {
         match &self.config.model {
             ModelConfig::Network(setup) => Ok(self.config.network_config(setup)?.multiply_adds()),
@@ -257,18 +257,18 @@ impl Classifier {
         }
     }
 
-    /// The trained network.
+    /// Returns the trained network.
     ///
     /// # Errors
-    /// A model that is no network.
+    /// A model that is not a network.
     pub fn network(&self) -> Result<&Network, PipelineError> {
         Ok(self.scorer()?.net())
     }
 
-    /// The dropout masks of a Monte Carlo prediction, for other forms of the network: `[mc_samples][features]`.
+    /// Returns the dropout masks of a Monte Carlo prediction for other runtimes, `[mc_samples][features]`.
     ///
     /// # Errors
-    /// A model that is no network.
+    /// A model that is not a network.
     pub fn masks(&self, mc_samples: usize) -> Result<Vec<f32>, PipelineError> {
         let scorer = self.scorer()?;
         scorer.check_masks(mc_samples)?;
@@ -286,7 +286,7 @@ impl Classifier {
         }
     }
 
-    /// Sweeps of materials that the classifier knows, and the others.
+    /// Splits the sweeps into those of known and those of unknown materials.
     pub fn by_known_material<'a>(&self, view: &SweepView<'a>) -> (SweepView<'a>, SweepView<'a>) {
         let dataset = view.dataset();
         let known: Vec<&str> = self.config.labels.names().collect();
@@ -299,7 +299,7 @@ impl Classifier {
         )
     }
 
-    /// For every sweep of the view, the classifier's own label of its material.
+    /// Returns the classifier's own label of the material of every sweep.
     fn own_labels(&self, view: &SweepView<'_>) -> Result<Vec<usize>, PipelineError> {
         self.check_shape(view)?;
         let own: Vec<&str> = self.config.labels.names().collect();
@@ -313,7 +313,7 @@ impl Classifier {
             .collect()
     }
 
-    /// The error about materials of `view` that it does not know.
+    /// Returns the error that names the unknown materials of `view`.
     fn unknown_materials(&self, view: &SweepView<'_>) -> PipelineError {
         let (_, unknown) = self.by_known_material(view);
         let labels = view.dataset().labels();
@@ -353,7 +353,7 @@ impl Classifier {
                     3,
                     "`"
                 ),
-                // A baseline learns no new one.
+                // Only networks can be extended by enrolment.
                 match self.has_dropout() {
                     true => "`tactnet enroll` adds one; ",
                     false => "",

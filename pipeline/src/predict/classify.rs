@@ -1,4 +1,4 @@
-//! What sweeps are made of, where nobody needs to know: the classifier's answer for each, without any figure of merit.
+//! Predicted materials of unlabelled sweeps.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::{self, Write as _};
@@ -12,60 +12,60 @@ use crate::{
     Calibration, Classifier, NoveltyScorer, PipelineError, PredictionMethod, TrainEmbeddings,
 };
 
-/// What a classifier says of some sweeps.
+/// Predictions for some sweeps.
 #[derive(Debug, Clone, Serialize)]
 pub struct ClassifiedSweeps {
     /// Version of this layout.
     pub schema_version: u32,
     /// Name of the data set.
     pub data: String,
-    /// How the probabilities were computed.
+    /// Prediction method.
     pub method: PredictionMethod,
-    /// `[materials]`: the names that probabilities are in the order of.
+    /// Names of the materials, in the order of the probabilities.
     pub materials: LabelSet,
     /// One entry per sweep, in the order of the file.
     pub sweeps: Vec<ClassifiedSweep>,
-    /// All sweeps as those of one object.
+    /// Prediction for all sweeps as those of one object.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub object: Option<ClassifiedObject>,
-    /// What is strange about the values of the sweeps.
+    /// Warning about the range of the values.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub caution: Option<String>,
 }
 
-/// What a classifier says of one sweep.
+/// Prediction for one sweep.
 #[derive(Debug, Clone, Serialize)]
 pub struct ClassifiedSweep {
-    /// Number or name of the sweep, or of its file.
+    /// Number or name of the sweep, or name of its file.
     pub sweep: String,
-    /// The most probable material.
+    /// Most probable material.
     pub material: String,
-    /// `[materials]`: the posterior, from equal priors.
+    /// Posterior probabilities from equal priors, `[materials]`.
     pub probabilities: Vec<f64>,
-    /// True if it is most likely none of the materials; only after `train --calibrate`.
+    /// True if the material is probably unknown; absent without a calibration.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unknown: Option<bool>,
-    /// The materials that it may be at the coverage that was asked for; only after `train --calibrate`.
+    /// Plausible materials at the calibrated coverage; absent without a calibration.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub prediction_set: Option<Vec<String>>,
-    /// What the file says that it is.
+    /// Material that the file names.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub named: Option<String>,
-    /// True if no taxel ever changes, which no touch leaves behind: whatever the classifier says of it means nothing.
+    /// True if no taxel changes. No contact produces such a sweep, so its prediction is meaningless.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub still: bool,
 }
 
-/// What a classifier says of several sweeps over one object.
+/// Prediction for several sweeps of one object.
 #[derive(Debug, Clone, Serialize)]
 pub struct ClassifiedObject {
-    /// How many sweeps.
+    /// Number of sweeps.
     pub sweeps: usize,
-    /// The most probable material.
+    /// Most probable material.
     pub material: String,
-    /// `[materials]`: the posterior of all sweeps together, by Bayes's rule from equal priors.
+    /// Posterior probabilities of all sweeps together, by Bayes's rule from equal priors, `[materials]`.
     pub probabilities: Vec<f64>,
-    /// True if it is most likely none of the materials; only after `train --calibrate`.
+    /// True if the material is probably unknown; absent without a calibration.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unknown: Option<bool>,
 }
@@ -73,8 +73,8 @@ pub struct ClassifiedObject {
 impl ClassifiedSweeps {
     /// Classifies every sweep.
     ///
-    /// - `calibration`: of `train --calibrate`, with what the network's output layer saw of the training sweeps
-    /// - `one_object`: all sweeps are over the same object
+    /// - `calibration`: thresholds, with the embeddings of the training sweeps
+    /// - `one_object`: true if all sweeps are of the same object
     ///
     /// # Errors
     /// Sweeps of another shape or rate; Monte Carlo dropout of a model without dropout.
@@ -136,14 +136,14 @@ impl ClassifiedSweeps {
         })
     }
 
-    /// Returns the material that the file names for all sweeps; `None` where it names none or several.
+    /// Returns the material that the file names for all sweeps; `None` if it names none or several.
     pub(crate) fn only_name(&self) -> Option<&str> {
         let mut named = self.sweeps.iter().map(|sweep| sweep.named.as_deref());
         let first = named.next()??;
         named.all(|name| name == Some(first)).then_some(first)
     }
 
-    /// Returns which sweeps are none, in one line; `None` where something happens in all of them.
+    /// Returns a warning that names the sweeps in which no taxel changes; `None` if there are none.
     pub fn still(&self) -> Option<String> {
         let still: BTreeSet<&str> = self
             .sweeps
@@ -160,7 +160,7 @@ impl ClassifiedSweeps {
         })
     }
 
-    /// Returns why the sweeps cannot be of one object, in one line, where the file names several materials for them.
+    /// Returns a warning if the file names several materials for sweeps that count as one object.
     pub fn not_one_object(&self) -> Option<String> {
         let named: BTreeSet<&str> = self
             .sweeps
@@ -175,8 +175,8 @@ impl ClassifiedSweeps {
         ))
     }
 
-    /// Returns what to know about sweeps of materials that the classifier was not taught, in one line; `None` where the file names materials and
-    /// all are known, or where the classifier can say "unknown" itself.
+    /// Returns advice about sweeps of materials that the classifier does not know; `None` if the file names only known materials, or names none and
+    /// the classifier is calibrated.
     pub fn hint(&self) -> Option<String> {
         let known: BTreeSet<&str> = self.materials.names().collect();
         let named = self
@@ -184,7 +184,7 @@ impl ClassifiedSweeps {
             .iter()
             .filter_map(|sweep| sweep.named.as_deref());
         let unknown: BTreeSet<&str> = named.filter(|name| !known.contains(name)).collect();
-        // Only a calibrated network has an opinion.
+        // Only a calibrated network detects unknown materials.
         let opinion = self.sweeps.iter().any(|sweep| sweep.unknown.is_some());
         if unknown.is_empty() {
             let nameless = self.sweeps.iter().all(|sweep| sweep.named.is_none());
@@ -205,7 +205,7 @@ impl ClassifiedSweeps {
         ))
     }
 
-    /// Returns a table: a line for each sweep, with the probability of every material.
+    /// Returns a CSV table with a line for each sweep and a column for the probability of each material.
     pub fn to_csv(&self) -> String {
         let quoted = |text: &str| match text.contains(['"', ',', '\n', '\r']) {
             true => format!("\"{}\"", text.replace('"', "\"\"")),
@@ -232,7 +232,7 @@ impl ClassifiedSweeps {
             ];
             csv.push_str(&fields.join(","));
             for probability in &sweep.probabilities {
-                // Six decimal places, and three digits of what these would show as zero.
+                // Six decimal places, or three significant digits for values that these would round to zero.
                 let _ = match probability {
                     tiny if *tiny > 0.0 && *tiny < 1e-4 => write!(csv, ",{tiny:.2e}"),
                     probability => write!(csv, ",{probability:.6}"),
@@ -244,7 +244,7 @@ impl ClassifiedSweeps {
     }
 }
 
-/// Returns some names, and how many more there are.
+/// Returns the first names in backquotes, and the number of the others.
 fn listed(names: &BTreeSet<&str>) -> String {
     let mut shown: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
     let hidden = shown.len().saturating_sub(NAMED);
@@ -255,9 +255,9 @@ fn listed(names: &BTreeSet<&str>) -> String {
     shown.join(", ")
 }
 
-/// Materials that are named.
+/// Maximum number of names in a message.
 const NAMED: usize = 5;
-/// Sweeps that are listed to people.
+/// Maximum number of sweeps in the table.
 const LISTED: usize = 40;
 
 impl fmt::Display for ClassifiedSweeps {
@@ -403,7 +403,7 @@ impl fmt::Display for ClassifiedSweeps {
     }
 }
 
-/// The labels of the largest and of the second largest value.
+/// Returns the labels of the largest and of the second largest value.
 fn two_largest(values: &[f64]) -> (usize, Option<usize>) {
     let best = argmax(values);
     let others = (0..values.len()).filter(|label| *label != best);

@@ -1,4 +1,4 @@
-//! Which materials are taken for which others.
+//! Confusion matrix as data.
 
 use std::fmt;
 
@@ -6,15 +6,15 @@ use serde::Serialize;
 
 use crate::Predictions;
 
-/// Pairs of materials that the text names.
+/// Maximum number of pairs of materials in the text.
 const MOST: usize = 5;
 
-/// How often each material was taken for each other; as text, the most frequent mistakes.
+/// Confusion matrix.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Confusion {
-    /// Names, in the order of rows and columns.
+    /// Names of the materials, in the order of rows and columns.
     pub materials: Vec<String>,
-    /// Sweeps, `[true][predicted]`.
+    /// Numbers of sweeps, `[true][predicted]`.
     pub counts: Vec<Vec<usize>>,
 }
 

@@ -1,20 +1,20 @@
-//! The confusion matrix as a picture (SVG).
+//! Confusion matrix as an SVG figure.
 
 use tactnet_plot::{HeatMap, escape, stand_alone, text_width};
 
 use crate::Predictions;
 
-/// Side of a cell of many materials, user units.
+/// Side of a cell without a count, in user units.
 const CELL: f64 = 18.0;
-/// Side of a cell with its count in it.
+/// Side of a cell with a count, in user units.
 const COUNTED: f64 = 30.0;
-/// Most materials whose cells have their counts in them.
+/// Maximum number of materials for which cells show counts.
 const MOST_COUNTED: usize = 16;
 const TOP: f64 = 60.0;
 
 impl Predictions {
-    /// Returns a self-contained SVG: rows are true materials, columns predicted ones, darkness the share of the row. Counts stand in the cells of few materials,
-    /// and show on hover of many.
+    /// Returns a self-contained SVG with a row per true material, a column per predicted one, and the share of the row as darkness. Cells show
+    /// counts if there are few materials, else on hover.
     pub fn confusion_svg(&self, title: &str) -> String {
         let confusion = self.confusion();
         let totals: Vec<usize> = confusion.iter().map(|row| row.iter().sum()).collect();

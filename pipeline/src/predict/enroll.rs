@@ -1,4 +1,4 @@
-//! A material more, from a few sweeps, for a classifier that stays as it is otherwise.
+//! Enrolment: adds a material to a trained classifier from a few sweeps.
 
 use std::collections::BTreeMap;
 
@@ -13,30 +13,30 @@ use crate::{
     TrainEmbeddings,
 };
 
-/// A classifier with one more material.
+/// Classifier with one more material.
 #[derive(Debug, Clone)]
 pub struct Enrolled {
-    /// With the material as its last label.
+    /// Configuration with the material as last label.
     pub config: ClassifierConfig,
-    /// With a row more in the output layer.
+    /// Weights with one more row in the output layer.
     pub weights: Weights,
-    /// With the new sweeps.
+    /// Embeddings of the training sweeps and the new sweeps.
     pub known: TrainEmbeddings,
-    /// What tells unknown materials now; absent where nothing did.
+    /// Refitted thresholds; `None` if the classifier is not calibrated.
     pub calibration: Option<Calibration>,
-    /// What the others lose by it; absent where no sweeps of them were held out.
+    /// Loss of accuracy on the other materials; `None` without held-out sweeps of them.
     pub cost: Option<EnrolmentCost>,
-    /// How the new row was fitted.
+    /// Prior with which the new row was fitted.
     pub prior: RowPrior,
 }
 
 impl Enrolled {
-    /// Returns what the new material costs the known ones on `sweeps`, to which nothing was fitted.
+    /// Measures the accuracy on held-out `sweeps` of the known materials before and after the enrolment.
     ///
-    /// - `before`: the classifier that the material was added to
+    /// - `before`: classifier before the enrolment
     ///
     /// # Errors
-    /// Sweeps of another shape or of materials that it does not know.
+    /// Sweeps of another shape, or of materials that the classifier does not know.
     pub fn cost_on(
         &self,
         before: &Classifier,
@@ -46,27 +46,27 @@ impl Enrolled {
     }
 }
 
-/// Accuracy on sweeps of the known materials that nothing was fitted to, before and after a material was added.
+/// Accuracy on held-out sweeps of the known materials before and after an enrolment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct EnrolmentCost {
-    /// Number of these sweeps.
+    /// Number of held-out sweeps.
     pub held_out: usize,
-    /// Recognised before.
+    /// Number of correct predictions before.
     pub right_before: usize,
-    /// Recognised after.
+    /// Number of correct predictions after.
     pub right_after: usize,
-    /// Taken for the new material now.
+    /// Number of sweeps now predicted as the new material.
     pub claimed: usize,
 }
 
 impl EnrolmentCost {
-    /// Returns true if more than one in twenty of the known materials' sweeps are lost, and at least two.
+    /// Returns true if more than one in twenty of the held-out sweeps are lost, and at least two.
     fn is_high(&self) -> bool {
         let lost = self.right_before.saturating_sub(self.right_after);
         lost >= 2 && lost * 20 > self.held_out
     }
 
-    /// Returns a warning if more than one in twenty of the known materials' sweeps are lost, and at least two.
+    /// Returns a warning if more than one in twenty of the held-out sweeps are lost, and at least two.
     pub fn caution(&self) -> Option<String> {
         self.is_high().then(|| {
             let remedy = if self.right_after * 2 < self.right_before {
@@ -80,44 +80,44 @@ impl EnrolmentCost {
     }
 }
 
-/// Thresholds of a calibrated classifier.
+/// Thresholds of a calibrated classifier, with the data to refit them.
 #[derive(Debug, Clone)]
 pub struct Thresholds {
     /// The thresholds.
     pub calibration: Calibration,
-    /// The sweeps that they were fitted to; runs of former versions did not keep them.
+    /// Embeddings of the sweeps that they were fitted to; runs of earlier versions do not keep them.
     pub held_out: Option<Embedding>,
 }
 
-/// `enrolled.json`: where the materials come from that were added to a trained classifier.
+/// `enrolled.json`: origin of a material that was added to a trained classifier.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EnrolledMaterial {
-    /// The material.
+    /// Name of the material.
     pub material: String,
-    /// Name of the data set that its sweeps are from.
+    /// Name of the data set of its sweeps.
     pub data: String,
     /// SHA-256 of that data set.
     pub data_sha256: String,
-    /// The sweeps, as indices into it.
+    /// Indices of the sweeps in the data set.
     pub sweeps: Vec<usize>,
-    /// SHA-256 of each sweep's values, by which it is recognised in another file; absent in files of former versions.
+    /// SHA-256 of each sweep's values, which identifies it in other files; absent in files of earlier versions.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sweeps_sha256: Vec<String>,
-    /// SHA-256 of the weights before.
+    /// SHA-256 of the weights before the enrolment.
     pub weights_sha256: String,
     /// Commit of the program.
     pub git: String,
 }
 
 impl EnrolledMaterial {
-    /// Describes a material that was learnt from `sweeps`.
+    /// Returns the record of a material enrolled from `sweeps`.
     ///
-    /// - `weights`: of the classifier before
+    /// - `weights`: weights of the classifier before
     /// - `git`: commit of the program
     ///
     /// # Errors
-    /// None with weights of a network.
+    /// Weights that cannot be serialised; a network's always can.
     pub fn new(
         material: &str,
         sweeps: &SweepView<'_>,
@@ -138,37 +138,41 @@ impl EnrolledMaterial {
     }
 }
 
-/// SHA-256 of weights as a safetensors file without metadata, in hexadecimal digits: names a classifier in files made from it.
+/// Returns the SHA-256 of weights as a safetensors file without metadata, in hexadecimal digits. It identifies the classifier in exported files.
 ///
 /// # Errors
-/// None with weights of a network or of a baseline.
+/// Weights that cannot be serialised; those of networks and baselines always can.
 pub fn weights_sha256(weights: &Weights) -> Result<String, PipelineError> {
     Ok(sha256_hex(weights.to_safetensors(BTreeMap::new())?))
 }
 
-/// What the new material's row is drawn towards, and how firmly.
+/// Prior of the new material's row in the output layer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RowPrior {
-    /// A tenth of the prior of the known materials' rows, with a bias that is as good as free: one material is not drawn as firmly as a draw of
-    /// many is. Chosen by `tactnet experiment run enrolment` (few-sweeps.md): at full strength the known materials lose more and the new one is
-    /// recognised less from ten sweeps on; with a penalised bias it is recognised less.
+    /// A tenth of the prior strength of the known materials' rows, with a practically free bias.
+    ///
+    /// A single row is known less firmly than the distribution of many. The enrolment experiment (few-sweeps.md) supports the choice: full
+    /// strength lowers the accuracy of the known materials, and of the new one from ten sweeps on. A penalised bias lowers the accuracy of the
+    /// new material.
     Tenth,
-    /// A hundredth, with a bias that is penalised as the weights are.
+    /// A hundredth of the prior strength, with a bias penalised like the weights.
     HundredthWithBias,
-    /// A thousandth, likewise. A network that knows its training sweeps by heart feels others less strongly, and a free bias comes to stand for
-    /// "not strongly felt": the new material then takes sweeps of the known ones.
+    /// A thousandth of the prior strength, with a bias penalised like the weights.
+    ///
+    /// An overfitted network responds less strongly to sweeps outside its training set. A free bias then absorbs that weak response, and the new
+    /// material claims sweeps of the known ones.
     ThousandthWithBias,
 }
 
-/// Training sweeps of a known material, on average, below which a network is taken to know them by heart.
+/// Mean number of training sweeps per known material below which a network counts as overfitted.
 const MANY_SWEEPS: usize = 50;
 
 impl RowPrior {
-    /// Returns the prior for a network of which no held-out sweeps say what a new material costs.
+    /// Returns the prior for a network without held-out sweeps that could measure the cost of a new material.
     ///
-    /// Measured on networks of 12, 24, 40 and 80 training sweeps a material (few-sweeps.md): up to 40 a hundredth with a penalised bias is 0 to 26
-    /// points more accurate over all materials than a tenth, whose new material takes sweeps of the others; with 80 a tenth is better.
+    /// Measured on networks with 12, 24, 40 and 80 training sweeps per material (few-sweeps.md). Up to 40, a hundredth with a penalised bias is 0
+    /// to 26 points more accurate over all materials than a tenth, whose new material claims sweeps of the others. With 80, a tenth is better.
     fn without_held_out(known: &TrainEmbeddings) -> Self {
         let mut materials = known.labels.clone();
         materials.sort_unstable();
@@ -180,7 +184,7 @@ impl RowPrior {
         }
     }
 
-    /// Returns what to know of the choice, in one line; `None` of the usual one.
+    /// Returns a note on a prior other than the default; `None` for the default.
     pub fn note(self) -> Option<&'static str> {
         match self {
             Self::Tenth => None,
@@ -201,23 +205,26 @@ impl RowPrior {
     }
 }
 
-/// Parts in which the new sweeps are judged by classifiers that learnt the material from the others.
+/// Number of parts of the cross-validation over the new sweeps.
 const PARTS: usize = 5;
 
-/// Adds `material` to `classifier`: all layers stay, the output layer gets one more row, which is fitted to the new sweeps and those
-/// known so far, every material with the same weight, with a tenth of the prior of the known materials' rows (after OL-mean; Bauer et al., 2017).
-/// If that costs the known materials more than one in twenty of the sweeps that were held out, the two other priors of [`RowPrior`] are tried,
-/// and the one with the best accuracy over all materials is kept: of the held-out sweeps, and of the new ones as below. Where none were held
-/// out and the known materials have fewer than 50 training sweeps each, the prior is a hundredth and penalises the bias.
+/// Adds `material` to `classifier`.
 ///
-/// Thresholds are fitted again, since one more row changes what all sweeps score: to the sweeps that were held out before, and to the
-/// new ones as five classifiers judge them that learnt the material from the other four fifths.
+/// All layers stay the same. The output layer gets one more row, fitted to the new sweeps and the known ones with equal weight for each material
+/// (after OL-mean; Bauer et al., 2017). The prior of the row is a tenth of that of the known rows.
 ///
-/// - `thresholds`: of `classifier`, if it is calibrated; they stay as they are where their sweeps were not kept
-/// - `sweeps`: of the new material alone, whatever their label in their data set
+/// If the known materials lose more than one in twenty held-out sweeps, the two other priors of [`RowPrior`] are tried. The one with the best
+/// accuracy over all materials is kept, measured on the held-out sweeps and on the cross-validated new ones. Without held-out sweeps, and with
+/// fewer than 50 training sweeps per known material, the prior is a hundredth with a penalised bias.
+///
+/// Thresholds are fitted again, since the new row changes the scores of all sweeps. They are fitted to the held-out sweeps and to the new ones,
+/// each scored by one of five classifiers that were fitted without it.
+///
+/// - `thresholds`: thresholds of `classifier`, if it is calibrated; unchanged if their held-out sweeps were not kept
+/// - `sweeps`: sweeps of the new material only, with any label in their data set
 ///
 /// # Errors
-/// A name that is known already; sweeps of another shape or rate; a model that is no network; a fit that does not end.
+/// A name that is already known; sweeps of another shape or rate; a model that is not a network; a fit that does not converge.
 pub fn enroll(
     classifier: &Classifier,
     known: &TrainEmbeddings,
@@ -257,7 +264,7 @@ pub fn enroll(
     let mut in_turns = judge_in_turns(classifier, known, &new, &enrolled, calibration)?;
     if first.is_high() {
         let known_materials = classifier.config().labels.len() as f64;
-        // Every material weighs the same.
+        // Every material has the same weight.
         let balanced = |cost: &EnrolmentCost, new: &Judged| {
             let known = cost.right_after as f64 / cost.held_out.max(1) as f64;
             known_materials * known + new.accuracy()
@@ -284,7 +291,7 @@ pub fn enroll(
     Ok(enrolled)
 }
 
-/// What classifiers say of each fifth of the new sweeps that learnt the material from the other four; nothing of a single sweep.
+/// Scores each fifth of the new sweeps by a classifier fitted to the other four; returns nothing for a single sweep.
 fn judge_in_turns(
     classifier: &Classifier,
     known: &TrainEmbeddings,
@@ -310,7 +317,7 @@ fn judge_in_turns(
     Ok(judged)
 }
 
-/// What the known materials lose.
+/// Measures the accuracy on the held-out sweeps before and after the enrolment.
 fn cost(
     before: &Classifier,
     enrolled: &Enrolled,
@@ -339,7 +346,7 @@ fn cost(
     })
 }
 
-/// What the classifier with the new material says of sweeps that the one before has embedded.
+/// Scores sweeps that `before` has embedded by the classifier with the new material.
 fn judge(
     before: &Classifier,
     enrolled: &Enrolled,
@@ -353,7 +360,7 @@ fn judge(
     Judged::of(calibration.score, &strangeness, &sweeps)
 }
 
-/// The classifier with a row more, fitted to embedded sweeps.
+/// Returns the classifier with one more row, fitted to embedded sweeps.
 fn with_row(
     classifier: &Classifier,
     known: &TrainEmbeddings,

@@ -1,15 +1,17 @@
-//! One way of predicting, evaluated.
+//! Evaluation of one prediction method.
 
 use serde::{Deserialize, Serialize};
 use tactnet_data::{Seed, SweepView};
 
 use crate::{Classifier, Estimate, FusedAccuracy, PipelineError, PredictionMethod, Predictions};
 
-/// Predicts `view` plainly and, where the model has dropout, with `mc_samples` passes of MC dropout, unless that is 0; returns predictions
-/// and what they are worth, both of which name their method.
+/// Predicts `view` plainly and, if the model has dropout and `mc_samples` is above 0, by MC dropout; returns predictions and evaluations.
+///
+/// - `mc_samples`: number of Monte Carlo passes
+/// - `sweeps`: number of sweeps that are fused into one decision
 ///
 /// # Errors
-/// Sweeps that do not fit the classifier.
+/// Sweeps that do not match the classifier.
 pub fn evaluate_all_ways(
     classifier: &Classifier,
     view: &SweepView<'_>,
@@ -31,16 +33,16 @@ pub fn evaluate_all_ways(
         .collect()
 }
 
-/// Everything measured on the predictions of one method.
+/// Metrics of the predictions of one method.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
-    /// How the probabilities were computed.
+    /// Prediction method.
     pub method: PredictionMethod,
-    /// Accuracy of single sweeps.
+    /// Accuracy on single sweeps.
     pub one_sweep: Estimate,
-    /// Accuracy of fused sweeps; absent where no material has enough test sweeps.
+    /// Accuracy on fused sweeps; absent if no material has enough test sweeps.
     pub fused: Option<FusedAccuracy>,
-    /// Mean negative log-likelihood, nats.
+    /// Mean negative log-likelihood, in nats.
     pub negative_log_likelihood: f64,
     /// Expected calibration error, 15 bins, 0 to 1.
     pub expected_calibration_error: f64,
@@ -49,10 +51,10 @@ pub struct Evaluation {
 }
 
 impl Evaluation {
-    /// Judges `predictions`, fusing `sweeps` sweeps.
+    /// Evaluates `predictions`; `sweeps` sweeps are fused into one decision.
     ///
     /// # Panics
-    /// If there is no prediction.
+    /// If `predictions` is empty.
     pub fn of(predictions: &Predictions, sweeps: usize, seed: Seed) -> Self {
         Self {
             method: predictions.method,

@@ -1,4 +1,4 @@
-//! Evaluations as a table of text.
+//! Evaluations as a text table.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -6,8 +6,8 @@ use std::fmt;
 use super::metrics::DEALS;
 use crate::{Estimate, Evaluation, FusedAccuracy, PredictionMethod};
 
-/// Shows one row per way of predicting: accuracies in percent with their 95 % intervals, NLL in nats, ECE in percent, Brier score; then lines,
-/// each of what brackets, `3x` and the ways of predicting mean, and two about the last three columns; no line of words is over 100 columns.
+/// Table with one row per prediction method: accuracies in percent with 95 % intervals, NLL in nats, ECE in percent, Brier score. Lines below
+/// explain the columns; no line of words exceeds 100 columns.
 #[derive(Debug, Clone, Copy)]
 pub struct EvaluationTable<'a>(pub &'a BTreeMap<PredictionMethod, Evaluation>);
 
@@ -25,7 +25,7 @@ impl fmt::Display for EvaluationTable<'_> {
             "Brier"
         )?;
         for (method, evaluation) in self.0 {
-            // Of a baseline nothing else could be asked.
+            // A baseline has no other method.
             let name = match self.0.len() {
                 1 if *method == PredictionMethod::Plain => "as fitted",
                 _ => method.title(),

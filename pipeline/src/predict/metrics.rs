@@ -1,4 +1,4 @@
-//! What predictions are worth: accuracy with an interval, likelihood, calibration.
+//! Metrics of predictions: accuracy with an interval, likelihood, calibration.
 
 use serde::{Deserialize, Serialize};
 use tactnet_data::{Seed, shuffle};
@@ -6,10 +6,10 @@ use tactnet_models::{Belief, majority_vote};
 
 use crate::{Predictions, SweepScore};
 
-/// A share with its 95 % interval.
+/// Share with its 95 % interval.
 ///
-/// The interval is the sampling error of the test sweeps alone, for this one trained network, sweeps taken as
-/// independent. It holds no variance over training sets, seeds or recording blocks.
+/// The interval covers the sampling error of independent test sweeps for this one trained network. It covers no variance over training sets,
+/// seeds or recording blocks.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// The share, 0 to 1.
@@ -18,15 +18,15 @@ pub struct Estimate {
     pub ci95_low: f64,
     /// Upper end of the Wilson interval.
     pub ci95_high: f64,
-    /// Independent trials behind it.
+    /// Number of independent trials.
     pub n: usize,
 }
 
 impl Estimate {
-    /// The Wilson score interval of a share `mean` seen in `n` independent trials (Wilson, 1927).
+    /// Returns the Wilson score interval of a share `mean` observed in `n` independent trials (Wilson, 1927).
     ///
     /// # Panics
-    /// If there is no trial.
+    /// If `n` is 0.
     pub fn wilson(mean: f64, n: usize) -> Self {
         assert!(n > 0, "a share needs at least one trial");
         let [ci95_low, ci95_high] = tactnet_plot::wilson(mean, n);
@@ -39,35 +39,35 @@ impl Estimate {
     }
 }
 
-/// How often fused sweeps are right, by two ways of fusing.
+/// Accuracy on fused sweeps, for two fusion rules.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FusedAccuracy {
-    /// Sweeps fused into one decision.
+    /// Number of sweeps fused into one decision.
     pub sweeps: usize,
-    /// Materials with enough test sweeps; the others do not count.
+    /// Number of materials with enough test sweeps; the others are left out.
     pub materials: usize,
-    /// Bayesian fusion: log-probabilities add.
+    /// Accuracy of Bayesian fusion, which adds log-probabilities.
     pub bayes: Estimate,
-    /// Each sweep has one vote.
+    /// Accuracy of a majority vote with one vote per sweep.
     pub majority: Estimate,
 }
 
-/// Times that the test sweeps of a material are dealt anew into groups.
+/// Number of random groupings of the test sweeps of a material.
 pub(crate) const DEALS: usize = 20;
 
 impl Predictions {
-    /// Accuracy of single sweeps.
+    /// Returns the accuracy on single sweeps.
     ///
     /// # Panics
-    /// If there is no sweep.
+    /// If the predictions are empty.
     pub fn one_sweep(&self) -> Estimate {
         Estimate::wilson(self.accuracy(), self.sweeps.len())
     }
 
-    /// Accuracy when `sweeps` test sweeps of one material are fused; `None` where no material has that many.
+    /// Returns the accuracy on groups of `sweeps` test sweeps of one material; `None` if no material has that many.
     ///
-    /// The sweeps of every material are dealt at random into disjoint groups, 20 times over (stream "fusion" of `seed`).
-    /// The mean is over all groups; the interval counts the groups of one deal only, since the deals share sweeps.
+    /// The sweeps of every material are split at random into disjoint groups, 20 times (stream "fusion" of `seed`). The mean is over all groups.
+    /// The interval uses the number of groups of one split, since the splits share sweeps.
     pub fn fused(&self, sweeps: usize, seed: Seed) -> Option<FusedAccuracy> {
         let mut groups = 0;
         let (mut bayes, mut majority) = (0, 0);
@@ -93,8 +93,8 @@ impl Predictions {
         })
     }
 
-    /// Counts `[true][predicted]` of the groups of sweeps that [`Predictions::fused`] deals, Bayesian fusion: 20 deals, so every sweep
-    /// counts about 20 times.
+    /// Returns counts `[true][predicted]` of the groups of [`Predictions::fused`] with Bayesian fusion. Every sweep counts about 20 times, once
+    /// per split.
     pub fn fused_confusion(&self, sweeps: usize, seed: Seed) -> Vec<Vec<usize>> {
         let row = |label| {
             let mut counts = vec![0; self.labels.len()];
@@ -106,7 +106,7 @@ impl Predictions {
         (0..self.labels.len()).map(row).collect()
     }
 
-    /// Log-probabilities of the sweeps of `label`, dealt at random into groups of `sweeps`, 20 times over.
+    /// Returns the log-probabilities of the sweeps of `label`, split at random into groups of `sweeps`, 20 times.
     fn dealt(&self, label: usize, sweeps: usize, seed: Seed) -> Vec<Vec<&[f64]>> {
         let own: Vec<&SweepScore> = self.sweeps.iter().filter(|s| s.label == label).collect();
         let mut dealt = Vec::new();
@@ -121,25 +121,25 @@ impl Predictions {
         dealt
     }
 
-    /// Most probable material of sweeps whose log-probabilities are added.
+    /// Returns the most probable label after adding the log-probabilities.
     fn fused_label(&self, scores: &[&[f64]]) -> usize {
         let mut belief = Belief::flat(self.labels.len());
         scores.iter().for_each(|score| belief.fuse(score));
         belief.label()
     }
 
-    /// Mean negative log-likelihood of the true label, nats.
+    /// Returns the mean negative log-likelihood of the true label, in nats.
     pub fn negative_log_likelihood(&self) -> f64 {
         let total: f64 = self
             .sweeps
             .iter()
             .map(|s| -s.log_probability[s.label])
             .sum();
-        // Rounding may leave certain predictions a little below zero, or at minus zero.
+        // Rounding may leave a value slightly below zero, or minus zero.
         (total / self.sweeps.len() as f64).max(0.0) + 0.0
     }
 
-    /// Mean squared distance between the probabilities and the true one-hot vector, 0 to 2 (Brier, 1950).
+    /// Returns the mean squared distance between the probabilities and the true one-hot vector, 0 to 2 (Brier, 1950).
     pub fn brier(&self) -> f64 {
         let total: f64 = self
             .sweeps
@@ -153,7 +153,7 @@ impl Predictions {
         total / self.sweeps.len() as f64
     }
 
-    /// Expected calibration error of the largest probability over 15 bins of equal width (Guo et al., 2017).
+    /// Returns the expected calibration error of the largest probability over 15 bins of equal width (Guo et al., 2017).
     pub fn expected_calibration_error(&self) -> f64 {
         const BINS: usize = 15;
         let mut bins = [(0.0_f64, 0.0_f64); BINS];
@@ -260,8 +260,8 @@ mod tests {
         assert_eq!(p.fused_confusion(31, Seed(1)), [[0, 0], [0, 0]]);
     }
 
-    /// Three sweeps of which two are wrong by a little and one is right by far: all three together are right, any two with one of them
-    /// twice need not be.
+    /// Two of three sweeps favour the wrong label slightly, one the right label strongly. All three fused are right; groups that repeat a wrong
+    /// sweep may not be.
     #[test]
     fn no_sweep_is_fused_with_itself() {
         let p = predictions(&[(0, [0.4, 0.6]), (0, [0.4, 0.6]), (0, [0.8, 0.2])]);

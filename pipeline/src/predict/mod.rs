@@ -1,4 +1,4 @@
-//! Classifiers, their predictions, and how good those are.
+//! Classifiers, predictions and their evaluation.
 
 pub(crate) mod by_method;
 pub(crate) mod calibration;

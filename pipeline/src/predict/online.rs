@@ -1,12 +1,12 @@
-//! The online classifier: frame in, belief out; no clock, no threads.
+//! Online classifier: frames in, beliefs out, without clock or threads.
 //!
 //! ```text
 //! frame -> Normalizer -> StreamingNet --plain----------> probabilities of the sweep so far ─┐
 //!                                     └─Monte Carlo────> probabilities, strangeness ────────┴─> fused belief
 //! ```
 //!
-//! Normaliser, dropout masks, softmax, fusion and verdict are those of the offline [`Classifier`]; only the network is another form of the same weights,
-//! and gives the same numbers (to 1e-4, tested over whole data sets). Nothing allocates after [`OnlineClassifier::new`].
+//! Normaliser, dropout masks, softmax, fusion and thresholds are those of the offline [`Classifier`]. Only the network is another implementation
+//! with the same weights; its results agree to 1e-4, tested over whole data sets. Nothing allocates after [`OnlineClassifier::new`].
 
 use tactnet_models::{
     Belief, StreamingNet, entropy, log_mean_exp_into, log_softmax_into, mutual_information,
@@ -14,7 +14,7 @@ use tactnet_models::{
 
 use crate::{Calibration, Classifier, ClassifierConfig, Normalizer, NoveltyScore, PipelineError};
 
-/// Follows one sweep at a time, and fuses the sweeps of one object.
+/// Classifies one sweep at a time and fuses the sweeps of one object.
 #[derive(Debug)]
 pub struct OnlineClassifier {
     config: ClassifierConfig,
@@ -23,44 +23,44 @@ pub struct OnlineClassifier {
     net: StreamingNet,
     /// `[taxels]`
     frame: Vec<f32>,
-    /// `[materials]`: the newest belief
+    /// Latest belief, `[materials]`.
     log_probability: Vec<f64>,
     /// `[mc_samples][materials]`
     mc_samples: Vec<f64>,
-    /// Minus the energy of the newest belief.
+    /// Negative energy of the latest belief.
     log_total: f64,
-    /// NoveltyScorer by the plain scores of this sweep.
+    /// Novelty score from the plain scores of this sweep.
     plain_strangeness: Option<f64>,
-    /// Of the newest belief.
+    /// Novelty score of the latest belief.
     strangeness: Option<f64>,
-    /// Sum over the whole sweeps of this object, and their number.
+    /// Sum of the novelty scores of the complete sweeps of this object, and their number.
     object_strangeness: (f64, usize),
     fused: Belief,
 }
 
-/// What one sweep, or its beginning, says.
+/// Belief from one sweep or its beginning.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SweepBelief<'a> {
-    /// `[materials]`, natural log; the exponentials sum to one.
+    /// Natural logarithms of the probabilities, `[materials]`.
     pub log_probability: &'a [f64],
-    /// Of those probabilities, nats.
+    /// Entropy of the probabilities, in nats.
     pub entropy: f64,
-    /// Larger for stranger sweeps; absent without a calibration, and in a plain belief whose calibration asks for dropout masks.
+    /// Novelty score; absent without a calibration, and in a plain belief if the calibration uses dropout masks.
     pub strangeness: Option<f64>,
-    /// What the strangeness is compared with; absent without a calibration.
+    /// Threshold of the novelty score; absent without a calibration.
     pub threshold: Option<f64>,
-    /// True if the material is none that the classifier knows, where the strangeness is there to tell.
+    /// True if the material is unknown; absent without a novelty score.
     pub unknown: Option<bool>,
 }
 
 impl OnlineClassifier {
-    /// For sweeps of the shape and rate of `classifier`'s.
+    /// Creates an online classifier for sweeps of the same shape and rate as `classifier`'s.
     ///
-    /// - `calibration`: tells unknown materials, see [`Calibration`]
-    /// - `mc_samples`: Monte Carlo dropout masks, the first so many of the offline classifier's; 0: plain beliefs only
+    /// - `calibration`: thresholds for unknown materials
+    /// - `mc_samples`: number of Monte Carlo dropout masks, the first ones of the offline classifier; 0: plain beliefs only
     ///
     /// # Errors
-    /// A model that needs the whole sweep (a baseline, a network without levels); a strangeness that cannot be had online.
+    /// A model that needs the complete sweep (a baseline, a network without levels); a novelty score that has no online form.
     pub fn new(
         classifier: &Classifier,
         calibration: Option<Calibration>,
@@ -115,45 +115,45 @@ impl OnlineClassifier {
         })
     }
 
-    /// Materials, shape and rate.
+    /// Returns the configuration: materials, shape and rate.
     pub fn config(&self) -> &ClassifierConfig {
         &self.config
     }
 
-    /// Number of dropout masks.
+    /// Returns the number of dropout masks.
     pub fn mc_samples(&self) -> usize {
         self.net.mc_samples()
     }
 
-    /// Forgets the sweep that is going on; the next frame is the first of a new one.
+    /// Discards the current sweep; the next frame is the first of a new one.
     pub fn begin(&mut self) {
         self.plain_strangeness = None;
         self.net.restart();
     }
 
-    /// Takes the next frame of the window.
+    /// Adds the next frame of the window.
     ///
-    /// - `digits`: `[taxels]`, as recorded
+    /// - `digits`: one value per taxel, as recorded
     ///
     /// # Panics
-    /// With another number of taxels; after the last frame.
+    /// If the number of taxels differs, or after the last frame.
     pub fn push(&mut self, digits: &[f32]) {
         self.frame.copy_from_slice(digits);
         self.normalizer.apply_to_frame(&mut self.frame);
         self.net.push(&self.frame);
     }
 
-    /// Frames of this sweep so far.
+    /// Returns the number of frames of this sweep so far.
     pub fn frames(&self) -> usize {
         self.net.frames()
     }
 
-    /// Returns true if the sweep is whole.
+    /// Returns true if the sweep is complete.
     pub fn is_complete(&self) -> bool {
         self.net.is_complete()
     }
 
-    /// Returns the belief from the sweep so far, without dropout. After the last frame these are the offline classifier's probabilities.
+    /// Returns the belief from the sweep so far, without dropout. After the last frame it equals the offline classifier's prediction.
     ///
     /// # Panics
     /// Before the first frame.
@@ -178,7 +178,7 @@ impl OnlineClassifier {
         self.belief(None)
     }
 
-    /// Returns the belief from the sweep so far, by Monte Carlo dropout.
+    /// Returns the belief from the sweep so far by Monte Carlo dropout.
     ///
     /// # Panics
     /// Before the first frame; without masks.
@@ -196,7 +196,7 @@ impl OnlineClassifier {
     }
 
     fn belief(&mut self, information: Option<f64>) -> SweepBelief<'_> {
-        // All but the mutual information are defined on the plain scores, and hold for the sweep.
+        // All scores except the mutual information are defined on the plain scores.
         let strangeness = match self.calibration.as_ref().map(|c| c.score) {
             Some(NoveltyScore::MutualInformation) => information,
             _ => self.plain_strangeness,
@@ -215,7 +215,7 @@ impl OnlineClassifier {
         }
     }
 
-    /// Counts the strangeness of the newest belief for the object; to be called once for every whole sweep, of unknown materials, too.
+    /// Adds the novelty score of the latest belief to the object's. Call it once for every complete sweep, also of an unknown material.
     pub fn end_sweep(&mut self) {
         if let Some(strangeness) = self.strangeness {
             self.object_strangeness.0 += strangeness;
@@ -223,27 +223,27 @@ impl OnlineClassifier {
         }
     }
 
-    /// Returns whether the object is none of the materials, by the mean strangeness of its whole sweeps; `None` before the first, and
-    /// without thresholds for objects, see [`Calibration::object_thresholds`].
+    /// Returns true if the object is of an unknown material, by the mean novelty score of its complete sweeps; `None` before the first, and without
+    /// [`Calibration::object_thresholds`].
     pub fn object_is_unknown(&self) -> Option<bool> {
         let (sum, sweeps) = self.object_strangeness;
         let calibration = self.calibration.as_ref()?;
         calibration.object_is_unknown(sum / sweeps as f64, sweeps)
     }
 
-    /// Adds the newest belief to what former sweeps of the same object said.
+    /// Fuses the latest belief with the earlier sweeps of the same object.
     pub fn fuse(&mut self) {
         self.fused.fuse(&self.log_probability);
     }
 
-    /// Returns true if it can tell unknown materials.
+    /// Returns true if the classifier can detect unknown materials.
     pub fn tells_unknown(&self) -> bool {
         self.calibration.as_ref().is_some_and(|calibration| {
             calibration.score != NoveltyScore::MutualInformation || self.mc_samples() > 0
         })
     }
 
-    /// Takes over what was fused, where the materials are the same; gives whether that was possible.
+    /// Copies the fused belief of `former` if the materials are the same; returns true if so.
     pub fn take_fused(&mut self, former: &Self) -> bool {
         let same = self.config.labels == former.config.labels;
         if same {
@@ -252,12 +252,12 @@ impl OnlineClassifier {
         same
     }
 
-    /// Returns the belief from the fused sweeps together.
+    /// Returns the fused belief of the object's sweeps.
     pub fn fused(&self) -> &Belief {
         &self.fused
     }
 
-    /// The next sweep is of another object.
+    /// Discards the fused belief, for the next object.
     pub fn reset(&mut self) {
         self.fused.reset();
         self.object_strangeness = (0.0, 0);

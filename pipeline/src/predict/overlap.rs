@@ -1,11 +1,11 @@
-//! Finding training sweeps among others, whatever file they came in.
+//! Detection of training sweeps in other data sets, whatever the file format.
 
 use std::collections::BTreeSet;
 
 use sha2::{Digest, Sha256};
 use tactnet_data::{SweepView, hex};
 
-/// Returns `view` without the sweeps whose values also occur in `train`, and how many those were.
+/// Returns `view` without the sweeps whose values also occur in `train`, and the number removed.
 ///
 /// Values are compared as `f32`, so a copy in another element type or file format is still recognised.
 pub fn without_sweeps_of<'a>(
@@ -18,7 +18,7 @@ pub fn without_sweeps_of<'a>(
     )
 }
 
-/// Returns `view` without the sweeps of these values ([`sweep_sha256`]), and how many those were.
+/// Returns `view` without the sweeps with these digests ([`sweep_sha256`]), and the number removed.
 pub(crate) fn without_sweeps<'a>(
     view: &SweepView<'a>,
     sha256: &BTreeSet<String>,

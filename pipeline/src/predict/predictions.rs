@@ -1,4 +1,4 @@
-//! One row per predicted sweep, and the tsml text layout that aeon and tsml-eval read.
+//! Predictions with one row per sweep, and the tsml text format of aeon and tsml-eval.
 
 use std::fmt::Write;
 
@@ -7,36 +7,36 @@ use tactnet_models::argmax;
 
 use crate::PredictionMethod;
 
-/// The score of one sweep.
+/// Score of one sweep.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SweepScore {
     /// Index of the sweep in its data set.
     pub index: usize,
-    /// The true label.
+    /// True label.
     pub label: usize,
-    /// `[materials]`, natural log of the predicted probabilities.
+    /// Natural logarithms of the predicted probabilities, `[materials]`.
     pub log_probability: Vec<f64>,
 }
 
 impl SweepScore {
-    /// The most probable label; the lowest among equals.
+    /// Returns the most probable label; the lowest among equals.
     pub fn predicted(&self) -> usize {
         argmax(&self.log_probability)
     }
 }
 
-/// The scores of a test set.
+/// Scores of a test set.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Predictions {
     /// Materials in label order.
     pub labels: LabelSet,
-    /// How the probabilities were computed.
+    /// Prediction method.
     pub method: PredictionMethod,
     /// One entry per sweep.
     pub sweeps: Vec<SweepScore>,
 }
 
-/// What the tsml header says about where predictions come from.
+/// Origin of predictions, for the tsml header.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PredictionSource<'a> {
     /// Name of the data set.
@@ -45,12 +45,12 @@ pub struct PredictionSource<'a> {
     pub classifier: &'a str,
     /// Number of the fold or resample.
     pub resample: usize,
-    /// One line on how to reproduce them; commas and line ends become spaces.
+    /// One line that describes how to reproduce them; commas and line ends become spaces.
     pub parameters: &'a str,
 }
 
 impl Predictions {
-    /// Share of sweeps whose most probable label is the true one.
+    /// Returns the share of sweeps whose most probable label is the true one.
     pub fn accuracy(&self) -> f64 {
         let correct = self
             .sweeps
@@ -60,7 +60,7 @@ impl Predictions {
         correct as f64 / self.sweeps.len().max(1) as f64
     }
 
-    /// Counts `[true][predicted]`.
+    /// Returns the confusion matrix, `[true][predicted]`.
     pub fn confusion(&self) -> Vec<Vec<usize>> {
         let materials = self.labels.len();
         let mut counts = vec![vec![0; materials]; materials];
@@ -70,10 +70,10 @@ impl Predictions {
         counts
     }
 
-    /// The tsml layout: three header lines, then `true,predicted,,p0,p1,…` for each sweep. Times are left out (-1), so that equal
-    /// predictions are equal files.
+    /// Returns the predictions in tsml format: three header lines, then `true,predicted,,p0,p1,…` for each sweep. Times are -1, so that equal
+    /// predictions give equal files.
     ///
-    /// Layout: aeon, `aeon.benchmarking.results_loaders`; tsml-eval, "Predictions and results file format".
+    /// Format: aeon, `aeon.benchmarking.results_loaders`; tsml-eval, "Predictions and results file format".
     pub fn to_tsml(&self, source: &PredictionSource<'_>) -> String {
         let one_field = |text: &str| text.replace([',', '\n', '\r'], " ");
         let mut text = format!(
@@ -99,12 +99,12 @@ impl Predictions {
         text
     }
 
-    /// Reads what [`Predictions::to_tsml`] has written.
+    /// Parses the text of [`Predictions::to_tsml`].
     ///
-    /// - `indices`: of the sweeps in their data set, in the order of the rows (the split's `test` list)
+    /// - `indices`: indices of the sweeps in their data set, in the order of the rows (the split's `test` list)
     ///
     /// # Errors
-    /// What is wrong, in one line: other rows than `indices`, labels out of range, text that is no number.
+    /// One line that names the mistake: another number of rows than `indices`, labels out of range, invalid numbers.
     pub fn from_tsml(
         text: &str,
         labels: LabelSet,

@@ -1,4 +1,4 @@
-//! Are two objects of one material? Bayes's rule on what a classifier says of each.
+//! Probability that two objects are of the same material, by Bayes's rule on their predictions.
 
 use std::fmt;
 
@@ -7,11 +7,10 @@ use tactnet_data::LabelSet;
 
 use crate::{ClassifiedObject, ClassifiedSweeps, PredictionMethod};
 
-/// Returns the probability that two objects are of different materials, given the logarithm of the posterior of each: `s = sum_m a_m b_m`
-/// is the chance that labels drawn from both agree, which they do with a chance of `1 / K` where nothing is known; of pairs half are of one
-/// material.
+/// Returns the probability that two objects are of different materials, given the logarithms of their posteriors.
 ///
-/// With uniform priors `p(x_a, x_b | same) ~ s / K` and `p(x_a, x_b | different) ~ (1 - s) / (K (K - 1))`, so that
+/// `s = sum_m a_m b_m` is the probability that labels drawn from both agree; it is `1 / K` if nothing is known. Half of all pairs are taken to be
+/// of one material. With uniform priors `p(x_a, x_b | same) ~ s / K` and `p(x_a, x_b | different) ~ (1 - s) / (K (K - 1))`, so that
 ///
 /// ```text
 /// P(different) = (1 - s) / ((1 - s) + (K - 1) s)
@@ -24,31 +23,31 @@ pub fn probability_of_different_materials(a: &[f64], b: &[f64]) -> f64 {
     apart / (apart + (a.len() as f64 - 1.0) * same)
 }
 
-/// Two objects, and whether they are of one material.
+/// Two objects with the probability that they are of the same material.
 #[derive(Debug, Clone, Serialize)]
 pub struct SameMaterial {
     /// Version of this layout.
     pub schema_version: u32,
-    /// How the probabilities were computed.
+    /// Prediction method.
     pub method: PredictionMethod,
-    /// `[materials]`: the names that probabilities are in the order of.
+    /// Names of the materials, in the order of the probabilities.
     pub materials: LabelSet,
     /// Names of the two data sets.
     pub data: [String; 2],
-    /// The material that each data set names, where it names one.
+    /// Material that each data set names, if it names exactly one.
     pub named: [Option<String>; 2],
-    /// What the classifier says of each.
+    /// Prediction for each object.
     pub objects: [ClassifiedObject; 2],
-    /// Probability that both are of one material, before which same and different are equally likely. It holds for materials that the
-    /// classifier has learnt.
+    /// Probability that both are of the same material, with equal prior probabilities of same and different. It holds for materials that the
+    /// classifier knows.
     pub same: f64,
-    /// What is strange about the values of the sweeps.
+    /// Warnings about the range of the values.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub cautions: Vec<String>,
 }
 
 impl SameMaterial {
-    /// Of two sets of sweeps that were classified as one object each, by one classifier; `None` where one was not.
+    /// Compares two sets of sweeps, each classified as one object by the same classifier; `None` if one has no prediction for an object.
     pub fn of(found: [ClassifiedSweeps; 2]) -> Option<Self> {
         let named = found
             .each_ref()
@@ -102,7 +101,7 @@ impl fmt::Display for SameMaterial {
             .filter(|(_, object)| object.unknown == Some(true))
             .map(|(name, _)| name)
             .collect();
-        // The verdict does not stand alone where it means little.
+        // The answer refers to the warnings below if it is unreliable.
         let trust = if unknown.is_empty() {
             ""
         } else {
@@ -155,7 +154,7 @@ mod tests {
         assert_eq!(probability_of_different_materials(&glass, &felt), 1.0);
     }
 
-    /// The joint posterior of both labels, term by term, with half of the pairs of one material.
+    /// Sums the joint posterior of both labels term by term, with half of the pairs of one material.
     #[test]
     fn the_rule_is_the_sum_over_all_pairs_of_labels() {
         let (a, b) = ([0.7, 0.2, 0.1], [0.3, 0.3, 0.4]);

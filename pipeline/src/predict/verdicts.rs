@@ -1,4 +1,4 @@
-//! How well a calibration's targets were met on sweeps of known and of unknown materials.
+//! Rates of a calibrated classifier on sweeps of known and unknown materials, compared with their targets.
 
 use std::fmt;
 
@@ -10,31 +10,33 @@ use crate::{
     TrainEmbeddings,
 };
 
-/// What a calibrated classifier said of sweeps besides their material, beside its targets.
+/// Measured rates of a calibrated classifier, with their targets.
 #[derive(Debug, Clone, Serialize)]
 pub struct Verdicts {
-    /// What the bounds were fitted to.
+    /// Target rates of the thresholds.
     pub target: CalibrationTarget,
-    /// Of sweeps of known materials: share called unknown.
+    /// Share of sweeps of known materials that are called unknown.
     pub false_alarms: Option<Estimate>,
-    /// Of sweeps of known materials: share whose material is in the prediction set.
+    /// Share of sweeps of known materials whose material is in the prediction set.
     pub coverage: Option<Estimate>,
-    /// Materials in a prediction set, mean over sweeps of known materials.
+    /// Mean size of a prediction set over sweeps of known materials.
     pub set_size: Option<f64>,
     /// Materials of the data set that the classifier does not know.
     pub unknown_materials: Vec<String>,
-    /// Of sweeps of unknown materials: share called unknown.
+    /// Share of sweeps of unknown materials that are called unknown.
     pub detected: Option<Estimate>,
-    /// How far the rates may be from their targets, where that is much.
+    /// Warning if the rates may differ much from their targets.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub caution: Option<String>,
 }
 
 impl Verdicts {
-    /// - `known`, `unknown`: sweeps of materials that the classifier knows, and of others; see [`Classifier::by_known_material`]
+    /// Measures the rates.
+    ///
+    /// - `known`, `unknown`: sweeps of known and of unknown materials; see [`Classifier::by_known_material`]
     ///
     /// # Errors
-    /// Sweeps of another shape or rate; a model that is no network.
+    /// Sweeps of another shape or rate; a model that is not a network.
     pub fn of(
         calibration: &Calibration,
         embeddings: &TrainEmbeddings,

@@ -1,4 +1,4 @@
-//! The run directory of a classifier that a material was added to.
+//! Run directories of classifiers to which a material was added.
 
 use std::fs;
 use std::path::Path;
@@ -6,15 +6,15 @@ use std::path::Path;
 use super::run_dir::{ENROLLED, ENVIRONMENT, HELD_OUT};
 use crate::{Enrolled, EnrolledMaterial, PipelineError, Provenance, RunConfig, RunDir};
 
-/// How the name of a folder begins that is not whole yet.
+/// Prefix of the name of a folder that is still incomplete.
 const DRAFT: &str = ".enrolling-";
 
 impl RunDir {
-    /// Makes a new run directory for a classifier with one more material: what `self` holds, but for the training's course and results. It is
-    /// made beside `path` under another name, and moved there when it is whole.
+    /// Creates a run directory for a classifier with one more material. It holds the content of `self` without training metrics and results.
+    /// The folder is built next to `path` under another name and renamed to `path` once it is complete.
     ///
     /// # Errors
-    /// A folder that holds anything already; a file that cannot be written.
+    /// A folder that is not empty; a file that cannot be written.
     pub fn create_enrolled(
         &self,
         path: &Path,
@@ -33,7 +33,7 @@ impl RunDir {
         let draft = path.with_file_name(name);
         let failed = |error| PipelineError::io(path, "make the run directory", error);
         if draft.exists() {
-            // Of a process that was killed.
+            // Left over from a process that was killed.
             fs::remove_dir_all(&draft).map_err(failed)?;
         }
         let mut materials = self.enrolled()?;

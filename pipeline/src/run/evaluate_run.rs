@@ -1,4 +1,4 @@
-//! From a trained classifier to everything a run directory says about it.
+//! Evaluation of a trained classifier into its run directory.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,32 +9,31 @@ use crate::{
     describe_split, evaluate_all_ways, peak_rss_mib,
 };
 
-/// Sweeps that are fused where a result speaks of several.
+/// Number of sweeps that are fused into one decision in a result.
 pub(super) const FUSED: usize = 3;
-/// Monte Carlo passes where the recipe names none.
+/// Number of Monte Carlo passes if the recipe names none.
 const MC_SAMPLES: usize = 100;
 
-/// What training leaves besides weights.
+/// Result of a training besides its weights.
 #[derive(Debug, Clone, Default)]
 pub struct TrainingSummary {
     /// Time spent in training steps or in fitting, seconds.
     pub seconds: f64,
-    /// Number of sweeps trained on.
+    /// Number of training sweeps.
     pub sweeps: usize,
-    /// Epochs trained, where the model has any.
+    /// Number of epochs trained; `None` for a baseline.
     pub epochs: Option<usize>,
-    /// Settings that were chosen on training sweeps, by name.
+    /// Settings selected on training sweeps, by name.
     pub chosen: BTreeMap<String, f64>,
 }
 
-/// Predicts the test sweeps every way there is, writes scores and picture into `run`, and puts the result together (which is not
-/// written yet).
+/// Predicts the test sweeps by every method, writes predictions and confusion matrix into `run`, and returns the result without writing it.
 ///
 /// - `sessions`: program and machine of every session that trained
-/// - `command`: the call that leads to the same result
+/// - `command`: command line that reproduces the result
 ///
 /// # Errors
-/// Sweeps that do not fit the classifier; a file that cannot be written.
+/// Sweeps that do not match the classifier; a file that cannot be written.
 pub fn evaluate_run(
     run: &RunDir,
     config: &RunConfig,

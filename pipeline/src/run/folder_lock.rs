@@ -1,4 +1,4 @@
-//! One process at a time trains in a folder.
+//! Lock that allows one training process per run directory.
 
 use std::fs;
 use std::path::Path;
@@ -11,7 +11,7 @@ use crate::{PipelineError, RunDir};
 pub(super) const LOCK: &str = ".lock";
 
 impl RunDir {
-    /// Returns true if a process trains in the folder `path`; false where there is no such folder.
+    /// Returns true if a process is training in the folder `path`; false if the folder does not exist.
     pub fn is_busy(path: &Path) -> bool {
         let Ok(file) = fs::File::open(path.join(LOCK)) else {
             return false;
@@ -19,10 +19,10 @@ impl RunDir {
         matches!(file.try_lock_shared(), Err(fs::TryLockError::WouldBlock))
     }
 
-    /// Locks the folder for training in it, and removes what killed processes have not finished writing there.
+    /// Locks the folder for training and removes unfinished files of processes that were killed.
     ///
     /// # Errors
-    /// Another process trains in it; a folder that cannot be read.
+    /// Another process that trains in the folder; a folder that cannot be read.
     pub fn locked(mut self) -> Result<Self, PipelineError> {
         self.lock = Some(Self::lock(&self.path)?);
         let failed = |error| PipelineError::io(&self.path, "clear up", error);
@@ -35,16 +35,16 @@ impl RunDir {
         Ok(self)
     }
 
-    /// Makes the folder `path` where there is none and locks it, so that [`RunDir::is_busy`] is true until the file is dropped or the
-    /// process ends.
+    /// Creates the folder `path` if it does not exist and locks it. [`RunDir::is_busy`] then returns true until the returned file is dropped or
+    /// the process ends.
     ///
     /// # Errors
-    /// Another process works in it.
+    /// Another process that holds the lock.
     pub fn lock(path: &Path) -> Result<fs::File, PipelineError> {
         fs::create_dir_all(path)
             .map_err(|error| PipelineError::io(path, "make the folder", error))?;
         let name = path.join(LOCK);
-        // Not emptied: somebody may have put a link there.
+        // Not truncated, since the path may be a link to another file.
         let file = fs::File::options()
             .write(true)
             .create(true)
@@ -53,7 +53,7 @@ impl RunDir {
             .map_err(|error| PipelineError::io(&name, "make the lock file", error))?;
         let mut outcome = file.try_lock();
         for _ in 0..20 {
-            // Whoever asks whether the folder is busy holds the lock for a moment.
+            // `is_busy` holds the lock for a moment.
             if !matches!(outcome, Err(fs::TryLockError::WouldBlock)) {
                 break;
             }

@@ -1,4 +1,4 @@
-//! Folders of runs that nobody named.
+//! Default folders of runs.
 
 use std::path::{Path, PathBuf};
 
@@ -6,7 +6,7 @@ use tactnet_data::{Fold, Scheme};
 
 use crate::{MeanRemoval, RunConfig};
 
-/// `runs/DATA-RECIPE-FOLD-SEED`, or the first of `…-2`, `…-3` that is free.
+/// Returns `runs/DATA-RECIPE-FOLD-SEED`, or the first of `…-2`, `…-3` that does not exist.
 pub(crate) fn free_folder(dataset: &str, config: &RunConfig, fold: &Fold<'_>) -> PathBuf {
     let part = match fold.scheme() {
         Scheme::HoldOut { .. } => format!("holdout{}", fold.repeat()),

@@ -1,4 +1,4 @@
-//! `manifest.json`: the SHA-256 of every file that a run's results rest on, written last. It tells damage, not a forger who writes it anew.
+//! `manifest.json`: SHA-256 of every file that a run's results depend on, written last. It detects corruption, not tampering.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -11,10 +11,10 @@ use super::run_dir::RunDir;
 use crate::PipelineError;
 
 pub(super) const MANIFEST: &str = "manifest.json";
-/// Files that nothing rests on once a run has ended, besides those whose names begin with a dot.
+/// Files left out of the manifest, since no result depends on them after the run has ended. Hidden files are left out, too.
 const LEFT_OUT: [&str; 2] = [MANIFEST, "checkpoint.safetensors"];
 
-/// Digests of the files of a run that has ended.
+/// Digests of the files of a finished run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Manifest {
@@ -27,7 +27,7 @@ pub(super) struct Manifest {
 impl Manifest {
     const SCHEMA_VERSION: u32 = 1;
 
-    /// Digests every file of a folder.
+    /// Returns the digests of the files of a folder.
     fn of(folder: &Path) -> std::io::Result<Self> {
         let mut files = BTreeMap::new();
         for entry in fs::read_dir(folder)? {
@@ -46,7 +46,7 @@ impl Manifest {
 }
 
 impl RunDir {
-    /// Writes the digests of all files: the last thing that is done to a run.
+    /// Writes the digests of all files. This is the last write to a run.
     ///
     /// # Errors
     /// A file that cannot be read or written.
@@ -56,10 +56,10 @@ impl RunDir {
         self.write_json(MANIFEST, &manifest)
     }
 
-    /// Reads a file of the run; one that the manifest names must be what it was then. Runs of former versions have no manifest.
+    /// Returns the content of a file, checked against the manifest. Runs of earlier versions have no manifest.
     ///
     /// # Errors
-    /// No such file; one that has changed; a manifest that cannot be read.
+    /// A missing file; a digest that differs from the manifest's; a manifest that cannot be read.
     pub(super) fn read(&self, name: &str) -> Result<Vec<u8>, PipelineError> {
         let path = self.file(name);
         let bytes = read_file(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
@@ -99,7 +99,7 @@ impl RunDir {
                 }
                 Some(manifest)
             }
-            // Not ended yet, or of a former version.
+            // The run has not ended, or an earlier version wrote it.
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             Err(error) => return Err(PipelineError::io(&path, "read", error)),
         };

@@ -1,4 +1,4 @@
-//! Run directories: what a training leaves on disk, and how it gets there.
+//! Run directories and the sessions that fill them.
 
 mod enrolled_run;
 pub(crate) mod evaluate_run;

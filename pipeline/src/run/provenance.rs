@@ -1,26 +1,26 @@
-//! Where a result comes from: program, machine, build.
+//! Program, build and machine that produced a result.
 
 use serde::{Deserialize, Serialize};
 
-/// What was running, and where. Nothing in it identifies a machine or a person.
+/// Program and machine of a session. No field identifies a single machine or a person.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Provenance {
     /// Version of the program.
     pub version: String,
-    /// Commit it was built from, `-dirty` where the tree had changes, `unknown` outside a repository.
+    /// Commit of the build, with `-dirty` for a modified tree, or `unknown` outside a repository.
     pub git: String,
     /// Operating system.
     pub os: String,
     /// Processor architecture.
     pub arch: String,
-    /// Processor model, where the system tells.
+    /// Processor model, or `unknown`.
     pub processor: String,
-    /// Threads that could be used.
+    /// Number of available threads.
     pub threads: usize,
 }
 
 impl Provenance {
-    /// Of this process; `version` and `git` come from the build.
+    /// Returns the provenance of this process; `version` and `git` come from the build.
     pub fn of_this_process(version: &str, git: &str) -> Self {
         Self {
             version: version.into(),
@@ -39,7 +39,7 @@ fn processor_model() -> Option<String> {
     Some(line.split_once(':')?.1.trim().to_string())
 }
 
-/// Largest resident memory of this process so far in MiB, where the system tells.
+/// Returns the peak resident memory of this process in MiB, or `None` if the system does not report it.
 pub fn peak_rss_mib() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;

@@ -1,4 +1,4 @@
-//! Sweeps as a training asks for them.
+//! Reading of sweeps with the settings of a training.
 
 use std::path::Path;
 
@@ -8,17 +8,17 @@ use tactnet_data::{DataError, DataSource, Dataset, SweepShape};
 use crate::{LabelOrder, PipelineError, TrainSpec};
 
 impl TrainSpec {
-    /// Reads the sweeps that are trained on and tested.
+    /// Reads the sweeps for training and test.
     ///
     /// # Errors
-    /// No such file, one that is damaged; a rate that contradicts the file's; more steps than its sweeps have.
+    /// A missing or damaged file; a rate that contradicts the file's; more steps than the sweeps have.
     pub fn read_sweeps(&self) -> Result<Dataset, DataError> {
         self.read_sweeps_of(&self.data, self.label_order)
     }
 
-    /// Reads other sweeps in the same way, with labels in `order`.
+    /// Reads other sweeps with the same settings, with labels in `order`.
     ///
-    /// - `data`: `twin`, or a file
+    /// - `data`: path of the data set, or `twin`
     ///
     /// # Errors
     /// As [`TrainSpec::read_sweeps`].
@@ -33,16 +33,17 @@ impl TrainSpec {
         }
     }
 
-    /// Reads sweeps of whatever material for a classifier of this, arranged and timed as it was taught: the taxels of a file that does not
-    /// say how they are arranged (tables, arrays without rows and columns) are put into its rows and columns, an array of just its frames, rows and
-    /// columns is one sweep, and the rate of a file that
-    /// does not say is its own, unless this names another. A file that says either keeps it, and may not fit.
+    /// Reads sweeps of any material for a classifier trained with these settings.
     ///
-    /// - `data`: `twin`, or a file
-    /// - `shape`, `sample_rate_hz`: of the training sweeps
+    /// Taxels of a file without rows and columns (tables, two-dimensional arrays) are arranged as in `shape`. An array with exactly the frames,
+    /// rows and columns of `shape` counts as one sweep. A file without a rate gets `sample_rate_hz`, unless these settings name a rate. A file
+    /// that names either keeps it, even if it does not match the classifier.
+    ///
+    /// - `data`: path of the data set, or `twin`
+    /// - `shape`, `sample_rate_hz`: those of the training sweeps
     ///
     /// # Errors
-    /// As [`TrainSpec::read_sweeps`], except for materials that are not named.
+    /// As [`TrainSpec::read_sweeps`], except that materials need not be named.
     pub fn read_to_classify(
         &self,
         data: &str,
@@ -51,7 +52,7 @@ impl TrainSpec {
     ) -> Result<SweepsToClassify, DataError> {
         let mut sweeps = match DataSource::named(data) {
             DataSource::File(path) if path.exists() => format::read_to_classify(&path, self.steps)?,
-            // The twin, or a file that is not there.
+            // The twin, or a missing file.
             other => {
                 let mut dataset = other.read()?;
                 if let Some(steps) = self.steps {
@@ -66,7 +67,7 @@ impl TrainSpec {
             && sweeps.dataset.is_patch_assumed()
             && (sweeps.dataset.len(), own.steps, own.taxels()) == one
         {
-            // Not so many sweeps, but the frames of a single one with its rows and columns.
+            // The array holds the frames of a single sweep, not that many sweeps.
             sweeps.dataset = sweeps.dataset.as_one_sweep(shape)?;
             sweeps.names.truncate(1);
         } else {
@@ -82,7 +83,7 @@ impl TrainSpec {
         Ok(sweeps)
     }
 
-    /// Reads the sweeps that a run of this was trained on, from where they were then or from `moved_to`.
+    /// Reads the training data of a run with these settings, from its original path or from `moved_to`.
     ///
     /// # Errors
     /// As [`TrainSpec::read_sweeps`] and [`TrainSpec::place_of_data`].
@@ -91,8 +92,8 @@ impl TrainSpec {
         Ok(self.read_sweeps_of(place, self.label_order)?)
     }
 
-    /// Reads the sweeps that a classifier of this is judged by: of `other`, or else those that it was trained on. Returns also whether their taxels
-    /// were put into the rows and columns of `shape`, the classifier's, since the data does not say how they are arranged.
+    /// Reads the sweeps on which a classifier with these settings is evaluated: those of `other`, or its training data. Also returns true if the
+    /// taxels of a file without rows and columns were arranged as in `shape`, the classifier's shape.
     ///
     /// # Errors
     /// As [`TrainSpec::read_sweeps_of_run`].
@@ -104,10 +105,10 @@ impl TrainSpec {
         Ok(arranged(self.read_sweeps_of_run(other)?, shape)?)
     }
 
-    /// Returns `moved_to`, or where the data were that a run of this was trained on: `twin`, or a file.
+    /// Returns `moved_to`, or the original path of a run's training data, or `twin`.
     ///
     /// # Errors
-    /// Nothing is at the old place; the message says that `--data` names the new one.
+    /// No file at the original path; the remedy is to name the new one.
     pub fn place_of_data<'a>(
         &'a self,
         moved_to: Option<&'a str>,
@@ -123,7 +124,7 @@ impl TrainSpec {
     }
 }
 
-/// Puts the taxels of a file that does not say how they are arranged into the rows and columns of `shape`; returns whether that changed anything.
+/// Arranges the taxels of a file without rows and columns as in `shape`; returns true if that changed the rows.
 fn arranged(dataset: Dataset, shape: SweepShape) -> Result<(Dataset, bool), DataError> {
     let own = dataset.shape();
     if !dataset.is_patch_assumed() || own.taxels() != shape.taxels() {

@@ -1,4 +1,4 @@
-//! A trained classifier, evaluated again: `tactnet eval`.
+//! Evaluation of a trained classifier on held-out or new sweeps.
 
 use std::collections::BTreeMap;
 
@@ -12,18 +12,18 @@ use crate::{
     serialize_by_method,
 };
 
-/// How a classifier is evaluated again.
+/// Settings of an evaluation.
 #[derive(Debug, Clone, Copy)]
 pub struct Reevaluation {
-    /// Sweeps of one material that are fused into one decision.
+    /// Number of sweeps of one material that are fused into one decision.
     pub fused: usize,
-    /// Samples of Monte Carlo dropout; 0 for none, `None` for the recipe's number, or 100.
+    /// Number of Monte Carlo dropout passes; 0 for none; `None` for the recipe's number, or 100.
     pub mc_samples: Option<usize>,
-    /// What computes the scores; `None` for Burn in whole batches.
+    /// Runtime that computes the scores; `None` for Burn in whole batches.
     pub runtime: Option<RuntimeKind>,
 }
 
-/// What `tactnet eval --json` prints; as text, a table.
+/// Result of an evaluation.
 #[derive(Debug, Serialize)]
 pub struct EvalResult {
     schema_version: u32,
@@ -31,7 +31,7 @@ pub struct EvalResult {
     git: &'static str,
     seed: Seed,
     split_sha256: String,
-    /// False while the run has not ended; the weights are then those of its last checkpoint.
+    /// False if the run has not ended; the weights are then those of its last checkpoint.
     finished: bool,
     data: String,
     data_sha256: String,
@@ -39,51 +39,51 @@ pub struct EvalResult {
     n_test: usize,
     #[serde(serialize_with = "serialize_by_method")]
     evaluations: BTreeMap<PredictionMethod, Evaluation>,
-    /// Of plain predictions; absent where no sweep is of a known material.
+    /// Confusion matrix of plain predictions; absent if no sweep is of a known material.
     #[serde(skip_serializing_if = "Option::is_none")]
     confusion: Option<Confusion>,
-    /// By way of predicting; only of other runtimes.
+    /// Comparisons with Burn by prediction method; empty for Burn itself.
     #[serde(
         skip_serializing_if = "BTreeMap::is_empty",
         serialize_with = "serialize_by_method"
     )]
     runtimes: BTreeMap<PredictionMethod, RuntimeSummary>,
-    /// Only after `train --calibrate`.
+    /// Verdicts of a calibrated classifier.
     #[serde(skip_serializing_if = "Option::is_none")]
     verdicts: Option<Verdicts>,
-    /// Sweeps among them of materials that the classifier does not know.
+    /// Number of sweeps of materials that the classifier does not know.
     n_unknown: usize,
-    /// What they were taken for: sweeps by material, then by the most probable known one.
+    /// Numbers of sweeps by unknown material, then by most probable known material.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     unknown_taken_for: BTreeMap<String, BTreeMap<String, usize>>,
-    /// Unknown materials whose names differ from a known one's in nothing but case or blanks.
+    /// Unknown materials whose names differ from a known one only in case or spaces, with that name.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     unknown_meant: BTreeMap<String, String>,
-    /// What is strange about the values of the sweeps.
+    /// Warning about the range of the values.
     #[serde(skip_serializing_if = "Option::is_none")]
     values: Option<String>,
 }
 
-/// How another form compares with Burn's predictions of whole batches, and how fast it is.
+/// Comparison of another runtime with Burn's predictions of whole batches.
 #[derive(Debug, Serialize)]
 struct RuntimeSummary {
     runtime: &'static str,
-    /// Largest difference of a probability.
+    /// Largest absolute difference of a probability.
     largest_difference: f64,
-    /// From the last frame to the probabilities of a sweep that comes alone, microseconds.
+    /// Median time from the last frame of a single sweep to its probabilities, in microseconds.
     p50_us: f64,
     p99_us: f64,
     max_us: f64,
 }
 
 impl Reevaluation {
-    /// Predicts the `tested` sweeps of `dataset` with the classifier of `run`.
+    /// Predicts the `tested` sweeps of `dataset` with the classifier of `run` and evaluates the predictions.
     ///
-    /// - `git`: the commit of this program
+    /// - `git`: commit of this program
     ///
     /// # Errors
-    /// A damaged run; sweeps of another shape, or of an unknown material where the classifier has not been calibrated; a runtime that this
-    /// program was built without.
+    /// A damaged run; sweeps of another shape; sweeps of an unknown material if the classifier is not calibrated; a runtime that this build
+    /// lacks.
     pub fn of(
         self,
         run: &RunDir,
@@ -108,7 +108,7 @@ impl Reevaluation {
                 &unknown,
             )?),
         };
-        // Materials that it does not know are an error unless it can say so.
+        // Only a calibrated classifier accepts materials that it does not know.
         let view = if verdicts.is_some() {
             &known
         } else {
@@ -166,7 +166,7 @@ impl Reevaluation {
     }
 }
 
-/// Counts the most probable known materials of sweeps of unknown ones.
+/// Counts the most probable known materials of sweeps of unknown materials.
 fn taken_for(
     classifier: &Classifier,
     unknown: &SweepView<'_>,
@@ -188,7 +188,7 @@ fn taken_for(
 impl RuntimeSummary {
     fn of(kind: RuntimeKind, compared: &RuntimeComparison) -> Self {
         let sorted = &compared.microseconds;
-        // Nearest rank, so always one that was measured.
+        // The nearest rank, so that the result is a measured value.
         let at = |share: f64| {
             let rank = (sorted.len() as f64 * share).ceil() as usize;
             sorted.get(rank.max(1) - 1).copied().unwrap_or(0.0)

@@ -1,4 +1,4 @@
-//! `result.json`: what a training run found.
+//! `result.json`: the result of a training run.
 
 use std::collections::BTreeMap;
 
@@ -8,26 +8,26 @@ use tactnet_data::{DataOrigin, Scheme, Seed, SplitManifest};
 use crate::predict::by_method::{deserialize_evaluations, serialize_by_method};
 use crate::{Estimate, Evaluation, PredictionMethod, Provenance};
 
-/// What a training run found, with everything needed to find it again.
+/// Result of a training run, with all that is needed to reproduce it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunResult {
     /// Version of this layout, [`RunResult::SCHEMA_VERSION`].
     pub schema_version: u32,
     /// Name of the data set.
     pub data: String,
-    /// Where its sweeps come from.
+    /// Origin of its sweeps.
     #[serde(default)]
     pub origin: DataOrigin,
-    /// SHA-256 of its content.
+    /// SHA-256 of the data set's content.
     pub data_sha256: String,
-    /// Commits of the program, sorted; several where it was resumed by another build.
+    /// Commits of the program, sorted; more than one if another build resumed the run.
     #[serde(deserialize_with = "read_commits")]
     pub git: Vec<String>,
     /// Program and machine of every session.
     pub provenance: Vec<Provenance>,
-    /// Command line that leads here, paths shortened to file names.
+    /// Command line that reproduces the run, with paths reduced to file names.
     pub command: String,
-    /// Names every random choice.
+    /// Seed of every random choice.
     pub seed: Seed,
     /// Name of the recipe.
     pub recipe: String,
@@ -35,53 +35,53 @@ pub struct RunResult {
     pub recipe_sha256: String,
     /// SHA-256 of the split.
     pub split_sha256: String,
-    /// How the data set was split.
+    /// Description of the split.
     pub split: String,
     /// Repeat of the cross-validation, counted from 0.
     #[serde(alias = "run")]
     pub repeat: usize,
     /// Fold, counted from 0.
     pub fold: usize,
-    /// Sweeps trained on.
+    /// Number of training sweeps.
     pub n_train: usize,
-    /// Sweeps tested on.
+    /// Number of test sweeps.
     pub n_test: usize,
-    /// Epochs trained; absent where the model has none.
+    /// Number of epochs trained; absent for a baseline.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub epochs: Option<usize>,
-    /// Settings that were chosen on inner splits of the training sweeps, by name.
+    /// Settings selected on inner splits of the training sweeps, by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub chosen: BTreeMap<String, f64>,
-    /// One sweep, predicted the recipe's own way.
+    /// Accuracy on single sweeps with the recipe's prediction method.
     pub accuracy_one_sweep: Estimate,
-    /// Three sweeps fused (Bayes), predicted the recipe's own way; absent with fewer than three test sweeps a material.
+    /// Accuracy on three fused sweeps (Bayes) with the recipe's prediction method; absent with fewer than three test sweeps of a material.
     pub accuracy_three_sweeps: Option<Estimate>,
-    /// All ways of predicting: plainly, and by MC dropout where the model has dropout. In files by [`PredictionMethod::name`].
+    /// Evaluations by prediction method: plain, and MC dropout if the model has dropout. Files use [`PredictionMethod::name`] as key.
     #[serde(
         serialize_with = "serialize_by_method",
         deserialize_with = "deserialize_evaluations"
     )]
     pub evaluations: BTreeMap<PredictionMethod, Evaluation>,
-    /// Time spent in training steps or in fitting, seconds, interruptions left out.
+    /// Time spent in training steps or in fitting, in seconds, without interruptions.
     pub train_seconds: f64,
-    /// The same per epoch.
+    /// Training time per epoch, in seconds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seconds_per_epoch: Option<f64>,
-    /// Largest resident memory of the process that ended the run, MiB.
+    /// Peak resident memory of the process that ended the run, in MiB.
     pub peak_rss_mib: Option<f64>,
 }
 
 impl RunResult {
-    /// Version written by this program; 1, which names several commits in one text, is read as well.
+    /// Version written by this program. Version 1, which stores several commits in one text, is still readable.
     pub const SCHEMA_VERSION: u32 = 2;
 
-    /// Returns test sweeps over training sweeps, by which variances of resampled folds are corrected (Nadeau & Bengio, 2003).
+    /// Returns the ratio of test to training sweeps, which corrects variances of resampled folds (Nadeau & Bengio, 2003).
     pub fn test_share(&self) -> f64 {
         self.n_test as f64 / self.n_train as f64
     }
 }
 
-/// Reads a list of commits, or what version 1 has instead: one text, with spaces between them.
+/// Reads a list of commits, or the text of version 1, which separates them by spaces.
 fn read_commits<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<String>, D::Error> {
     #[derive(Deserialize)]
     #[serde(untagged)]
@@ -95,9 +95,9 @@ fn read_commits<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<String
     })
 }
 
-/// Returns a split's name for people, who count from 1: `fold 1 of 5, repeat 2`.
+/// Returns the description of a split, counted from 1: `fold 1 of 5, repeat 2`.
 ///
-/// - `inner`: the part of the training sweeps that is tested on instead of the test sweeps
+/// - `inner`: index of the part of the training sweeps that replaces the test sweeps, from 0
 pub fn describe_split(manifest: &SplitManifest, inner: Option<usize>) -> String {
     let part = manifest.fold + 1;
     let mut text = match manifest.scheme {
@@ -153,7 +153,7 @@ mod tests {
         );
         let written: serde_json::Value = serde_json::to_value(&result).unwrap();
         let mut before: serde_json::Value = serde_json::from_str(text).unwrap();
-        // Called `mc_samples` since.
+        // The field was renamed to `mc_samples`.
         let method = before["evaluations"]["mc_dropout"]["method"]
             .as_object_mut()
             .unwrap();

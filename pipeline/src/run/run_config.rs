@@ -1,4 +1,4 @@
-//! What a run decides before its first batch, and what it notes after every epoch.
+//! Configuration of a run, and the metrics of its epochs.
 
 use std::path::Path;
 
@@ -11,19 +11,19 @@ use crate::{
     CalibrationTarget, ClassifierConfig, ModelRecipe, PipelineError, SplitKind, TrainSpec,
 };
 
-/// `config.json`: all that is decided before the first batch.
+/// `config.json`: everything that is fixed before the first batch.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunConfig {
     /// Version of this layout.
     pub schema_version: u32,
-    /// What was asked for.
+    /// Settings of the training as requested.
     pub spec: TrainSpec,
     /// SHA-256 of the data set's content.
     pub data_sha256: String,
-    /// How the classifier comes about.
+    /// Recipe of the classifier.
     pub recipe: ModelRecipe,
-    /// Everything about the classifier but its weights.
+    /// Configuration of the classifier: everything except its weights.
     pub classifier: ClassifierConfig,
 }
 
@@ -31,10 +31,10 @@ impl RunConfig {
     /// Version written by this program.
     pub const SCHEMA_VERSION: u32 = 4;
 
-    /// Reads a `config.json` of this version or one of the two before, when `twin` meant the twin's version 1.
+    /// Reads a `config.json` of this version, of version 3 or of version 2. In those two, `twin` means version 1 of the twin.
     ///
     /// # Errors
-    /// Another version; text that is no such file.
+    /// Another version; invalid JSON.
     pub fn from_json(text: &str) -> Result<Self, String> {
         #[derive(Deserialize)]
         struct Versioned {
@@ -57,7 +57,7 @@ impl RunConfig {
         }
     }
 
-    /// What a run that knew one twin alone means today.
+    /// Returns the configuration of a run from the time when there was only one twin.
     fn of_first_twin(mut self) -> Self {
         self.schema_version = Self::SCHEMA_VERSION;
         if self.spec.data == TwinVersion::Two.name() {
@@ -66,10 +66,10 @@ impl RunConfig {
         self
     }
 
-    /// Succeeds if the run is a network, which can do what a baseline cannot.
+    /// Succeeds if the run's model is a network.
     ///
-    /// - `run`: its folder
-    /// - `what`: what only networks can do, as a verb phrase
+    /// - `run`: path of the run directory
+    /// - `what`: action that only networks support, as a verb phrase
     ///
     /// # Errors
     /// A baseline.
@@ -86,9 +86,9 @@ impl RunConfig {
         }
     }
 
-    /// The spec that leads to this run again, with everything named that it left to recipe and data set.
+    /// Returns settings that reproduce this run, with every value that the recipe or data set supplied.
     ///
-    /// - `fold`: what the run trains and tests on
+    /// - `fold`: training and test sweeps of the run
     pub fn named_spec(&self, fold: &Fold<'_>) -> TrainSpec {
         TrainSpec {
             mean_removal: Some(self.recipe.levels()),
@@ -110,7 +110,7 @@ impl RunConfig {
     }
 }
 
-/// Version 2 had the settings beside each other; the split stood in `split.json` alone.
+/// `config.json` of version 2, in which the settings are at the top level and `split.json` alone holds the split.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ConfigOfVersion2 {
@@ -155,14 +155,14 @@ impl From<ConfigOfVersion2> for RunConfig {
     }
 }
 
-/// Whose labels the sweeps have.
+/// Order of the labels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LabelOrder {
-    /// Their own.
+    /// Each sweep has its own label.
     #[default]
     True,
-    /// Dealt anew at random, to see that nothing can be learnt from them.
+    /// Labels are permuted at random, as a control: nothing can be learnt from them.
     Permuted,
 }
 
@@ -171,21 +171,21 @@ pub enum LabelOrder {
 pub struct EpochMetrics {
     /// Epoch, counted from 1.
     pub epoch: usize,
-    /// Mean objective over the training sweeps, nats.
+    /// Mean training loss, in nats.
     pub train_loss: f64,
-    /// Share of training sweeps recognised, with dropout on.
+    /// Accuracy on the training sweeps, with dropout.
     pub train_accuracy: f64,
-    /// The same of the adversarial sweeps made of them, where there were any.
+    /// Accuracy on adversarial training sweeps; absent without adversarial training.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub adversarial_accuracy: Option<f64>,
-    /// Share of test sweeps recognised under the circumstances of training (statistics of the batch, dropout), where they were watched.
+    /// Accuracy on the test sweeps under training conditions (batch statistics, dropout); absent unless test sweeps are watched.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub test_accuracy: Option<f64>,
-    /// The same of the adversarial sweeps made of them.
+    /// Accuracy on adversarial test sweeps; absent unless test sweeps are watched.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub adversarial_test_accuracy: Option<f64>,
-    /// Learning rate used.
+    /// Learning rate of the epoch's last batch.
     pub learning_rate: f64,
-    /// Time spent in its training steps, seconds.
+    /// Time spent in the training steps of the epoch, in seconds.
     pub seconds: f64,
 }

@@ -1,22 +1,22 @@
-//! A run directory: what a run leaves on disk, each file written whole or not at all.
+//! Run directories: the files of one run, each written atomically.
 //!
 //! | file | content | written |
 //! |---|---|---|
 //! | `config.json` | recipe, data source, seed, classifier (normaliser, labels, shape) | before training |
 //! | `split.json` | the split, hashed | before training |
 //! | `environment.json` | program, commit, machine of every session | before training, at a resume elsewhere |
-//! | `.lock` | held by the process that trains | while it trains |
+//! | `.lock` | lock of the training process | during training |
 //! | `metrics.jsonl` | one line per epoch | after every epoch |
 //! | `checkpoint.safetensors` | weights, optimiser state, position | at least once a minute and at every stop |
 //! | `weights.safetensors` | final weights and running statistics | at the end |
-//! | `known.safetensors` | embeddings of the training sweeps, networks only: what `enroll` needs | at the end |
-//! | `calibration.json` | bounds for unknown materials and prediction sets, with `--calibrate` only | at the end |
-//! | `held_out.safetensors` | embeddings of the sweeps behind those bounds: what `enroll` fits them to again | at the end |
-//! | `enrolled.json` | materials that were added to a trained classifier | by `enroll` |
-//! | `predictions_test.csv` | scores of every test sweep, tsml layout | at the end |
+//! | `known.safetensors` | embeddings of the training sweeps for enrolment, networks only | at the end |
+//! | `calibration.json` | thresholds for unknown materials and prediction sets, if calibrated | at the end |
+//! | `held_out.safetensors` | embeddings of the calibration sweeps, to refit the thresholds at an enrolment | at the end |
+//! | `enrolled.json` | materials added after training | at an enrolment |
+//! | `predictions_test.csv` | scores of every test sweep in tsml format | at the end |
 //! | `confusion.svg` | confusion matrix | at the end |
-//! | `result.json` | what was found | at the end |
-//! | `manifest.json` | SHA-256 of all of these but the checkpoint; what has changed since is an error | last |
+//! | `result.json` | evaluation of the test sweeps | at the end |
+//! | `manifest.json` | SHA-256 of all other files except the checkpoint; a later change is an error | last |
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -45,21 +45,21 @@ const CALIBRATION: &str = "calibration.json";
 pub(super) const HELD_OUT: &str = "held_out.safetensors";
 pub(super) const ENROLLED: &str = "enrolled.json";
 
-/// A folder that holds one run.
+/// Folder that holds one run.
 #[derive(Debug)]
 pub struct RunDir {
     pub(super) path: PathBuf,
-    /// Locked while this process trains; the system lets go of it when the process ends, however it ends.
+    /// Lock held while this process trains. The operating system releases it at the end of the process, even after a crash.
     pub(super) lock: Option<fs::File>,
-    /// Digests of its files, once read.
+    /// Digests of the files, once read.
     pub(super) manifest: OnceLock<Option<Manifest>>,
 }
 
 impl RunDir {
-    /// Makes a new run directory with everything known before training, and locks it.
+    /// Creates a new run directory, writes everything that is known before training, and locks it.
     ///
     /// # Errors
-    /// A folder that holds anything already; a file that cannot be written.
+    /// A folder that is not empty; a file that cannot be written.
     pub fn create(
         path: &Path,
         config: &RunConfig,
@@ -87,7 +87,7 @@ impl RunDir {
         }
         for entry in fs::read_dir(path).map_err(failed)? {
             let name = entry.map_err(failed)?.file_name();
-            // What a process left that was killed while it made a run.
+            // Files of a process that was killed before it wrote the configuration.
             let begun = [LOCK, SPLIT, ENVIRONMENT].iter().any(|file| name == *file);
             if !begun {
                 let name = name.to_string_lossy();
@@ -98,12 +98,12 @@ impl RunDir {
         }
         run.write_json(SPLIT, split)?;
         run.write_json(ENVIRONMENT, &[provenance])?;
-        // Last: with it there is a run.
+        // Written last, since a folder with this file counts as a run.
         run.write_json(CONFIG, config)?;
         Ok(run)
     }
 
-    /// Opens an existing run directory to read from it.
+    /// Opens an existing run directory for reading.
     ///
     /// # Errors
     /// A folder without a `config.json`.
@@ -125,7 +125,7 @@ impl RunDir {
         Err(run.refused(&format!("no run here (no {CONFIG}); {remedy}")))
     }
 
-    /// Name of the file with the predictions of one method of a run whose recipe asks `own`.
+    /// Returns the file name of predictions by `method`, in a run whose recipe uses the method `own`.
     pub(crate) fn predictions_file(method: PredictionMethod, own: PredictionMethod) -> String {
         if method == own {
             "predictions_test.csv".into()
@@ -134,10 +134,10 @@ impl RunDir {
         }
     }
 
-    /// Returns the predictions of one of the methods that the result evaluates, with the name of their file.
+    /// Returns the test predictions by `method`, with the name of their file.
     ///
     /// # Errors
-    /// No such file, or a damaged one.
+    /// A missing or damaged file.
     pub fn predictions(
         &self,
         method: PredictionMethod,
@@ -152,10 +152,10 @@ impl RunDir {
         Ok((file, predictions))
     }
 
-    /// Adds a session to `environment.json` where program or machine differ from the last one; returns all sessions.
+    /// Adds a session to `environment.json` if program or machine differ from the last one; returns all sessions.
     ///
     /// # Errors
-    /// The file is missing, damaged, or cannot be written.
+    /// A file that is missing, damaged, or cannot be written.
     pub fn record_session(
         &self,
         provenance: &Provenance,
@@ -175,33 +175,33 @@ impl RunDir {
         }
     }
 
-    /// The folder.
+    /// Returns the path of the folder.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// `config.json`.
+    /// Reads `config.json`.
     ///
     /// # Errors
-    /// Missing, damaged, or of another version.
+    /// A file that is missing, damaged, or of an unsupported version.
     pub fn config(&self) -> Result<RunConfig, PipelineError> {
         let path = self.file(CONFIG);
         let text = self.read_text(CONFIG)?;
         RunConfig::from_json(&text).map_err(|reason| PipelineError::Run { path, reason })
     }
 
-    /// `split.json`.
+    /// Reads `split.json`.
     ///
     /// # Errors
-    /// Missing or damaged.
+    /// A missing or damaged file.
     pub fn split(&self) -> Result<SplitManifest, PipelineError> {
         self.read_json(SPLIT)
     }
 
-    /// `result.json`, or `None` while the run has not ended.
+    /// Reads `result.json`; returns `None` if the run has not ended.
     ///
     /// # Errors
-    /// Damaged.
+    /// A damaged file.
     pub fn result(&self) -> Result<Option<RunResult>, PipelineError> {
         if self.file(RESULT).exists() {
             self.read_json(RESULT).map(Some)
@@ -210,10 +210,10 @@ impl RunDir {
         }
     }
 
-    /// Embeddings of the training sweeps, which networks leave.
+    /// Reads the embeddings of a network's training sweeps.
     ///
     /// # Errors
-    /// There are none, or they are damaged.
+    /// A missing or damaged file.
     pub fn train_embeddings(&self) -> Result<TrainEmbeddings, PipelineError> {
         let path = self.file(KNOWN);
         if !path.exists() {
@@ -232,19 +232,19 @@ impl RunDir {
         TrainEmbeddings::from_weights(&weights, materials).map_err(damaged)
     }
 
-    /// Writes embeddings of the training sweeps.
+    /// Writes the embeddings of the training sweeps.
     ///
     /// # Errors
-    /// They cannot be written.
+    /// A file that cannot be written.
     pub fn write_train_embeddings(&self, known: &TrainEmbeddings) -> Result<(), PipelineError> {
         let metadata = [("format".to_string(), "tactnet known sweeps 1".to_string())].into();
         self.write(KNOWN, &known.to_weights().to_safetensors(metadata)?)
     }
 
-    /// Bounds for unknown materials and prediction sets, where the classifier was calibrated.
+    /// Reads the thresholds of a calibrated classifier; returns `None` if it is not calibrated.
     ///
     /// # Errors
-    /// Damaged, or of another version.
+    /// A file that is damaged or of another version.
     pub fn calibration(&self) -> Result<Option<Calibration>, PipelineError> {
         if !self.file(CALIBRATION).exists() {
             return Ok(None);
@@ -263,20 +263,20 @@ impl RunDir {
         Ok(Some(calibration))
     }
 
-    /// Writes the bounds.
+    /// Writes the thresholds.
     ///
     /// # Errors
-    /// They cannot be written.
+    /// A file that cannot be written.
     pub fn write_calibration(&self, calibration: &Calibration) -> Result<(), PipelineError> {
         self.write_json(CALIBRATION, calibration)
     }
 
-    /// Bounds with the sweeps that they were fitted to, where the classifier was calibrated.
+    /// Reads the thresholds and the embeddings that they were fitted to; returns `None` if the classifier is not calibrated.
     ///
-    /// - `classifier`: of this run
+    /// - `classifier`: classifier of this run
     ///
     /// # Errors
-    /// Damaged, or of another version.
+    /// A file that is damaged or of another version.
     pub fn thresholds(&self, classifier: &Classifier) -> Result<Option<Thresholds>, PipelineError> {
         let Some(calibration) = self.calibration()? else {
             return Ok(None);
@@ -297,10 +297,10 @@ impl RunDir {
         }))
     }
 
-    /// Writes embeddings of the sweeps that bounds were fitted to.
+    /// Writes the embeddings of the calibration sweeps.
     ///
     /// # Errors
-    /// They cannot be written.
+    /// A file that cannot be written.
     pub fn write_held_out(&self, held_out: &Embedding) -> Result<(), PipelineError> {
         let metadata = [(
             "format".to_string(),
@@ -310,10 +310,10 @@ impl RunDir {
         self.write(HELD_OUT, &held_out.to_weights().to_safetensors(metadata)?)
     }
 
-    /// Materials that were added to the classifier after its training, in their order.
+    /// Reads the materials that were added after training, in order.
     ///
     /// # Errors
-    /// Damaged.
+    /// A damaged file.
     pub fn enrolled(&self) -> Result<Vec<EnrolledMaterial>, PipelineError> {
         if self.file(ENROLLED).exists() {
             self.read_json(ENROLLED)
@@ -322,15 +322,15 @@ impl RunDir {
         }
     }
 
-    /// Returns true if training has come to its end, so that the weights are final.
+    /// Returns true if training has ended, so that the weights are final.
     pub fn has_final_weights(&self) -> bool {
         self.file(WEIGHTS).exists()
     }
 
-    /// Returns the weights of a training that has come to its end.
+    /// Reads the final weights.
     ///
     /// # Errors
-    /// It has not, or the weights are damaged.
+    /// A training that has not ended; a damaged file.
     pub fn final_weights(&self) -> Result<Weights, PipelineError> {
         if self.has_final_weights() {
             return self.weights();
@@ -338,7 +338,7 @@ impl RunDir {
         Err(self.refused(&self.why_no_final_weights()))
     }
 
-    /// Says why there are no final weights, and what to do.
+    /// Returns the reason why final weights are missing, and the remedy.
     pub fn why_no_final_weights(&self) -> String {
         if self.file(RESULT).exists() {
             return format!(
@@ -355,10 +355,10 @@ impl RunDir {
         format!("tactnet train --resume {folder}")
     }
 
-    /// The last checkpoint with the training seconds spent until then, or `None` before the first.
+    /// Reads the last checkpoint and the training time until then in seconds; returns `None` before the first one.
     ///
     /// # Errors
-    /// Damaged.
+    /// A damaged file.
     pub fn checkpoint(&self) -> Result<Option<(TrainingState, f64)>, PipelineError> {
         let path = self.file("checkpoint.safetensors");
         if !path.exists() {
@@ -373,7 +373,7 @@ impl RunDir {
     /// Replaces the checkpoint.
     ///
     /// # Errors
-    /// It cannot be written; the former one is then still whole.
+    /// A file that cannot be written; the previous checkpoint is then intact.
     pub fn write_checkpoint(
         &self,
         state: &TrainingState,
@@ -383,10 +383,10 @@ impl RunDir {
         self.write("checkpoint.safetensors", &bytes)
     }
 
-    /// `metrics.jsonl` up to (not including) `epoch`, counted from 1.
+    /// Reads the metrics of the epochs before `epoch`, counted from 1.
     ///
     /// # Errors
-    /// Damaged.
+    /// A damaged file.
     pub fn metrics_before(&self, epoch: usize) -> Result<Vec<EpochMetrics>, PipelineError> {
         let path = self.file("metrics.jsonl");
         if !path.exists() {
@@ -409,7 +409,7 @@ impl RunDir {
     /// Replaces `metrics.jsonl`.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// A file that cannot be written.
     pub fn write_metrics(&self, metrics: &[EpochMetrics]) -> Result<(), PipelineError> {
         let mut text = String::new();
         for line in metrics {
@@ -420,10 +420,10 @@ impl RunDir {
         self.write("metrics.jsonl", text.as_bytes())
     }
 
-    /// `weights.safetensors`, or the checkpoint's weights where the run has not ended.
+    /// Reads the final weights, or those of the checkpoint if the run has not ended.
     ///
     /// # Errors
-    /// Neither is there, or damaged.
+    /// Neither file exists, or the file is damaged.
     pub fn weights(&self) -> Result<Weights, PipelineError> {
         let path = self.file(WEIGHTS);
         if path.exists() {
@@ -445,33 +445,33 @@ impl RunDir {
     /// Writes a network's final weights.
     ///
     /// # Errors
-    /// They cannot be written.
+    /// A file that cannot be written.
     pub fn write_weights(&self, weights: &Weights) -> Result<(), PipelineError> {
         let metadata = [("format".to_string(), "tactnet weights 1".to_string())].into();
         self.write(WEIGHTS, &weights.to_safetensors(metadata)?)
     }
 
-    /// Writes the fitted numbers of a baseline.
+    /// Writes the fitted parameters of a baseline.
     ///
     /// # Errors
-    /// They cannot be written.
+    /// A file that cannot be written.
     pub fn write_baseline(&self, weights: &Weights) -> Result<(), PipelineError> {
         let metadata = [("format".to_string(), "tactnet baseline 1".to_string())].into();
         self.write(WEIGHTS, &weights.to_safetensors(metadata)?)
     }
 
-    /// Writes one of the final text files (`predictions_test.csv`, `confusion.svg`).
+    /// Writes a file of the run.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// A file that cannot be written.
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), PipelineError> {
         write_whole(&self.file(name), bytes)
     }
 
-    /// Writes `value` as JSON.
+    /// Writes `value` as a JSON file.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// A file that cannot be written.
     pub fn write_json(&self, name: &str, value: &impl Serialize) -> Result<(), PipelineError> {
         let text = as_json(name, serde_json::to_string_pretty(value))?;
         self.write(name, format!("{text}\n").as_bytes())
@@ -496,7 +496,7 @@ impl RunDir {
     }
 }
 
-/// Returns the run directories right below a folder, in the order of their names.
+/// Returns the run directories directly below a folder, sorted by name.
 fn runs_below(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let mut runs: Vec<String> = entries

@@ -1,6 +1,6 @@
-//! A training in a run directory, from sweeps to result: split, set aside, fit, calibrate, evaluate, write.
+//! A training in a run directory, from sweeps to result: split, train, calibrate, evaluate, write.
 //!
-//! It can be stopped after every batch and resumed in another process; the result is then the same to the bit.
+//! A session can stop after any batch and be resumed in another process; the result is the same to the bit.
 
 use std::path::Path;
 use std::time::Instant;
@@ -20,66 +20,68 @@ use crate::{
     TrainingSettings, TrainingSteps, TrainingSummary, evaluate_run, fit_baseline,
 };
 
-/// What a session does, for whoever shows progress.
+/// Progress of a session.
 #[derive(Debug)]
 pub enum TrainEvent<'a> {
-    /// The run has a result already; nothing is trained.
+    /// The run already has a result; nothing is trained.
     AlreadyEnded,
     /// Another build of the program trained before; the result will name both commits.
     OtherBuild,
-    /// A network is about to be trained.
+    /// The training of a network begins or continues.
     Begun {
-        /// Batches trained before an interruption.
+        /// Number of batches trained before an interruption.
         batches_before: usize,
-        /// Of the whole training.
+        /// Steps of the whole training.
         steps: TrainingSteps,
-        /// Why it takes more epochs than its recipe says; `None` where it does not, or where the run was begun before.
+        /// Reason why it takes more epochs than its recipe names; `None` if it does not, or for a resumed run.
         why_more_epochs: Option<String>,
     },
     /// A batch has been trained.
     Batch {
-        /// What it did.
+        /// Statistics of the batch.
         batch: &'a BatchReport,
-        /// Epochs of the whole training.
+        /// Number of epochs of the whole training.
         epochs: usize,
     },
-    /// A step of fitting a baseline, for people.
+    /// A step of fitting a baseline begins.
     Fitting {
-        /// The step.
+        /// Description of the step.
         step: &'a str,
-        /// Time since the fit began, seconds.
+        /// Time since the fit began, in seconds.
         seconds: f64,
     },
-    /// Thresholds have been fitted.
+    /// The thresholds have been fitted.
     Calibrated(&'a Calibration),
-    /// The test sweeps are about to be predicted.
+    /// The prediction of the test sweeps begins.
     Predicting {
-        /// How many there are.
+        /// Number of test sweeps.
         sweeps: usize,
     },
 }
 
-/// How a session ended.
+/// End of a session.
 #[derive(Debug)]
 pub enum TrainOutcome {
     /// The run has a result.
     Finished(Box<RunResult>),
-    /// Somebody asked to stop; the run can be resumed.
+    /// The session was stopped; the run can be resumed.
     Stopped,
 }
 
-/// A run directory that this process holds the lock of, and its data set.
+/// Run directory that this process has locked, with its data set.
 #[derive(Debug)]
 pub struct Session {
     dataset: Dataset,
     run: RunDir,
     program: Provenance,
-    /// The recipe's settings, before it was fitted to the number of sweeps; absent where the run was begun before.
+    /// Settings of the recipe before they were adapted to the number of sweeps; `None` for a resumed run.
     asked: Option<TrainingSettings>,
 }
 
+/// Checks the number of training sweeps.
+///
 /// # Errors
-/// A material with fewer training sweeps than `recipe` learns from.
+/// A material with fewer training sweeps than `recipe` needs.
 fn refuse_starved(recipe: &ModelRecipe, train: &TrainSplit<'_>) -> Result<(), DataError> {
     let counts = train.sweeps_per_label();
     let Some((label, least)) = recipe.starved(&counts) else {
@@ -103,14 +105,14 @@ fn refuse_starved(recipe: &ModelRecipe, train: &TrainSplit<'_>) -> Result<(), Da
 }
 
 impl Session {
-    /// Reads the data, splits it, and writes everything known before training into a new folder.
+    /// Reads and splits the data, and writes everything that is known before training into a new folder.
     ///
-    /// - `folder`: where the run is kept; `None`: `runs/DATA-RECIPE-FOLD-SEED`, numbered on if taken
-    /// - `on_finding`: told what is odd about the data without being an error, before the rest can fail; an error of it ends all
+    /// - `folder`: run directory; `None`: `runs/DATA-RECIPE-FOLD-SEED`, with a number appended if it exists
+    /// - `on_finding`: called with suspicious properties of the data before later steps can fail; its error aborts the session
     ///
     /// # Errors
-    /// Data that cannot be read or has errors; a fold that it does not have; too few sweeps for the recipe or the calibration; settings that do not
-    /// fit the sweeps; a folder that holds anything already.
+    /// Data that cannot be read or has errors; a fold that does not exist; too few sweeps for the recipe or the calibration; settings that do not
+    /// match the sweeps; a folder that is not empty.
     pub fn begin(
         job: &TrainJob,
         folder: Option<&Path>,
@@ -180,12 +182,12 @@ impl Session {
         })
     }
 
-    /// Opens a run that was interrupted, with its own settings.
+    /// Opens an interrupted run with its own settings.
     ///
-    /// - `data`: where its data set is now, if it was moved
+    /// - `data`: current path of its data set, if that was moved
     ///
     /// # Errors
-    /// No run in the folder, or one that materials were added to; another data set than before.
+    /// No run in the folder; a run with enrolled materials; another data set than before.
     pub fn resume(
         folder: &Path,
         data: Option<&str>,
@@ -226,23 +228,23 @@ impl Session {
         })
     }
 
-    /// The sweeps to train on and to test on.
+    /// Returns the data set of training and test sweeps.
     pub fn dataset(&self) -> &Dataset {
         &self.dataset
     }
 
-    /// The run directory.
+    /// Returns the run directory.
     pub fn run(&self) -> &RunDir {
         &self.run
     }
 
-    /// Trains from where the run stands to its result.
+    /// Trains from the current state of the run to its result.
     ///
-    /// - `on_event`: called as work goes on
-    /// - `stop`: asked after every batch; true ends the session as soon as the run can be resumed
+    /// - `on_event`: called at each step
+    /// - `stop`: called after every batch; true ends the session once the run can be resumed
     ///
     /// # Errors
-    /// A loss that is not finite, a solver that fails, a file of the run that is damaged or cannot be written.
+    /// A loss that is not finite; a solver that fails; a file of the run that is damaged or cannot be written.
     pub fn train(
         &self,
         mut on_event: impl FnMut(TrainEvent<'_>),
@@ -275,7 +277,7 @@ impl Session {
         }
     }
 
-    /// Notes that a session goes on with the run, and splits its sweeps as they were split before.
+    /// Records the session in the run directory and restores the split.
     pub(super) fn open(
         &self,
         on_event: &mut impl FnMut(TrainEvent<'_>),
@@ -304,7 +306,7 @@ impl Session {
         })))
     }
 
-    /// Calibrates and evaluates a trained classifier, whose weights lie in the run directory, and writes the result.
+    /// Calibrates and evaluates the trained classifier, whose weights are in the run directory, and writes the result.
     pub(super) fn finish(
         &self,
         begun: Begun<'_>,
@@ -348,9 +350,9 @@ impl Session {
         Ok(TrainOutcome::Finished(Box::new(result)))
     }
 
-    /// `None` when somebody asked to stop; the training then goes on from a checkpoint.
+    /// Trains a network; returns `None` if stopped, and a later session then continues from a checkpoint.
     ///
-    /// - `watched`: sweeps whose accuracy is noted after every epoch
+    /// - `watched`: sweeps whose accuracy is recorded after every epoch
     fn train_network(
         &self,
         config: &RunConfig,
@@ -393,7 +395,7 @@ impl Session {
         }))
     }
 
-    /// Tells that a network is about to be trained.
+    /// Reports that the training of a network begins.
     pub(super) fn tell_begin(
         &self,
         batches_before: usize,
@@ -408,7 +410,7 @@ impl Session {
         });
     }
 
-    /// `None` when somebody asked to stop; the fit then starts over.
+    /// Fits a baseline; returns `None` if stopped, and a later session then starts over.
     fn fit_baseline(
         &self,
         config: &RunConfig,
@@ -438,26 +440,26 @@ impl Session {
     }
 }
 
-/// How a run stands when a session opens it.
+/// State of a run when a session opens it.
 pub(super) enum Opened<'a> {
-    /// It has a result.
+    /// The run has a result.
     Ended(Box<RunResult>),
-    /// It is to be trained.
+    /// The run is not finished.
     Begun(Box<Begun<'a>>),
 }
 
-/// A run that a session goes on with.
+/// Unfinished run that a session continues.
 pub(super) struct Begun<'a> {
     pub(super) config: RunConfig,
     fold: Fold<'a>,
-    /// What is fitted to.
+    /// Fold without the sweeps that are set aside; models are fitted to its training sweeps.
     pub(super) fitted: Fold<'a>,
     aside: Option<(CalibrationTarget, ValidationSplit<'a>)>,
-    /// All sessions of the run so far.
+    /// All sessions of the run so far, including this one.
     sessions: Vec<Provenance>,
 }
 
-/// What is fitted to, and what a calibration has of the training sweeps, if there is one.
+/// Fold for fitting, and the training sweeps set aside for calibration with their rates, if any.
 type SetAside<'a> = (Fold<'a>, Option<(CalibrationTarget, ValidationSplit<'a>)>);
 
 fn set_aside<'a>(

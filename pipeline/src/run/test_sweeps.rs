@@ -1,27 +1,27 @@
-//! Sweeps that a trained classifier can be tested on: those that nothing was fitted to.
+//! Test sweeps of a trained classifier: sweeps that nothing was fitted to.
 
 use tactnet_data::{Dataset, SplitManifest, SweepView};
 
 use crate::predict::overlap::{without_sweeps, without_sweeps_of};
 use crate::{PipelineError, RunConfig, RunDir};
 
-/// Sweeps of a data set without those that a classifier was trained on.
+/// Sweeps of a data set without the training sweeps of a classifier.
 #[derive(Debug, Clone)]
 pub struct TestSweeps<'a> {
     /// The sweeps.
     pub view: SweepView<'a>,
-    /// What they are, for people.
+    /// Description of the sweeps.
     pub description: String,
-    /// False if the training data could not be read, so that training sweeps may be among them.
+    /// False if the training data could not be read, so that training sweeps may be included.
     pub training_sweeps_known: bool,
 }
 
 impl<'a> TestSweeps<'a> {
-    /// The run's own test sweeps if `dataset` is what it was trained on, else every sweep but those of the training set; in both cases
-    /// without sweeps that were enrolled.
+    /// Returns the run's own test sweeps if `dataset` is its training data, else all sweeps except those of the training set. Enrolled sweeps are
+    /// left out in both cases.
     ///
     /// # Errors
-    /// A damaged run directory; no sweep is left.
+    /// A damaged run directory; no remaining sweep.
     pub fn of_run(run: &RunDir, dataset: &'a Dataset) -> Result<Self, PipelineError> {
         let (config, manifest) = (run.config()?, run.split()?);
         let mut found = if dataset.sha256() == config.data_sha256 {
@@ -47,7 +47,7 @@ impl<'a> TestSweeps<'a> {
         Ok(found)
     }
 
-    /// Leaves out the sweeps from which materials were added to the classifier.
+    /// Removes the sweeps from which materials were enrolled.
     ///
     /// # Errors
     /// A damaged run directory.
@@ -59,7 +59,7 @@ impl<'a> TestSweeps<'a> {
             self.view = without_sweeps(&self.view, &hashes.collect()).0;
         }
         let dataset = self.view.dataset();
-        // Former versions name the sweeps of a file alone.
+        // Earlier versions identify sweeps by file and index only.
         let of_file: Vec<usize> = enrolled
             .into_iter()
             .filter(|material| material.data_sha256 == dataset.sha256())
@@ -75,11 +75,12 @@ impl<'a> TestSweeps<'a> {
         Ok(self)
     }
 
-    /// Every sweep of `dataset` but those of the training set that `config` and `manifest` describe: known by the content of `dataset` where it is
-    /// what was trained on, wherever that lies now, and else by the file that was trained on.
+    /// Returns all sweeps of `dataset` except those of the training set that `config` and `manifest` describe.
+    ///
+    /// If `dataset` has the content of the training data, its own split identifies them; else the training data is read from its original path.
     ///
     /// # Errors
-    /// A manifest that is damaged.
+    /// A damaged manifest.
     pub fn unseen(
         dataset: &'a Dataset,
         config: &RunConfig,
@@ -110,7 +111,7 @@ impl<'a> TestSweeps<'a> {
         )))
     }
 
-    /// What is left where so many sweeps of the training set were taken out.
+    /// Returns the remaining sweeps after `dropped` training sweeps were removed.
     fn but((view, dropped): (SweepView<'a>, usize)) -> Self {
         Self {
             view,

@@ -1,19 +1,20 @@
-//! Trainings of several run directories: on a GPU networks of one kind at once, all others one after the other.
+//! Training of several run directories: networks of one kind are trained at once on a GPU, all others one by one.
 
 use crate::{PipelineError, Session, TrainEvent, TrainOutcome};
 
-/// How a session ended, or why it did not.
+/// Outcome of a session.
 pub type Ended = Result<TrainOutcome, PipelineError>;
 
-/// Trains each session from where its run stands to its result, and returns how each of them ended.
+/// Trains each session from its current state to its result, and returns their outcomes in order.
 ///
-/// Networks of one architecture, method and batch size that train on a GPU are trained at once; their weights do not depend on which are beside
-/// them. All else is trained as [`Session::train`] does it. What ends is kept, and what is stopped or interrupted goes on from its last
-/// checkpoint, together or alone.
+/// Networks with the same architecture, method and batch size are trained at once on a GPU; their weights do not depend on the other
+/// networks of the stack. All others are trained by [`Session::train`]. Finished runs are kept; stopped or interrupted runs continue from
+/// their last checkpoint, together or alone.
 ///
-/// - `at_once`: networks at once; `None`: as many as fit into half of the GPU's memory, or into 4 GiB where its driver does not say how much it has
-/// - `on_event`: called as work goes on, with the session's number
-/// - `stop`: asked after every step; true ends all sessions as soon as they can be resumed
+/// - `at_once`: number of networks trained at once; `None`: as many as fit into half of the GPU's memory, or into 4 GiB if its driver does not
+///   report the size
+/// - `on_event`: called at each step with the session's index
+/// - `stop`: called after every step; true ends all sessions once they can be resumed
 pub fn train_together(
     sessions: &[Session],
     at_once: Option<usize>,
@@ -47,10 +48,10 @@ mod stacks {
         TrainOutcome, TrainingState, TrainingSteps, TrainingSummary,
     };
 
-    /// Bytes that networks at once have on a GPU that does not say how many there are.
+    /// Memory in bytes for networks trained at once, on a GPU that does not report its size.
     const BYTES: usize = 4 << 30;
 
-    /// A network that is about to be trained.
+    /// Network whose training is about to begin.
     struct Ready<'a> {
         index: usize,
         session: &'a Session,
@@ -59,7 +60,7 @@ mod stacks {
     }
 
     impl<'a> Ready<'a> {
-        /// `None` for what is no network on a GPU, or has ended already.
+        /// Returns `None` for a finished run, and for a model that is not a network on a GPU.
         fn of(
             index: usize,
             session: &'a Session,
@@ -108,14 +109,14 @@ mod stacks {
                 && self.member().fits(&other.member())
         }
 
-        /// How many networks of this kind are trained at once.
+        /// Returns the number of networks of this kind that are trained at once.
         fn at_once(&self, device: &Device) -> usize {
             let batch = self.member().recipe.training.batch;
             NetStack::most(device, &self.network, batch, BYTES)
         }
     }
 
-    /// Trains those that can be trained at once, and returns how they ended; `None` of the others.
+    /// Trains the sessions that can share a stack, and returns their outcomes; `None` for the others.
     pub(super) fn train(
         sessions: &[Session],
         at_once: Option<usize>,
@@ -142,11 +143,11 @@ mod stacks {
             alike.insert(0, first);
             let device = match alike[0].begun.config.spec.device.open() {
                 Ok(device) => device,
-                // Each then says so for itself.
+                // `Session::train` then reports the error of each run.
                 Err(_) => continue,
             };
             let most = at_once.unwrap_or_else(|| alike[0].at_once(&device)).max(1);
-            // Stacks of about one size, so that the last is not of a single network.
+            // Stacks of similar size, so that the last one is not a single network.
             let stacks = alike.len().div_ceil(most);
             for left in (1..=stacks).rev() {
                 let rest = alike.split_off(alike.len().div_ceil(left));
@@ -159,7 +160,7 @@ mod stacks {
         ended
     }
 
-    /// Trains one stack to its end, and notes how each network ended.
+    /// Trains one stack to its end, and stores the outcome of each network.
     fn train_stack(
         stack: Vec<Ready<'_>>,
         device: &Device,
@@ -199,7 +200,7 @@ mod stacks {
         });
         let trained = match trained {
             Ok(trained) => trained,
-            // It concerns all of them: told for the first, and the others find it where they are trained alone.
+            // The error concerns the whole stack. The first network reports it; the others are then trained alone.
             Err(error) => {
                 ended[indices[0]] = Some(Err(error));
                 return;
@@ -215,10 +216,10 @@ mod stacks {
         }
     }
 
-    /// How a network of a stack ended: with its last state, `None` where somebody asked to stop.
+    /// Last state of a network in a stack; `None` if stopped.
     type Trained = Result<Option<TrainingState>, PipelineError>;
 
-    /// Trains until all networks have ended, or somebody asks to stop.
+    /// Trains until all networks have ended or `stop` returns true.
     fn take_steps(
         training: &mut StackedTraining<'_>,
         networks: &[Ready<'_>],
@@ -232,7 +233,7 @@ mod stacks {
         while !training.has_ended() && !stopped {
             let begun = Instant::now();
             let reports = training.step();
-            // Networks share the time of a step.
+            // The networks share the time of a step.
             let sharing = reports.iter().flatten().count().max(1) as u32;
             let spent: Duration = begun.elapsed() / sharing;
             let mut ends_epoch = false;
@@ -274,7 +275,7 @@ mod stacks {
             .collect())
     }
 
-    /// Writes a checkpoint of each network that has not failed; its state, or why there is none.
+    /// Writes a checkpoint of each network that has not failed; returns the states, `None` for failed ones.
     fn write(
         training: &mut StackedTraining<'_>,
         records: &mut [TrainingRecord<'_>],
@@ -299,7 +300,7 @@ mod stacks {
     }
 
     impl Ready<'_> {
-        /// Writes the weights and evaluates them.
+        /// Writes and evaluates the weights.
         fn finish(
             self,
             record: TrainingRecord<'_>,

@@ -1,32 +1,32 @@
-//! What a training notes in its run directory while it goes on.
+//! Metrics and checkpoints that a training writes into its run directory.
 
 use std::time::{Duration, Instant};
 
 use crate::network::training::Watched;
 use crate::{BatchReport, EpochMetrics, PipelineError, RunDir, Training, TrainingState};
 
-/// A long epoch is saved this often.
+/// Maximum time between checkpoints.
 pub(crate) const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
-/// Epochs are saved at their ends, but not more often than this: small networks would spend most of their time on it.
+/// Minimum time between checkpoints at the ends of epochs, since small networks would otherwise spend most of their time on them.
 pub(crate) const EPOCHS_EVERY: Duration = Duration::from_secs(2);
 
 /// Metrics and checkpoints of a network's training.
 pub(crate) struct TrainingRecord<'a> {
     run: &'a RunDir,
     metrics: Vec<EpochMetrics>,
-    /// Time spent in training steps, interruptions left out.
+    /// Time spent in training steps, in seconds, without interruptions.
     seconds: f64,
     epoch_seconds: f64,
     saved: Instant,
-    /// The end of the last epoch, if that was not saved, with the seconds until then.
+    /// State at the end of the last epoch and training seconds until then, if not saved yet.
     unsaved: Option<(TrainingState, f64)>,
 }
 
 impl<'a> TrainingRecord<'a> {
-    /// Puts `training` where the last checkpoint of `run` stands, if there is one.
+    /// Moves `training` to the last checkpoint of `run`, if there is one.
     ///
     /// # Errors
-    /// A damaged file, a checkpoint of another training.
+    /// A damaged file; a checkpoint of another training.
     pub fn resume<'b>(
         run: &'a RunDir,
         mut training: Training<'b>,
@@ -38,7 +38,7 @@ impl<'a> TrainingRecord<'a> {
         Ok((record, training))
     }
 
-    /// Returns the record of `run`, and the state of its last checkpoint, if there is one.
+    /// Opens the record of `run`; also returns the state of its last checkpoint, if there is one.
     ///
     /// # Errors
     /// A damaged file.
@@ -59,12 +59,12 @@ impl<'a> TrainingRecord<'a> {
         Ok((record, state))
     }
 
-    /// Time spent in training steps since the training began, seconds.
+    /// Returns the time spent in training steps since the training began, in seconds.
     pub fn seconds(&self) -> f64 {
         self.seconds
     }
 
-    /// Notes a batch that took `spent`.
+    /// Records a batch that took `spent`.
     pub fn note(&mut self, batch: &BatchReport, spent: Duration) {
         self.seconds += spent.as_secs_f64();
         self.epoch_seconds += spent.as_secs_f64();
@@ -83,7 +83,7 @@ impl<'a> TrainingRecord<'a> {
         }
     }
 
-    /// Notes how the test sweeps do after the epoch that was noted last.
+    /// Records the accuracy on the test sweeps after the last recorded epoch.
     pub fn note_watched(&mut self, watched: Watched) {
         if let Some(epoch) = self.metrics.last_mut() {
             epoch.test_accuracy = Some(watched.accuracy);
@@ -91,33 +91,33 @@ impl<'a> TrainingRecord<'a> {
         }
     }
 
-    /// Returns true at the end of an epoch, two seconds after the last checkpoint at the earliest, and a minute after it in any case.
+    /// Returns true if a checkpoint is due: at the end of an epoch after two seconds, in any case after a minute.
     pub fn is_due(&self, batch: &BatchReport) -> bool {
         let since = self.saved.elapsed();
         (batch.ends_epoch() && since >= EPOCHS_EVERY) || since >= CHECKPOINT_EVERY
     }
 
-    /// Writes the metrics of the epochs so far, and a checkpoint.
+    /// Writes the metrics of all epochs so far, and a checkpoint.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// A file that cannot be written.
     pub fn save(&mut self, training: &mut Training<'_>) -> Result<(), PipelineError> {
         self.write(&training.state()?)
     }
 
-    /// Writes the metrics of the epochs so far.
+    /// Writes the metrics of all epochs so far.
     ///
     /// # Errors
-    /// They cannot be written.
+    /// A file that cannot be written.
     #[cfg(any(feature = "vulkan", feature = "cuda"))]
     pub fn write_metrics(&self) -> Result<(), PipelineError> {
         self.run.write_metrics(&self.metrics)
     }
 
-    /// Writes the metrics of the epochs so far, and `state` as a checkpoint.
+    /// Writes the metrics of all epochs so far, and `state` as a checkpoint.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// A file that cannot be written.
     pub fn write(&mut self, state: &TrainingState) -> Result<(), PipelineError> {
         self.run.write_metrics(&self.metrics)?;
         self.run.write_checkpoint(state, self.seconds)?;
@@ -126,19 +126,19 @@ impl<'a> TrainingRecord<'a> {
         Ok(())
     }
 
-    /// Keeps the end of an epoch in memory until something is saved.
+    /// Keeps the state at the end of an epoch in memory until the next save.
     ///
     /// # Errors
-    /// None with weights of a network.
+    /// Weights that cannot be read; a network's always can.
     pub fn keep(&mut self, training: &mut Training<'_>) -> Result<(), PipelineError> {
         self.unsaved = Some((training.state()?, self.seconds));
         Ok(())
     }
 
-    /// Writes the end of the last epoch, after which the training failed, if that was not saved.
+    /// Writes the unsaved state at the end of the last epoch, after a failure of the training.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// A file that cannot be written.
     pub fn save_last_epoch(&mut self) -> Result<(), PipelineError> {
         let Some((state, seconds)) = self.unsaved.take() else {
             return Ok(());

@@ -1,15 +1,15 @@
-//! How many steps a training of a network takes, and whether they are few.
+//! Number of steps of a network's training, and advice if they are few.
 
 use serde::{Deserialize, Serialize};
 
 use crate::TrainingSettings;
 
-/// Steps of a training that are few: below, networks are seldom as good as their data allow.
+/// Number of steps below which a network rarely reaches the accuracy that its data allows.
 const FEW: usize = 300;
-/// Steps of the default recipe on TactMat: 12 epochs of 80 batches.
+/// Number of steps of the default recipe on TactMat: 12 epochs of 80 batches.
 const OF_TACTMAT: usize = 960;
 
-/// Steps of a training: epochs, and batches in each of them.
+/// Number of training steps, by epochs and batches.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TrainingSteps {
     /// Passes over the training sweeps.
@@ -19,7 +19,7 @@ pub struct TrainingSteps {
 }
 
 impl TrainingSteps {
-    /// Returns the steps of a recipe on so many sweeps.
+    /// Returns the steps of a recipe on `sweeps` training sweeps.
     pub fn of(settings: &TrainingSettings, sweeps: usize) -> Self {
         Self {
             epochs: settings.epochs,
@@ -32,12 +32,12 @@ impl TrainingSteps {
         self.epochs * self.batches
     }
 
-    /// Returns true if the steps are fewer than 300.
+    /// Returns true if there are fewer than 300 steps.
     pub fn are_few(self) -> bool {
         self.count() < FEW
     }
 
-    /// Returns the epochs with which the steps are no longer few.
+    /// Returns the number of epochs that gives at least 300 steps.
     pub fn epochs_for_enough(self) -> usize {
         FEW.div_ceil(self.batches.max(1))
     }

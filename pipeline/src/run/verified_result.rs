@@ -1,18 +1,18 @@
-//! A result that its predictions confirm.
+//! Results checked against their predictions.
 
 use super::evaluate_run::FUSED;
 use crate::{Evaluation, PipelineError, RunDir, RunResult};
 
-/// Difference of an accuracy of single sweeps that is no contradiction.
+/// Tolerance of a single-sweep accuracy.
 const EXACT: f64 = 1e-9;
-/// The same of fused sweeps, whose log-probabilities add up: predictions keep probabilities, and those of almost zero are rounded.
+/// Tolerance of a fused accuracy. Log-probabilities add up, and files round probabilities close to zero.
 const ROUNDED: f64 = 0.01;
 
 impl RunDir {
-    /// Reads the result, if the run has ended, and counts again in the files of predictions what its accuracies say.
+    /// Reads the result, if the run has ended, and recomputes its accuracies from the prediction files.
     ///
     /// # Errors
-    /// A file that is missing or damaged; accuracies that are not those of the predictions.
+    /// A missing or damaged file; accuracies that differ from those of the predictions.
     pub fn verified_result(&self) -> Result<Option<RunResult>, PipelineError> {
         let Some(result) = self.result()? else {
             return Ok(None);

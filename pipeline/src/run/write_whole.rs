@@ -1,13 +1,13 @@
-//! Files that are written whole or not at all, with the error of this crate.
+//! Atomic writes with this crate's error.
 
 use std::path::Path;
 
 use crate::PipelineError;
 
-/// As [`tactnet_data::write_whole`].
+/// Writes a file atomically, as [`tactnet_data::write_whole`] does.
 ///
 /// # Errors
-/// It cannot be written.
+/// A file that cannot be written.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), PipelineError> {
     tactnet_data::write_whole(path, bytes).map_err(PipelineError::from)
 }

@@ -1,4 +1,4 @@
-//! Nodes and constants of a graph, one after the other.
+//! Builder of graphs from nodes and constants.
 
 use tactnet_models::NORM_EPSILON;
 
@@ -8,14 +8,14 @@ use crate::PipelineError;
 /// Shape and values of one of the network's tensors.
 pub(super) type Stored<'a> = (&'a [usize], &'a [f32]);
 
-/// Writes nodes and keeps count of their names.
+/// Graph under construction.
 #[derive(Default)]
 pub(super) struct Builder {
     pub(super) graph: Graph,
 }
 
 impl Builder {
-    /// Adds `op`; its result is called `output`.
+    /// Adds the operator `op` with the result `output`.
     pub(super) fn node(
         &mut self,
         op: &str,
@@ -42,7 +42,7 @@ impl Builder {
         self.graph.initializer.push(Tensor::integers(name, values));
     }
 
-    /// Batch normalisation over the second axis with the stored statistics of `layer`, and ReLU. Returns the name of the result.
+    /// Adds batch normalisation over the second axis with the stored statistics of `layer`, and ReLU. Returns the name of the result.
     pub(super) fn normalized<'a>(
         &mut self,
         tensor: impl Fn(&str) -> Result<Stored<'a>, PipelineError>,

@@ -4,7 +4,7 @@ use super::builder::{Builder, Stored};
 use super::message::Attribute;
 use crate::PipelineError;
 
-/// From `maps0` to `trunk`.
+/// Adds the layers from `maps0` to `trunk`.
 pub(super) fn convolutions<'a>(
     builder: &mut Builder,
     tensor: impl Fn(&str) -> Result<Stored<'a>, PipelineError>,

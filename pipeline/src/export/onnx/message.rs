@@ -1,10 +1,10 @@
-//! The part of ONNX's messages that a network needs (onnx.proto of ONNX 1.12; numbers of fields are the format).
+//! Subset of ONNX's messages for networks (onnx.proto of ONNX 1.12, whose field numbers define the format).
 
 use prost::Message;
 
 /// IR version of ONNX 1.12.
 pub(super) const IR_VERSION: i64 = 8;
-/// Version of the operators.
+/// Version of the operator set.
 pub(super) const OPSET: i64 = 17;
 const FLOAT: i32 = 1;
 const INT64: i32 = 7;
@@ -183,7 +183,7 @@ struct Dimension {
     size: Option<Size>,
 }
 
-/// A size, or the name of one that is open.
+/// Size of an axis: fixed, or open with a name.
 #[derive(Clone, PartialEq, prost::Oneof)]
 pub(super) enum Size {
     #[prost(int64, tag = "1")]
@@ -203,7 +203,7 @@ impl Size {
 }
 
 impl Value {
-    /// A tensor of `f32`.
+    /// Returns the description of a tensor of `f32`.
     pub(super) fn floats(name: &str, shape: Vec<Size>, doc: &str) -> Self {
         let dimensions = shape
             .into_iter()

@@ -1,4 +1,4 @@
-//! Spectra of windows and the layers on them: `[sweeps, 1, steps, taxels]` to `[sweeps, 2 x units, 1, 1]`. Everything is a convolution.
+//! Spectra of windows and the layers after them, all as convolutions: `[sweeps, 1, steps, taxels]` to `[sweeps, 2 x units, 1, 1]`.
 
 use tactnet_models::{DEVIATION_EPSILON, ENERGY_FLOOR, LOG_GAIN, LOG_OFFSET, SpectralShape};
 
@@ -6,7 +6,7 @@ use super::builder::{Builder, Stored};
 use super::message::Attribute;
 use crate::PipelineError;
 
-/// From `maps0` to `trunk`.
+/// Adds the layers from `maps0` to `trunk`.
 pub(super) fn spectral<'a>(
     builder: &mut Builder,
     tensor: impl Fn(&str) -> Result<Stored<'a>, PipelineError>,
@@ -21,7 +21,7 @@ pub(super) fn spectral<'a>(
     builder.node("Conv", &["spectra", "taxel.weight"], "taxel.sum", vec![]);
     let of_taxels = builder.normalized(&tensor, "taxel", "taxel.sum")?;
 
-    // Stored as [units][taxels][inputs].
+    // The weights are stored as [units][taxels][inputs].
     let inputs = units;
     let (size, values) = tensor("window.weight")?;
     let units = size[0];
@@ -56,7 +56,7 @@ pub(super) fn spectral<'a>(
     Ok(())
 }
 
-/// From `maps0` to `spectra`, `[sweeps, bands + 1, windows, taxels]`.
+/// Adds the layers from `maps0` to `spectra`, `[sweeps, bands + 1, windows, taxels]`.
 fn logarithms(builder: &mut Builder, shape: &SpectralShape) {
     let tables = shape.tables();
     let (window, bins, bands) = (shape.window(), tables.bins, shape.bands());
@@ -64,7 +64,7 @@ fn logarithms(builder: &mut Builder, shape: &SpectralShape) {
     builder.floats("fourier", &[2 * bins, 1, window, 1], &tables.fourier);
     builder.node("Conv", &["maps0", "fourier"], "parts", strides());
     builder.node("Mul", &["parts", "parts"], "powers", vec![]);
-    // Of real and imaginary parts alike.
+    // The same weights apply to real and imaginary parts.
     let rows = tables.bands.chunks_exact(bins);
     let both: Vec<f32> = rows.flat_map(|row| [row, row].concat()).collect();
     builder.floats("bands", &[bands, 2 * bins, 1, 1], &both);

@@ -1,19 +1,19 @@
-//! From a kernel's result to features.
+//! Pooling of a kernel's result into features.
 
-/// How the result of a kernel becomes features.
+/// Pooling of a kernel's result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Pooling {
-    /// The share of steps above the bias: MiniRocket.
+    /// Share of steps above the bias, for MiniRocket.
     Share,
-    /// Share, longest stretch, mean value and mean position: MultiRocket.
+    /// Share, longest stretch, mean value and mean position, for MultiRocket.
     FourWays,
 }
 
-/// Features that [`Pooling::FourWays`] makes of one bias.
+/// Number of features that [`Pooling::FourWays`] computes per bias.
 pub(crate) const WAYS: usize = 4;
 
 impl Pooling {
-    /// Features for each bias.
+    /// Returns the number of features per bias.
     pub fn ways(self) -> usize {
         match self {
             Self::Share => 1,
@@ -22,10 +22,10 @@ impl Pooling {
     }
 }
 
-/// Compared at once: four vectors of eight, so that nothing is left over for a loop of single values.
+/// Number of values compared at once: four vectors of eight, so that no remainder needs a scalar loop.
 const BLOCK: usize = 32;
 
-/// The result of one kernel: `[steps]`, then minus infinity, which is above no bias, up to a whole block.
+/// Result of one kernel, padded to a complete block with minus infinity, which exceeds no bias.
 #[derive(Default)]
 pub(super) struct KernelResult {
     values: Vec<f32>,
@@ -33,7 +33,7 @@ pub(super) struct KernelResult {
 }
 
 impl KernelResult {
-    /// All results; their values are the caller's to write.
+    /// Returns all results for the caller to overwrite.
     #[inline(always)]
     pub fn resize(&mut self, steps: usize) -> &mut [f32] {
         self.steps = steps;
@@ -43,12 +43,12 @@ impl KernelResult {
         &mut self.values[..steps]
     }
 
-    /// All results.
+    /// Returns all results.
     pub fn steps(&self) -> &[f32] {
         &self.values[..self.steps]
     }
 
-    /// Share of steps above each bias (PPV).
+    /// Writes the share of steps above each bias (PPV).
     #[inline(always)]
     pub fn shares(&self, biases: &[f32], out: &mut [f32]) {
         for (bias, out) in biases.iter().zip(out) {
@@ -62,10 +62,10 @@ impl KernelResult {
     }
 }
 
-/// Share above `bias`; longest stretch between steps below it; mean of value plus bias, and mean position, over the steps
-/// above it (0 and -1 where there is none).
+/// Returns four features: share of steps above `bias`; longest stretch between steps below it; mean of value plus bias over the steps above it
+/// (0 if none); mean position of those steps (-1 if none).
 ///
-/// - `below`: scratch
+/// - `below`: scratch memory
 #[inline(always)]
 pub(super) fn four_ways(result: &[f32], bias: f32, below: &mut Vec<u8>) -> [f32; WAYS] {
     let (mut count, mut positions) = (0_u32, 0_u32);
@@ -88,7 +88,7 @@ pub(super) fn four_ways(result: &[f32], bias: f32, below: &mut Vec<u8>) -> [f32;
     [above / result.len() as f32, stretch as f32, mean, position]
 }
 
-/// Sum of the values above `bias`, in lanes of a block, blocks in double precision.
+/// Returns the sum of the values above `bias`, in single precision within a block and in double precision over blocks.
 #[inline(always)]
 fn sum_above(result: &[f32], bias: f32) -> f64 {
     const LANES: usize = 16;
@@ -107,8 +107,7 @@ fn sum_above(result: &[f32], bias: f32) -> f64 {
     total
 }
 
-/// The largest distance between two neighbouring steps below `bias`; the first step counts as one where the first stretch
-/// begins, the last step ends the last.
+/// Returns the largest distance between successive steps below `bias`. The first stretch begins at the first step, the last one ends at the last.
 #[inline(always)]
 fn longest_stretch(result: &[f32], bias: f32, below: &mut Vec<u8>) -> usize {
     below.clear();
@@ -133,7 +132,7 @@ fn longest_stretch(result: &[f32], bias: f32, below: &mut Vec<u8>) -> usize {
     longest.max(result.len() - 1 - last)
 }
 
-/// Eight bytes of 0 or 1 to eight bits, the first byte lowest.
+/// Packs eight bytes of 0 or 1 into eight bits, the first byte lowest.
 #[inline(always)]
 fn pack(bytes: &[u8]) -> u32 {
     let mut word = [0; 8];
@@ -146,7 +145,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// The definition, step by step (aeon 1.6, `_multirocket.py`).
+    /// Computes the features by definition, step by step (aeon 1.6, `_multirocket.py`).
     fn by_definition(result: &[f32], bias: f32) -> [f64; WAYS] {
         let (mut count, mut last, mut longest, mut positions, mut sum) = (0, 0, 0, 0, 0.0);
         for (step, value) in result.iter().enumerate() {

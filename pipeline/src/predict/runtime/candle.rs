@@ -1,4 +1,4 @@
-//! The exported weights in candle, a second implementation of the same layers.
+//! Exported weights in candle, as a second implementation of the same layers.
 
 use candle_core::{D, Device, Tensor};
 use candle_nn::ops::log_softmax;
@@ -8,7 +8,7 @@ use tactnet_models::{DEVIATION_EPSILON, ENERGY_FLOOR, LOG_GAIN, LOG_OFFSET, NORM
 
 use super::{ExportedNetwork, RuntimeFailure};
 
-/// The network, layer by layer.
+/// Network, layer by layer.
 pub struct Candle {
     shape: SweepShape,
     levels_removed: bool,
@@ -21,13 +21,13 @@ pub struct Candle {
     masks: Option<Tensor>,
 }
 
-/// What makes features of scaled sweeps.
+/// Layers that compute features of scaled sweeps.
 enum Trunk {
     Convolutions(Vec<Block>),
     Spectra(Box<Spectra>),
 }
 
-/// Convolution with its batch normalisation folded in, and its pool.
+/// Convolution with folded batch normalisation, and its pooling.
 struct Block {
     weight: Tensor,
     shift: Tensor,
@@ -43,7 +43,7 @@ struct Affine {
 }
 
 impl Affine {
-    /// A dense layer with its batch normalisation folded in.
+    /// Returns a dense layer with folded batch normalisation.
     fn folded(tensors: &HashMap<String, Tensor>, layer: &str) -> Result<Self, RuntimeFailure> {
         let (scale, shift) = folded(tensors, layer)?;
         let weight = named(tensors, &format!("{layer}.weight"))?
@@ -58,7 +58,7 @@ impl Affine {
     }
 }
 
-/// Factor and summand of a batch normalisation with frozen statistics: `[maps]` each.
+/// Returns factor and summand of a batch normalisation with frozen statistics, `[maps]` each.
 fn folded(
     tensors: &HashMap<String, Tensor>,
     layer: &str,
@@ -77,11 +77,11 @@ fn named(tensors: &HashMap<String, Tensor>, name: &str) -> Result<Tensor, Runtim
 }
 
 impl Candle {
-    /// - `bytes`: a safetensors file as `tactnet export` writes it
+    /// - `bytes`: exported safetensors file
     /// - `masks`: `[mc_samples][features]`; empty: plain prediction
     ///
     /// # Errors
-    /// A file that is none of ours.
+    /// A file in another format.
     pub fn new(bytes: &[u8], shape: SweepShape, masks: Vec<f32>) -> Result<Self, RuntimeFailure> {
         let (_, header) = safetensors::SafeTensors::read_metadata(bytes)?;
         let about = header.metadata().clone().unwrap_or_default();
@@ -129,7 +129,7 @@ impl Candle {
         })
     }
 
-    /// `[sweeps, features]`
+    /// Returns features `[sweeps, features]`.
     fn features(&self, digits: &[f32]) -> candle_core::Result<Tensor> {
         let sweeps = digits.len() / self.shape.values();
         let shape = (sweeps, self.shape.steps, self.shape.taxels());
@@ -156,14 +156,14 @@ impl Candle {
 fn convolved(sweeps: Tensor, blocks: &[Block]) -> candle_core::Result<Tensor> {
     let mut maps = sweeps.unsqueeze(1)?;
     for block in blocks {
-        // Candle pads both axes alike.
+        // Candle pads both axes by the same amount.
         let [along, across] = block.padding;
         let padded = maps
             .pad_with_zeros(2, along, along)?
             .pad_with_zeros(3, across, across)?;
         let convolved = padded.conv2d(&block.weight, 0, 1, 1, 1)?;
         let rectified = convolved.broadcast_add(&block.shift)?.relu()?;
-        // What is left at the end is a pool of its own; values are not negative.
+        // The remaining steps form a last, shorter window. Zeros do not change a maximum of rectified values.
         let steps = rectified.dim(2)?;
         let whole = steps.next_multiple_of(block.pool);
         maps = rectified
@@ -193,7 +193,7 @@ fn blocks(
     pools.iter().enumerate().map(block).collect()
 }
 
-/// Spectra of windows, and the layers on them.
+/// Spectra of windows and the layers after them.
 struct Spectra {
     /// `[2 x bins, 1, window]`
     fourier: Tensor,
@@ -221,7 +221,7 @@ impl Spectra {
         })
     }
 
-    /// `[sweeps, steps, taxels]` to `[sweeps, 2 x units]`
+    /// Returns features `[sweeps, 2 x units]` of scaled sweeps `[sweeps, steps, taxels]`.
     fn features(&self, scaled: &Tensor) -> candle_core::Result<Tensor> {
         let (sweeps, steps, taxels) = scaled.dims3()?;
         let traces = scaled

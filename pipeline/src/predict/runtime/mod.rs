@@ -1,4 +1,4 @@
-//! Other forms of the network, compared with Burn's predictions of the same sweeps.
+//! Other runtimes for the network, compared with Burn's predictions of the same sweeps.
 
 #[cfg(feature = "candle")]
 mod candle;
@@ -11,12 +11,12 @@ use tactnet_data::SweepView;
 
 use crate::{Classifier, OnlineClassifier, PipelineError, PredictionMethod, Predictions};
 
-/// What computes the scores.
+/// Runtime that computes the scores.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RuntimeKind {
-    /// Burn, sweep by sweep: what training uses, batch by batch.
+    /// Burn, one sweep at a time.
     Burn,
-    /// Frame by frame: what `tactnet serve` uses.
+    /// The online classifier, one frame at a time.
     Online,
     /// The exported ONNX file in ONNX Runtime; needs the cargo feature `onnxruntime`.
     OnnxRuntime,
@@ -25,7 +25,7 @@ pub enum RuntimeKind {
 }
 
 impl RuntimeKind {
-    /// Its name on the command line and in results.
+    /// Returns its name in arguments and results.
     pub fn name(self) -> &'static str {
         match self {
             Self::Burn => "burn",
@@ -36,39 +36,39 @@ impl RuntimeKind {
     }
 }
 
-/// Predictions of another form of the network, beside Burn's of whole batches.
+/// Predictions of another runtime, compared with Burn's of whole batches.
 #[derive(Debug, Clone)]
 pub struct RuntimeComparison {
-    /// What the form predicts.
+    /// Predictions of the runtime.
     pub predictions: Predictions,
-    /// Largest difference of a probability.
+    /// Largest absolute difference of a probability.
     pub largest_difference: f64,
-    /// From the last frame to the probabilities of a sweep that comes alone, microseconds, ascending: `[sweeps]`.
+    /// Times from the last frame of a single sweep to its probabilities, in microseconds, ascending: `[sweeps]`.
     pub microseconds: Vec<f64>,
 }
 
-/// A network that another library runs.
+/// Network in another library.
 #[cfg(any(feature = "onnxruntime", feature = "candle"))]
 trait ExportedNetwork {
-    /// Log-probabilities `[sweeps][materials]`.
+    /// Returns log-probabilities `[sweeps][materials]`.
     ///
     /// - `digits`: `[sweeps][steps][taxels]`
     ///
     /// # Errors
-    /// What the library says.
+    /// Errors of the library.
     fn score(&mut self, digits: &[f32]) -> Result<Vec<f64>, RuntimeFailure>;
 }
 
-/// Whatever a library says that cannot make or run a network.
+/// Error of a library that cannot load or run a network.
 #[cfg(any(feature = "onnxruntime", feature = "candle"))]
 type RuntimeFailure = Box<dyn std::error::Error + Send + Sync>;
 
-/// Predicts every sweep by itself.
+/// Predicts every sweep separately with another runtime and compares the predictions with Burn's.
 ///
-/// - `burn`: Burn's predictions of the same sweeps, whole batches at once
+/// - `burn`: Burn's predictions of the same sweeps in whole batches
 ///
 /// # Errors
-/// A form that this program was built without; a model that the form cannot be made of.
+/// A runtime that this build lacks; a model that the runtime does not support.
 pub fn compare_runtime(
     kind: RuntimeKind,
     classifier: &Classifier,
@@ -167,7 +167,7 @@ fn compare_exported(
     })
 }
 
-/// An error with its causes, which its own text may leave out.
+/// Returns an error with those causes that its own text leaves out.
 #[cfg(any(feature = "onnxruntime", feature = "candle"))]
 fn one_line(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
@@ -195,7 +195,7 @@ fn compare_exported(
     })
 }
 
-/// - `score`: log-probabilities of a sweep, and how long they took, microseconds
+/// - `score`: returns the log-probabilities of a sweep and the time that they took in microseconds
 fn compare(
     kind: RuntimeKind,
     view: &SweepView<'_>,

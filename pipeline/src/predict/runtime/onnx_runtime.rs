@@ -1,4 +1,4 @@
-//! The exported network in ONNX Runtime.
+//! Exported network in ONNX Runtime.
 
 use std::path::PathBuf;
 use std::sync::OnceLock;
@@ -10,10 +10,10 @@ use tactnet_data::SweepShape;
 
 use super::{ExportedNetwork, RuntimeFailure};
 
-/// Names the shared library, where it is not among the system's.
+/// Environment variable with the path of the shared library, for a library outside the system's search path.
 const LIBRARY: &str = "ORT_DYLIB_PATH";
 
-/// The library is loaded by the first call; there is one environment in a process.
+/// Returns the environment of this process. The first call loads the library.
 fn environment() -> Result<&'static Environment, RuntimeFailure> {
     static LOADED: OnceLock<Environment> = OnceLock::new();
     if let Some(loaded) = LOADED.get() {
@@ -28,7 +28,7 @@ fn environment() -> Result<&'static Environment, RuntimeFailure> {
     Ok(LOADED.get_or_init(|| environment))
 }
 
-/// A session, with the masks of a Monte Carlo prediction.
+/// Session with the masks of a Monte Carlo prediction.
 pub struct OnnxRuntime {
     session: Session,
     shape: SweepShape,
@@ -37,11 +37,11 @@ pub struct OnnxRuntime {
 }
 
 impl OnnxRuntime {
-    /// - `model`: bytes of an ONNX file as `tactnet export` writes it
+    /// - `model`: bytes of an exported ONNX file
     /// - `masks`: `[mc_samples][features]`; empty: plain prediction
     ///
     /// # Errors
-    /// No ONNX Runtime; a model that it refuses.
+    /// A missing ONNX Runtime; a model that it rejects.
     pub fn new(
         model: &[u8],
         shape: SweepShape,

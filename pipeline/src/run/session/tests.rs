@@ -114,7 +114,7 @@ fn watched_test_sweeps_are_noted_and_change_nothing() {
         assert!(clean.is_some_and(|share| (0.0..=1.0).contains(&share)));
         assert!(adversarial.is_some(), "{epoch:?}");
     }
-    // An attack of 200 digits leaves nothing of the textures; one of none changes nothing but the dropout.
+    // A perturbation of 200 digits hides the textures.
     let last = |course: Vec<EpochMetrics>| {
         let last = course.last().unwrap().clone();
         (
@@ -239,7 +239,7 @@ fn a_run_names_the_spec_that_leads_to_it_again() {
     assert_eq!(again, asked);
 }
 
-/// Of two recordings that differ in their test sweeps alone.
+/// Compares two recordings that differ only in their test sweeps.
 #[test]
 fn nothing_that_is_fitted_depends_on_the_test_sweeps() {
     let folder = tempfile::tempdir().unwrap();
@@ -320,8 +320,7 @@ fn nothing_that_is_fitted_depends_on_the_test_sweeps() {
     assert_eq!(first.1, second.1, "baselines");
 }
 
-/// A file that was moved or written in another format holds the same test sweeps. Of other sweeps nobody can tell once what was trained on is gone,
-/// which is said.
+/// A moved or converted file holds the same test sweeps. Without the training data, overlap with other sweeps is unknown, and reported as such.
 #[test]
 fn training_sweeps_are_left_out_wherever_the_data_lies_now() {
     let folder = tempfile::tempdir().unwrap();
