@@ -1,11 +1,12 @@
-//! Times one piece of work for each line on standard input, in milliseconds: `compare_torch.py` lets this process and
-//! PyTorch take turns.
+//! Times one piece of work for each line on standard input, in milliseconds, so that `compare_torch.py` can alternate
+//! between this process and PyTorch.
 //!
-//! `turns [ROWSxCOLSxSTEPS [BATCH [ISA]]]`, by default `4x4x1000 36`: the shape of the sweeps, how many are a batch, and the most of a
-//! processor's instruction sets that convolutions may use (`portable`, `avx2`, `avx512`).
+//! `turns [ROWSxCOLSxSTEPS [BATCH [ISA]]]`, by default `4x4x1000 36`: shape of the sweeps, batch size, and the largest
+//! instruction set for convolutions (`portable`, `avx2`, `avx512`).
 //!
 //! Work: `train_step`, `adversarial_step` (one batch through loading, forward, backward and Adam), `forward`,
-//! `single_forward` (a batch of sweeps or one, digits to probabilities), `mc_forward` (one sweep, Monte Carlo dropout with M = 100).
+//! `single_forward` (a batch of sweeps or one, digits to probabilities), `mc_forward` (one sweep, Monte Carlo dropout
+//! with M = 100).
 
 use std::io::{BufRead, Write};
 use std::time::Instant;
@@ -81,7 +82,7 @@ fn main() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Scattered digits, 0 to 39, of 36 materials: a step takes as long whatever it learns from.
+/// Returns scattered digits, 0 to 39, of 36 materials; the time of a step does not depend on the values.
 fn digits(shape: &str) -> anyhow::Result<Dataset> {
     let sizes: Vec<usize> = shape
         .split('x')

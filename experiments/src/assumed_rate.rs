@@ -1,9 +1,10 @@
-//! Data sets whose sample rate nobody named.
+//! Warnings about data sets without a sample rate.
 
 use crate::Summary;
 
 impl Summary {
-    /// Returns a line for each data set whose rate nobody named; `own` stands for `own, labels permuted`, too.
+    /// Returns a warning for each data set that does not state its sample rate. The warning for `own` also covers
+    /// `own, labels permuted`.
     pub fn assumed_rates(&self) -> Vec<String> {
         let is_treated = |name: &str| {
             self.data.keys().any(|whole| {
@@ -18,9 +19,9 @@ impl Summary {
     }
 }
 
-/// Returns the warning of a data set whose sample rate nobody named.
+/// Returns the warning for a data set that does not state its sample rate.
 ///
-/// - `rate_hz`: the rate that is assumed
+/// - `rate_hz`: assumed rate, in Hz
 pub fn assumed_rate_text(name: &str, rate_hz: f64) -> String {
     format!(
         "{name} does not say its sample rate; {rate_hz} Hz is assumed, `--set rate_hz=HZ` names it"

@@ -1,4 +1,4 @@
-//! Two contenders on the same tasks.
+//! Paired comparisons of two contenders on the same tasks.
 
 use std::collections::BTreeSet;
 
@@ -8,27 +8,28 @@ use crate::measure::method_name;
 use crate::questions::Compared;
 use crate::{Part, Row, Statistic, holm, resampled_t_test};
 
-/// Two rows on the tasks that both have: mean difference, with a corrected resampled t-test (Nadeau & Bengio, 2003).
+/// Paired comparison of two rows on their common tasks, with a corrected resampled t-test (Nadeau & Bengio, 2003).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
-    /// Key of one row.
+    /// Key of the first row.
     pub first: String,
-    /// Key of the row that it is compared with.
+    /// Key of the second row.
     pub second: String,
-    /// Mean of first minus second, in the measure's unit.
+    /// Mean difference, first minus second, in the measure's unit.
     pub difference: f64,
-    /// 95 % interval of the difference; absent with one task.
+    /// 95 % interval of the difference; absent with a single task.
     pub ci95: Option<[f64; 2]>,
-    /// Two-sided p-value that it is zero; absent with one task.
+    /// Two-sided p-value for a difference of zero; absent with a single task.
     pub p: Option<f64>,
-    /// The same after Holm's correction for all comparisons of that measure, data set and split in this report.
+    /// p-value after Holm's correction for all comparisons of the same measure, data set, levels and split in this
+    /// report.
     #[serde(default)]
     pub p_holm: Option<f64>,
-    /// Tasks that both have.
+    /// Number of common tasks.
     pub n: usize,
 }
 
-/// Returns what a row of a comparison is called: its network where that differs from the other's, or else its method.
+/// Returns the label of `row` in a comparison with `other`: the network if the networks differ, else the method.
 pub(crate) fn name_beside<'a>(row: &'a Row, other: &Row) -> &'a str {
     if row.model == other.model {
         method_name(&row.method)
@@ -37,18 +38,18 @@ pub(crate) fn name_beside<'a>(row: &'a Row, other: &Row) -> &'a str {
     }
 }
 
-/// A row with the tasks behind its values, in their order.
+/// A row together with the tasks behind its values, in the same order.
 pub(crate) struct RowOfTasks {
     pub(crate) row: Row,
-    /// Part of the data and SHA-256 of the split.
+    /// Part of the data and SHA-256 of the split, for each task.
     pub(crate) tasks: Vec<(Part, String)>,
-    /// Test sweeps over training sweeps.
+    /// Number of test sweeps divided by number of training sweeps.
     pub(crate) test_share: f64,
-    /// True for a probe, which is no contender.
+    /// True for a probe, which is not a contender.
     pub(crate) probe: bool,
 }
 
-/// Compares the rows with those that `of` names for their measure.
+/// Compares each row with the rows that `of` selects for its measure.
 pub(crate) fn comparisons(
     rows: &[RowOfTasks],
     of: impl Fn(crate::Measure) -> Option<Compared>,
@@ -116,7 +117,7 @@ pub(crate) fn comparisons(
         .collect()
 }
 
-/// What is corrected for together: measure, data set, levels, split.
+/// Key of the comparisons that are corrected together: measure, data set, levels, split.
 type Family = (String, String, String, String);
 
 fn family(row: &Row) -> Family {
@@ -128,7 +129,7 @@ fn family(row: &Row) -> Family {
     )
 }
 
-/// True if two rows differ in nothing but who was measured.
+/// Returns true if two rows differ only in network and method.
 fn alike(a: &Row, b: &Row) -> bool {
     let place = |row: &Row| (row.measure, row.levels, row.steps, row.shots, row.sweeps);
     place(a) == place(b) && (&a.data, &a.setting) == (&b.data, &b.setting)
@@ -186,7 +187,7 @@ mod tests {
         }
     }
 
-    /// Values of one fold are compared with values of the same fold, whatever the order, and folds that only one has are left out.
+    /// Values are paired by fold in any order; folds that only one row has are dropped.
     #[test]
     fn differences_are_first_minus_second_on_the_same_folds() {
         let first = row("net", &[(0, 0.9), (1, 0.5), (2, 0.8), (3, 0.1)]);

@@ -1,4 +1,4 @@
-//! What the task of a question works with: data, recipe, device, seeds, and networks that outlive an interruption.
+//! Inputs of a question's task: data, recipe, device, seeds, and networks that survive an interruption.
 
 use std::time::Instant;
 
@@ -13,13 +13,13 @@ use tactnet_pipeline::{
 use crate::networks::FinishedNetworks;
 use crate::{ExperimentError, Part};
 
-/// Told what is being done, with every batch of a training; false stops.
+/// Progress callback: receives the current step and each training batch, and returns false to stop.
 pub(crate) type GoOn<'a> = dyn Fn(&str, Option<&BatchReport>) -> bool + 'a;
 
 /// Data, recipe, device and seeds of one task.
 pub(crate) struct StudyContext<'a> {
     pub(crate) dataset: &'a Dataset,
-    /// What the recipe calls the data: `twin`, or a file.
+    /// Name of the data in the recipe: `twin`, or a file.
     pub(crate) data: &'a str,
     pub(crate) recipe: &'a Recipe,
     pub(crate) device: &'a Device,
@@ -29,11 +29,11 @@ pub(crate) struct StudyContext<'a> {
     pub(crate) go_on: &'a GoOn<'a>,
 }
 
-/// Why a task ended without an answer.
+/// Reason why a task ended without an answer.
 pub(crate) enum Cancelled {
-    /// Somebody asked to stop.
+    /// The progress callback asked to stop.
     Stopped,
-    /// It cannot be done.
+    /// The task failed.
     Failed(ExperimentError),
 }
 
@@ -44,10 +44,10 @@ impl<E: Into<PipelineError>> From<E> for Cancelled {
 }
 
 impl StudyContext<'_> {
-    /// Says what comes next.
+    /// Reports the next step.
     ///
     /// # Errors
-    /// Somebody asked to stop.
+    /// [`Cancelled::Stopped`] if the progress callback asks to stop.
     pub(crate) fn say(&self, what: &str) -> Result<(), Cancelled> {
         if (self.go_on)(what, None) {
             Ok(())
@@ -56,12 +56,12 @@ impl StudyContext<'_> {
         }
     }
 
-    /// A seed of its own for everything named `name`.
+    /// Returns a separate seed for each pair of name and number.
     pub(crate) fn seed_for(&self, name: &str, number: usize) -> Seed {
         Seed(self.seed.rng((name, number)).next_u64())
     }
 
-    /// Trains a network on `train`, or reads it where an interrupted session of the task has finished it.
+    /// Trains a network on `train`, or loads it if an interrupted session of the task has already trained it.
     pub(crate) fn trained(
         &self,
         what: &str,
@@ -71,7 +71,7 @@ impl StudyContext<'_> {
         Ok(self.trained_in(what, train, seed)?.0)
     }
 
-    /// The same, with the seconds that the training took; `None` where the network was read.
+    /// Like [`Self::trained`], and also returns the training time in seconds; `None` if the network was loaded.
     pub(crate) fn trained_in(
         &self,
         what: &str,
@@ -83,7 +83,7 @@ impl StudyContext<'_> {
         })
     }
 
-    /// The same on pairs: a Siamese network.
+    /// Like [`Self::trained`], but trains a Siamese network on pairs.
     pub(crate) fn trained_on_pairs(
         &self,
         what: &str,
@@ -125,7 +125,7 @@ impl StudyContext<'_> {
     }
 }
 
-/// Every sweep of `view` as the network sees it.
+/// Returns the network's embedding of every sweep of `view`.
 pub(crate) fn embedded(
     classifier: &Classifier,
     view: &SweepView<'_>,

@@ -1,4 +1,4 @@
-//! Everything that can go wrong in an experiment.
+//! Errors of experiments.
 
 use std::path::{Path, PathBuf};
 
@@ -8,61 +8,61 @@ use tactnet_pipeline::PipelineError;
 /// An error of planning, running or reporting an experiment.
 #[derive(Debug, thiserror::Error)]
 pub enum ExperimentError {
-    /// Recipes and run directories.
+    /// Error of a recipe or a run directory.
     #[error(transparent)]
     Pipeline(#[from] PipelineError),
-    /// The operating system refused.
+    /// Error of the operating system.
     #[error("{}: cannot {action}: {source}", path.display())]
     Io {
-        /// The file in question.
+        /// File or folder.
         path: PathBuf,
-        /// The attempt, as a verb phrase.
+        /// Attempted operation, as a verb phrase.
         action: &'static str,
-        /// The system's reason.
+        /// Cause reported by the operating system.
         source: std::io::Error,
     },
-    /// Neither a built-in experiment nor a file.
+    /// The name is neither a built-in experiment nor a file.
     #[error(
         "experiment `{name}`: no such file and no such experiment; experiments that ship with tactnet: {known}"
     )]
     Unknown {
-        /// The name that was asked for.
+        /// Requested name.
         name: String,
-        /// Names that exist, separated by commas.
+        /// Known names, separated by commas.
         known: String,
     },
-    /// A recipe that cannot be used.
+    /// Invalid recipe.
     #[error("experiment {origin}: {reason}")]
     Recipe {
-        /// Its name or path.
+        /// Name or path of the recipe.
         origin: String,
-        /// The mistake.
+        /// Description of the mistake.
         reason: String,
     },
-    /// A folder that does not hold what is needed.
+    /// Unexpected content of a folder.
     #[error("{}: {reason}", path.display())]
     Folder {
         /// The folder, or the file in it.
         path: PathBuf,
-        /// The mistake, and what would be right.
+        /// Expected and found content.
         reason: String,
     },
-    /// Slurm refused.
+    /// Error of a Slurm program.
     #[error("{program}: {reason}")]
     Slurm {
-        /// The program that was called.
+        /// Name of the program.
         program: &'static str,
-        /// Its message.
+        /// Message of the program.
         reason: String,
     },
-    /// Tasks that failed every time.
+    /// Tasks that failed in every attempt.
     #[error("{count} of {all} tasks failed; the first, {first}: {reason}")]
     Tasks {
-        /// How many.
+        /// Number of failed tasks.
         count: usize,
-        /// Of how many.
+        /// Number of all tasks.
         all: usize,
-        /// Name of the first.
+        /// Name of the first failed task.
         first: String,
         /// Last line of its log.
         reason: String,
@@ -70,8 +70,8 @@ pub enum ExperimentError {
 }
 
 impl ExperimentError {
-    /// Returns true if the call must be corrected; false if something failed that another call would not mend: disk, numbers, Slurm,
-    /// a task. An error that wraps another asks what it wraps.
+    /// Returns true for a mistake in the call, and false for a failure of the disk, of Slurm, of a task or of the
+    /// numerics. A wrapping error returns the class of its cause.
     pub fn is_usage(&self) -> bool {
         match self {
             Self::Pipeline(error) => error.is_usage(),

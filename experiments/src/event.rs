@@ -1,36 +1,37 @@
-//! What happens while an experiment runs.
+//! Progress events of a running experiment.
 
 use crate::{Task, TimeLeft};
 
 /// An event that a runner reports.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Event<'a> {
-    /// The runner has begun.
+    /// The runner has started.
     Begun {
-        /// Tasks that had ended before.
+        /// Number of tasks that were already finished.
         done: usize,
-        /// Tasks there are.
+        /// Number of all tasks.
         all: usize,
-        /// What is known of how long they will take.
+        /// Estimate of the remaining time.
         left: TimeLeft,
     },
-    /// A task runs.
+    /// A task has started.
     Started {
-        /// Which.
+        /// The task.
         task: &'a Task,
     },
-    /// A task has ended well.
+    /// A task has finished successfully.
     Done {
-        /// Which.
+        /// The task.
         task: &'a Task,
-        /// Time since it was started here, of networks trained at once its share; with Slurm, its training time; 0 where another runner did it.
+        /// Elapsed time in seconds. Networks that are trained together share it equally. With Slurm it is the training
+        /// time; it is 0 if another runner ran the task.
         seconds: f64,
     },
-    /// A task has ended without a result; it is begun again a bounded number of times.
+    /// A task has failed; it is retried a limited number of times.
     Failed {
-        /// Which.
+        /// The task.
         task: &'a Task,
-        /// How often it has failed now.
+        /// Number of failures so far.
         attempt: usize,
         /// Last line of its log.
         reason: String,

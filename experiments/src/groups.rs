@@ -1,7 +1,7 @@
-//! Materials in groups: spectral clustering of a confusion matrix.
+//! Groups of materials by spectral clustering of a confusion matrix.
 //!
-//! Three views on one matrix: [`spectral_groups`] finds groups wherever they lie, [`best_consecutive_cut`] those that are
-//! consecutive in label order, and [`grouping_of_counts`] adds how far the found groups can be trusted.
+//! [`spectral_groups`] finds arbitrary groups, [`best_consecutive_cut`] finds groups that are consecutive in label
+//! order, and [`grouping_of_counts`] adds accuracy and stability.
 
 mod consecutive;
 mod k_means;
@@ -17,34 +17,35 @@ pub use consecutive::{best_consecutive_cut, consecutive};
 pub use rand_index::adjusted_rand_index;
 pub use spectral::spectral_groups;
 
-/// Resampled confusion matrices behind [`Grouping::stability`].
+/// Number of resampled confusion matrices for [`Grouping::stability`].
 const RESAMPLES: u32 = 50;
 
-/// Materials in groups that are confused with each other.
+/// Groups of materials that are confused with each other.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Grouping {
-    /// `[materials]`, number of the group, groups in the order of their first material.
+    /// `[materials]`, index of each material's group; groups are numbered in the order of their first material.
     pub group_of: Vec<usize>,
-    /// Share of the sweeps whose predicted material lies in the true one's group, 0 to 1.
+    /// Share of the sweeps whose predicted material is in the group of the true one, 0 to 1.
     pub accuracy: f64,
-    /// The same for three fused sweeps; absent where no material has as many, and in results of earlier builds.
+    /// The same share for three fused sweeps; absent if no material has three, and in results of earlier builds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accuracy_of_three: Option<f64>,
-    /// Mean adjusted Rand index between this grouping and those of resampled confusion matrices, -1 to 1; absent where the matrix
-    /// holds no counts.
+    /// Mean adjusted Rand index between this grouping and those of resampled confusion matrices, -1 to 1; absent for a
+    /// matrix without counts.
     pub stability: Option<f64>,
     /// True if every group is consecutive in label order.
     pub consecutive: bool,
 }
 
-/// Groups of a confusion matrix of counts, with their accuracy and their stability.
+/// Returns the groups of a confusion matrix of counts, with accuracy and stability.
 ///
-/// The stability is the mean over 50 matrices in which the sweeps of every true material are drawn again, with replacement,
-/// from those that were counted. It is high where other sweeps would have given the same groups.
+/// The stability is the mean over 50 matrices in which the sweeps of each true material are resampled with
+/// replacement. A high value means that other sweeps would give the same groups.
 ///
 /// - `counts`: `[materials][materials]`, rows are the true materials
 /// - `groups`: at least 1
-/// - `repeats`: how often every sweep was counted (runs of a cross-validation), at least 1; so many times fewer are drawn
+/// - `repeats`: number of times that each sweep was counted (repeats of a cross-validation), at least 1; the number of
+///   draws is divided by it
 ///
 /// # Panics
 /// If `counts` is not square or `groups` or `repeats` is 0.
@@ -59,7 +60,7 @@ pub fn grouping_of_counts(
     let counted = counts.iter().flatten().any(|&count| count > 0);
     let stability = counted.then(|| {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        // The first stream is the clustering's own.
+        // Stream 0 belongs to the clustering.
         rng.set_stream(1);
         let indices = (0..RESAMPLES).map(|_| {
             let resampled: Vec<Vec<usize>> = counts
@@ -81,12 +82,12 @@ pub fn grouping_of_counts(
 }
 
 impl Grouping {
-    /// Adds what three fused sweeps say.
+    /// Adds the accuracy of three fused sweeps.
     ///
-    /// - `counts`: `[materials][materials]`, rows are the true materials; zeros where nothing was fused
+    /// - `counts`: `[materials][materials]`, rows are the true materials; zeros if nothing was fused
     ///
     /// # Panics
-    /// If `counts` is of another size.
+    /// If `counts` has another size.
     pub fn with_three_sweeps(mut self, counts: &[Vec<usize>]) -> Self {
         let counted = counts.iter().flatten().any(|&count| count > 0);
         self.accuracy_of_three =
@@ -95,9 +96,10 @@ impl Grouping {
     }
 }
 
-/// Share of the sweeps whose predicted material lies in the true one's group, 0 to 1; 0 for a matrix of zeros.
+/// Returns the share of the sweeps whose predicted material is in the group of the true one, 0 to 1; 0 for a matrix of
+/// zeros.
 ///
-/// Every entry counts as it stands: give rows that sum to one for the mean over materials.
+/// Entries are not normalised: pass rows that sum to one for the mean over materials.
 ///
 /// - `confusion`: `[materials][materials]`, counts or row shares, rows are the true materials
 /// - `group_of`: `[materials]`
@@ -117,7 +119,7 @@ pub fn group_accuracy(confusion: &[Vec<f64>], group_of: &[usize]) -> f64 {
     if all > 0.0 { inside / all } else { 0.0 }
 }
 
-/// One draw for every `repeats` counts of `row`, from `row`.
+/// Resamples a row with replacement, one draw for every `repeats` counts.
 fn resample(row: &[usize], repeats: usize, rng: &mut ChaCha8Rng) -> Vec<usize> {
     let ends: Vec<usize> = row
         .iter()
@@ -140,14 +142,13 @@ fn confusion_of(counts: &[Vec<usize>]) -> Vec<Vec<f64>> {
     counts.iter().map(row).collect()
 }
 
-/// `confusion` with the mean of the two directions and nothing on its diagonal: `A = 1/2 ((C - 1) + (C - 1)^T)`, thesis
-/// section 4.4.2.
+/// Returns the symmetric affinity `A = 1/2 ((C - 1) + (C - 1)^T)` of thesis section 4.4.2, with zeros on the diagonal.
 ///
-/// There the 1 is read as the identity: it takes the right answers out of `C`. What it leaves on the diagonal, `c_ii - 1`, is
-/// minus the sum of its row, so that `C - 1` taken literally is a negated graph Laplacian with degrees near zero. A material's
-/// affinity to itself says nothing about groups; it is set to zero, as scipy's Laplacian does in any case.
+/// The 1 is interpreted as the identity, which removes the correct answers from `C`. The remaining diagonal `c_ii - 1`
+/// is minus the sum of its row, so `C - 1` taken literally is a negated graph Laplacian with degrees near zero. A
+/// material's affinity to itself carries no information about groups; it is set to zero, as in scipy's Laplacian.
 ///
-/// Rows of `confusion` are brought to sum one first; a row of zeros stays.
+/// Rows of `confusion` are first normalised to sum one; a row of zeros stays.
 fn affinity(confusion: &[Vec<f64>]) -> Vec<Vec<f64>> {
     assert_square(confusion);
     let valid = |share: &f64| share.is_finite() && *share >= 0.0;
@@ -183,7 +184,7 @@ fn assert_square(confusion: &[Vec<f64>]) {
 mod tests {
     use super::*;
 
-    /// The published matrix of TactNet-II, read off the figure's pixels.
+    /// Returns the published matrix of TactNet-II, measured from the figure's pixels.
     pub(super) fn published() -> Vec<Vec<f64>> {
         let path = concat!(
             env!("CARGO_MANIFEST_DIR"),
@@ -194,7 +195,7 @@ mod tests {
         text.lines().map(row).collect()
     }
 
-    /// Rows brought to sum one.
+    /// Normalises rows to sum one.
     pub(super) fn shares(confusion: &[Vec<f64>]) -> Vec<Vec<f64>> {
         let row = |row: &Vec<f64>| {
             let sum: f64 = row.iter().sum();
@@ -203,7 +204,8 @@ mod tests {
         confusion.iter().map(row).collect()
     }
 
-    /// 100 sweeps of each of `blocks.len()` materials, `inside` of them taken for each other material of the same block.
+    /// Returns the counts of 100 sweeps for each material, `inside` of them confused with each other material of its
+    /// block.
     fn blocks(blocks: &[usize], inside: usize, outside: usize) -> Vec<Vec<usize>> {
         let entry = |a, b| if a == b { inside } else { outside };
         (0..blocks.len())
@@ -253,7 +255,7 @@ mod tests {
         assert_eq!(nothing.group_of, Vec::<usize>::new());
     }
 
-    /// Three sweeps keep the groups that one sweep gave.
+    /// Three fused sweeps use the groups of single sweeps.
     #[test]
     fn three_sweeps_are_counted_in_the_groups_of_one() {
         let counts = [vec![6, 4, 0], vec![4, 6, 0], vec![1, 0, 9]];

@@ -1,14 +1,15 @@
-//! Why a 95 % interval is missing or wide, in words.
+//! Notes on missing and wide 95 % intervals.
 
 use crate::Statistic;
 use crate::questions::listed;
 
-/// Folds or tasks up to which an interval is wide whatever was measured: Student's factor is 12.7 with two and 4.3 with three.
+/// Largest number of folds or tasks whose interval counts as wide: Student's factor is 12.7 with two and 4.3 with
+/// three.
 const FEW: usize = 3;
 
-/// Returns why there is no interval, or why it is wide, as the end of a sentence; `None` where neither is so.
+/// Returns why an interval is missing or wide, as the end of a sentence; `None` for a usual interval.
 ///
-/// - `noun`: what was measured once each: `fold` or `task`
+/// - `noun`: unit of repetition, `fold` or `task`
 pub(crate) fn interval_note(statistic: &Statistic, noun: &str) -> Option<String> {
     let count = statistic.values.len();
     match statistic.ci95 {
@@ -19,7 +20,8 @@ pub(crate) fn interval_note(statistic: &Statistic, noun: &str) -> Option<String>
     }
 }
 
-/// Returns a line for every reason why intervals of a table are missing or wide; it names the rows where it does not hold for all.
+/// Returns one line for each reason why intervals of a table are missing or wide. A line names its rows unless it
+/// holds for all rows.
 ///
 /// - `rows`: name and statistic
 pub(crate) fn interval_notes<'a>(

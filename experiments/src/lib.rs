@@ -1,4 +1,4 @@
-//! Questions and answers: what was measured, beside what was published.
+//! Experiments: train and evaluate classifiers on data sets, and compare the results with published numbers.
 //!
 //! ```text
 //! ExperimentRecipe ─> Plan (tasks) ─> run_locally | run_on_slurm ─> run directories ─> Summary ─> HTML page

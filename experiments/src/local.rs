@@ -1,4 +1,4 @@
-//! Runs tasks on this machine: a bounded pool of processes that share its cores.
+//! Runs tasks on this machine in a bounded pool of processes that share its cores.
 
 use std::path::Path;
 use std::thread;
@@ -12,35 +12,35 @@ use crate::task_process::TaskProcess;
 use crate::tasks::{ExperimentDir, TaskState};
 use crate::{Event, ExperimentError, Job, Task, TimeLeft};
 
-/// How often processes are looked at.
+/// Interval between two checks of the running processes.
 const POLL: Duration = Duration::from_millis(50);
-/// How often a task is begun before it counts as failed.
+/// Maximum number of attempts for each task.
 const ATTEMPTS: usize = 3;
-/// Networks that one process is given at once, at most; it trains as many of them side by side as memory allows.
+/// Maximum number of networks that one process trains together; the GPU's memory may reduce it.
 const TOGETHER: usize = 100;
-/// Exit code of a task that would fail again the same way: its call must be corrected.
+/// Exit code of a task that would fail again in the same way, because its call is wrong.
 const HOPELESS: i32 = 2;
 
 /// A bounded pool of processes.
 #[derive(Debug, Clone, Copy)]
 pub struct LocalPool {
-    /// Tasks that run at once.
+    /// Maximum number of tasks that run at the same time.
     pub jobs: usize,
-    /// Threads of each.
+    /// Number of threads for each task.
     pub threads: usize,
-    /// Networks that a GPU trains at once; `None`: as many as its memory allows.
+    /// Number of networks that a GPU trains together; `None` for as many as its memory allows.
     pub at_once: Option<usize>,
 }
 
 impl LocalPool {
-    /// One task for every core, so that no core waits for another, but no more than there are `tasks`.
+    /// Returns a pool of one task for each core, but at most `tasks`.
     ///
-    /// On two cores, two trainings side by side end 12 % sooner than one after the other on both.
+    /// On two cores, two trainings side by side finish 12 % sooner than one after the other on both cores.
     pub fn for_cores(cores: usize, tasks: usize) -> Self {
         Self::with_jobs(cores.min(tasks), cores)
     }
 
-    /// `jobs` at once, sharing `cores`.
+    /// Returns a pool of `jobs` parallel tasks that share `cores`.
     pub fn with_jobs(jobs: usize, cores: usize) -> Self {
         Self {
             jobs: jobs.max(1),
@@ -49,20 +49,20 @@ impl LocalPool {
         }
     }
 
-    /// With so many networks at once on a GPU.
+    /// Sets the number of networks that a GPU trains together.
     #[must_use]
     pub fn at_once(self, at_once: Option<usize>) -> Self {
         Self { at_once, ..self }
     }
 }
 
-/// A process that works on tasks: one, or several networks that a GPU trains at once.
+/// A process that runs one task, or trains several networks together on a GPU.
 struct Running {
     indices: Vec<usize>,
     process: TaskProcess,
 }
 
-/// What is the same of networks that a GPU can train at once; `None` of all other tasks.
+/// Returns the settings that networks must share to be trained together on a GPU; `None` for all other tasks.
 fn kind(dir: &ExperimentDir, task: &Task) -> Option<TrainSpec> {
     let Job::Train(spec) = &task.job else {
         return None;
@@ -77,7 +77,7 @@ fn kind(dir: &ExperimentDir, task: &Task) -> Option<TrainSpec> {
     })
 }
 
-/// The tasks of `open` that the one at `first` can be trained with at once, that one in front.
+/// Returns up to `most` tasks of `open` that can be trained together with `first`, which comes first.
 fn together(dir: &ExperimentDir, first: usize, open: &[usize], most: usize) -> Vec<usize> {
     let tasks = &dir.plan.tasks;
     let mut group = vec![first];
@@ -90,14 +90,14 @@ fn together(dir: &ExperimentDir, first: usize, open: &[usize], most: usize) -> V
     group
 }
 
-/// Runs every task that has not ended; tasks on which another process works are waited for.
+/// Runs all unfinished tasks and waits for tasks that another process runs.
 ///
 /// - `program`: the `tactnet` binary
-/// - `stop`: asked often; once true, running tasks are told to stop where they can be resumed, and no more are begun
-/// - `tell`: what happens
+/// - `stop`: polled often; once it returns true, running tasks stop where they can be resumed, and no new task starts
+/// - `tell`: receives progress events
 ///
 /// # Errors
-/// Tasks that failed three times, once all others have ended; a folder that cannot be written.
+/// Tasks that failed three times, after all others have finished; a folder that cannot be written.
 pub fn run_locally(
     dir: &ExperimentDir,
     program: &Path,
@@ -139,7 +139,7 @@ pub fn run_locally(
                     });
                 } else if !stopping {
                     attempts[index] += 1;
-                    // Of several, nobody knows whose call it is.
+                    // With several tasks in a process, the wrong call cannot be attributed to one of them.
                     if status.code() == Some(HOPELESS) && indices.len() == 1 {
                         attempts[index] = ATTEMPTS;
                     }
@@ -168,7 +168,7 @@ pub fn run_locally(
                 }
                 TaskState::Running => {}
                 TaskState::Open | TaskState::Interrupted => {
-                    // What has failed is tried again alone.
+                    // A task that has failed is retried alone.
                     let fresh = |i: &usize| {
                         let state = dir.state(&tasks[*i]);
                         let waits = matches!(state, TaskState::Open | TaskState::Interrupted);
@@ -206,7 +206,7 @@ pub fn run_locally(
     failures(dir)
 }
 
-/// An error if a task has not ended well.
+/// Returns an error if any task is unfinished.
 pub(crate) fn failures(dir: &ExperimentDir) -> Result<(), ExperimentError> {
     let tasks = &dir.plan.tasks;
     let failed: Vec<&Task> = tasks
@@ -224,12 +224,12 @@ pub(crate) fn failures(dir: &ExperimentDir) -> Result<(), ExperimentError> {
     }
 }
 
-/// Runs one task until it ends: what a Slurm job does.
+/// Runs one task to its end, as a Slurm job does.
 ///
-/// - `stop`: asked often; once true, the task is told to stop where it can be resumed
+/// - `stop`: polled often; once it returns true, the task stops where it can be resumed
 ///
 /// # Errors
-/// The task cannot be started or does not end well; another process works on it.
+/// A task that cannot be started or fails; a task that another process runs.
 pub fn run_task(
     dir: &ExperimentDir,
     program: &Path,

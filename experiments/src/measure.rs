@@ -1,4 +1,4 @@
-//! What is measured, in which unit, and one measured number.
+//! Measured quantities, their units, and single measurements.
 
 use std::fmt;
 
@@ -8,16 +8,16 @@ use tactnet_pipeline::PredictionMethod;
 /// A quantity that a task measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Measure {
-    /// Share of right decisions.
+    /// Share of correct decisions.
     #[serde(rename = "accuracy")]
     Accuracy,
-    /// The same where each sweep of several has one vote.
+    /// Share of correct decisions by majority vote over several sweeps.
     #[serde(rename = "accuracy, vote")]
     VoteAccuracy,
     /// Mean negative log-likelihood of the true material.
     #[serde(rename = "negative log-likelihood")]
     NegativeLogLikelihood,
-    /// Mean gap between confidence and accuracy, 15 bins.
+    /// Mean gap between confidence and accuracy over 15 bins.
     #[serde(rename = "expected calibration error")]
     ExpectedCalibrationError,
     /// Squared distance between scores and truth, summed over materials, 0 to 2.
@@ -32,10 +32,10 @@ pub enum Measure {
     /// Area under the ROC curve.
     #[serde(rename = "auroc")]
     Auroc,
-    /// Share of known sweeps that are called unknown.
+    /// Share of sweeps of known materials that are classified as unknown.
     #[serde(rename = "false alarms")]
     FalseAlarms,
-    /// Share of unknown sweeps that are called unknown.
+    /// Share of sweeps of unknown materials that are classified as unknown.
     #[serde(rename = "detected")]
     Detected,
     /// Share of sweeps whose material is in the prediction set.
@@ -44,22 +44,22 @@ pub enum Measure {
     /// Mean number of materials in a prediction set.
     #[serde(rename = "set size")]
     SetSize,
-    /// Mean number of sweeps behind a decision.
+    /// Mean number of sweeps for each decision.
     #[serde(rename = "mean sweeps")]
     MeanSweeps,
-    /// Share of a sweep's nearest neighbours that are of its material.
+    /// Share of a sweep's nearest neighbours with the same material.
     #[serde(rename = "purity")]
     Purity,
     /// Accuracy on an enrolled material.
     #[serde(rename = "new material")]
     NewMaterial,
-    /// Accuracy on the known materials before one more is enrolled.
+    /// Accuracy on the known materials before an enrolment.
     #[serde(rename = "known, before")]
     KnownBefore,
-    /// Accuracy on the known materials after one more is enrolled.
+    /// Accuracy on the known materials after an enrolment.
     #[serde(rename = "known, after")]
     KnownAfter,
-    /// Before minus after.
+    /// Loss of accuracy on the known materials, before minus after.
     #[serde(rename = "known, lost")]
     KnownLost,
 }
@@ -67,7 +67,7 @@ pub enum Measure {
 /// The unit of a measure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unit {
-    /// A share, 0 to 1; shown in percent, and its intervals end at 0 and 1.
+    /// A share, 0 to 1; shown in percent, with intervals clamped to 0 and 1.
     Share,
     /// A difference of shares; shown in percent.
     ShareDifference,
@@ -86,14 +86,14 @@ pub enum Unit {
 }
 
 impl Unit {
-    /// True if numbers are shown in percent.
+    /// Returns true if numbers are shown in percent.
     pub fn in_percent(self) -> bool {
         matches!(self, Self::Share | Self::ShareDifference)
     }
 }
 
 impl Measure {
-    /// Returns its name in results.
+    /// Returns the name in result files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Accuracy => "accuracy",
@@ -117,7 +117,7 @@ impl Measure {
         }
     }
 
-    /// Returns its unit.
+    /// Returns the unit.
     pub fn unit(self) -> Unit {
         match self {
             Self::Accuracy
@@ -151,27 +151,27 @@ impl fmt::Display for Measure {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Measurement {
-    /// The quantity.
+    /// Measured quantity.
     pub measure: Measure,
-    /// By which method.
+    /// Name of the method.
     pub method: String,
-    /// Under which circumstances, if there are several: `hard pairs`.
+    /// Condition of the measurement, such as `hard pairs`; empty if there is only one.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub setting: String,
-    /// Sweeps of every new material that were learnt from.
+    /// Support sweeps of each new material.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shots: Option<usize>,
-    /// Sweeps behind one decision.
+    /// Sweeps for each decision.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sweeps: Option<usize>,
-    /// The number, in the measure's unit.
+    /// Measured value, in the measure's unit.
     pub value: f64,
-    /// Decisions behind it.
+    /// Number of decisions.
     pub decisions: usize,
 }
 
 impl Measurement {
-    /// A measurement without shots, sweeps or setting.
+    /// Returns a measurement without shots, sweeps or setting.
     pub(crate) fn new(measure: Measure, method: &str, value: f64, decisions: usize) -> Self {
         Self {
             measure,
@@ -206,7 +206,7 @@ impl Measurement {
     }
 }
 
-/// Returns a method's name for people: what files call `plain` is one pass without dropout.
+/// Returns the display name of a method, such as the title of `plain`.
 pub(crate) fn method_name(method: &str) -> &str {
     let dropout = PredictionMethod::McDropout { mc_samples: 1 };
     let ways = [PredictionMethod::Plain, dropout];

@@ -1,7 +1,10 @@
 //! Export to the folder layout that MLflow's tracking UI opens (`mlflow ui --backend-store-uri DIR`).
 //!
-//! One MLflow experiment; one run a task. A training has parameters, final metrics, the course of training, and the run directory's
-//! files as artefacts; a question has its fields as parameters and its measurements as metrics. Layout: `mlflow.store.tracking.file_store` of MLflow 3.
+//! The experiment becomes one MLflow experiment, and each task one run. A training exports parameters, final metrics,
+//! training curves, and the files of its run directory as artefacts. A question exports its fields as parameters and
+//! its measurements as metrics.
+//!
+//! Layout: `mlflow.store.tracking.file_store` of MLflow 3.
 
 mod run;
 
@@ -16,7 +19,7 @@ use crate::tasks::{ExperimentDir, TaskState};
 use crate::{ExperimentError, Job, Probe, Task};
 use run::{question, training};
 
-/// Files that become artefacts.
+/// Files of a run directory that are exported as artefacts.
 const ARTEFACTS: [&str; 5] = [
     "result.json",
     "config.json",
@@ -25,7 +28,7 @@ const ARTEFACTS: [&str; 5] = [
     "confusion.svg",
 ];
 
-/// Writes every task that has ended; gives their number.
+/// Exports all finished tasks and returns their number.
 ///
 /// # Errors
 /// A folder that is not empty or cannot be written; a damaged run directory.
@@ -55,7 +58,7 @@ pub fn export_mlflow(dir: &ExperimentDir, out: &Path) -> Result<usize, Experimen
         &experiment.join("tags/mlflow.note.content"),
         &recipe.expects,
     )?;
-    // MLflow expects its default experiment to be there.
+    // MLflow requires its default experiment.
     let default = out.join("0");
     if id != "0" {
         write(
@@ -153,7 +156,7 @@ fn write(path: &Path, text: &str) -> Result<(), ExperimentError> {
     write_whole(path, text.as_bytes()).map_err(ExperimentError::from)
 }
 
-/// When a file was written, milliseconds since 1970.
+/// Returns the modification time of a file in milliseconds since 1970; 0 if it is unknown.
 fn millis(path: &Path) -> u128 {
     let written = fs::metadata(path).and_then(|meta| meta.modified()).ok();
     written
@@ -161,7 +164,7 @@ fn millis(path: &Path) -> u128 {
         .map_or(0, |time| time.as_millis())
 }
 
-/// Returns the number that stands for a name, as MLflow's experiments are numbered: its hash, at most 18 digits.
+/// Returns a numeric identifier for MLflow: the hash of the name, at most 18 digits.
 fn number(name: &str) -> String {
     // Sixteen hexadecimal digits are 64 bits.
     let hash = u64::from_str_radix(&sha256_hex(name)[..16], 16)
@@ -169,7 +172,7 @@ fn number(name: &str) -> String {
     (hash % 1_000_000_000_000_000_000).to_string()
 }
 
-/// A YAML string in single quotes.
+/// Returns a YAML string in single quotes.
 fn yaml(text: &str) -> String {
     format!("'{}'", text.replace('\'', "''"))
 }

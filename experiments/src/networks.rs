@@ -1,4 +1,4 @@
-//! Networks that a task of several has finished, so that an interrupted task does not train them again.
+//! Cache of the networks that a task has trained, so that a resumed task does not train them again.
 
 use std::cell::Cell;
 use std::fs;
@@ -10,14 +10,14 @@ use tactnet_pipeline::{Classifier, PipelineError, write_whole};
 
 use crate::ExperimentError;
 
-/// The folder `networks` of a task, in the order in which the task trains.
+/// The folder `networks` of a task, in the order of training.
 pub(crate) struct FinishedNetworks {
     folder: PathBuf,
     asked: Cell<usize>,
 }
 
 impl FinishedNetworks {
-    /// Those in the folder of a task.
+    /// Opens the cache in a task's folder.
     pub(crate) fn of_task(folder: &Path) -> Self {
         Self {
             folder: folder.join("networks"),
@@ -25,9 +25,9 @@ impl FinishedNetworks {
         }
     }
 
-    /// The file of the next network.
+    /// Returns the cache entry of the next network.
     ///
-    /// - `identity`: everything that decides its weights; a file that was written for another identity is not read
+    /// - `identity`: text of everything that determines its weights; entries of another identity are ignored
     pub(crate) fn next(&self, identity: &str) -> FinishedNetwork {
         let number = self.asked.get();
         self.asked.set(number + 1);
@@ -35,10 +35,10 @@ impl FinishedNetworks {
         FinishedNetwork(self.folder.join(name))
     }
 
-    /// Removes all of them: the task has its result.
+    /// Removes all entries once the task has its result.
     ///
     /// # Errors
-    /// They cannot be removed.
+    /// Files that cannot be removed.
     pub(crate) fn remove(&self) -> Result<(), ExperimentError> {
         if self.folder.exists() {
             fs::remove_dir_all(&self.folder)
@@ -48,11 +48,11 @@ impl FinishedNetworks {
     }
 }
 
-/// The place of one network's weights.
+/// Cache entry of one network's weights.
 pub(crate) struct FinishedNetwork(PathBuf);
 
 impl FinishedNetwork {
-    /// Returns the weights, where an earlier session has written them.
+    /// Reads the weights; `None` if no earlier session wrote them.
     ///
     /// # Errors
     /// A file that cannot be read or holds no weights.
@@ -66,10 +66,10 @@ impl FinishedNetwork {
         Ok(Some(weights))
     }
 
-    /// Writes the weights, whole or not at all.
+    /// Writes the weights atomically.
     ///
     /// # Errors
-    /// They cannot be written.
+    /// A file that cannot be written.
     pub(crate) fn write(&self, classifier: &Classifier) -> Result<(), ExperimentError> {
         if let Some(folder) = self.0.parent() {
             fs::create_dir_all(folder)

@@ -1,11 +1,12 @@
-//! Fields of a recipe that hold one value or a list.
+//! Recipe fields that accept a single value or a list.
 
 use std::path::Path;
 
 use serde::{Deserialize, Deserializer};
 use toml::Value;
 
-/// Reads a list, or a single value that stands for a list of one; a text with commas that is no file stands for as many texts.
+/// Reads a list, or a single value as a list of one. Text with commas that is not an existing file is split at the
+/// commas.
 pub(crate) fn one_or_many<'de, D, T>(deserializer: D) -> Result<Vec<T>, D::Error>
 where
     D: Deserializer<'de>,

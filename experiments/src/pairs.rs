@@ -1,15 +1,15 @@
-//! Pairs of sweeps, half of them of one material.
+//! Random pairs of sweeps, half of them of the same material.
 
 use rand::{Rng, RngExt};
 use tactnet_pipeline::SweepPair;
 
-/// Draws `count` pairs, every other one of two different materials; both materials and sweeps are drawn evenly, and no sweep is
-/// paired with itself.
+/// Draws `count` pairs, alternately of the same and of two different materials. Materials and sweeps are drawn
+/// uniformly, and no sweep is paired with itself.
 ///
-/// - `labels`: of every sweep
+/// - `labels`: label of each sweep
 ///
 /// # Panics
-/// If there are fewer than two materials, or one with a single sweep.
+/// If there are fewer than two materials, or a material has a single sweep.
 pub(crate) fn random_pairs(labels: &[usize], count: usize, rng: &mut impl Rng) -> Vec<SweepPair> {
     let of_label = rows_of_label(labels);
     (0..count)
@@ -30,7 +30,7 @@ pub(crate) fn random_pairs(labels: &[usize], count: usize, rng: &mut impl Rng) -
         .collect()
 }
 
-/// Rows of every label that has any.
+/// Returns the rows of each label that occurs.
 pub(crate) fn rows_of_label(labels: &[usize]) -> Vec<Vec<usize>> {
     let count = labels.iter().max().map_or(0, |label| label + 1);
     let mut rows = vec![Vec::new(); count];
@@ -42,7 +42,7 @@ pub(crate) fn rows_of_label(labels: &[usize]) -> Vec<Vec<usize>> {
     rows
 }
 
-/// `sweeps` rows of each of two materials, no row twice.
+/// Draws `sweeps` rows of each of two materials without repetition.
 pub(crate) fn draw(
     of_label: &[Vec<usize>],
     materials: [usize; 2],
@@ -88,7 +88,7 @@ mod tests {
             assert_eq!(pair.different, a != b);
             seen[a][b] += 1;
         }
-        // 100 expected on the diagonal, 20 off it.
+        // Expected counts: 100 on the diagonal, 20 elsewhere.
         for (a, row) in seen.iter().enumerate() {
             for (b, count) in row.iter().enumerate() {
                 let range = if a == b { 60..150 } else { 5..45 };

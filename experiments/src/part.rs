@@ -1,8 +1,8 @@
-//! The part of a data set that one task asks about.
+//! The part of a data set that one task works on.
 
 use serde::{Deserialize, Serialize};
 
-/// The part of a data set that one task asks about.
+/// The part of a data set that one task works on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Part {
@@ -18,7 +18,7 @@ pub enum Part {
 }
 
 impl Part {
-    /// Number that names the part's random streams.
+    /// Returns the number that selects the part's random streams.
     pub(crate) fn stream(self) -> usize {
         match self {
             Self::Draw(draw) => draw,
@@ -26,7 +26,7 @@ impl Part {
         }
     }
 
-    /// Returns the end of a task's name.
+    /// Returns the last part of a task's name.
     pub(crate) fn id(self) -> String {
         match self {
             Self::Draw(draw) => format!("{draw:03}"),
@@ -34,7 +34,7 @@ impl Part {
         }
     }
 
-    /// Returns repeat and fold; a draw is a fold of its own.
+    /// Returns repeat and fold; a draw counts as fold of repeat 0.
     pub(crate) fn repeat_and_fold(self) -> (usize, usize) {
         match self {
             Self::Draw(draw) => (0, draw),

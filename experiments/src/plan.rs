@@ -1,4 +1,4 @@
-//! From a recipe to a list of idempotent tasks.
+//! Expands a recipe into a list of idempotent tasks.
 
 mod grid;
 mod models;
@@ -16,7 +16,7 @@ use crate::suitable::refuse_unsuitable;
 use crate::{ExperimentError, ExperimentRecipe, Part, Probe, Question};
 pub(crate) use grid::Grid;
 
-/// The work of one process.
+/// One unit of work, run by one process.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Task {
@@ -24,9 +24,9 @@ pub struct Task {
     pub id: String,
     /// Name of its model in this experiment.
     pub model: String,
-    /// Its work; a recipe of the experiment's own is named relative to the experiment's folder.
+    /// Its work. Recipes of the experiment itself are named relative to the experiment's folder.
     pub job: Job,
-    /// The kind of probe, if it is one.
+    /// Kind of probe; `None` for a contender.
     pub probe: Option<Probe>,
 }
 
@@ -41,7 +41,7 @@ pub enum Job {
 }
 
 impl Job {
-    /// The data set, the recipe and the settings of its training, or of its networks.
+    /// Returns the data set, the recipe and the settings of the training or of the question's networks.
     pub(crate) fn spec_mut(&mut self) -> &mut TrainSpec {
         match self {
             Self::Train(spec) => spec,
@@ -50,7 +50,7 @@ impl Job {
     }
 }
 
-/// A question about one part of a data set: everything that decides its answer but the data.
+/// A question about one part of a data set, with everything that determines its answer except the data.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct QuestionTask {
@@ -58,36 +58,38 @@ pub struct QuestionTask {
     pub question: Question,
     /// The part of the data.
     pub part: Part,
-    /// The data set, and how networks are trained; folds and labels are the question's own matter.
+    /// The data set and the training settings of networks; the question decides on folds and labels.
     pub networks: TrainSpec,
 }
 
-/// The content of `experiment.json`.
+/// Content of `experiment.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Plan {
     /// Version of this layout, [`Plan::SCHEMA_VERSION`].
     pub schema_version: u32,
-    /// The recipe, with all that was set on the command line.
+    /// The recipe, with all settings applied.
     pub recipe: ExperimentRecipe,
-    /// The call that leads here.
+    /// Command that repeats the experiment; the front end provides it.
     pub command: String,
-    /// Recipes of models that do not ship with the binary, as TOML by name.
+    /// Recipes of models that are not built in, as TOML by name.
     pub recipes: BTreeMap<String, String>,
-    /// In the order they are run.
+    /// Tasks in the order in which they run.
     pub tasks: Vec<Task>,
 }
 
 impl Plan {
     /// Version written by this program.
     pub const SCHEMA_VERSION: u32 = 4;
-    /// Before the file name of a recipe of the experiment's own.
+    /// Prefix of the file name of a recipe that belongs to the experiment.
     pub(crate) const OWN_RECIPE: &str = "recipes:";
 
     /// Plans `recipe`.
     ///
+    /// - `command`: command that repeats the experiment
+    ///
     /// # Errors
-    /// A data set that is not there, a model's recipe that cannot be used, two models of one name.
+    /// A missing data set; an invalid recipe of a model; two models with the same name.
     pub fn new(recipe: &ExperimentRecipe, command: &str) -> Result<Self, ExperimentError> {
         let refused = |reason: String| ExperimentError::Recipe {
             origin: recipe.name.clone(),
@@ -129,7 +131,8 @@ impl Plan {
         })
     }
 
-    /// Returns whether a task trains a network, or answers a question about networks; false for a recipe that cannot be read any more.
+    /// Returns true if a task trains a network or answers a question about networks; false for a recipe that is no
+    /// longer readable.
     pub(crate) fn trains_network(&self, task: &Task) -> bool {
         let Job::Train(spec) = &task.job else {
             return true;
@@ -140,7 +143,7 @@ impl Plan {
         )
     }
 
-    /// Returns the first difference that keeps `other` from going on with this plan.
+    /// Returns the first difference that prevents `other` from resuming this plan.
     pub(crate) fn difference(&self, other: &Self) -> Option<String> {
         let [own, theirs] = [self, other].map(|plan| {
             let mut fields = Table::try_from(&plan.recipe).unwrap_or_default();
@@ -171,7 +174,7 @@ impl Plan {
     }
 }
 
-/// Returns the recipe of a training: one of the experiment's own, or a built-in one; `None` where it cannot be read any more.
+/// Returns the recipe of a training, from the experiment or built in; `None` if it is no longer readable.
 fn recipe_of(recipes: &BTreeMap<String, String>, spec: &TrainSpec) -> Option<ModelRecipe> {
     let own = spec.recipe.strip_prefix(Plan::OWN_RECIPE);
     match own.and_then(|file| file.strip_suffix(".toml")) {
@@ -180,7 +183,7 @@ fn recipe_of(recipes: &BTreeMap<String, String>, spec: &TrainSpec) -> Option<Mod
     }
 }
 
-/// A file's name without folder and ending, with nothing that a file name should not have.
+/// Returns a file name without folder and extension, with unusual characters replaced by `_`.
 fn stem(name: &str) -> String {
     let stem = Path::new(name)
         .file_stem()

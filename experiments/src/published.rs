@@ -1,4 +1,4 @@
-//! Accuracies published for TactMat, as data.
+//! Accuracies published for TactMat.
 
 use tactnet_data::{DataOrigin, Scheme, SplitManifest};
 use tactnet_pipeline::{
@@ -7,14 +7,14 @@ use tactnet_pipeline::{
 
 use crate::published_confusion::TACTMAT_MATERIALS;
 
-/// One row: accuracy in percent, mean and standard deviation over 2 x 5 folds.
+/// A published accuracy in percent, mean and standard deviation over 2 x 5 folds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PublishedAccuracy {
-    /// Who or what classified.
+    /// Name of the classifier, or the human subjects.
     pub classifier: &'static str,
-    /// One sweep: mean and standard deviation, %.
+    /// Accuracy with one sweep: mean and standard deviation, in %.
     pub one_sweep: (f64, Option<f64>),
-    /// Three sweeps: mean and standard deviation, %.
+    /// Accuracy with three sweeps: mean and standard deviation, in %.
     pub three_sweeps: (f64, Option<f64>),
 }
 
@@ -43,12 +43,14 @@ pub const PUBLISHED: [PublishedAccuracy; 4] = [
     },
 ];
 
-/// The published row that a run may be set beside: whole, unpermuted sweeps of TactMat or its twin with their levels, random folds, the
-/// published network trained at least as long as the recipe `fast` does. A base network predicted with MC dropout was not
-/// published.
+/// Returns the published row that is comparable with a run, if there is one.
 ///
-/// - `origin`: of the run's data set
-/// - `way`: how the network was asked
+/// Comparable runs use complete sweeps of TactMat or its twin with true labels and kept levels, random folds, and the
+/// published network. They train at least as many epochs as the recipe `fast`. No accuracy was published for a base
+/// network with MC dropout.
+///
+/// - `origin`: origin of the run's data set
+/// - `way`: prediction method
 pub fn published_for(
     config: &RunConfig,
     origin: DataOrigin,

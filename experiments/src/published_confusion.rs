@@ -1,12 +1,12 @@
-//! Confusions published for TactMat, as data, and how much ours resemble them.
+//! Confusion matrices published for TactMat, and their correlation with measured ones.
 
-/// The materials of TactMat in the order of their id, in which the published confusion groups are consecutive.
+/// The materials of TactMat in the order of their id; the published confusion groups are consecutive in it.
 pub use tactnet_data::twin::NAMES as TACTMAT_MATERIALS;
 
-/// `[36][36]` confusion of TactNet-II, one sweep: row = true material, column = predicted, shares of the row.
+/// Returns the `[36][36]` confusion matrix of TactNet-II for one sweep, as shares of each row: `[true][predicted]`.
 ///
-/// Source: Tulbure and Bäuml, Humanoids 2018, and chapter 4 of Bäuml's thesis (figure 4.7), read off the figure's pixels
-/// (8-bit grey, +-0.004, so rows add up to 0.97-1.00).
+/// Source: Tulbure and Bäuml, Humanoids 2018, and chapter 4 of Bäuml's thesis (figure 4.7), measured from the figure's
+/// pixels (8-bit grey, +-0.004, so rows add up to 0.97-1.00).
 pub fn robot() -> Vec<Vec<f64>> {
     tactnet_data::twin::published_confusions()
         .iter()
@@ -14,16 +14,18 @@ pub fn robot() -> Vec<Vec<f64>> {
         .collect()
 }
 
-/// `[36][36]` confusion of 15 human subjects, one sweep: row = true material, column = predicted, shares of the row.
+/// Returns the `[36][36]` confusion matrix of 15 human subjects for one sweep, as shares of each row:
+/// `[true][predicted]`.
 ///
-/// Source: Tulbure and Bäuml, Humanoids 2018, and chapter 4 of Bäuml's thesis (figure 4.9), read off the figure's pixels
-/// (8-bit grey, +-0.004, so rows add up to 0.97-1.00).
+/// Source: Tulbure and Bäuml, Humanoids 2018, and chapter 4 of Bäuml's thesis (figure 4.9), measured from the figure's
+/// pixels (8-bit grey, +-0.004, so rows add up to 0.97-1.00).
 pub fn human() -> Vec<Vec<f64>> {
     parse(include_str!("published/human_confusion.csv"))
 }
 
-/// Pearson's correlation between our row shares and the published ones over all cells off the diagonal; `None` where the
-/// sizes differ or one side does not vary. Rows without counts have no shares and are left out.
+/// Returns Pearson's correlation between measured and published row shares over all off-diagonal cells.
+///
+/// Returns `None` if the sizes differ or one side is constant. Rows without counts are left out.
 ///
 /// - `counts`: `[true][predicted]`
 /// - `published`: `[true][predicted]`, shares of the row
@@ -95,7 +97,7 @@ mod tests {
         sum / matrix.len() as f64
     }
 
-    /// Diagonal means 0.867 and 0.342, as measured when the figures were read.
+    /// Diagonal means 0.867 and 0.342, measured when the figures were digitised.
     #[test]
     fn the_published_matrices_are_the_ones_that_were_read() {
         assert!((mean_diagonal(&robot()) - 0.867).abs() < 5e-4);
@@ -113,7 +115,7 @@ mod tests {
             })
             .collect();
         let correlation = off_diagonal_correlation(&counts, &robot()).unwrap();
-        // Rows add up to 0.97-1.00 only, so shares of the row differ from the published ones by up to 3 %.
+        // Rows only add up to 0.97-1.00, so row shares differ from the published ones by up to 3 %.
         assert!(correlation > 0.999, "{correlation}");
     }
 

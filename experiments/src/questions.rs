@@ -1,6 +1,8 @@
-//! The questions that an experiment can ask, one file each: its fields in a recipe, its run, its published figures, its words.
+//! The questions that an experiment can ask. Each file holds a question's recipe fields, computation, published values
+//! and report texts.
 //!
-//! A new question is a file here with a type that implements [`Ask`], and its line in the registry below (and `mod`).
+//! A new question is a file here with a type that implements [`Ask`], an entry in the registry below, and a `mod`
+//! line.
 
 mod crossval;
 mod differentiate;
@@ -49,10 +51,11 @@ macro_rules! registry {
                 }
             }
 
-            /// Checks the fields of a recipe's `question`. An enum with a tag forgets which field is at fault, the type itself knows.
+            /// Checks the fields of a recipe's `question` against the type of its kind, because errors of a tagged
+            /// enum do not name the field.
             ///
             /// # Errors
-            /// A field that is unknown, is missing or has another type.
+            /// An unknown or missing field, or a field of another type.
             pub(crate) fn check_fields(question: &Table) -> Result<(), toml::de::Error> {
                 let mut fields = question.clone();
                 match fields.remove("kind").as_ref().and_then(Value::as_str) {
@@ -71,26 +74,26 @@ macro_rules! registry {
 }
 
 registry! {
-    /// How accurate are classifiers on sweeps that they were not trained on?
+    /// Accuracy of classifiers on held-out sweeps.
     "crossval" => crossval::Crossval,
-    /// How well does transfer learn new materials from few sweeps? (Thesis, section 4.6.)
+    /// Transfer to new materials from few sweeps (thesis, section 4.6).
     "nshot" => nshot::Nshot,
-    /// Are two sweeps of one material? (Thesis, sections 4.4.3 and 4.4.4.)
+    /// Decision between same and different material for two sweeps (thesis, sections 4.4.3 and 4.4.4).
     "differentiate" => differentiate::Differentiate,
-    /// Is it a material that was never seen?
+    /// Detection of unknown materials.
     "unknown" => unknown::Unknown,
-    /// How many sweeps until the decision is sure?
+    /// Number of sweeps until the decision is certain.
     "sequential" => sequential::Sequential,
-    /// What does a material more cost a trained classifier?
+    /// Accuracy before and after enrolling one more material.
     "enrolment" => enrolment::Enrolment,
-    /// How far apart do easy and hard materials lie?
+    /// Separation of easy and hard materials in the feature space.
     "feature-maps" => feature_maps::FeatureMaps,
-    /// How good is a network under several circumstances, and what does it cost?
+    /// Accuracy of networks under several conditions, and their cost.
     "networks" => networks::Networks,
 }
 
 impl Question {
-    /// Returns what is asked without how often: the fields but numbers of folds, repeats and draws, probes and groups.
+    /// Returns the fields of the question without those that only set the number of repetitions.
     pub(crate) fn subject(&self) -> Table {
         let mut fields = Table::try_from(self)
             .unwrap_or_else(|error| panic!("a question is always valid TOML: {error}"));
@@ -108,7 +111,7 @@ impl Question {
     }
 }
 
-/// The name of a question in recipes, in names of tasks and on the command line.
+/// The name of a question in recipes and in names of tasks.
 pub(crate) trait Named {
     /// Returns the name.
     fn name(&self) -> &'static str;
@@ -116,50 +119,50 @@ pub(crate) trait Named {
 
 /// The behaviour of a question.
 pub(crate) trait Ask: Named {
-    /// Checks its fields.
+    /// Checks the fields.
     ///
     /// # Errors
-    /// A field that is out of range, named, with what was expected and found.
+    /// A field out of range, with the expected and found values.
     fn validate(&self) -> Result<(), String>;
 
-    /// Plans its tasks: one for each part of the data and each network of the recipe, unless the question says otherwise.
+    /// Plans the tasks. The default is one for each part of the data and each network of the recipe.
     ///
     /// # Errors
-    /// A model that is no network.
+    /// A model that is not a network.
     fn tasks(&self, grid: &Grid<'_>) -> Result<Vec<Task>, String> {
         grid.question_tasks(self.name(), &self.parts())
     }
 
-    /// Returns the parts of the data that are asked about, a task each.
+    /// Returns the parts of the data, one for each task.
     fn parts(&self) -> Vec<Part>;
 
-    /// Returns how many materials of a data set are new; `None` for a question that knows all of them.
+    /// Returns the number of new materials; `None` for a question that uses known materials only.
     fn new_materials(&self) -> Option<usize> {
         None
     }
 
-    /// Answers the question for the part of the data that the context names.
+    /// Answers the question for the context's part of the data.
     ///
     /// # Errors
-    /// Somebody asked to stop; data that are too few for the question.
+    /// A request to stop; a data set that is too small for the question.
     fn answer(&self, context: &StudyContext<'_>) -> Result<Answer, Cancelled>;
 
-    /// Returns test sweeps over training sweeps where tasks share training sweeps; 0 where every task draws its own split of the
-    /// materials.
+    /// Returns the number of test sweeps divided by the number of training sweeps, or 0 if every task draws its own
+    /// split of the materials.
     fn test_share(&self) -> f64;
 
-    /// Returns whom the methods are compared with by this measure.
+    /// Returns the reference for comparisons by this measure.
     fn compared(&self, measure: Measure) -> Option<Compared>;
 
-    /// Returns what was published for TactMat, in the measure's unit.
+    /// Returns the values published for TactMat, in the measure's unit.
     fn published(&self, _row: &Row) -> Published {
         Published::default()
     }
 
-    /// Adds to the summary what this question alone finds.
+    /// Adds the results that are specific to this question to the summary.
     ///
     /// # Errors
-    /// Files of a task that are damaged.
+    /// Damaged files of a task.
     fn complete(
         &self,
         _dir: &ExperimentDir,
@@ -169,41 +172,41 @@ pub(crate) trait Ask: Named {
         Ok(())
     }
 
-    /// Returns what its report says first of one data set and network; `None` before anything was measured, and of cross-validations,
-    /// whose contenders the report compares itself.
+    /// Returns the headline for one data set and network. Returns `None` without measurements and for
+    /// cross-validations, whose contenders the report compares itself.
     ///
-    /// - `rows`: all of the same data set, levels, steps and network
+    /// - `rows`: all rows of the same data set, levels, steps and network
     fn headline(&self, _rows: &[&Row]) -> Option<Headline> {
         None
     }
 
-    /// Returns the figures of its report.
+    /// Returns the figures of the report.
     fn figures(&self) -> Vec<Figure> {
         Vec::new()
     }
 
-    /// Returns the words of its report with their meanings.
+    /// Returns the glossary of the report.
     fn terms(&self) -> &'static [(&'static str, &'static str)];
 }
 
-/// Whom a method is compared with, on the same tasks.
+/// The reference that a method is compared with, on the same tasks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Compared {
-    /// With one method of the same network.
+    /// One method of the same network.
     With(&'static str),
-    /// With every other contender, on this number of sweeps a decision.
+    /// All other contenders, at this number of sweeps for each decision.
     WithEachOther {
-        /// Sweeps behind one decision.
+        /// Sweeps for each decision.
         sweeps: usize,
     },
-    /// With every other network asked by the same method, on this number of sweeps a decision.
+    /// All other networks with the same method, at this number of sweeps for each decision.
     Networks {
-        /// Sweeps behind one decision.
+        /// Sweeps for each decision.
         sweeps: usize,
     },
 }
 
-/// Numbers published for TactMat, in the unit of the row beside them.
+/// Values published for TactMat, in the unit of their row.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Published {
     pub(crate) robot: Option<f64>,
@@ -222,25 +225,26 @@ impl Published {
 /// A figure of a report.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Figure {
-    /// Accuracy against shots, a line for each of some methods.
+    /// Accuracy against shots, with one line for each method.
     Shots {
-        /// The methods' common name.
+        /// Title of the figure.
         title: &'static str,
         /// Names of the methods.
         methods: &'static [&'static str],
     },
     /// Accuracy against the mean number of sweeps.
     Sweeps,
-    /// A bar for every method and circumstance.
+    /// One bar for each method and condition.
     Bars(Measure),
 }
 
-/// Draws of new materials, one task each.
+/// Returns draws of new materials, one for each task.
 fn draws(count: usize) -> Vec<Part> {
     (0..count).map(Part::Draw).collect()
 }
 
-/// Folds of the two times five, one task each: the first `splits` of them, or the first `folds` of each of `repeats` repeats.
+/// Returns folds of two repeats of five folds: the first `splits` of them, or the first `folds` of each of `repeats`
+/// repeats.
 fn folds(folds: usize, repeats: usize, splits: Option<usize>) -> Vec<Part> {
     match splits {
         Some(splits) => (0..splits)
@@ -255,12 +259,12 @@ fn folds(folds: usize, repeats: usize, splits: Option<usize>) -> Vec<Part> {
     }
 }
 
-/// Folds of a repeat.
+/// Number of folds of a repeat.
 const FOLDS: usize = 5;
-/// Repeats of the cross-validation.
+/// Maximum number of repeats of the cross-validation.
 const REPEATS: usize = 2;
 
-/// Checks that a number lies between two.
+/// Checks that a field is within a range.
 fn within(field: &str, value: usize, least: usize, most: usize) -> Result<(), String> {
     if (least..=most).contains(&value) {
         return Ok(());
@@ -273,7 +277,7 @@ fn within(field: &str, value: usize, least: usize, most: usize) -> Result<(), St
     Err(format!("`{field}`: expected {range}, found {value}"))
 }
 
-/// Checks numbers of folds.
+/// Checks the numbers of folds, repeats and splits.
 fn check_folds(folds: usize, repeats: usize, splits: Option<usize>) -> Result<(), String> {
     within("folds", folds, 1, FOLDS)?;
     within("repeats", repeats, 1, REPEATS)?;
@@ -285,7 +289,7 @@ fn check_folds(folds: usize, repeats: usize, splits: Option<usize>) -> Result<()
     }
 }
 
-/// Checks numbers of sweeps.
+/// Checks that all numbers are above 0.
 fn check_counts(field: &str, counts: &[usize]) -> Result<(), String> {
     if counts.contains(&0) {
         return Err(format!("`{field}`: expected numbers above 0, found 0"));
@@ -293,7 +297,7 @@ fn check_counts(field: &str, counts: &[usize]) -> Result<(), String> {
     Ok(())
 }
 
-/// Returns the numbers that were asked for, or else the question's own.
+/// Returns the requested numbers, or the question's default if there are none.
 fn given_or<'a>(given: &'a [usize], own: &'a [usize]) -> &'a [usize] {
     if given.is_empty() { own } else { given }
 }

@@ -1,4 +1,4 @@
-//! An experiment as one TOML file.
+//! An experiment as a TOML file.
 
 mod search;
 
@@ -16,7 +16,7 @@ use crate::settings::{FIELDS, current_shape, parse_value, set_field};
 use crate::{Crossval, ExperimentError, Question};
 pub use search::{Range, Search};
 
-/// Experiments that ship with the binary, by name.
+/// Built-in experiments by name.
 const BUILT_IN: [(&str, &str); 15] = [
     (
         "crossval_tactnet2",
@@ -59,17 +59,17 @@ const BUILT_IN: [(&str, &str); 15] = [
     ("networks", include_str!("../recipes/networks.toml")),
 ];
 
-/// A question to classifiers on data sets, with the expected answer.
+/// A question about classifiers on data sets, with the expected answer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ExperimentRecipe {
-    /// Its name.
+    /// Name of the experiment.
     pub name: String,
-    /// One line for people.
+    /// One-line title.
     pub title: String,
-    /// The result that its author expects.
+    /// Result that the author expects.
     pub expects: String,
-    /// How long it takes.
+    /// Expected duration, as text.
     pub takes: String,
     /// Data sets: `twin`, or files.
     #[serde(deserialize_with = "one_or_many")]
@@ -77,44 +77,44 @@ pub struct ExperimentRecipe {
     /// Recipes of models: built-in names, files, or names of `variants`.
     #[serde(deserialize_with = "one_or_many")]
     pub models: Vec<String>,
-    /// Treatments of the mean of every taxel, one after the other.
+    /// Treatments of the mean of each taxel; each is evaluated separately.
     #[serde(default = "kept", deserialize_with = "one_or_many")]
     pub levels: Vec<MeanRemoval>,
-    /// Time steps kept of every sweep, one experiment each; empty: all.
+    /// Numbers of time steps to which sweeps are cut; each is evaluated separately. Empty for complete sweeps.
     #[serde(default, deserialize_with = "one_or_many")]
     pub steps: Vec<usize>,
-    /// Frames per second, for data that does not say; absent: what the data says, or assumed.
+    /// Sample rate in Hz for data that does not state one; absent for the stated or assumed rate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rate_hz: Option<f64>,
-    /// Names every random choice.
+    /// Seed of all random choices.
     #[serde(default = "one_seed")]
     pub seed: u64,
-    /// Train networks this many epochs instead of their recipe's.
+    /// Number of epochs for all networks, instead of their recipes' numbers.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub epochs: Option<usize>,
-    /// Where every task computes.
+    /// Device for all tasks.
     #[serde(default)]
     pub device: Compute,
-    /// The question with its fields; absent: a cross-validation.
+    /// The question with its fields; a cross-validation by default.
     #[serde(default = "crossval")]
     pub question: Question,
-    /// Recipes made from others.
+    /// Recipes derived from others.
     #[serde(default)]
     pub variants: Vec<Variant>,
-    /// Recipes drawn at random, judged on the inner split.
+    /// Recipes drawn at random and evaluated on the inner split.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub search: Option<Search>,
 }
 
-/// A recipe made from another.
+/// A recipe derived from another.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Variant {
-    /// Its name.
+    /// Name of the variant.
     pub name: String,
-    /// Built-in name or file of the recipe it is made from.
+    /// Built-in name or file of the base recipe.
     pub base: String,
-    /// Settings by their path, such as `training.learning_rate`.
+    /// Settings by path, such as `training.learning_rate`.
     pub set: Table,
 }
 
@@ -131,7 +131,7 @@ fn one_seed() -> u64 {
 }
 
 impl ExperimentRecipe {
-    /// Experiments that ship with the binary.
+    /// Returns all built-in experiments.
     pub fn built_in() -> impl Iterator<Item = Self> {
         BUILT_IN.iter().map(|(name, text)| {
             Self::parse(name, text, &[])
@@ -139,21 +139,21 @@ impl ExperimentRecipe {
         })
     }
 
-    /// The TOML of an experiment that ships with the binary.
+    /// Returns the TOML text of a built-in experiment.
     ///
     /// # Errors
-    /// No such name.
+    /// An unknown name.
     pub fn built_in_text(name: &str) -> Result<&'static str, ExperimentError> {
         let found = BUILT_IN.iter().find(|(known, _)| *known == name);
         found.map(|(_, text)| *text).ok_or_else(|| unknown(name))
     }
 
-    /// Loads a built-in experiment by name, or a file, with some fields set anew.
+    /// Loads a built-in experiment or a file and overrides some of its fields.
     ///
-    /// - `settings`: `field=value`, the value in TOML or a bare word
+    /// - `settings`: `field=value`, with a value in TOML or a bare word
     ///
     /// # Errors
-    /// Neither a known name nor a readable file; TOML that does not parse; an unknown field; a setting out of range.
+    /// A name that is neither known nor a readable file; invalid TOML; an unknown field; a setting out of range.
     pub fn load(name_or_path: &str, settings: &[String]) -> Result<Self, ExperimentError> {
         if let Some((name, text)) = BUILT_IN.iter().find(|(name, _)| *name == name_or_path) {
             return Self::parse(name, text, settings);
@@ -161,10 +161,10 @@ impl ExperimentRecipe {
         Self::parse(name_or_path, &text_of_file(name_or_path)?, settings)
     }
 
-    /// Returns the text of a built-in experiment, or of a file that is one.
+    /// Returns the text of a built-in experiment, or of a file that contains a valid experiment.
     ///
     /// # Errors
-    /// As [`ExperimentRecipe::load`].
+    /// See [`ExperimentRecipe::load`].
     pub fn text(name_or_path: &str) -> Result<Cow<'static, str>, ExperimentError> {
         if let Ok(text) = Self::built_in_text(name_or_path) {
             return Ok(text.into());
@@ -174,10 +174,10 @@ impl ExperimentRecipe {
         Ok(text.into())
     }
 
-    /// Parses TOML; `origin` stands in the messages.
+    /// Parses TOML; messages name `origin`.
     ///
     /// # Errors
-    /// As [`ExperimentRecipe::load`].
+    /// See [`ExperimentRecipe::load`].
     pub fn parse(origin: &str, text: &str, settings: &[String]) -> Result<Self, ExperimentError> {
         let refused = |reason: String| ExperimentError::Recipe {
             origin: origin.into(),
@@ -206,10 +206,10 @@ impl ExperimentRecipe {
         Ok(recipe)
     }
 
-    /// Returns what its author expects, where the words speak of what was run; else an empty text. A recipe that ships with the binary
-    /// speaks of all its models, of its steps and levels, of its question, and of the twin beside TactMat.
+    /// Returns the expected result if it applies to this run, and an empty text otherwise. The text of a built-in
+    /// recipe applies to all of its models, its steps, levels and question, and to TactMat or the twin.
     ///
-    /// - `beside_tactmat`: whether every data set of the run is TactMat or its twin
+    /// - `beside_tactmat`: true if all data sets of the run are TactMat or its twin
     pub(crate) fn expected_of_run(&self, beside_tactmat: bool) -> &str {
         let Ok(shipped) = Self::load_shipped(&self.name) else {
             return &self.expects;
@@ -231,7 +231,7 @@ impl ExperimentRecipe {
         Self::parse(name, Self::built_in_text(name)?, &[])
     }
 
-    /// Checks what the types do not.
+    /// Checks the constraints that the types do not express.
     fn validate(&self) -> Result<(), String> {
         let plain = |name: &str| {
             !name.is_empty()
@@ -283,7 +283,7 @@ impl ExperimentRecipe {
     }
 }
 
-/// Reads a file; what is none is taken for a name that nobody knows.
+/// Reads a file; a missing file is reported as an unknown name.
 fn text_of_file(name: &str) -> Result<String, ExperimentError> {
     let path = Path::new(name);
     if !path.exists() {
@@ -300,10 +300,10 @@ fn unknown(name: &str) -> ExperimentError {
     }
 }
 
-/// A message of serde about an unknown field or value, with the one that was meant.
+/// Adds the nearest known name to a serde message about an unknown field or value.
 ///
-/// - `beside`: further fields that may stand there
-fn with_near_name(message: &str, beside: &[&str]) -> String {
+/// - `others`: further fields that are allowed
+fn with_near_name(message: &str, others: &[&str]) -> String {
     let mut message = one_line(message);
     let Some((said, expected)) = message.split_once(", expected ") else {
         return message;
@@ -315,9 +315,9 @@ fn with_near_name(message: &str, beside: &[&str]) -> String {
         return message;
     };
     let names = expected.split('`').skip(1).step_by(2);
-    let meant = near_name(typed, names.chain(beside.iter().copied())).map(str::to_string);
-    if !beside.is_empty() {
-        message.push_str(&format!(", or of the recipe: {}", beside.join(", ")));
+    let meant = near_name(typed, names.chain(others.iter().copied())).map(str::to_string);
+    if !others.is_empty() {
+        message.push_str(&format!(", or of the recipe: {}", others.join(", ")));
     }
     if let Some(meant) = meant {
         message.push_str(&format!("; did you mean `{meant}`?"));
@@ -325,11 +325,10 @@ fn with_near_name(message: &str, beside: &[&str]) -> String {
     message
 }
 
-/// A message of several lines as one.
+/// Joins the lines of a message and replaces Rust's type names by plain ones.
 fn one_line(text: &str) -> String {
     let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
     let line = lines.collect::<Vec<_>>().join(", ");
-    // What the parser calls types, as people call them.
     [
         ("expected usize", "expected a whole number"),
         ("expected u64", "expected a whole number"),
@@ -364,13 +363,13 @@ mod tests {
         };
         assert!(expected(&[], true).contains("TactNet-II stands far above"));
         assert!(expected(&["folds=2", "repeats=2", "probes=[]"], true).contains("far above"));
-        // The words speak of seven models, on the twin.
+        // The text refers to seven models on the twin.
         assert_eq!(expected(&["models=[\"knn-l\", \"fast\"]"], true), "");
         assert_eq!(expected(&["levels=removed"], true), "");
         assert_eq!(expected(&["split=leave-block-out"], true), "");
         assert_eq!(expected(&["data=own.h5"], false), "");
         assert!(expected(&["data=tactmat.h5"], true).contains("far above"));
-        // Those of a recipe of one's own are its own affair.
+        // The text of a user's own recipe is always returned.
         assert_eq!(expected(&["expects=more", "models=knn-l"], false), "more");
     }
 
@@ -422,7 +421,7 @@ mod tests {
             panic!("nshot");
         };
         assert_eq!(nshot.splits, 7);
-        // A file that was written before.
+        // A recipe in the former layout.
         let text = "name='a'\ntitle='a'\nexpects='a'\ntakes='a'\ndata='twin'\nmodels='fast'\n\
                     splits=2\nshots=[5]\nstudy={kind='enrolment', new_materials=4}\n";
         let recipe = ExperimentRecipe::parse("old.toml", text, &[]).unwrap();

@@ -1,4 +1,4 @@
-//! What the task of a question finds, and its file.
+//! The result of a question's task, and its file.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -23,7 +23,7 @@ pub(crate) struct Answer {
     pub(crate) maps: Vec<FeatureMap>,
 }
 
-/// `result.json` of a question's task.
+/// Content of `result.json` of a question's task.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct QuestionResult {
@@ -33,39 +33,39 @@ pub struct QuestionResult {
     pub task: QuestionTask,
     /// Name of the data set.
     pub data: String,
-    /// Where its sweeps come from.
+    /// Origin of the sweeps.
     pub origin: DataOrigin,
-    /// SHA-256 of its content.
+    /// SHA-256 of the data set's content.
     pub data_sha256: String,
-    /// Rate that stands in for one that nobody named, Hz; absent where the data set says its rate.
+    /// Assumed sample rate, in Hz; absent if the data set states its rate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub assumed_rate_hz: Option<f64>,
-    /// Its materials in label order.
+    /// Materials in label order.
     pub materials: Vec<String>,
     /// Time steps of a sweep.
     pub steps: usize,
-    /// Treatment of the mean of every taxel.
+    /// Treatment of the mean of each taxel.
     pub levels: MeanRemoval,
-    /// Where tensors were.
+    /// Device of the computation.
     pub device: Compute,
     /// Name of the networks' recipe.
     pub recipe: String,
     /// SHA-256 of the recipe as TOML.
     pub recipe_sha256: String,
-    /// The split, for people.
+    /// Description of the split.
     pub split: String,
     /// SHA-256 of the split.
     pub split_sha256: String,
-    /// Settings that were chosen on the way, by name.
+    /// Settings that the task selected, by name.
     pub chosen: BTreeMap<String, f64>,
     /// The measurements.
     pub measurements: Vec<Measurement>,
-    /// Sweeps in a plane, where the question draws them.
+    /// Two-dimensional embeddings of sweeps, if the question computes them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub maps: Vec<FeatureMap>,
-    /// Time of the session that ended the task, seconds.
+    /// Duration of the session that finished the task, in seconds.
     pub seconds: f64,
-    /// Largest resident memory of the process, MiB.
+    /// Peak resident memory of the process, in MiB.
     pub peak_rss_mib: Option<f64>,
     /// Program and machine.
     pub provenance: Provenance,
@@ -76,16 +76,18 @@ impl QuestionResult {
     pub const SCHEMA_VERSION: u32 = 2;
 }
 
-/// Answers a question for one part of a data set and writes `result.json`. `None` when `go_on` said no; networks that are finished
-/// are then kept for the next call.
+/// Answers a question for one part of a data set and writes `result.json`.
 ///
-/// - `dataset`: with the steps that the task asks for
-/// - `recipe`: of the networks, with the task's levels and epochs
-/// - `folder`: of the task
-/// - `go_on`: told what is being done, with every batch of a training; false stops
+/// Returns `None` if `go_on` returned false; trained networks are then kept for the next call.
+///
+/// - `dataset`: data set, cut to the task's number of steps
+/// - `recipe`: recipe of the networks, with the task's levels and epochs
+/// - `folder`: folder of the task
+/// - `go_on`: receives the current step and each training batch, and returns false to stop
 ///
 /// # Errors
-/// A device that this program was built without; a data set that is too small for the question; a file that cannot be written.
+/// A device that this build does not support; a data set that is too small for the question; a file that cannot be
+/// written.
 pub fn answer_question(
     task: &QuestionTask,
     dataset: &Dataset,

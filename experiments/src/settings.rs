@@ -1,25 +1,25 @@
-//! `--set FIELD=VALUE`, and the fields that recipes had before a question had fields of its own.
+//! Overrides of recipe fields as `FIELD=VALUE`, and compatibility with former recipe layouts.
 
 use toml::{Table, Value};
 
-/// Fields of a recipe beside its question's.
+/// Fields of a recipe outside its question.
 pub(crate) const FIELDS: [&str; 15] = [
     "name", "title", "expects", "takes", "data", "models", "levels", "steps", "rate_hz", "seed",
     "epochs", "device", "question", "variants", "search",
 ];
-/// Fields of the question that stood beside it in older recipes.
+/// Fields of the question that former recipes contain at the top level.
 const OF_QUESTION: [&str; 8] = [
     "folds", "repeats", "split", "probes", "groups", "splits", "shots", "methods",
 ];
-/// Fields of the question that `study` has held.
+/// Fields of the question that former recipes contain in `study`.
 const OF_STUDY: [&str; 2] = ["new_materials", "scratch_folds"];
 
-/// Brings a recipe into its present shape: `study` and what belongs to the question go into `question`; without a kind it is a
-/// cross-validation.
+/// Converts a recipe to the current layout: moves `study` and the question's fields into `question`. The default kind
+/// is a cross-validation.
 pub(crate) fn current_shape(recipe: &mut Table) {
     for older in ["runs", "study"].into_iter().chain(OF_QUESTION) {
         if let Some(value) = recipe.remove(older) {
-            // A field of a question cannot fail to be set: `question` is a table or is refused when the recipe is read.
+            // This cannot fail: `question` is a table, or parsing the recipe reports it.
             let _ = set_field(recipe, older, value);
         }
     }
@@ -33,10 +33,10 @@ pub(crate) fn current_shape(recipe: &mut Table) {
     }
 }
 
-/// Sets a field of a recipe in its present shape, by its path or by its older name; what is no field of the recipe is one of its question.
+/// Sets a field by its path or former name. A name that is not a field of the recipe is set in its question.
 ///
 /// # Errors
-/// A path that leads through something that is no table.
+/// A path through a value that is not a table.
 pub(crate) fn set_field(recipe: &mut Table, path: &str, value: Value) -> Result<(), String> {
     let first = path.split('.').next().unwrap_or(path);
     match (path, value) {
@@ -46,7 +46,7 @@ pub(crate) fn set_field(recipe: &mut Table, path: &str, value: Value) -> Result<
                 let same = study
                     .get("kind")
                     .is_none_or(|kind| question.get("kind") == Some(kind));
-                // Fields of another question mean nothing to this one.
+                // Drop the fields of another question.
                 question.retain(|field, _| same && !OF_STUDY.contains(&field));
             }
             study
@@ -61,7 +61,8 @@ pub(crate) fn set_field(recipe: &mut Table, path: &str, value: Value) -> Result<
     }
 }
 
-/// TOML, or a bare word as a string; what begins like a list, a table or a quoted string must be one.
+/// Parses a TOML value, or a bare word as a string. Text that starts like a list, a table or a quoted string must be
+/// valid TOML.
 pub(crate) fn parse_value(text: &str) -> Result<Value, String> {
     match format!("value = {text}").parse::<Table>() {
         Ok(mut table) => Ok(table
@@ -72,7 +73,7 @@ pub(crate) fn parse_value(text: &str) -> Result<Value, String> {
     }
 }
 
-/// Sets a field by its path (`training.learning_rate`), making tables on the way.
+/// Sets a field by its path (`training.learning_rate`) and creates missing tables.
 pub(crate) fn set(table: &mut Table, path: &str, value: Value) -> Result<(), String> {
     match path.split_once('.') {
         None if path.is_empty() => Err("a setting needs a name before `=`".into()),

@@ -1,4 +1,4 @@
-//! Runs tasks on a cluster: one Slurm array job, polled until it has left the queue; what failed is submitted again.
+//! Runs tasks on a cluster: submits a Slurm array job, polls it until it leaves the queue, and resubmits failed tasks.
 
 use std::path::Path;
 use std::process::Command;
@@ -12,33 +12,34 @@ use crate::local::failures;
 use crate::tasks::{ExperimentDir, TaskState};
 use crate::{Event, ExperimentError, Task, TimeLeft};
 
-/// How often a task is submitted before it counts as failed.
+/// Maximum number of submissions for each task.
 const ATTEMPTS: usize = 3;
 
-/// Time that running tasks are given to stop.
+/// Time that running tasks have for a clean stop.
 const GRACE: Duration = Duration::from_secs(60);
 
-/// How array jobs are submitted.
+/// Settings of Slurm array jobs.
 #[derive(Debug, Clone)]
 pub struct SlurmArray {
-    /// Cores of each task.
+    /// Cores for each task.
     pub cores: usize,
-    /// Tasks that run at once, at most.
+    /// Maximum number of tasks that run at the same time.
     pub jobs: usize,
-    /// Further arguments of `sbatch`, such as a partition.
+    /// Additional arguments of `sbatch`, such as a partition.
     pub arguments: Vec<String>,
-    /// Time between two looks at the queue.
+    /// Interval between two queries of the queue.
     pub poll: Duration,
 }
 
-/// Submits every task that has not ended, waits, and submits what failed again.
+/// Submits all unfinished tasks, waits for them, and resubmits failed ones.
 ///
-/// The experiment's folder and the program must be visible under the same path on every node.
+/// Every node must see the experiment's folder and the program under the same path.
 ///
-/// - `stop`: asked often; once true, the array job is cancelled (its tasks stop where they can be resumed)
+/// - `stop`: polled often; once it returns true, the array job is cancelled, and its tasks stop where they can be
+///   resumed
 ///
 /// # Errors
-/// Slurm's programs are missing or refuse; tasks that failed three times.
+/// Missing or failing Slurm programs; tasks that failed three times.
 pub fn run_on_slurm(
     dir: &ExperimentDir,
     program: &Path,
@@ -63,7 +64,7 @@ pub fn run_on_slurm(
         if open.is_empty() {
             break;
         }
-        // A job that outlived its runner is waited for, not submitted twice.
+        // Wait for a job that survived its runner instead of submitting it again.
         let job = match left_behind(&logs) {
             Some(job) => job,
             None => submit(dir, program, array, &logs, &open)?,
@@ -87,7 +88,7 @@ pub fn run_on_slurm(
             match waiting {
                 Ok(false) => break,
                 Ok(true) => refused = 0,
-                // A busy controller may not answer for a while.
+                // A busy controller may fail to respond for a while.
                 Err(error) => {
                     refused += 1;
                     if refused > 30 {
@@ -118,7 +119,7 @@ pub fn run_on_slurm(
     failures(dir)
 }
 
-/// Cancels a job: tasks that wait at once, those that run once they have stopped where they can be resumed.
+/// Cancels a job: pending tasks immediately, and running tasks after a clean stop.
 fn cancel(job: &str, poll: Duration) -> Result<(), ExperimentError> {
     call("scancel", &["--state=PENDING", job])?;
     call("scancel", &["--batch", "--signal=TERM", job]).ok();
@@ -130,14 +131,14 @@ fn cancel(job: &str, poll: Duration) -> Result<(), ExperimentError> {
     Ok(())
 }
 
-/// The job of an earlier runner that is still in the queue.
+/// Returns the job of an earlier runner that is still in the queue.
 fn left_behind(logs: &Path) -> Option<String> {
     let job = std::fs::read_to_string(logs.join("job")).ok()?;
     let job = job.trim().to_string();
     (!job.is_empty() && in_queue(&job).unwrap_or(false)).then_some(job)
 }
 
-/// Submits one array job; its array indices are numbers of tasks. Gives the job's id.
+/// Submits one array job, whose array indices are task numbers, and returns its id.
 fn submit(
     dir: &ExperimentDir,
     program: &Path,
@@ -165,7 +166,7 @@ fn submit(
     arguments.push(path.display().to_string());
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let answer = call("sbatch", &arguments)?;
-    // "ID" or "ID;CLUSTER"
+    // Format: "ID" or "ID;CLUSTER".
     let id = answer
         .trim()
         .split(';')
@@ -195,7 +196,7 @@ fn in_queue(job: &str) -> Result<bool, ExperimentError> {
     }
 }
 
-/// Why a task has no result: its state, where accounting knows it, and the last line it or its job wrote.
+/// Returns the reason for a missing result: the state known to accounting, and the last line of the log.
 fn why(dir: &ExperimentDir, task: &Task, logs: &Path, job: &str, index: usize) -> String {
     let id = format!("{job}_{index}");
     let state = call(
@@ -231,7 +232,7 @@ fn call(program: &'static str, arguments: &[&str]) -> Result<String, ExperimentE
     Err(refused(said.trim().replace('\n', " / ")))
 }
 
-/// `0-3,7`
+/// Formats numbers as ranges, such as `0-3,7`.
 fn ranges(numbers: &[usize]) -> String {
     let mut parts: Vec<(usize, usize)> = Vec::new();
     for &number in numbers {
@@ -250,7 +251,7 @@ fn ranges(numbers: &[usize]) -> String {
     shown.collect::<Vec<_>>().join(",")
 }
 
-/// For a POSIX shell.
+/// Quotes a path for a POSIX shell.
 fn quoted(path: &Path) -> String {
     format!("'{}'", path.display().to_string().replace('\'', r"'\''"))
 }

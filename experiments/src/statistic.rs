@@ -1,31 +1,31 @@
-//! Means over folds, with intervals that know that folds share training sweeps.
+//! Means over folds, with intervals corrected for overlapping training sets.
 
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-/// A quantity measured once per task or fold.
+/// A quantity with one value for each task or fold.
 ///
-/// The interval and every test use the corrected resampled variance of Nadeau & Bengio (2003): `sd^2 (1/J + n_test/n_train)`,
-/// since training sets of different folds overlap.
+/// Intervals and tests use the corrected resampled variance of Nadeau & Bengio (2003), `sd^2 (1/J + n_test/n_train)`,
+/// because training sets of different folds overlap.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Statistic {
     /// Mean over folds.
     pub mean: f64,
     /// Standard deviation over folds; absent with one fold.
     pub sd: Option<f64>,
-    /// 95 % interval of the mean; absent with one fold, and where all folds are equal, which does not say how sure the mean is.
+    /// 95 % interval of the mean; absent with one fold, and if all folds are equal.
     pub ci95: Option<[f64; 2]>,
-    /// One value per task, in the order of the tasks.
+    /// One value for each task, in the order of the tasks.
     pub values: Vec<f64>,
 }
 
 impl Statistic {
-    /// Of one value per fold.
+    /// Returns the statistic of one value for each fold.
     ///
-    /// - `test_share`: test sweeps over training sweeps
+    /// - `test_share`: number of test sweeps divided by number of training sweeps
     ///
     /// # Panics
-    /// If there is no fold.
+    /// If `values` is empty.
     pub fn of(values: Vec<f64>, test_share: f64) -> Self {
         assert!(!values.is_empty(), "a mean needs at least one fold");
         let count = values.len() as f64;
@@ -49,7 +49,7 @@ impl Statistic {
         }
     }
 
-    /// The same for shares, whose interval ends at 0 and 1.
+    /// Returns the statistic of shares, whose interval is clamped to 0 and 1.
     pub fn of_shares(values: Vec<f64>, test_share: f64) -> Self {
         let mut statistic = Self::of(values, test_share);
         if let Some(ends) = &mut statistic.ci95 {
@@ -59,10 +59,10 @@ impl Statistic {
     }
 }
 
-/// Two-sided p-value that the mean difference is zero (corrected resampled t-test); `None` with one fold or without any
-/// spread.
+/// Returns the two-sided p-value for a mean difference of zero, by the corrected resampled t-test. Returns `None` with
+/// one fold or without any variance.
 ///
-/// - `differences`: one per fold that both have
+/// - `differences`: one for each common fold
 pub fn resampled_t_test(differences: &[f64], test_share: f64) -> Option<f64> {
     let statistic = Statistic::of(differences.to_vec(), test_share);
     let count = differences.len() as f64;
@@ -79,8 +79,8 @@ fn student(freedom: f64) -> StudentsT {
         .unwrap_or_else(|error| panic!("{freedom} degrees of freedom: {error}"))
 }
 
-/// Returns p-values after Holm's correction (1979), in the order given: each times the number of those that are not smaller, and none below
-/// one before it.
+/// Returns p-values after Holm's correction (1979), in the given order. Each value is multiplied by the number of
+/// values that are not smaller, and is at least the corrected value before it.
 pub fn holm(p: &[f64]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..p.len()).collect();
     order.sort_by(|a, b| p[*a].total_cmp(&p[*b]));
@@ -97,7 +97,7 @@ pub fn holm(p: &[f64]) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// Values by hand from scipy.stats.t: ppf(0.975, 4) = 2.776445, 2 * sf(2.0, 4) = 0.116117.
+    /// Values from scipy.stats.t: ppf(0.975, 4) = 2.776445, 2 * sf(2.0, 4) = 0.116117.
     #[test]
     fn intervals_and_tests_use_the_corrected_variance() {
         let statistic = Statistic::of(vec![0.80, 0.82, 0.84, 0.86, 0.88], 0.25);
@@ -120,7 +120,7 @@ mod tests {
         assert_eq!((equal.sd, equal.ci95), (Some(0.0), None));
     }
 
-    /// As `statsmodels.stats.multitest.multipletests(p, method="holm")` (0.14).
+    /// Reference: `statsmodels.stats.multitest.multipletests(p, method="holm")` (0.14).
     #[test]
     fn holms_correction_matches_statsmodels() {
         let adjusted = holm(&[0.01, 0.04, 0.03, 0.005, 0.9]);

@@ -1,4 +1,4 @@
-//! Where the tasks of an experiment stand.
+//! States of an experiment's tasks.
 
 use std::fmt;
 
@@ -6,31 +6,31 @@ use serde::Serialize;
 
 use crate::{ExperimentDir, TaskState};
 
-/// The tasks of an experiment with their states; the document of `tactnet experiment status --json`.
+/// The tasks of an experiment with their states.
 #[derive(Debug, Clone, Serialize)]
 pub struct Status {
-    /// 1.
+    /// Version of this layout: 1.
     pub schema_version: u32,
     /// Name of the experiment.
     pub name: String,
-    /// In the order in which they are run.
+    /// Tasks in the order in which they run.
     pub tasks: Vec<TaskStatus>,
 }
 
-/// One task.
+/// State of one task.
 #[derive(Debug, Clone, Serialize)]
 pub struct TaskStatus {
     /// Name of its folder.
     pub id: String,
-    /// Where it stands.
+    /// Current state.
     pub state: TaskState,
-    /// The last progress that it printed, while it runs or where it was interrupted; empty where there was none.
+    /// Last progress message of a running or interrupted task; empty if there is none.
     #[serde(skip)]
     pub last_words: String,
 }
 
 impl Status {
-    /// Returns where the tasks of `dir` stand now.
+    /// Returns the current states of the tasks of `dir`.
     pub fn of(dir: &ExperimentDir) -> Self {
         let tasks = dir.plan.tasks.iter().map(|task| {
             let state = dir.state(task);

@@ -1,4 +1,4 @@
-//! Whether data sets suit an experiment: looked at before the first task.
+//! Checks before the first task that data sets fit an experiment.
 
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
@@ -8,13 +8,13 @@ use tactnet_pipeline::{ModelRecipe, PipelineError, TrainSpec};
 
 use crate::{ExperimentError, ExperimentRecipe, Job, Probe, Question, Task};
 
-/// Materials that have to stay known, since one alone cannot be told apart from anything.
+/// Minimum number of known materials: with a single one, every sweep would be classified correctly.
 const LEAST_KNOWN: usize = 2;
 
 impl ExperimentRecipe {
-    /// Reads the data sets and tells what is odd about them without being an error; the twin is not looked at.
+    /// Reads the data sets and reports findings that are not errors; the twin is skipped.
     ///
-    /// - `on_finding`: told the data set and the finding; an error of it ends the review
+    /// - `on_finding`: receives the data set and the finding; its error ends the review
     ///
     /// # Errors
     /// Data that cannot be read or has errors.
@@ -39,9 +39,9 @@ impl ExperimentRecipe {
     }
 }
 
-/// Fails where a task asks more of a data set than it has; the twin has all that recipes ask for.
+/// Returns an error if a task needs more sweeps or materials than its data set has. The twin always has enough.
 ///
-/// - `recipe_of`: the recipe of a task's model
+/// - `recipe_of`: returns the recipe of a task's model
 pub(crate) fn refuse_unsuitable(
     tasks: &[Task],
     recipe_of: impl Fn(&TrainSpec) -> Option<ModelRecipe>,
@@ -119,7 +119,7 @@ fn names<'a>(asked: impl IntoIterator<Item = &'a Asked<'a>>) -> String {
     quoted.join(", ")
 }
 
-/// Returns of which material there are too few training sweeps for a model, if there is one.
+/// Returns the material that has too few training sweeps for a model, as part of a message; `None` if there is none.
 fn lacking(recipe: &ModelRecipe, spec: &TrainSpec, dataset: &Dataset) -> Option<String> {
     let number = spec.fold.unwrap_or(0);
     let fold = Fold::new(
@@ -164,7 +164,8 @@ fn has_fold(spec: &TrainSpec, dataset: &Dataset) -> Result<(), String> {
     ))
 }
 
-/// Questions draw new materials, and split the sweeps of every material into five.
+/// Checks the numbers of materials and sweeps that a question needs. Questions draw new materials and split the sweeps
+/// of each material into five folds.
 fn suits(question: &Question, dataset: &Dataset) -> Result<(), String> {
     let materials = dataset.labels().len();
     if let Some(new) = question.ask().new_materials() {

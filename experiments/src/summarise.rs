@@ -1,4 +1,4 @@
-//! From what the tasks left to the numbers of the report.
+//! Aggregates the results of tasks into the summary of an experiment.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,12 +14,12 @@ use crate::{
     Task, TaskRecord,
 };
 
-/// A task that has ended, with everything the summary takes from it, whatever the question.
+/// A finished task with everything that the summary needs, for all questions.
 pub(crate) struct FinishedTask<'a> {
     pub(crate) task: &'a Task,
-    /// Name that the model's recipe gives itself.
+    /// Name inside the model's recipe.
     pub(crate) model: String,
-    /// Name of the data set with what was done to it.
+    /// Name of the data set, including its treatment.
     pub(crate) data: String,
     pub(crate) label_order: LabelOrder,
     pub(crate) origin: DataOrigin,
@@ -27,7 +27,7 @@ pub(crate) struct FinishedTask<'a> {
     pub(crate) assumed_rate_hz: Option<f64>,
     pub(crate) materials: usize,
     pub(crate) levels: MeanRemoval,
-    /// Time steps of a sweep, and those that were asked for.
+    /// Time steps of a sweep, and the requested number of steps.
     pub(crate) steps: (usize, Option<usize>),
     pub(crate) processors: Vec<String>,
     pub(crate) test_share: f64,
@@ -37,7 +37,7 @@ pub(crate) struct FinishedTask<'a> {
 }
 
 impl FinishedTask<'_> {
-    /// Name of the data set without what was done to it.
+    /// Returns the name of the data set without its treatment.
     pub(crate) fn data_name(&self) -> &str {
         let mut name = self.data.as_str();
         if self.label_order == LabelOrder::Permuted {
@@ -51,7 +51,7 @@ impl FinishedTask<'_> {
         name
     }
 
-    /// Key of the contender that a measurement belongs to.
+    /// Returns the key of the contender that a measurement belongs to.
     pub(crate) fn contender(&self, method: &str, setting: &str) -> String {
         let levels = match self.levels {
             MeanRemoval::None => "",
@@ -78,7 +78,7 @@ impl FinishedTask<'_> {
     }
 }
 
-/// Key of a row.
+/// Returns the key of a row.
 fn key(contender: &str, measurement: &Measurement) -> String {
     let count = |count: Option<usize>, what: &str| {
         count.map_or(String::new(), |count| format!(", {count} {what}"))
@@ -91,10 +91,10 @@ fn key(contender: &str, measurement: &Measurement) -> String {
     )
 }
 
-/// Reads every task that has finished.
+/// Summarises all finished tasks.
 ///
 /// # Errors
-/// A folder of a task that is damaged; tasks on different versions of a data set or a recipe.
+/// A damaged task folder; tasks on different versions of a data set or a recipe.
 pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
     let recipe = &dir.plan.recipe;
     let question = recipe.question.ask();
@@ -156,7 +156,7 @@ pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
     Ok(summary)
 }
 
-/// Means over the tasks of every quantity, in the order in which they were first measured.
+/// Returns the means of all quantities over the tasks, in the order of their first measurement.
 fn rows(
     dir: &ExperimentDir,
     finished: &[FinishedTask<'_>],
@@ -232,7 +232,7 @@ fn row(
     }
 }
 
-/// Checks that the tasks of one row come from one data set and one recipe, each part once.
+/// Checks that the tasks of one row use the same data set and recipe, and that no part occurs twice.
 fn unmixed(
     dir: &ExperimentDir,
     key: &str,
@@ -263,7 +263,7 @@ fn unmixed(
 }
 
 impl ExperimentDir {
-    /// Reads what a task that has ended left.
+    /// Reads the result of a finished task.
     fn finished<'a>(&'a self, task: &'a Task) -> Result<FinishedTask<'a>, ExperimentError> {
         match &task.job {
             crate::Job::Train(_) => crate::questions::read_training(self, task),
@@ -301,12 +301,12 @@ impl ExperimentDir {
     }
 }
 
-/// True for a measurement of single sweeps' accuracy, by which contenders of a cross-validation are ranked.
+/// Returns true for a row of single-sweep accuracy, which ranks the contenders of a cross-validation.
 pub(crate) fn is_one_sweep_accuracy(row: &Row) -> bool {
     row.measure == Measure::Accuracy && row.sweeps == Some(1)
 }
 
-/// A title without the figure or table of the thesis that it names in brackets, which says nothing of other data.
+/// Returns a title without the reference to the thesis in brackets, which only applies to TactMat.
 fn without_source(title: &str) -> &str {
     title.split(" (thesis, ").next().unwrap_or(title)
 }
@@ -323,7 +323,7 @@ mod tests {
         assert_eq!(without_source("Pairs (own idea)"), "Pairs (own idea)");
     }
 
-    /// A finished training on the data set of a file with this stem.
+    /// Returns a finished training on the data set of a file with this stem.
     fn finished<'a>(
         task: &'a Task,
         data: &str,
@@ -384,7 +384,7 @@ mod tests {
                 "{data}"
             );
         }
-        // What a file is called by itself stays.
+        // A suffix that belongs to the file's own name is kept.
         let own = finished(&task, "first, first 9 steps", LabelOrder::True, None);
         assert_eq!(own.data_name(), "first, first 9 steps");
     }

@@ -1,4 +1,4 @@
-//! What an experiment found, made from what its tasks left: the numbers behind the report.
+//! The results of an experiment: the numbers of the report.
 
 use std::collections::BTreeMap;
 
@@ -12,54 +12,55 @@ use crate::{
     Statistic,
 };
 
-/// Everything an experiment found.
+/// All results of an experiment.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
     /// Version of this layout, [`Summary::SCHEMA_VERSION`].
     pub schema_version: u32,
     /// Name of the recipe.
     pub name: String,
-    /// One line for people.
+    /// One-line title.
     pub title: String,
-    /// The result that the recipe's author expects; empty where the words speak of models, data or questions that were not run.
+    /// Result that the recipe's author expects; empty if it refers to other models, data or questions than those of
+    /// the run.
     pub expects: String,
-    /// The call that leads here.
+    /// Command that repeats the experiment.
     pub command: String,
     /// The question with its fields.
     pub question: Question,
     /// Commits of the programs that ran the tasks.
     pub git: Vec<String>,
-    /// Names every random choice.
+    /// Seed of all random choices.
     pub seed: u64,
-    /// Tasks that have ended.
+    /// Number of finished tasks.
     pub tasks_done: usize,
-    /// Tasks there are.
+    /// Number of all tasks.
     pub tasks: usize,
-    /// Time of all tasks together, of trainings alone where a task is one training, seconds.
+    /// Total time of all tasks, in seconds; only the training time for tasks that are single trainings.
     pub train_seconds: f64,
-    /// Processor models that were used.
+    /// Processor models.
     pub processors: Vec<String>,
-    /// Data sets by name, with what was done to them.
+    /// Data sets by name, including their treatment.
     pub data: BTreeMap<String, DataRecord>,
-    /// One entry for each data set, contender, circumstance and measure.
+    /// One entry for each data set, contender, condition and measure.
     pub rows: Vec<Row>,
-    /// Pairs of rows on the same tasks.
+    /// Paired comparisons of rows on the same tasks.
     pub comparisons: Vec<Comparison>,
-    /// The tasks behind the numbers.
+    /// The tasks.
     pub records: Vec<TaskRecord>,
-    /// Of a cross-validation: what is known of every contender besides its rows.
+    /// Details of the contenders; only for a cross-validation.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub contenders: Vec<Contender>,
-    /// Of a cross-validation: what each data set gives away.
+    /// Probes of each data set; only for a cross-validation.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub audits: Vec<Audit>,
-    /// Of a cross-validation: materials in groups, by contender (see [`Contender::key`]).
+    /// Groups of materials by contender (see [`Contender::key`]); only for a cross-validation.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub groups: BTreeMap<String, Grouping>,
-    /// Of `nshot`: how many more sweeps a network without pre-knowledge needs.
+    /// Sweeps that transfer saves; only for `nshot`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sample_efficiency: Option<Vec<SampleEfficiency>>,
-    /// Of `feature-maps`: sweeps in a plane.
+    /// Two-dimensional embeddings of sweeps; only for `feature-maps`.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub maps: Vec<FeatureMap>,
 }
@@ -68,7 +69,7 @@ impl Summary {
     /// Version written by this program.
     pub const SCHEMA_VERSION: u32 = 3;
 
-    /// Returns the row of a key.
+    /// Returns the row with this key.
     pub fn row(&self, key: &str) -> Option<&Row> {
         self.rows.iter().find(|row| row.key == key)
     }
@@ -79,105 +80,106 @@ impl Summary {
 pub struct DataRecord {
     /// SHA-256 of its content.
     pub sha256: String,
-    /// Where its sweeps come from.
+    /// Origin of the sweeps.
     pub origin: DataOrigin,
-    /// Rate that stands in for one that nobody named, Hz; absent where the data set says its rate.
+    /// Assumed sample rate, in Hz; absent if the data set states its rate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub assumed_rate_hz: Option<f64>,
 }
 
-/// One quantity: a measure of one contender on one data set, mean over tasks.
+/// One measure of one contender on one data set, as a mean over tasks.
 ///
-/// Draws of new materials come from one and the same data set, so an interval over draws says nothing about other data sets.
+/// All draws of new materials come from the same data set, so an interval over draws does not extend to other data
+/// sets.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// Unique within the summary.
+    /// Unique key within the summary.
     pub key: String,
-    /// Key of the contender, which its rows of other measures and circumstances share.
+    /// Key of the contender, shared by its rows of other measures and conditions.
     pub contender: String,
     /// Name of the data set.
     pub data: String,
-    /// Where its sweeps come from.
+    /// Origin of the sweeps.
     pub origin: DataOrigin,
-    /// Materials of the data set.
+    /// Number of materials in the data set.
     pub materials: usize,
-    /// Treatment of the mean of every taxel.
+    /// Treatment of the mean of each taxel.
     pub levels: MeanRemoval,
     /// Time steps of a sweep.
     pub steps: usize,
     /// Name of the model's recipe.
     pub model: String,
-    /// By which method, or how a classifier was asked: `plain`, `mc_dropout`.
+    /// Name of the method, or of the prediction method: `plain`, `mc_dropout`.
     pub method: String,
-    /// Under which circumstances; empty where there is only one.
+    /// Condition of the measurement; empty if there is only one.
     pub setting: String,
-    /// Sweeps of every new material that were learnt from.
+    /// Support sweeps of each new material.
     pub shots: Option<usize>,
-    /// Sweeps behind one decision.
+    /// Sweeps for each decision.
     pub sweeps: Option<usize>,
-    /// The quantity.
+    /// Measured quantity.
     pub measure: Measure,
-    /// Mean, deviation and interval, and one value for each task; in the measure's unit.
+    /// Mean, standard deviation, interval, and one value for each task, in the measure's unit.
     #[serde(flatten)]
     pub statistic: Statistic,
-    /// Tasks.
+    /// Number of tasks.
     pub n: usize,
-    /// Decisions behind it, all tasks together.
+    /// Number of decisions in all tasks.
     pub decisions: usize,
-    /// Published for TactMat, in the same unit.
+    /// Value published for TactMat, in the same unit.
     pub published: Option<f64>,
-    /// Reached by humans on TactMat, as published.
+    /// Value published for humans on TactMat.
     pub humans: Option<f64>,
-    /// Of `networks`: the row's network, circumstance and accuracy by these names, and what the network costs.
+    /// Network, condition, accuracy and cost of the row; only for `networks`.
     #[serde(flatten, default, skip_serializing_if = "Option::is_none")]
     pub cost: Option<NetworkCost>,
 }
 
-/// A network under one circumstance of the question `networks`.
+/// A network under one condition of the question `networks`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NetworkCost {
     /// Name of its recipe.
     pub network: String,
-    /// The circumstance.
+    /// The condition.
     pub condition: String,
-    /// Mean accuracy of single sweeps; its interval is the row's.
+    /// Mean accuracy of single sweeps; the row holds its interval.
     pub accuracy: f64,
-    /// Multiply-adds of one prediction without dropout; absent where the circumstance is not the usual one.
+    /// Multiply-adds of one prediction without dropout; only for the standard condition.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub multiply_adds: Option<f64>,
-    /// Time of one training, seconds; absent where the circumstance is not the usual one.
+    /// Training time in seconds; only for the standard condition.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub train_seconds: Option<f64>,
 }
 
 impl Row {
-    /// True if numbers that were published for TactMat may stand beside it: it has all of TactMat's materials, or the twin's.
+    /// Returns true if the row is comparable with published numbers: it covers all materials of TactMat or its twin.
     pub fn is_beside_published(&self) -> bool {
         self.origin.is_comparable_to_published() && self.materials == TACTMAT_MATERIALS.len()
     }
 }
 
-/// Where the numbers of one task come from.
+/// Provenance of one task's numbers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TaskRecord {
     /// Name of its folder.
     pub id: String,
-    /// The part of the data set that it asks about.
+    /// The part of the data set.
     pub part: Part,
-    /// The call that repeats it, where it is a single training.
+    /// Command that repeats the task; empty unless it is a single training.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub command: String,
-    /// The split, for people.
+    /// Description of the split.
     pub split: String,
     /// SHA-256 of the split.
     pub split_sha256: String,
     /// SHA-256 of the recipe.
     pub recipe_sha256: String,
-    /// Commits of the program; several where it was resumed by another build.
+    /// Commits of the program; several if another build resumed the task.
     pub git: Vec<String>,
-    /// Time of the task, seconds.
+    /// Duration of the task, in seconds.
     pub seconds: f64,
-    /// Settings that were chosen on the way, by name.
+    /// Settings that the task selected, by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub chosen: BTreeMap<String, f64>,
 }

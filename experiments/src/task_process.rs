@@ -1,4 +1,4 @@
-//! Tasks as a process: one, or several networks that are trained at once.
+//! Child processes that run one task, or train several networks together.
 
 use std::fs::File;
 use std::path::Path;
@@ -10,7 +10,7 @@ use tactnet_process::ChildProcess;
 use crate::tasks::ExperimentDir;
 use crate::{ExperimentError, LocalPool, Task};
 
-/// A process that works on tasks; when this is dropped, the process is killed and the tasks are no longer claimed.
+/// A process that runs tasks. Dropping it kills the process and releases the tasks.
 pub(crate) struct TaskProcess {
     process: ChildProcess,
     begun: Instant,
@@ -19,11 +19,13 @@ pub(crate) struct TaskProcess {
 }
 
 impl TaskProcess {
-    /// Starts `program task DIR ID …`, on those of `tasks` that no other runner has, and returns it with their places among `tasks`; `None`
-    /// while another runner has the first. What it says goes to the log of the first.
+    /// Starts `program task DIR ID …` for those of `tasks` that no other runner has claimed.
+    ///
+    /// Returns the process and the positions of its tasks in `tasks`, or `None` if another runner has claimed the
+    /// first. Its stderr is appended to the log of the first task.
     ///
     /// # Errors
-    /// The program cannot be started; a task's log cannot be written.
+    /// A program that cannot be started; a log that cannot be written.
     pub(crate) fn start(
         dir: &ExperimentDir,
         program: &Path,
@@ -64,7 +66,7 @@ impl TaskProcess {
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(log);
-        // Ctrl-C on a terminal reaches the runner alone, which passes it on once.
+        // Ctrl-C on a terminal only reaches the runner, which forwards it once.
         let process = ChildProcess::start(&mut command)
             .map_err(|error| ExperimentError::io(program, "start", error))?;
         let started = Self {
@@ -76,32 +78,33 @@ impl TaskProcess {
         Ok(Some((started, claimed)))
     }
 
-    /// Returns its status once it has ended.
+    /// Returns the exit status, or `None` while the process runs.
     ///
     /// # Errors
-    /// The system does not tell.
+    /// A status that the system does not report.
     pub(crate) fn status(&mut self) -> Result<Option<ExitStatus>, ExperimentError> {
         self.process
             .ended()
             .map_err(|error| ExperimentError::io(Path::new("task"), "wait for", error))
     }
 
-    /// Time since it was started, seconds.
+    /// Returns the time since the start, in seconds.
     pub(crate) fn seconds(&self) -> f64 {
         self.begun.elapsed().as_secs_f64()
     }
 
-    /// Asks it, once, to stop where it can be resumed: a second signal would end it at once, without a checkpoint.
+    /// Asks the process once to stop where it can be resumed. A second signal would end it immediately, without a
+    /// checkpoint.
     pub(crate) fn interrupt(&mut self) {
         if !self.interrupted {
             self.interrupted = true;
-            // One that cannot be asked goes on to its end.
+            // A process that cannot be signalled runs to its end.
             let _ = self.process.ask_to_end();
         }
     }
 }
 
-/// The right to run a task, or `None` while another runner has it.
+/// Claims a task; `None` if another runner has claimed it.
 fn claim(dir: &ExperimentDir, task: &Task) -> Result<Option<File>, ExperimentError> {
     let path = dir.path().join("tasks").join(format!("{}.claim", task.id));
     let failed = |error| ExperimentError::io(&path, "claim", error);

@@ -1,12 +1,12 @@
-//! The folder of an experiment: its tasks, where they stand, and what they left.
+//! The folder of an experiment: its tasks, their states and their results.
 //!
 //! | file | content |
 //! |---|---|
 //! | `experiment.json` | recipe and tasks, written first |
-//! | `recipes/NAME.toml` | recipes of models that do not ship with the binary |
-//! | `tasks/ID/` | the run directory of a task; it has ended when its `result.json` is there |
-//! | `tasks/ID.log` | what the task said |
-//! | `summary.json`, `report.html` | what was found |
+//! | `recipes/NAME.toml` | recipes of models that are not built in |
+//! | `tasks/ID/` | run directory of a task, which is finished once `result.json` exists |
+//! | `tasks/ID.log` | stderr of the task |
+//! | `summary.json`, `report.html` | results |
 
 use std::fs;
 use std::io::Write;
@@ -19,40 +19,40 @@ use tactnet_process::without_prefix;
 use crate::plan::{Plan, Task};
 use crate::{ExperimentError, ExperimentRecipe, Job, QuestionResult};
 
-/// Held while the plan is written.
+/// Lock file, held while the plan is written.
 const LOCK: &str = ".lock";
-/// Files that may lie in a folder whose plan has not been written yet.
+/// Files that a folder may contain before its plan is written.
 const OWN: [&str; 4] = [LOCK, "recipes", "tasks", "experiment.json"];
 
-/// What a process says once it was asked to stop, before it does.
+/// Message of a process that was asked to stop and is about to.
 pub const STOPPING: &str = "stopping as soon as the run can be resumed; once more to stop at once";
 
-/// Where a task stands.
+/// State of a task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum TaskState {
-    /// Nothing of it has run.
+    /// Not started.
     Open,
-    /// A process works on it.
+    /// A process runs it.
     Running,
-    /// It was begun, and nobody works on it.
+    /// Started, but no process runs it.
     Interrupted,
-    /// It has ended.
+    /// Finished with a result.
     Done,
 }
 
-/// The beginning of every version of a plan.
+/// The part of a plan that all versions share.
 #[derive(Deserialize)]
 struct Version {
     schema_version: u32,
 }
 
-/// How a task begins.
+/// The way to start a task.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Start {
-    /// Its training goes on from the checkpoint in the task's folder.
+    /// Resume the training from the checkpoint in the task's folder.
     Resume,
-    /// Its job is begun, or begun again.
+    /// Start the job from the beginning.
     Begin(Box<Job>),
 }
 
@@ -65,10 +65,11 @@ pub struct ExperimentDir {
 }
 
 impl ExperimentDir {
-    /// Returns the folder `parent/NAME` of an experiment, numbered on where others are: the first that is free or holds the same one.
+    /// Returns the folder `parent/NAME`, or the first of `parent/NAME-2`, `parent/NAME-3`, … that is free or contains
+    /// the same experiment.
     ///
     /// # Errors
-    /// A model's recipe that cannot be used.
+    /// An invalid recipe of a model.
     pub fn place_in(parent: &Path, recipe: &ExperimentRecipe) -> Result<PathBuf, ExperimentError> {
         let plan = Plan::new(recipe, "")?;
         let is_other = |path: &Path| {
@@ -81,10 +82,12 @@ impl ExperimentDir {
         Ok(free.unwrap_or_else(|| parent.join(&recipe.name)))
     }
 
-    /// Plans `recipe` in a folder, or opens the folder where the same was planned before.
+    /// Plans `recipe` in a folder, or opens the folder if it contains the same plan.
+    ///
+    /// - `command`: command that repeats the experiment
     ///
     /// # Errors
-    /// A folder that holds another experiment or anything else; a model's recipe that cannot be used.
+    /// A folder with another experiment or other files; an invalid recipe of a model.
     pub fn create(
         path: &Path,
         recipe: &ExperimentRecipe,
@@ -93,12 +96,12 @@ impl ExperimentDir {
         let plan = Plan::new(recipe, command)?;
         let file = path.join("experiment.json");
         let failed = |error| ExperimentError::io(path, "make the experiment's folder", error);
-        // A runner that plans here at this moment has put its lock before anything else.
+        // A runner that is planning here has created its lock first.
         if !file.exists() && !path.join(LOCK).exists() {
             refuse_foreign(path)?;
         }
         fs::create_dir_all(path).map_err(failed)?;
-        // Of two runners that begin at once, one writes the plan and the other finds it.
+        // If two runners start together, one writes the plan and the other opens it.
         let planning = fs::File::options()
             .write(true)
             .create(true)
@@ -134,7 +137,7 @@ impl ExperimentDir {
     /// Opens a planned experiment.
     ///
     /// # Errors
-    /// No experiment there, or one of another version.
+    /// A folder without an experiment, or with one of another version.
     pub fn open(path: &Path) -> Result<Self, ExperimentError> {
         let file = path.join("experiment.json");
         if !file.exists() {
@@ -165,25 +168,25 @@ impl ExperimentDir {
         Ok(Self { path, plan })
     }
 
-    /// The folder.
+    /// Returns the folder.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// A task's run directory.
+    /// Returns a task's run directory.
     pub fn task_dir(&self, task: &Task) -> PathBuf {
         self.path.join("tasks").join(&task.id)
     }
 
-    /// Returns the file that a task's stderr goes to.
+    /// Returns the file that receives a task's stderr.
     pub fn log_file(&self, task: &Task) -> PathBuf {
         self.path.join("tasks").join(format!("{}.log", task.id))
     }
 
-    /// Adds a line to a task's log, for what another task's process does for it.
+    /// Appends a line to a task's log.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// A log that cannot be written.
     pub fn note(&self, task: &Task, line: &str) -> Result<(), ExperimentError> {
         let path = self.log_file(task);
         let log = fs::File::options().create(true).append(true).open(&path);
@@ -191,7 +194,7 @@ impl ExperimentDir {
             .map_err(|error| ExperimentError::io(&path, "write", error))
     }
 
-    /// Where a task stands.
+    /// Returns the state of a task.
     pub fn state(&self, task: &Task) -> TaskState {
         let folder = self.task_dir(task);
         if folder.join("result.json").exists() {
@@ -205,10 +208,10 @@ impl ExperimentDir {
         }
     }
 
-    /// Returns the task of a name.
+    /// Returns the task with this name.
     ///
     /// # Errors
-    /// There is none.
+    /// An unknown name.
     pub fn task(&self, id: &str) -> Result<&Task, ExperimentError> {
         let found = self.plan.tasks.iter().find(|task| task.id == id);
         found.ok_or_else(|| ExperimentError::Folder {
@@ -220,11 +223,11 @@ impl ExperimentDir {
         })
     }
 
-    /// Returns how the task begins from where it stands. What a training left that was interrupted before its configuration was
-    /// written is removed; the finished networks of a question stay.
+    /// Returns how to start a task from its current state. Removes a training that was interrupted before it wrote its
+    /// configuration; trained networks of a question are kept.
     ///
     /// # Errors
-    /// Remains that cannot be removed.
+    /// Files that cannot be removed.
     pub fn begin(&self, task: &Task) -> Result<Start, ExperimentError> {
         let folder = self.task_dir(task);
         if folder.join("config.json").exists() {
@@ -242,7 +245,7 @@ impl ExperimentDir {
         Ok(Start::Begin(Box::new(job)))
     }
 
-    /// Time that a task that has ended spent in training, seconds.
+    /// Returns the training time of a finished task, in seconds.
     pub(crate) fn train_seconds(&self, task: &Task) -> f64 {
         if let Job::Question(_) = task.job {
             return self
@@ -256,10 +259,10 @@ impl ExperimentDir {
             .map_or(0.0, |result| result.train_seconds)
     }
 
-    /// Reads what the task of a question that has ended found.
+    /// Reads the result of a question's finished task.
     ///
     /// # Errors
-    /// No result there, a damaged one, or one of another version.
+    /// A missing or damaged result, or one of another version.
     pub(crate) fn question_result(&self, task: &Task) -> Result<QuestionResult, ExperimentError> {
         let path = self.task_dir(task).join("result.json");
         let text = tactnet_data::read_text(&path)
@@ -280,37 +283,37 @@ impl ExperimentDir {
         Ok(result)
     }
 
-    /// The last line of a task's log.
+    /// Returns the last line of a task's log.
     pub fn last_words(&self, task: &Task) -> String {
         let log = fs::read_to_string(self.log_file(task)).unwrap_or_default();
         let line = log.lines().rev().find(|line| !line.trim().is_empty());
         without_prefix(line.unwrap_or("it said nothing")).into()
     }
 
-    /// The last line of a task's log but for those about stopping, which are for who runs a task alone; empty where there is none.
+    /// Returns the last line of a task's log that is not about stopping; empty if there is none.
     pub(crate) fn last_progress(&self, task: &Task) -> String {
         let log = fs::read_to_string(self.log_file(task)).unwrap_or_default();
         without_prefix(last_progress_in(&log)).into()
     }
 
-    /// Writes `value` into the folder as JSON, whole or not at all.
+    /// Writes `value` into the folder as JSON, atomically.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// A file that cannot be written.
     pub fn write_json(&self, name: &str, value: &impl Serialize) -> Result<(), ExperimentError> {
         write_json(&self.path.join(name), value)
     }
 
-    /// Writes a file into the folder, whole or not at all.
+    /// Writes a file into the folder, atomically.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// A file that cannot be written.
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), ExperimentError> {
         tactnet_pipeline::write_whole(&self.path.join(name), bytes).map_err(ExperimentError::from)
     }
 }
 
-/// The last line of a log that is not about stopping.
+/// Returns the last line of a log that is not about stopping.
 fn last_progress_in(log: &str) -> &str {
     let is_about_stopping =
         |line: &str| line.starts_with(STOPPING) || line.starts_with("stopped; ");
@@ -319,7 +322,7 @@ fn last_progress_in(log: &str) -> &str {
     line.unwrap_or_default()
 }
 
-/// Refuses a folder that holds what no experiment put there; none at all is no obstacle.
+/// Returns an error if a folder contains files that no experiment wrote; a missing folder is fine.
 fn refuse_foreign(path: &Path) -> Result<(), ExperimentError> {
     let failed = |error| ExperimentError::io(path, "look into the experiment's folder", error);
     if !path.exists() {
@@ -446,7 +449,7 @@ mod tests {
             });
         }
         let folder = tempfile::tempdir().unwrap();
-        // A planner that was killed has left these, and they are no obstacle.
+        // Files that a killed planner left behind.
         for name in [LOCK, ".writing-killed"] {
             fs::write(folder.path().join(name), "").unwrap();
         }

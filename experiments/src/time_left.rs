@@ -1,4 +1,4 @@
-//! How long the tasks that an experiment has left will take.
+//! Estimates the remaining time of an experiment.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -9,27 +9,28 @@ use tactnet_pipeline::{ModelRecipe, RunDir};
 use crate::tasks::{ExperimentDir, TaskState};
 use crate::{Job, Plan, Task};
 
-/// How many times as long as a baseline a network, or a study that trains networks, takes where neither has been measured.
+/// Assumed ratio between the times of a network and of a baseline, before both were measured.
 const NETWORK: f64 = 20.0;
-/// Seconds that a network takes at least where none has been measured: hundreds of training steps, however small the sweeps.
+/// Assumed minimum time of a network in seconds, before one was measured: hundreds of training steps, however small
+/// the sweeps.
 const LEAST_NETWORK: f64 = 20.0;
-/// Between two looks at how far a network is.
+/// Minimum interval between two reads of the training progress.
 const LOOK_EVERY: Duration = Duration::from_secs(2);
 
-/// Estimates the time that is left from how long tasks of the same kind took.
+/// Estimate of the remaining time, based on the durations of similar tasks.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TimeLeft {
-    /// Tasks that run at once.
+    /// Number of tasks that run at the same time.
     jobs: usize,
-    /// Tasks that have not ended, by their identifiers.
+    /// Unfinished tasks by identifier.
     open: BTreeMap<String, Open>,
-    /// Seconds that tasks took.
+    /// Durations of finished tasks, in seconds.
     took: BTreeMap<Kind, Vec<f64>>,
-    /// When [`TimeLeft::look`] last did.
+    /// Time of the last [`TimeLeft::look`].
     looked: Option<Instant>,
 }
 
-/// What decides how long a task takes.
+/// Properties that determine the duration of a task.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 struct Kind {
     trains_network: bool,
@@ -41,27 +42,27 @@ struct Kind {
 #[derive(Debug, Clone, PartialEq)]
 struct Open {
     kind: Kind,
-    /// `None` while it waits.
+    /// Start time; `None` while the task waits.
     started: Option<Instant>,
-    /// Its run directory.
+    /// Run directory of the task.
     run: PathBuf,
-    /// How far it was at the last look, of a training.
+    /// Training progress at the last look.
     trained: Option<Trained>,
 }
 
-/// How far the training of a network is.
+/// Progress of a network's training.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Trained {
-    /// Of all epochs.
+    /// Estimated time of all epochs, in seconds.
     seconds: f64,
-    /// Of those to come.
+    /// Estimated time of the remaining epochs, in seconds.
     left: f64,
 }
 
 impl TimeLeft {
-    /// Looks at an experiment before its tasks are run; those that have ended say how long they took.
+    /// Returns an estimate for an experiment before its tasks run; finished tasks provide durations.
     ///
-    /// - `jobs`: tasks that run at once
+    /// - `jobs`: number of tasks that run at the same time
     pub(crate) fn of(dir: &ExperimentDir, jobs: usize) -> Self {
         let mut left = Self {
             jobs,
@@ -85,16 +86,16 @@ impl TimeLeft {
         left
     }
 
-    /// Notes that a task runs.
+    /// Records the start of a task.
     pub fn start(&mut self, task: &Task, now: Instant) {
         if let Some(open) = self.open.get_mut(&task.id) {
             open.started = Some(now);
         }
     }
 
-    /// Notes that a task has ended well.
+    /// Records the successful end of a task.
     ///
-    /// - `seconds`: that it took; 0 where that is not known
+    /// - `seconds`: its duration; 0 if unknown
     pub fn end(&mut self, task: &Task, seconds: f64) {
         if let Some(open) = self.open.remove(&task.id)
             && seconds > 0.0
@@ -103,14 +104,14 @@ impl TimeLeft {
         }
     }
 
-    /// Notes that a task has ended without a result: it waits again.
+    /// Records a failure: the task waits again.
     pub fn fail(&mut self, task: &Task) {
         if let Some(open) = self.open.get_mut(&task.id) {
             (open.started, open.trained) = (None, None);
         }
     }
 
-    /// Looks how far networks are that train, in their run directories; every two seconds at most.
+    /// Reads the progress of running trainings from their run directories, at most every two seconds.
     pub fn look(&mut self, now: Instant) {
         if self
             .looked
@@ -126,7 +127,7 @@ impl TimeLeft {
         }
     }
 
-    /// Returns the time until the last task ends; `None` before one has told how long tasks take.
+    /// Returns the time until the last task ends; `None` until a duration is known.
     pub fn at(&self, now: Instant) -> Option<Duration> {
         let each: Option<Vec<f64>> = self
             .open
@@ -139,7 +140,7 @@ impl TimeLeft {
                 let spent = open.started.map_or(0.0, |started| {
                     now.saturating_duration_since(started).as_secs_f64()
                 });
-                // One that takes longer than expected takes a little longer still.
+                // A task that exceeds its estimate is expected to take 10 % longer still.
                 Some(whole.max(1.1 * spent) - spent)
             })
             .collect();
@@ -149,8 +150,9 @@ impl TimeLeft {
         Some(Duration::from_secs_f64(shared.max(longest)))
     }
 
-    /// Seconds that a task should take: the mean of those of its kind, or else of what those should take that train, or else of all networks or
-    /// baselines, or else of all tasks, where a network weighs as much as [`NETWORK`] baselines, and takes [`LEAST_NETWORK`] at least.
+    /// Returns the expected duration of a task in seconds, from the first known of these: finished tasks of its kind,
+    /// running trainings of its kind, all finished networks or baselines, all running trainings, all finished tasks.
+    /// In the last case a network counts as [`NETWORK`] baselines and takes at least [`LEAST_NETWORK`].
     fn expected(&self, kind: &Kind) -> Option<f64> {
         let weight = |kind: &Kind| if kind.trains_network { NETWORK } else { 1.0 };
         let mean = |of: &dyn Fn(&Kind) -> bool| {
@@ -186,7 +188,7 @@ impl TimeLeft {
 }
 
 impl Trained {
-    /// `None` before the first epoch has ended, and of what is no training of a network.
+    /// Reads the progress of a network's training; `None` before the end of the first epoch and for other tasks.
     fn of(run: &Path) -> Option<Self> {
         let run = RunDir::open(run).ok()?;
         let ModelRecipe::Network(recipe) = run.config().ok()?.recipe else {
@@ -224,7 +226,7 @@ mod tests {
     use super::*;
     use crate::ExperimentRecipe;
 
-    /// A baseline and a network on the twin, five folds each, nothing done.
+    /// Plans a baseline and a network on the twin, five folds each.
     fn experiment(jobs: usize) -> (Vec<Task>, TimeLeft, tempfile::TempDir) {
         let folder = tempfile::tempdir().unwrap();
         let settings = ["data=twin", "models=[\"knn-l\", \"fast\"]", "probes=[]"];
@@ -263,7 +265,7 @@ mod tests {
         assert_eq!(seconds(&left, now), 2.0 + 2.0 * 40.0);
         left.end(&tasks[2], 90.0);
         assert_eq!(seconds(&left, now), 2.0 + 90.0);
-        // A fast other baseline changes nothing about the networks.
+        // Another fast baseline does not change the estimate for networks.
         left.end(&tasks[1], 2.0);
         assert_eq!(seconds(&left, now), 90.0);
         left.end(&tasks[3], 80.0);
@@ -317,16 +319,16 @@ mod tests {
         assert_eq!(seconds(&left, begun), 2.0 * 20.0, "looked a moment ago");
         left.look(begun + Duration::from_secs(3));
         let epoch = spent.iter().sum::<f64>() / spent.len() as f64;
-        // What it has left, and another one like it.
+        // The rest of this training, and another one like it.
         let expected = epoch * (4 - spent.len()) as f64 + 4.0 * epoch;
         let found = seconds(&left, begun + Duration::from_secs(3));
         assert!((found - expected).abs() < 1e-9, "{found}, not {expected}");
-        // The whole time of one that has ended says more: with what comes after the epochs.
+        // The total time of a finished task is more accurate, since it includes the time after the epochs.
         left.end(&tasks[2], 100.0);
         assert_eq!(seconds(&left, begun), 100.0);
     }
 
-    /// Two of four epochs of a small network, or a batch more.
+    /// Trains a small network for two of four epochs, or one batch more.
     fn train_a_part(folder: &Path, run: &Path) {
         use tactnet_data::{format::Format, twin};
         use tactnet_pipeline::{Provenance, Session, TrainEvent, TrainJob, TrainSpec};
@@ -364,7 +366,7 @@ mod tests {
         assert_eq!(seconds(&left, Instant::now()), 100.0, "one network is left");
         left.jobs = 1;
         assert_eq!(seconds(&left, Instant::now()), 101.0);
-        // Somebody else ran it, and nobody knows for how long.
+        // Another runner ran it, so its duration is unknown.
         left.end(&tasks[3], 0.0);
         assert_eq!(seconds(&left, Instant::now()), 1.0);
     }

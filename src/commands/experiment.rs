@@ -1,4 +1,4 @@
-//! `tactnet experiment`: cross-validations and their like, as tasks that run anywhere, and a page made from what they left.
+//! `tactnet experiment`: runs experiments as tasks, locally or on a cluster, and reports their results.
 
 mod arguments;
 mod progress;
@@ -22,28 +22,28 @@ use crate::{failure, output, source};
 use arguments::{DirArgs, Engine, ExportArgs, RunArgs, ShowArgs, TaskArgs};
 use progress::Progress;
 
-/// Verbs of `tactnet experiment`.
+/// Subcommands of `tactnet experiment`.
 #[derive(Subcommand)]
 pub enum ExperimentCommand {
-    /// Run an experiment, or go on with it; then report
+    /// Run or resume an experiment, then report
     Run(RunArgs),
-    /// Where the tasks of an experiment stand
+    /// Show the states of an experiment's tasks
     #[command(
         after_help = "Example:\n  tactnet experiment status experiments-out/crossval_baselines"
     )]
     Status(DirArgs),
-    /// Make table, summary.json and report.html from what has ended
+    /// Write summary.json and report.html from the finished tasks, and print a table
     #[command(after_help = "Example:\n  \
         tactnet experiment report experiments-out/crossval_baselines     then open report.html in that folder")]
     Report(DirArgs),
-    /// Write what has ended for other tools
+    /// Export finished tasks for other tools
     Export(ExportArgs),
-    /// Experiments that ship with tactnet
+    /// List the built-in experiments
     #[command(after_help = "Example:\n  tactnet experiment list")]
     List,
-    /// Print a built-in experiment's recipe, to start one's own from, or a file that is one
+    /// Print the recipe of a built-in experiment or of a file, as a starting point
     Show(ShowArgs),
-    /// Run one task: what a Slurm job calls
+    /// Run one task, as Slurm jobs do
     #[command(hide = true)]
     Task(TaskArgs),
 }
@@ -114,7 +114,7 @@ fn run_experiment(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
             let on_gpu = dir.plan.recipe.device != Compute::Cpu;
             let pool = match arguments.jobs {
                 Some(jobs) => LocalPool::with_jobs(jobs as usize, cores),
-                // Processes share a card badly.
+                // Parallel processes slow each other down on a GPU.
                 None if on_gpu => LocalPool::with_jobs(1, cores),
                 None => LocalPool::for_cores(cores, dir.plan.tasks.len()),
             };
@@ -139,13 +139,13 @@ fn run_experiment(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
         );
         return Ok(ExitCode::from(failure::INTERRUPTED));
     }
-    // Tasks that failed are reported after what the others found.
+    // Failed tasks are reported after the results of the others.
     report(&dir, OutputFormat::from_flag(arguments.json))?;
     outcome?;
     Ok(ExitCode::SUCCESS)
 }
 
-/// Makes the folder of an experiment, or opens that of one with the same recipe.
+/// Creates the folder of an experiment, or opens one with the same recipe.
 fn begin(arguments: &RunArgs) -> anyhow::Result<ExperimentDir> {
     arguments.check()?;
     let mut recipe = ExperimentRecipe::load(&arguments.recipe, &arguments.settings())?;
@@ -186,7 +186,7 @@ fn list() -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Writes `summary.json` and `report.html` and prints what was found.
+/// Writes `summary.json` and `report.html` and prints the results.
 fn report(dir: &ExperimentDir, format: OutputFormat) -> anyhow::Result<()> {
     let summary = summarise(dir)?;
     dir.write_json("summary.json", &summary)?;

@@ -4,20 +4,21 @@ use super::affinity;
 
 /// Returns true if every group is consecutive in label order.
 ///
-/// - `group_of`: `[materials]`, number of the group
+/// - `group_of`: `[materials]`, index of each material's group
 pub fn consecutive(group_of: &[usize]) -> bool {
     (1..group_of.len())
         .all(|i| group_of[i] == group_of[i - 1] || !group_of[..i].contains(&group_of[i]))
 }
 
-/// The consecutive groups with the smallest normalised cut (Shi & Malik, 2000) of the affinity that
-/// [`spectral_groups`](super::spectral_groups) uses, and that cut, 0 to the number of groups.
+/// Returns the consecutive groups with the smallest normalised cut (Shi & Malik, 2000), as `[materials]`, and that
+/// cut, 0 to the number of groups.
 ///
-/// The cut is the sum over groups of the affinity that leaves the group over all affinity of its materials; 0 where they have
-/// none. Exact, by dynamic programming over the last group's first material. Returns `[materials]` and the cut; with fewer
-/// materials than groups, every material is a group.
+/// The affinity is that of [`spectral_groups`](super::spectral_groups). The cut sums, over all groups, the affinity
+/// that leaves the group divided by all affinity of its materials, or 0 if they have none. Dynamic programming over
+/// the last group's first material makes it exact. With fewer materials than groups, every material is a group.
 ///
-/// - `confusion`: `[materials][materials]`, counts or row shares, rows are the true materials; rows are brought to sum one
+/// - `confusion`: `[materials][materials]`, counts or row shares, rows are the true materials; rows are normalised to
+///   sum one
 /// - `groups`: at least 1
 ///
 /// # Panics
@@ -30,7 +31,7 @@ pub fn best_consecutive_cut(confusion: &[Vec<f64>], groups: usize) -> (Vec<usize
     if groups == 0 {
         return (Vec::new(), 0.0);
     }
-    // best[end]: smallest cut of the materials before `end` in as many groups as rounds so far.
+    // best[end]: smallest cut of the materials before `end` into as many groups as completed rounds.
     let mut best = vec![f64::INFINITY; materials + 1];
     best[0] = 0.0;
     let costs: Vec<Vec<f64>> = (0..materials)
@@ -60,7 +61,7 @@ pub fn best_consecutive_cut(confusion: &[Vec<f64>], groups: usize) -> (Vec<usize
     (group_of, best[materials])
 }
 
-/// Normalised cuts of the groups `start..start + 1`, `start..start + 2`, …
+/// Returns the normalised cuts of the groups `start..start + 1`, `start..start + 2`, …
 fn costs(affinity: &[Vec<f64>], start: usize) -> Vec<f64> {
     let (mut leaving, mut all) = (0.0, 0.0);
     (start..affinity.len())
@@ -96,7 +97,7 @@ mod tests {
         assert!(!consecutive(&[0, 0, 1, 2, 1]));
     }
 
-    /// By the definition, from the groups.
+    /// Computes the cut from its definition.
     fn normalised_cut(affinity: &[Vec<f64>], group_of: &[usize]) -> f64 {
         let groups = group_of.iter().max().map_or(0, |g| g + 1);
         (0..groups)

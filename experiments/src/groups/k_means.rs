@@ -3,14 +3,15 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-/// Starts, of which the one with the smallest sum of squared distances wins.
+/// Number of random starts; the one with the smallest sum of squared distances wins.
 const STARTS: usize = 50;
-/// Rounds of Lloyd's iteration; a few dozen points settle within ten.
+/// Maximum number of Lloyd iterations; a few dozen points converge within ten.
 const ROUNDS: usize = 100;
 
-/// Number of the nearest centre for every point, after Lloyd's iteration from k-means++ starts (Arthur & Vassilvitskii, 2007).
+/// Returns the index of the nearest centre for each point, after Lloyd's iteration from k-means++ starts (Arthur &
+/// Vassilvitskii, 2007).
 ///
-/// Where points coincide there may be fewer than `count` clusters.
+/// If points coincide, there may be fewer than `count` clusters.
 ///
 /// - `points`: `[points][dimensions]`
 /// - `count`: at least 1
@@ -34,7 +35,7 @@ pub(super) fn k_means(points: &[Vec<f64>], count: usize, rng: &mut ChaCha8Rng) -
                     .filter(|(_, n)| **n == cluster)
                     .map(|(p, _)| p)
                     .collect();
-                // A centre that nobody is nearest to stays where it is.
+                // A centre without points stays in place.
                 if !members.is_empty() {
                     for (axis, value) in centre.iter_mut().enumerate() {
                         *value =
@@ -44,7 +45,7 @@ pub(super) fn k_means(points: &[Vec<f64>], count: usize, rng: &mut ChaCha8Rng) -
             }
         }
         let spread = points.iter().map(|p| closest(p, &centres).1).sum();
-        // By a margin, so that rounding does not choose between equal starts.
+        // The margin keeps rounding from choosing between equal starts.
         if spread < best.0 - 1e-12 {
             best = (spread, nearest);
         }
@@ -52,7 +53,7 @@ pub(super) fn k_means(points: &[Vec<f64>], count: usize, rng: &mut ChaCha8Rng) -
     best.1
 }
 
-/// k-means++: each centre is a point drawn with the squared distance to the nearest centre so far.
+/// Draws k-means++ centres: each is a point drawn in proportion to the squared distance to the nearest centre so far.
 fn spread_centres(points: &[Vec<f64>], count: usize, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
     let mut centres = vec![points[rng.random_range(0..points.len())].clone()];
     while centres.len() < count {
@@ -67,7 +68,7 @@ fn spread_centres(points: &[Vec<f64>], count: usize, rng: &mut ChaCha8Rng) -> Ve
     centres
 }
 
-/// Number of the nearest centre, and the squared distance to it.
+/// Returns the index of the nearest centre and the squared distance to it.
 fn closest(point: &[f64], centres: &[Vec<f64>]) -> (usize, f64) {
     let mut best = (0, f64::INFINITY);
     for (number, centre) in centres.iter().enumerate() {

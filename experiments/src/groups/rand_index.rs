@@ -1,15 +1,15 @@
-//! How far two groupings agree.
+//! Agreement of two groupings.
 
-/// Adjusted Rand index (Hubert & Arabie, 1985): 1 for the same groups under any names, 0 on average for random ones of the same
-/// sizes.
+/// Returns the adjusted Rand index (Hubert & Arabie, 1985): 1 for the same groups under any names, 0 on average for
+/// random groups of the same sizes.
 ///
-/// - `a`, `b`: `[materials]`, number of the group
+/// - `a`, `b`: `[materials]`, index of each material's group
 ///
 /// # Panics
 /// If the lengths differ.
 pub fn adjusted_rand_index(a: &[usize], b: &[usize]) -> f64 {
     assert_eq!(a.len(), b.len(), "two groupings of the same materials");
-    // Pairs of materials that are together in both, in `a` alone, in `b` alone, in neither.
+    // Pairs of materials in the same group in both, only in `a`, only in `b`, and in neither.
     let (mut both, mut only_a, mut only_b, mut neither) = (0.0, 0.0, 0.0, 0.0);
     for i in 0..a.len() {
         for j in 0..i {
@@ -32,7 +32,7 @@ pub fn adjusted_rand_index(a: &[usize], b: &[usize]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Tolerance: both are a ratio of small whole numbers in double precision.
+    /// Tolerance: both sides are a ratio of small integers in double precision.
     ///
     /// ```python
     /// from sklearn.metrics import adjusted_rand_score  # scikit-learn 1.9.1

@@ -1,4 +1,4 @@
-//! Groups wherever they lie.
+//! Spectral clustering.
 
 use faer::{Mat, Side};
 use rand_chacha::ChaCha8Rng;
@@ -7,18 +7,20 @@ use rand_chacha::rand_core::SeedableRng;
 use super::affinity;
 use super::k_means::k_means;
 
-/// Spectral clustering (Ng, Jordan & Weiss, 2002) of the affinity `A = 1/2 ((C - 1) + (C - 1)^T)` of thesis section 4.4.2.
+/// Returns the groups of spectral clustering (Ng, Jordan & Weiss, 2002) as `[materials]`, numbered in the order of
+/// their first material.
 ///
-/// The 1 is read as the identity and what it leaves on the diagonal is set to zero: a material's affinity to itself says
-/// nothing about groups. Of the symmetric normalised Laplacian `I - D^-1/2 A D^-1/2` as many eigenvectors as there are groups,
-/// with rows scaled to length one, go through k-means.
+/// The affinity is `A = 1/2 ((C - 1) + (C - 1)^T)` of thesis section 4.4.2. The 1 is interpreted as the identity, and
+/// the diagonal is set to zero, because a material's affinity to itself carries no information about groups. k-means
+/// clusters the rows of the first eigenvectors of the symmetric normalised Laplacian `I - D^-1/2 A D^-1/2`, scaled to
+/// length one; there are as many eigenvectors as groups.
 ///
-/// Materials that are confused with none in either direction have no row to scale; they share a group of their own.
-/// Returns `[materials]`, numbered in the order of the groups' first material. There may be fewer groups than asked for where
-/// fewer can be told apart. A matrix that falls into more unconnected parts than `groups` has no best answer; then one of many
-/// equally good ones is returned.
+/// Materials without any confusion have no row to scale; they form one group. There may be fewer groups than
+/// requested. If the matrix falls into more unconnected parts than `groups`, several solutions are equally good, and
+/// one of them is returned.
 ///
-/// - `confusion`: `[materials][materials]`, counts or row shares, rows are the true materials; rows are brought to sum one
+/// - `confusion`: `[materials][materials]`, counts or row shares, rows are the true materials; rows are normalised to
+///   sum one
 /// - `groups`: at least 1
 ///
 /// # Panics
@@ -34,7 +36,7 @@ pub fn spectral_groups(confusion: &[Vec<f64>], groups: usize, seed: u64) -> Vec<
         groups
     };
     let count = left.min(linked.len());
-    // The number after all others is that of the isolated materials.
+    // The last index belongs to the isolated materials.
     let mut group_of = vec![if groups > 1 { count } else { 0 }; degrees.len()];
     if count > 0 {
         let points = embedding(&affinity, &degrees, &linked, count);
@@ -46,7 +48,8 @@ pub fn spectral_groups(confusion: &[Vec<f64>], groups: usize, seed: u64) -> Vec<
     by_first_material(&group_of)
 }
 
-/// First `count` eigenvectors of the linked materials' normalised Laplacian, `[linked][count]`, rows of length one.
+/// Returns the first `count` eigenvectors of the linked materials' normalised Laplacian, `[linked][count]`, with rows
+/// of length one.
 fn embedding(
     affinity: &[Vec<f64>],
     degrees: &[f64],
@@ -61,7 +64,7 @@ fn embedding(
     let eigen = scaled
         .self_adjoint_eigen(Side::Lower)
         .unwrap_or_else(|error| panic!("no eigenvalues of a finite symmetric matrix: {error:?}"));
-    // In increasing order of their eigenvalues.
+    // Sorted by increasing eigenvalue.
     let vectors = eigen.U();
     (0..linked.len())
         .map(|i| {
@@ -69,7 +72,7 @@ fn embedding(
                 .map(|k| vectors[(i, linked.len() - 1 - k)])
                 .collect();
             let length = row.iter().map(|v| v * v).sum::<f64>().sqrt();
-            // A material of a small component may lie outside the first eigenvectors; its row is rounding noise.
+            // A material of a small component may be zero in the first eigenvectors; its row is rounding noise.
             if length > 1e-9 {
                 row.iter().map(|v| v / length).collect()
             } else {
@@ -79,7 +82,7 @@ fn embedding(
         .collect()
 }
 
-/// The same groups, numbered in the order of their first material.
+/// Renumbers groups in the order of their first material.
 fn by_first_material(group_of: &[usize]) -> Vec<usize> {
     let mut order: Vec<usize> = Vec::new();
     for group in group_of {
@@ -97,7 +100,7 @@ mod tests {
     use super::super::{consecutive, group_accuracy};
     use super::*;
 
-    /// 12 materials in three interleaved blocks, with uneven confusions in both directions.
+    /// Returns 12 materials in three interleaved blocks, with asymmetric confusions.
     fn interleaved() -> Vec<Vec<f64>> {
         let block = [0, 1, 0, 2, 1, 0, 2, 1, 0, 1, 2, 0];
         (0..12)
@@ -146,7 +149,7 @@ mod tests {
             confusion[isolated].fill(0.0);
             confusion.iter_mut().for_each(|row| row[isolated] = 0.0);
         }
-        // One was always recognised, the other has no sweeps at all.
+        // One material is always recognised, the other has no sweeps.
         confusion[2][2] = 1.0;
         let golden = [0, 1, 2, 3, 1, 0, 3, 2, 0, 1, 3, 0];
         assert_eq!(spectral_groups(&confusion, 4, 1), golden);
@@ -178,7 +181,7 @@ mod tests {
         );
     }
 
-    /// The published groups are consecutive with an accuracy of 0.947; the published matrix does not give them.
+    /// The published groups are consecutive with an accuracy of 0.947; the published matrix gives other groups.
     #[test]
     fn the_published_matrix_gives_interleaved_groups() {
         let confusion = published();

@@ -1,4 +1,4 @@
-//! What a task has to say in MLflow's words.
+//! Conversion of tasks to MLflow runs.
 
 use std::path::Path;
 
@@ -8,19 +8,19 @@ use toml::Value;
 use crate::tasks::ExperimentDir;
 use crate::{ExperimentError, Measurement, QuestionTask, Task};
 
-/// One run in MLflow's words: names and values.
+/// Content of one MLflow run.
 pub(super) struct Run {
-    /// Commits of the program; more than one with spaces between them.
+    /// Commits of the program, separated by spaces.
     pub(super) git: String,
-    /// Time of the task, seconds.
+    /// Duration of the task, in seconds.
     pub(super) seconds: f64,
     pub(super) parameters: Vec<(String, String)>,
     pub(super) metrics: Vec<(String, f64)>,
-    /// Value of every epoch, by name.
+    /// Curves by name: epoch and value.
     pub(super) courses: Vec<(&'static str, Vec<(usize, f64)>)>,
 }
 
-/// A training, from its run directory; `None` where it has no result.
+/// Reads a training from its run directory; `None` if it has no result.
 pub(super) fn training(folder: &Path) -> Result<Option<Run>, ExperimentError> {
     let run = RunDir::open(folder)?;
     let (Some(result), config) = (run.result()?, run.config()?) else {
@@ -89,7 +89,7 @@ pub(super) fn training(folder: &Path) -> Result<Option<Run>, ExperimentError> {
     }))
 }
 
-/// The task of a question, from its result.
+/// Reads the result of a question's task.
 pub(super) fn question(
     dir: &ExperimentDir,
     task: &Task,
@@ -130,7 +130,7 @@ pub(super) fn question(
     })
 }
 
-/// `ol-mean.accuracy.3_shots` and its like.
+/// Returns the name of a metric, such as `ol-mean.accuracy.3_shots`.
 fn metric_name(measurement: &Measurement) -> String {
     let mut name = format!("{}.{}", measurement.method, measurement.measure);
     if !measurement.setting.is_empty() {
@@ -145,7 +145,7 @@ fn metric_name(measurement: &Measurement) -> String {
     allowed(&name)
 }
 
-/// A name with nothing that MLflow forbids in one.
+/// Replaces the characters that MLflow forbids in names.
 fn allowed(name: &str) -> String {
     let kept = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
     let replaced = name.replace(", ", "_").replace(' ', "_");
@@ -155,7 +155,7 @@ fn allowed(name: &str) -> String {
         .collect()
 }
 
-/// `recipe.training.epochs` and its like.
+/// Appends all leaves of a TOML value under dotted names such as `recipe.training.epochs`.
 fn flatten(path: &str, value: &Value, into: &mut Vec<(String, String)>) {
     match value {
         Value::Table(table) => {

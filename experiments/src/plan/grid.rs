@@ -1,4 +1,4 @@
-//! Where a question is asked: every data set, with every treatment of levels and length of sweeps.
+//! The grid of a recipe: all data sets, treatments of levels and lengths of sweeps.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ pub(crate) struct Grid<'a> {
     pub(super) models: &'a [Model],
 }
 
-/// A data set, with a treatment of levels and a length of sweeps.
+/// A data set with a treatment of levels and a length of sweeps.
 pub(crate) struct GridPoint<'a> {
     recipe: &'a ExperimentRecipe,
     data: &'a str,
@@ -24,12 +24,12 @@ pub(crate) struct GridPoint<'a> {
 }
 
 impl<'a> Grid<'a> {
-    /// Returns the models, in the order of the recipe.
+    /// Returns the models in the order of the recipe.
     pub(crate) fn models(&self) -> &'a [Model] {
         self.models
     }
 
-    /// Returns every data set with every treatment of levels and every length.
+    /// Returns all combinations of data set, treatment of levels and length of sweeps.
     pub(crate) fn points(&self) -> Vec<GridPoint<'a>> {
         let recipe = self.recipe;
         let lengths: Vec<Option<usize>> = if recipe.steps.is_empty() {
@@ -51,10 +51,10 @@ impl<'a> Grid<'a> {
         points
     }
 
-    /// Plans a task for every part of the data, point and network.
+    /// Plans one task for each part of the data, grid point and network.
     ///
     /// # Errors
-    /// A model that is no network.
+    /// A model that is not a network.
     pub(crate) fn question_tasks(&self, name: &str, parts: &[Part]) -> Result<Vec<Task>, String> {
         if let Some(model) = self.models.iter().find(|model| !model.is_network) {
             return Err(format!(
@@ -77,9 +77,7 @@ impl<'a> Grid<'a> {
 }
 
 impl GridPoint<'_> {
-    /// One training and its evaluation.
-    ///
-    /// - `place`: split, repeat and fold
+    /// Returns the task that trains and evaluates one model.
     pub(crate) fn training(&self, model: &Model, place: (SplitKind, usize, usize)) -> Task {
         let mut spec = self.spec(&model.recipe, place);
         spec.inner = model.inner;
@@ -92,7 +90,7 @@ impl GridPoint<'_> {
         }
     }
 
-    /// A training that shows what a data set gives away.
+    /// Returns the task of a probe.
     pub(crate) fn probe(&self, probe: Probe, place: (SplitKind, usize, usize)) -> Task {
         let (name, model, label_order) = match probe {
             Probe::Means => (
@@ -117,7 +115,7 @@ impl GridPoint<'_> {
         }
     }
 
-    /// The recipe's question about one part of the data.
+    /// Returns the task that answers the recipe's question for one part of the data.
     fn question(&self, name: &str, model: &Model, part: Part) -> Task {
         let [data, rest] = self.parts();
         let networks = TrainSpec {
@@ -158,7 +156,7 @@ impl GridPoint<'_> {
         }
     }
 
-    /// Data set, model, levels and steps, as they stand in a name: before and behind the model.
+    /// Returns the parts of a task's name before and after the model: data set; levels and steps.
     fn parts(&self) -> [String; 2] {
         let levels = if self.levels.is_none() {
             ""
@@ -183,7 +181,7 @@ impl GridPoint<'_> {
     }
 }
 
-/// A file or folder by its whole path, since tasks may run elsewhere; a name stays.
+/// Returns the absolute path of a file or folder, since tasks may run in another folder; other names stay unchanged.
 fn absolute(name: &str) -> String {
     let path = Path::new(name);
     path.canonicalize()

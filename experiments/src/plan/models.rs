@@ -1,4 +1,4 @@
-//! The models of an experiment: built-in recipes, files, variants, and recipes drawn at random.
+//! The models of an experiment: built-in recipes, files, variants, and randomly drawn recipes.
 
 use std::collections::BTreeMap;
 
@@ -15,22 +15,22 @@ use crate::{ExperimentError, ExperimentRecipe};
 /// A model of the experiment.
 pub(crate) struct Model {
     pub(super) name: String,
-    /// Built-in name of the recipe, or its file among those of the experiment.
+    /// Name of a built-in recipe, or file name of a recipe of the experiment.
     pub(super) recipe: String,
     pub(super) is_network: bool,
-    /// Part of the training sweeps that it is tested on.
+    /// Part of the training sweeps that it is evaluated on; `None` for the test sweeps.
     pub(super) inner: Option<usize>,
 }
 
-/// Loads the models of a recipe; those that do not ship with the binary go into `recipes`, as TOML by name.
+/// Loads the models of a recipe and adds those that are not built in to `recipes`, as TOML by name.
 ///
 /// # Errors
-/// A recipe that is not there or cannot be used.
+/// A missing or invalid recipe.
 pub(super) fn models(
     recipe: &ExperimentRecipe,
     recipes: &mut BTreeMap<String, String>,
 ) -> Result<Vec<Model>, ExperimentError> {
-    // Where settings are searched for, everything is judged inside the training sweeps.
+    // A search evaluates all models on a part of the training sweeps.
     let inner = recipe.search.as_ref().map(|_| 0);
     let mut models = Vec::new();
     let mut own = |name: String, text: String, is_network: bool| {
@@ -92,9 +92,9 @@ pub(super) fn models(
     Ok(models)
 }
 
-/// A recipe made from `base`: as TOML, and parsed.
+/// Returns a recipe derived from `base`, as TOML and parsed.
 ///
-/// - `title`: what the recipe calls itself
+/// - `title`: name inside the recipe
 fn made_from<'a>(
     name: &str,
     title: &str,
@@ -118,7 +118,7 @@ fn made_from<'a>(
     Ok((text, recipe))
 }
 
-/// A draw from a range; `share` is uniform in `[0, 1)`.
+/// Returns the value of a range at `share`, which is uniform in `[0, 1)`.
 fn draw(range: &Range, share: f64) -> Value {
     match range {
         Range::Uniform { low, high } => Value::Float(low + (high - low) * share),
@@ -129,7 +129,7 @@ fn draw(range: &Range, share: f64) -> Value {
     }
 }
 
-/// A value as people read it.
+/// Formats a value for a title.
 fn short(value: &Value) -> String {
     match value {
         Value::Float(number) if number.abs() < 0.01 => format!("{number:.1e}"),

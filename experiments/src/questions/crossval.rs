@@ -1,4 +1,4 @@
-//! How accurate are classifiers on sweeps that they were not trained on? A task is one training with its evaluation.
+//! Cross-validation: the accuracy of classifiers on held-out sweeps. Each task is one training with its evaluation.
 
 mod audit;
 mod confidence;
@@ -26,26 +26,26 @@ pub use contenders::{Contender, FoldRecord, PublishedContender};
 pub(crate) use scored::{Scored, few_steps, scored};
 pub(crate) use training::read_training;
 
-/// How accurate are classifiers on sweeps that they were not trained on?
+/// Fields of a cross-validation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Crossval {
-    /// How data sets are split.
+    /// Kinds of split.
     #[serde(default = "k_fold", deserialize_with = "one_or_many")]
     pub split: Vec<SplitKind>,
-    /// Folds of each repeat that are trained.
+    /// Number of folds of each repeat that are trained.
     #[serde(default = "five")]
     pub folds: usize,
-    /// Repeats of the cross-validation.
+    /// Number of repeats of the cross-validation.
     #[serde(default = "one", alias = "runs")]
     pub repeats: usize,
-    /// Probes that run beside the models.
+    /// Probes that run in addition to the models.
     #[serde(default, deserialize_with = "one_or_many")]
     pub probes: Vec<Probe>,
-    /// Networks note their accuracy on the test sweeps after every epoch; nothing is chosen by it.
+    /// Records the networks' accuracy on the test sweeps after every epoch; nothing is selected by it.
     #[serde(default)]
     pub watch_test: bool,
-    /// Groups that materials are sorted into by what they are confused with; 0: none.
+    /// Number of groups of confused materials; 0 for none.
     #[serde(default)]
     pub groups: usize,
 }
@@ -64,7 +64,7 @@ impl Default for Crossval {
 }
 
 impl Crossval {
-    /// Returns how a data set was split and how many of its folds are asked for, for people: "2 of 5 random folds".
+    /// Returns the description of a split with the trained folds: "2 of 5 random folds".
     fn folds_text(&self, split: &SplitManifest, config: &RunConfig) -> String {
         let whole = training::split_name(split, config);
         let Scheme::StratifiedKFold { folds, .. } = split.scheme else {
@@ -86,21 +86,21 @@ fn k_fold() -> Vec<SplitKind> {
     vec![SplitKind::KFold]
 }
 
-/// A classifier that shows how much a data set gives away.
+/// A classifier that measures the information in a data set other than texture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, PartialOrd, Ord)]
 #[serde(rename_all = "kebab-case")]
 pub enum Probe {
     /// Nearest neighbour on taxel means.
     Means,
-    /// MiniRocket on sweeps whose labels are dealt anew: must score chance.
+    /// MiniRocket on permuted labels, which must score chance.
     Permuted,
 }
 
 impl Probe {
-    /// All of them.
+    /// All probes.
     pub(crate) const ALL: [Self; 2] = [Self::Means, Self::Permuted];
 
-    /// Returns its name in recipes of experiments.
+    /// Returns the name in recipes of experiments.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Means => "means",
@@ -108,7 +108,7 @@ impl Probe {
         }
     }
 
-    /// Returns the recipe of its model.
+    /// Returns the recipe of the probe's model.
     pub(crate) fn recipe(self) -> &'static str {
         match self {
             Self::Means => "means",
@@ -122,7 +122,7 @@ impl Ask for Crossval {
         if self.split.is_empty() {
             return Err("`split`: expected at least one, found none".into());
         }
-        // Random folds are always five in two repeats; these say how many of them are trained.
+        // Random folds are always two repeats of five; `folds` and `repeats` select some of them.
         let random = self.split == [SplitKind::KFold];
         within(
             "folds",
@@ -133,14 +133,14 @@ impl Ask for Crossval {
         within("repeats", self.repeats, 1, REPEATS)
     }
 
-    /// Fold by fold, so that an experiment that is looked at early has the same folds of every model.
+    /// Plans the tasks fold by fold, so that a partly finished experiment has the same folds of every model.
     fn tasks(&self, grid: &Grid<'_>) -> Result<Vec<Task>, String> {
         let mut tasks = Vec::new();
         for repeat in 0..self.repeats {
             for fold in 0..self.folds {
                 for point in grid.points() {
                     for &split in &self.split {
-                        // Only random splits are dealt anew in every repeat; the author's split and a hold-out have one fold.
+                        // Only random splits differ between repeats; the author's split and a hold-out have one fold.
                         let random = matches!(split, SplitKind::KFold | SplitKind::HoldOut);
                         let single = matches!(split, SplitKind::TestFlag | SplitKind::HoldOut);
                         if repeat > 0 && !random || fold > 0 && single {
@@ -171,7 +171,7 @@ impl Ask for Crossval {
         }))
     }
 
-    /// Every task knows its own numbers of sweeps.
+    /// Unused: every training records its own numbers of sweeps.
     fn test_share(&self) -> f64 {
         0.25
     }
@@ -227,7 +227,7 @@ impl Ask for Crossval {
     }
 }
 
-/// Words of the report.
+/// Glossary of the report.
 const TERMS: [(&str, &str); 13] = [
     (
         "1 sweep",

@@ -1,4 +1,4 @@
-//! Same or different? A network that classifies, frozen, and what is learnt about the distance between its outputs (thesis,
+//! Same or different material? A frozen classifier, and decisions based on the distance between its outputs (thesis,
 //! sections 4.4.3 and 4.4.4; Tulbure & Bäuml, Humanoids 2018).
 
 mod hard_pairs;
@@ -24,11 +24,15 @@ use crate::{Measure, Measurement, Part, Row};
 use hard_pairs::hard_pairs;
 use pair_scorer::{Apart, PairScorer, scaled, threshold};
 
-/// As published.
+/// Number of training pairs, as published.
 const TRAINING_PAIRS: usize = 36_000;
+/// Number of test trials, as published.
 const TEST_PAIRS: usize = 2_700;
+/// Width of the two hidden layers of the pair network, as published.
 const HIDDEN: usize = 256;
+/// Probability of keeping a unit of the second hidden layer in training, as published.
 const KEEP: f64 = 0.7;
+/// Training settings of the pair network.
 const TRAINING: MlpTraining = MlpTraining {
     epochs: 15,
     batch: 128,
@@ -36,23 +40,23 @@ const TRAINING: MlpTraining = MlpTraining {
     l2: 0.0,
     keep: Some((1, KEEP)),
 };
-/// Sweeps of each side, the decision being the majority's.
+/// Default numbers of sweeps of each side; the majority of the pairs decides.
 const SWEEPS: [usize; 2] = [1, 3];
 
-/// Are two sweeps of one material?
+/// Fields of the question whether two sweeps are of the same material.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Differentiate {
-    /// Folds of each repeat that are asked about.
+    /// Number of folds of each repeat that are evaluated.
     #[serde(default = "five")]
     pub folds: usize,
-    /// Repeats of the cross-validation.
+    /// Number of repeats of the cross-validation.
     #[serde(default = "one", alias = "runs")]
     pub repeats: usize,
-    /// The first so many of the two times five folds, instead of `folds` and `repeats`.
+    /// Number of folds to take from the two repeats of five, instead of `folds` and `repeats`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub splits: Option<usize>,
-    /// Sweeps of each side of one decision; none named: 1 and 3.
+    /// Numbers of sweeps of each side of one decision; 1 and 3 by default.
     #[serde(
         default,
         alias = "shots",
@@ -131,7 +135,7 @@ impl Ask for Differentiate {
     }
 }
 
-/// Words of the report.
+/// Glossary of the report.
 const TERMS: [(&str, &str); 3] = [
     (
         "Siamese",
@@ -207,7 +211,7 @@ fn differentiate(sweeps: &[usize], context: &StudyContext<'_>) -> Result<Answer,
     let hard = hard_pairs(&names);
     let mut measurements = Vec::new();
     let fewest = rows_of_label(&test.labels).iter().map(Vec::len).min();
-    // A pair of one material takes twice as many of its sweeps.
+    // A pair of the same material needs twice as many of its sweeps.
     for sweeps in sweeps
         .iter()
         .copied()
@@ -247,7 +251,7 @@ fn differentiate(sweeps: &[usize], context: &StudyContext<'_>) -> Result<Answer,
     })
 }
 
-/// Returns what most of a question's pairs say.
+/// Returns the majority decision of a trial's pairs.
 ///
 /// - `p`: `[sweeps]`, probability that the sweeps of a pair are of different materials
 fn differ(p: &[f64]) -> bool {
@@ -255,8 +259,11 @@ fn differ(p: &[f64]) -> bool {
     2 * votes > p.len()
 }
 
-/// Test questions of `sweeps` pairs each, every other one of different materials: any two, or one of `hard`, whose questions with
-/// the answer 'same' come from the materials of those pairs. Sweeps of a question are all different.
+/// Draws test trials of `sweeps` pairs each, alternately of the same and of different materials. No sweep occurs twice
+/// in a trial.
+///
+/// Different materials are any two, or a pair of `hard`; then trials of the same material use the materials of those
+/// pairs.
 fn trials(
     labels: &[usize],
     hard: Option<&Vec<[usize; 2]>>,

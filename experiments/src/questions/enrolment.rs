@@ -1,4 +1,4 @@
-//! A material more for a trained classifier: how well the new one is recognised, and what the others lose.
+//! Enrolment of one more material into a trained classifier: accuracy on the new one, and loss on the known ones.
 
 use std::collections::BTreeMap;
 
@@ -13,17 +13,17 @@ use crate::one_or_many::one_or_many;
 use crate::result::Answer;
 use crate::{Measure, Measurement, Part, Row};
 
-/// What does a material more cost a trained classifier?
+/// Fields of the question about enrolment.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Enrolment {
-    /// Draws of the new materials.
+    /// Number of draws of the new materials.
     #[serde(default = "one")]
     pub splits: usize,
-    /// Sweeps of the new material that are learnt from.
+    /// Numbers of support sweeps of the new material.
     #[serde(deserialize_with = "one_or_many")]
     pub shots: Vec<usize>,
-    /// Materials that are new, enrolled one at a time.
+    /// Number of new materials, enrolled one at a time.
     #[serde(default = "six")]
     pub new_materials: usize,
 }
@@ -93,7 +93,7 @@ impl Ask for Enrolment {
     }
 }
 
-/// Words of the report.
+/// Glossary of the report.
 const TERMS: [(&str, &str); 2] = [
     (
         "Known, before, after, lost",

@@ -1,5 +1,5 @@
-//! Pictures of what a network sees: sweeps of six new materials in the space of their digits and in that of its features (thesis,
-//! section 4.6.4 and figure 4.13), for materials that are easy and for materials that are hard to tell apart.
+//! Two-dimensional maps of the input and feature spaces for six new materials, once easy and once hard to tell apart
+//! (thesis, section 4.6.4 and figure 4.13).
 
 use std::collections::BTreeMap;
 
@@ -20,47 +20,47 @@ use crate::summarise::FinishedTask;
 use crate::tasks::ExperimentDir;
 use crate::{ExperimentError, Measure, Measurement, Part, Row, Summary};
 
-/// Neighbours that should be of the same material.
+/// Number of neighbours for the purity.
 const NEIGHBOURS: usize = 5;
-/// Neighbours that t-SNE tries to keep, about.
+/// Perplexity of t-SNE: approximate number of neighbours to preserve.
 const PERPLEXITY: f32 = 30.0;
-/// Spread of the points that t-SNE starts from.
+/// Standard deviation of t-SNE's initial points.
 const START: f32 = 1e-4;
 
-/// Sweeps in a plane.
+/// A two-dimensional embedding of sweeps.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FeatureMap {
-    /// Which materials: `easy` or `hard`.
+    /// Choice of materials: `easy` or `hard`.
     pub choice: String,
-    /// Which space: `input` or `embedding`.
+    /// Embedded space: `input` or `embedding`.
     pub space: String,
-    /// Names in label order.
+    /// Names of the materials in label order.
     pub materials: Vec<String>,
-    /// `[sweeps]`
+    /// `[sweeps]`, label of each sweep.
     pub labels: Vec<usize>,
-    /// `[sweeps]`, from t-SNE (van der Maaten & Hinton, 2008).
+    /// `[sweeps]`, points by t-SNE (van der Maaten & Hinton, 2008).
     pub points: Vec<[f32; 2]>,
 }
 
-/// How far apart do easy and hard materials lie?
+/// Fields of the question about feature maps.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FeatureMaps {
-    /// 1: an easy choice of new materials; 2: a hard one, too.
+    /// Number of choices: 1 for easy materials, 2 for easy and hard ones.
     #[serde(default = "one")]
     pub splits: usize,
-    /// Materials that are new.
+    /// Number of new materials.
     #[serde(default = "six")]
     pub new_materials: usize,
 }
 
-/// Which materials are new.
+/// Choice of the new materials.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Choice {
-    /// Those that are least alike.
+    /// The least similar materials.
     Easy,
-    /// Those that are most alike.
+    /// The most similar materials.
     Hard,
 }
 
@@ -159,7 +159,7 @@ impl Ask for FeatureMaps {
     }
 }
 
-/// Words of the report.
+/// Glossary of the report.
 const TERMS: [(&str, &str); 1] = [(
     "Purity",
     "Share of the five nearest sweeps that are of the same material, in the whole space or in the plane that t-SNE makes of it.",
@@ -215,8 +215,8 @@ fn feature_maps(task: &FeatureMaps, context: &StudyContext<'_>) -> Result<Answer
     })
 }
 
-/// How often materials are taken for each other, `[material][material]`: as published where the materials are TactMat's, else by a
-/// network of its own, which is asked about test sweeps.
+/// Returns how often materials are confused with each other, `[material][material]`. The matrix is the published one
+/// for TactMat's materials, and otherwise that of a separately trained network on held-out sweeps.
 fn likeness(context: &StudyContext<'_>) -> Result<Vec<Vec<f64>>, Cancelled> {
     let names: Vec<&str> = context.dataset.labels().names().collect();
     let ids: Option<Vec<usize>> = names
@@ -259,7 +259,7 @@ fn likeness(context: &StudyContext<'_>) -> Result<Vec<Vec<f64>>, Cancelled> {
         .collect())
 }
 
-/// `count` materials that are most or least alike: the extreme pair, and then whatever is most or least like those chosen.
+/// Selects the `count` most or least similar materials greedily, starting with the extreme pair.
 fn choose(alike: &[Vec<f64>], count: usize, choice: Choice) -> Vec<usize> {
     let sign = match choice {
         Choice::Easy => -1.0,
@@ -271,7 +271,7 @@ fn choose(alike: &[Vec<f64>], count: usize, choice: Choice) -> Vec<usize> {
         let score = |material: usize| -> f64 {
             if chosen.is_empty() {
                 let others = (0..size).filter(|other| *other != material);
-                // The first material of the extreme pair.
+                // Selects the first material of the extreme pair.
                 return others
                     .map(|other| sign * alike[material][other])
                     .fold(f64::NEG_INFINITY, f64::max);
@@ -289,7 +289,7 @@ fn choose(alike: &[Vec<f64>], count: usize, choice: Choice) -> Vec<usize> {
     chosen
 }
 
-/// Every sweep as a point of a plane.
+/// Embeds each sweep in a plane.
 fn plane(features: &Features, rng: &mut impl Rng) -> Vec<[f32; 2]> {
     let rows: Vec<&[f32]> = features.rows().collect();
     let start: Vec<f32> = (0..2 * rows.len())
@@ -299,7 +299,7 @@ fn plane(features: &Features, rng: &mut impl Rng) -> Vec<[f32; 2]> {
         })
         .collect();
     let perplexity = PERPLEXITY.min((rows.len() as f32 - 2.0) / 3.0).max(1.0);
-    // Its sums depend on the number of threads: one.
+    // The sums of t-SNE depend on the number of threads, so it runs on one.
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(1)
         .build()
@@ -316,7 +316,7 @@ fn plane(features: &Features, rng: &mut impl Rng) -> Vec<[f32; 2]> {
         .collect()
 }
 
-/// Share of the nearest neighbours that are of the sweep's own material, mean over sweeps.
+/// Returns the share of nearest neighbours with the sweep's own material, mean over sweeps.
 fn purity(features: &Features, labels: &[usize]) -> f64 {
     let rows: Vec<&[f32]> = features.rows().collect();
     let neighbours = NEIGHBOURS.min(rows.len() - 1);
@@ -347,7 +347,7 @@ mod tests {
     use super::*;
     use tactnet_data::Seed;
 
-    /// Two clouds in five dimensions.
+    /// Draws two clouds in five dimensions.
     fn clouds() -> (Features, Vec<usize>) {
         let mut rng = Seed(3).rng("clouds");
         let rows: Vec<f32> = (0..60)

@@ -1,27 +1,27 @@
-//! The result that a report begins with, and the one sentence that qualifies it.
+//! The main result of a report, and the sentence that qualifies it.
 
 use std::cmp::Reverse;
 
 use crate::Row;
 use crate::interval_note::interval_note;
 
-/// A result with what it is to be judged by, as plain text.
+/// A main result as plain text.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Headline {
     /// The number with its unit.
     pub(crate) value: String,
-    /// Its 95 % interval; `None` with one task, or where all tasks are alike.
+    /// 95 % interval; `None` with one task, or if all tasks are equal.
     pub(crate) interval: Option<String>,
-    /// Why there is no interval, or why it is wide.
+    /// Reason for a missing or wide interval.
     pub(crate) interval_note: Option<String>,
-    /// What it is a share or number of.
+    /// Meaning of the number.
     pub(crate) says: String,
-    /// One sentence: chance, what levels alone reach, what it costs.
+    /// Qualification: chance, accuracy by levels alone, or cost.
     pub(crate) qualifier: String,
 }
 
 impl Headline {
-    /// Returns the headline of a row that is shown in percent.
+    /// Returns the headline of a row in percent.
     pub(crate) fn of(row: &Row, says: String, qualifier: String) -> Self {
         Self {
             value: in_percent(row.statistic.mean),
@@ -33,12 +33,12 @@ impl Headline {
     }
 }
 
-/// Returns a share with one decimal: "84.5 %".
+/// Formats a share with one decimal: "84.5 %".
 pub(crate) fn in_percent(share: f64) -> String {
     format!("{:.1}\u{a0}%", 100.0 * share)
 }
 
-/// Returns the ends of an interval of shares, percent: "[82.7, 86.3]".
+/// Formats an interval of shares in percent: "[82.7, 86.3]".
 pub(crate) fn interval([low, high]: [f64; 2]) -> String {
     format!("[{:.1}, {:.1}]", 100.0 * low, 100.0 * high)
 }
@@ -51,7 +51,7 @@ pub(crate) fn sweeps(count: usize) -> String {
     }
 }
 
-/// Returns names, which may hold commas, as a phrase: "a", "a and b", "a; b; c", "a; b; and 3 others".
+/// Joins names that may contain commas: "a", "a and b", "a; b; c", "a; b; and 3 others".
 pub(crate) fn listed(names: &[String]) -> String {
     match names {
         [] => String::new(),
@@ -62,12 +62,12 @@ pub(crate) fn listed(names: &[String]) -> String {
     }
 }
 
-/// Returns the row with the largest mean; of rows that tie, the first.
+/// Returns the row with the largest mean, or the first of several.
 pub(crate) fn best<'a>(rows: impl Iterator<Item = &'a Row>) -> Option<&'a Row> {
     rows.min_by_key(|row| Reverse(rank(row.statistic.mean)))
 }
 
-/// Returns what results are compared by: means that differ by rounding alone tie.
+/// Returns the sort key of a mean; means that only differ by rounding are equal.
 pub(crate) fn rank(mean: f64) -> i64 {
     (1e9 * mean).round() as i64
 }

@@ -1,4 +1,4 @@
-//! How good is a network under several circumstances, and what does it cost?
+//! Accuracy of networks under several conditions, and their cost.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -18,53 +18,54 @@ use crate::summary::NetworkCost;
 use crate::tasks::ExperimentDir;
 use crate::{ExperimentError, Measure, Measurement, Part, Row, Summary};
 
-/// Sweeps that are fused into one decision.
+/// Number of sweeps that are fused into one decision.
 const FUSED: usize = 3;
-/// How sweeps are predicted under most circumstances.
+/// Prediction methods under most conditions.
 const PLAINLY: [PredictionMethod; 1] = [PredictionMethod::Plain];
-/// The same as trained.
+/// Prediction methods under the standard condition.
 const ALL_WAYS: [PredictionMethod; 2] = [
     PredictionMethod::Plain,
     PredictionMethod::McDropout { mc_samples: 100 },
 ];
-/// The circumstance of a network that is trained and tested as usual.
+/// Name of the standard condition.
 const USUAL: &str = "as trained";
 
-/// How good is a network under several circumstances, and what does it cost?
+/// Fields of the question about networks.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Networks {
-    /// Folds of each repeat that are asked about.
+    /// Number of folds of each repeat that are evaluated.
     #[serde(default = "five")]
     pub folds: usize,
-    /// Repeats of the cross-validation.
+    /// Number of repeats of the cross-validation.
     #[serde(default = "one", alias = "runs")]
     pub repeats: usize,
-    /// Judge by a fifth of each fold's training sweeps, and leave its test sweeps alone: to choose by.
+    /// Evaluates on a fifth of each fold's training sweeps instead of its test sweeps, for model selection.
     #[serde(default)]
     pub inner: bool,
-    /// Training sweeps of a material, each a circumstance of its own beside all of them; numbers that a fold does not have are left out.
+    /// Numbers of training sweeps of each material, each a separate condition in addition to all sweeps. Numbers that
+    /// a fold does not have are skipped.
     #[serde(
         default,
         skip_serializing_if = "Vec::is_empty",
         deserialize_with = "one_or_many"
     )]
     pub sweeps: Vec<usize>,
-    /// Factors on the force of the test sweeps' contact, which no training sweep was felt with. Twins alone.
+    /// Factors on the contact force of the test sweeps, which differ from training. Only for twins.
     #[serde(
         default,
         skip_serializing_if = "Vec::is_empty",
         deserialize_with = "one_or_many"
     )]
     pub forces: Vec<f64>,
-    /// Factors on the speed of the test sweeps. Twins alone.
+    /// Factors on the speed of the test sweeps. Only for twins.
     #[serde(
         default,
         skip_serializing_if = "Vec::is_empty",
         deserialize_with = "one_or_many"
     )]
     pub speeds: Vec<f64>,
-    /// Also trains and tests with a recording block left out, where the data names blocks.
+    /// Also evaluates with a recording block left out, if the data names blocks.
     #[serde(default)]
     pub blocks: bool,
 }
@@ -171,7 +172,7 @@ impl Ask for Networks {
     }
 }
 
-/// Words of the report.
+/// Glossary of the report.
 const TERMS: [(&str, &str); 4] = [
     (
         "As trained",
@@ -223,7 +224,7 @@ fn networks(asked: &Networks, context: &StudyContext<'_>) -> Result<Answer, Canc
         measurements.extend(judged(&classifier, &test, &setting, &PLAINLY, context)?);
     }
     for &sweeps in &asked.sweeps {
-        // A fold that has fewer is left out.
+        // Skip the condition if the fold has fewer sweeps.
         let Ok(few) = fold.shots(sweeps) else {
             continue;
         };
@@ -231,7 +232,7 @@ fn networks(asked: &Networks, context: &StudyContext<'_>) -> Result<Answer, Canc
         let classifier = context.trained(&setting, &few.train, seed)?;
         measurements.extend(judged(&classifier, &few.test, &setting, &PLAINLY, context)?);
     }
-    // Data without blocks, or with fewer than folds, has no such circumstance.
+    // Skip the condition if the data has no blocks or too few of them.
     let without_block = asked.blocks.then(|| dealt(Scheme::LeaveBlockOut).ok());
     if let Some(fold) = without_block.flatten() {
         let setting = "a block left out";
@@ -239,7 +240,7 @@ fn networks(asked: &Networks, context: &StudyContext<'_>) -> Result<Answer, Canc
         measurements.extend(judged(&classifier, &fold.test, setting, &PLAINLY, context)?);
     }
 
-    // A table for each measure.
+    // Group the rows of the report by measure.
     measurements.sort_by_key(|measurement| measurement.measure);
     let manifest = fold.manifest();
     let judged_by = if asked.inner { ", inner part 0" } else { "" };
@@ -252,7 +253,7 @@ fn networks(asked: &Networks, context: &StudyContext<'_>) -> Result<Answer, Canc
     })
 }
 
-/// How sweeps are felt: a factor on the usual force, or on the usual speed.
+/// A change of contact: a factor on the standard force or speed.
 #[derive(Clone, Copy)]
 enum Contact {
     Force(f64),
@@ -268,7 +269,7 @@ impl fmt::Display for Contact {
     }
 }
 
-/// Returns the twin's sweeps, every one at another force or speed; `None` where the data is no twin.
+/// Returns the twin's sweeps at another force or speed; `None` for other data.
 fn felt_again(context: &StudyContext<'_>, contact: Contact) -> Result<Option<Dataset>, Cancelled> {
     let DataSource::Twin(version) = DataSource::named(context.data) else {
         return Ok(None);
@@ -285,19 +286,19 @@ fn felt_again(context: &StudyContext<'_>, contact: Contact) -> Result<Option<Dat
     Ok(Some(felt))
 }
 
-/// A measurement of the usual circumstance.
+/// Returns a measurement under the standard condition.
 fn measured(measure: Measure, value: f64, decisions: usize) -> Measurement {
     Measurement::new(measure, PredictionMethod::Plain.name(), value, decisions)
         .setting(USUAL)
         .sweeps(1)
 }
 
-/// In millions.
+/// Returns the multiply-adds of one prediction, in millions.
 fn multiply_adds(classifier: &Classifier) -> Result<Option<f64>, Cancelled> {
     Ok(classifier.multiply_adds()?.map(|count| count as f64 / 1e6))
 }
 
-/// What the test sweeps show, by each of the methods.
+/// Evaluates the test sweeps with each prediction method.
 fn judged(
     classifier: &Classifier,
     test: &SweepView<'_>,

@@ -1,9 +1,10 @@
-//! n-shot transfer: a network learns 30 materials well and six new ones from a few sweeps each (thesis, section 4.6.4).
+//! n-shot transfer: a network learns 30 materials from all and six new ones from a few sweeps each (thesis, section
+//! 4.6.4).
 //!
 //! ```text
 //! materials ─┬─ 30 known ─┬─ 80 % of their sweeps: train the network, covariance, prior
-//!            │            └─ 20 %: choose what has to be chosen
-//!            └─ 6 new ──── five folds: n sweeps of each material of 80 %, judged on 20 %
+//!            │            └─ 20 %: select hyperparameters
+//!            └─ 6 new ──── five folds: n sweeps of each material of 80 %, evaluated on 20 %
 //! ```
 
 mod efficiency;
@@ -28,49 +29,49 @@ use efficiency::sample_efficiency;
 pub use method::TransferMethod;
 use transfer::transfer;
 
-/// Folds of the new materials' sweeps.
+/// Number of folds of the new materials' sweeps.
 const FOLDS: usize = 5;
 
-/// How well does transfer learn new materials from few sweeps?
+/// Fields of the question about n-shot transfer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Nshot {
-    /// Draws of the new materials.
+    /// Number of draws of the new materials.
     #[serde(default = "one")]
     pub splits: usize,
-    /// Sweeps of every new material that are learnt from.
+    /// Numbers of support sweeps of each new material.
     #[serde(deserialize_with = "one_or_many")]
     pub shots: Vec<usize>,
-    /// Methods of transfer; none named: all of them.
+    /// Methods of transfer; all by default.
     #[serde(
         default,
         skip_serializing_if = "Vec::is_empty",
         deserialize_with = "one_or_many"
     )]
     pub methods: Vec<TransferMethod>,
-    /// Materials that are new.
+    /// Number of new materials.
     #[serde(default = "six")]
     pub new_materials: usize,
-    /// Of the five folds of the new materials' sweeps, in how many a whole network is trained from scratch.
+    /// Number of the five folds in which a complete network is trained from scratch.
     #[serde(default = "one")]
     pub scratch_folds: usize,
-    /// Steps of the optimiser, about, when a whole network learns few sweeps; one epoch of a single batch is one step. Never fewer epochs
-    /// than the recipe has.
+    /// Approximate number of optimiser steps of a network from scratch; one epoch of a single batch is one step. The
+    /// recipe's number of epochs is the minimum.
     #[serde(default = "usual_steps", skip_serializing_if = "are_usual_steps")]
     pub scratch_steps: usize,
-    /// Its learning rate; absent: the recipe's.
+    /// Learning rate of a network from scratch; the recipe's by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scratch_learning_rate: Option<f64>,
 }
 
-/// Steps of a network from scratch where a recipe says nothing.
+/// Default number of steps of a network from scratch.
 const USUAL_STEPS: usize = 300;
 
 fn usual_steps() -> usize {
     USUAL_STEPS
 }
 
-// What serde asks.
+// serde requires a reference.
 #[expect(clippy::trivially_copy_pass_by_ref)]
 fn are_usual_steps(steps: &usize) -> bool {
     *steps == USUAL_STEPS
@@ -195,7 +196,7 @@ impl Ask for Nshot {
     }
 }
 
-/// Words of the report.
+/// Glossary of the report.
 const TERMS: [(&str, &str); 5] = [
     (
         "OL, OL-FCL, OL-mean",

@@ -1,4 +1,4 @@
-//! Stop when sure: sweeps until the belief passes a threshold, beside fixed numbers of sweeps.
+//! Sequential decisions: take sweeps until the belief exceeds a threshold, compared with fixed numbers of sweeps.
 
 use std::collections::BTreeMap;
 
@@ -18,31 +18,31 @@ use crate::pairs::rows_of_label;
 use crate::result::Answer;
 use crate::{Measure, Measurement, Part, Row};
 
-/// Probabilities at which it stops.
+/// Probabilities at which a decision stops.
 const THRESHOLDS: [f64; 6] = [0.8, 0.9, 0.95, 0.99, 0.999, 0.9999];
-/// Fixed numbers of sweeps.
+/// Default fixed numbers of sweeps.
 const FIXED: [usize; 5] = [1, 2, 3, 5, 10];
-/// Most sweeps for one decision.
+/// Maximum number of sweeps for one decision.
 const MAX_SWEEPS: usize = 10;
-/// Orders in which the sweeps of a material are taken.
+/// Number of random orders of each material's sweeps.
 const ORDERS: usize = 20;
-/// Passes of Monte Carlo dropout.
+/// Number of passes of Monte Carlo dropout.
 const MC_SAMPLES: usize = 100;
 
-/// How many sweeps until the decision is sure?
+/// Fields of the question about sequential decisions.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sequential {
-    /// Folds of each repeat that are asked about.
+    /// Number of folds of each repeat that are evaluated.
     #[serde(default = "five")]
     pub folds: usize,
-    /// Repeats of the cross-validation.
+    /// Number of repeats of the cross-validation.
     #[serde(default = "one", alias = "runs")]
     pub repeats: usize,
-    /// The first so many of the two times five folds, instead of `folds` and `repeats`.
+    /// Number of folds to take from the two repeats of five, instead of `folds` and `repeats`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub splits: Option<usize>,
-    /// Fixed numbers of sweeps behind a decision; none named: 1, 2, 3, 5 and 10.
+    /// Fixed numbers of sweeps for a decision; 1, 2, 3, 5 and 10 by default.
     #[serde(
         default,
         alias = "shots",
@@ -100,7 +100,7 @@ impl Ask for Sequential {
             let mut sweeps = rows.iter().filter(|row| row.measure == Measure::MeanSweeps);
             sweeps.find(same).map(|row| row.statistic.mean)
         };
-        // The soonest that is as accurate as three sweeps in any case; if there is none, the most accurate.
+        // Select the earliest stop that is as accurate as three fixed sweeps, or else the most accurate.
         let soonest = until()
             .filter(|row| fixed(3, &row.method).is_some_and(|three| row.statistic.mean >= three))
             .filter_map(|row| Some((row, taken(row)?)))
@@ -132,13 +132,13 @@ impl Ask for Sequential {
     }
 }
 
-/// Words of the report.
+/// Glossary of the report.
 const TERMS: [(&str, &str); 1] = [(
     "Until 0.99, fixed 3",
     "Sweeps are fused until the most probable material has this probability, at most ten. Fixed 3: three sweeps in any case.",
 )];
 
-/// When it stops.
+/// Stopping rule of a decision.
 #[derive(Clone, Copy)]
 enum Rule {
     Until(f64),

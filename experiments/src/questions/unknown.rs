@@ -1,4 +1,4 @@
-//! Is it a material that was never seen? Scores that grow with strangeness, judged with materials held out.
+//! Detection of unknown materials: novelty scores, evaluated with held-out materials.
 //!
 //! ```text
 //! materials ─┬─ known ─┬─ training sweeps ─┬─ 4 of 5: train the network, covariance
@@ -26,21 +26,21 @@ use crate::result::Answer;
 use crate::{Measure, Measurement, Part, Row};
 use roc::auroc;
 
-/// Sweeps whose scores are averaged.
+/// Default numbers of sweeps whose scores are averaged.
 const SWEEPS: [usize; 2] = [1, 3];
-/// Share of known sweeps that may be called unknown.
+/// Target share of known sweeps that are classified as unknown.
 const FALSE_ALARMS: f64 = 0.05;
-/// Shares of sweeps whose label the prediction set should hold.
+/// Target shares of sweeps whose label is in the prediction set.
 const COVERAGES: [f64; 2] = [0.9, 0.95];
 
-/// Is it a material that was never seen?
+/// Fields of the question about unknown materials.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Unknown {
-    /// Draws of the new materials.
+    /// Number of draws of the new materials.
     #[serde(default = "one")]
     pub splits: usize,
-    /// Sweeps behind one decision; none named: 1 and 3.
+    /// Numbers of sweeps for one decision; 1 and 3 by default.
     #[serde(
         default,
         alias = "shots",
@@ -48,7 +48,7 @@ pub struct Unknown {
         deserialize_with = "one_or_many"
     )]
     pub sweeps: Vec<usize>,
-    /// Materials that are new.
+    /// Number of new materials.
     #[serde(default = "six")]
     pub new_materials: usize,
 }
@@ -118,7 +118,7 @@ impl Ask for Unknown {
     }
 }
 
-/// Words of the report.
+/// Glossary of the report.
 const TERMS: [(&str, &str); 4] = [
     (
         "AUROC",
@@ -193,15 +193,15 @@ fn unknown(task: &Unknown, context: &StudyContext<'_>) -> Result<Answer, Cancell
     })
 }
 
-/// Sweeps with everything that tells how strange they are.
+/// Sweeps with their labels, log probabilities and novelty scores.
 struct Scored {
     labels: Vec<usize>,
     log_p: Vec<Vec<f64>>,
-    /// By score: one number a sweep, larger for stranger sweeps.
+    /// One value for each sweep, by name of the score; larger means more novel.
     scores: BTreeMap<&'static str, Vec<f64>>,
 }
 
-/// Mean scores of disjoint groups of `sweeps` sweeps of one material.
+/// Returns the mean scores of disjoint groups of `sweeps` sweeps of the same material.
 fn averages(scored: &Scored, scores: &[f64], sweeps: usize, seed: Seed) -> Vec<f64> {
     if sweeps == 1 {
         return scores.to_vec();
@@ -220,10 +220,11 @@ fn averages(scored: &Scored, scores: &[f64], sweeps: usize, seed: Seed) -> Vec<f
     means
 }
 
-/// How well one score tells new materials from known ones: AUROC, and what a threshold for [`FALSE_ALARMS`] gives.
+/// Measures how well a score separates new from known materials: AUROC, and the rates at the threshold for
+/// [`FALSE_ALARMS`].
 ///
-/// - `set_by`: scores of known sweeps that set the threshold; with too few of them no threshold keeps the promise, and there is none
-/// - `inside`, `outside`: scores of other sweeps, of known and of new materials
+/// - `set_by`: scores of the known sweeps that set the threshold; a threshold needs enough of them
+/// - `inside`, `outside`: scores of other sweeps of known and of new materials
 fn detection(name: &str, set_by: &[f64], inside: &[f64], outside: &[f64]) -> Vec<Measurement> {
     let threshold = upper_quantile(set_by, FALSE_ALARMS);
     let above = |scores: &[f64]| {
@@ -244,8 +245,8 @@ fn detection(name: &str, set_by: &[f64], inside: &[f64], outside: &[f64]) -> Vec
     found
 }
 
-/// Split conformal prediction sets: every label whose probability is at least the calibrated one (Sadinle et al., 2019), never
-/// empty. Gives measured coverage and mean size.
+/// Measures coverage and mean size of split conformal prediction sets. A set holds every label whose probability is at
+/// least the calibrated one (Sadinle et al., 2019), and is never empty.
 fn prediction_sets(calibration: &Scored, test: &Scored) -> Vec<Measurement> {
     let mut measurements = Vec::new();
     for coverage in COVERAGES {
@@ -289,7 +290,7 @@ mod tests {
         );
     }
 
-    /// The sweeps that set the bound are surer than those it is counted on, which it then covers less often than promised.
+    /// If the calibration sweeps are more confident than the test sweeps, the coverage falls below its target.
     #[test]
     fn the_bound_of_prediction_sets_comes_from_the_calibration_sweeps() {
         let scored = |p: f64| Scored {

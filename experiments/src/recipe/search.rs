@@ -1,20 +1,20 @@
-//! Recipes drawn at random.
+//! Randomly drawn recipes.
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 use toml::Value;
 
-/// Recipes drawn at random.
+/// A random search over the settings of a recipe.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Search {
-    /// Built-in name or file of the recipe they are made from.
+    /// Built-in name or file of the base recipe.
     #[serde(default)]
     pub base: String,
-    /// How many.
+    /// Number of recipes to draw.
     pub trials: usize,
-    /// Ranges of the settings that are drawn, by path.
+    /// Range of each setting, by path.
     #[serde(default)]
     pub space: BTreeMap<String, Range>,
 }
@@ -40,25 +40,25 @@ impl Search {
     }
 }
 
-/// The range that one setting is drawn from.
+/// The range of one setting.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Range {
-    /// Any number between two, each equally likely.
+    /// Uniform distribution.
     Uniform {
-        /// Smallest.
+        /// Lower bound.
         low: f64,
-        /// Largest.
+        /// Upper bound.
         high: f64,
     },
-    /// Any number between two, each order of magnitude equally likely.
+    /// Log-uniform distribution.
     Logarithmic {
-        /// Smallest, above 0.
+        /// Lower bound, above 0.
         low: f64,
-        /// Largest.
+        /// Upper bound.
         high: f64,
     },
-    /// One of a list.
+    /// Uniform choice from a list.
     Choice {
         /// The list.
         values: Vec<Value>,

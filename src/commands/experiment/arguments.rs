@@ -22,38 +22,38 @@ use crate::commands::choices::DeviceChoice;
     NAME` prints a whole recipe.\n\n\
     With --engine slurm, folder and program must lie under the same path on every node.")]
 pub struct RunArgs {
-    /// A built-in experiment (see `tactnet experiment list`), a TOML file, or the folder of an experiment to go on with
+    /// A built-in experiment (see `tactnet experiment list`), a TOML file, or the folder of an experiment to resume
     #[arg(value_name = "NAME|FILE|DIR")]
     pub recipe: String,
-    /// Folder for tasks and report [default: experiments-out/NAME, numbered on if another experiment is there]
+    /// Folder for tasks and report [default: experiments-out/NAME, with a number if another experiment is there]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// The data set, as `--set data=FILE` says
+    /// Data set, same as `--set data=FILE`
     #[arg(long, value_name = "FILE|twin")]
     pub data: Option<String>,
-    /// Set a field of the recipe anew; may be repeated. `models` are recipes, as `train --recipe` takes them: `models=fast,lda` (`fast` is
-    /// TactNet-II)
+    /// Set a field of the recipe; repeatable. `models` takes the same recipes as `train --recipe`: `models=fast,lda`
+    /// (`fast` is TactNet-II)
     #[arg(long = "set", value_name = "FIELD=VALUE")]
     pub settings: Vec<String>,
-    /// The axes are in their order although there are more taxels than time steps
+    /// Confirm the order of the axes although there are more taxels than time steps
     #[arg(long)]
     pub axes_are_right: bool,
-    /// Where every task computes [default: the recipe's]
+    /// Device of all tasks [default: the recipe's]
     #[arg(long, value_enum)]
     pub device: Option<DeviceChoice>,
-    /// Networks that a GPU trains at once [default: as many as its memory allows]; 1: one after the other
+    /// Number of networks that a GPU trains together [default: as many as its memory allows]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100))]
     pub at_once: Option<u32>,
     /// Where tasks run
     #[arg(long, value_enum, default_value_t)]
     pub engine: Engine,
-    /// Tasks at once [default: one for every core, one on a GPU; with Slurm: 100]
+    /// Number of parallel tasks [default: one per core, one on a GPU; with Slurm: 100]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub jobs: Option<u32>,
-    /// With Slurm: cores of each task
+    /// With Slurm: cores per task
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub cores: u32,
-    /// With Slurm: a further argument of sbatch, such as --partition=gpu; may be repeated
+    /// With Slurm: additional argument of sbatch, such as --partition=gpu; repeatable
     #[arg(long = "sbatch", value_name = "ARG", allow_hyphen_values = true)]
     pub sbatch: Vec<String>,
     /// Print summary.json instead of a table
@@ -111,10 +111,10 @@ pub enum Engine {
 }
 
 impl RunArgs {
-    /// Returns the folder of an experiment, where one was named instead of a recipe.
+    /// Returns the folder if the argument names an existing experiment instead of a recipe.
     ///
     /// # Errors
-    /// Settings beside it: those of an experiment that has begun stay as they are.
+    /// Additional settings, since those of a started experiment are fixed.
     pub fn begun(&self) -> anyhow::Result<Option<&Path>> {
         let dir = Path::new(&self.recipe);
         if !dir.join("experiment.json").exists() {
@@ -130,10 +130,10 @@ impl RunArgs {
         Ok(Some(dir))
     }
 
-    /// Refuses two names of the data set.
+    /// Checks that the data set is named once.
     ///
     /// # Errors
-    /// `--data` and `--set data=`.
+    /// Both `--data` and `--set data=`.
     pub fn check(&self) -> anyhow::Result<()> {
         let set = self.settings.iter().find(|set| {
             let field = set.split_once('=').map(|(field, _)| field.trim());
@@ -147,7 +147,7 @@ impl RunArgs {
         Ok(())
     }
 
-    /// Returns the settings of the recipe, with that of `--device`.
+    /// Returns all settings of the recipe, including those of `--data` and `--device`.
     pub fn settings(&self) -> Vec<String> {
         let device = self
             .device
@@ -158,7 +158,7 @@ impl RunArgs {
         settings.chain(data).chain(device).collect()
     }
 
-    /// Returns the call, with file names only.
+    /// Returns the command that repeats the experiment, with file names instead of paths.
     pub fn command_line(&self) -> String {
         let name = |path: &str| {
             Path::new(path).file_name().map_or_else(

@@ -1,4 +1,4 @@
-//! How far an experiment is.
+//! Progress display of an experiment.
 
 use std::fmt::Write;
 use std::io::IsTerminal;
@@ -11,7 +11,7 @@ use tactnet_experiments::{Event, TimeLeft};
 use crate::commands::progress_line::{COLUMNS, about, end_of};
 use crate::output;
 
-/// A bar over tasks on a terminal, a line per task elsewhere.
+/// A progress bar over tasks on a terminal, or one line per task elsewhere.
 pub struct Progress {
     bar: Option<ProgressBar>,
     left: Left,
@@ -19,7 +19,7 @@ pub struct Progress {
     all: usize,
 }
 
-/// What is known of the time left; a bar reads it whenever it is drawn.
+/// Estimate of the remaining time, shared with the bar.
 #[derive(Debug, Clone, Default)]
 struct Left(Arc<Mutex<Option<TimeLeft>>>);
 
@@ -29,7 +29,7 @@ impl Left {
         left.as_mut().map(change);
     }
 
-    /// `2.5 min to go`; empty while nothing is known.
+    /// Returns a text such as `2.5 min to go`; empty without an estimate.
     fn text(&self) -> String {
         let mut left = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let time = left.as_mut().and_then(|left| {
@@ -51,7 +51,7 @@ impl Progress {
         }
     }
 
-    /// Shows what has happened.
+    /// Displays an event.
     pub fn show(&mut self, event: &Event<'_>) {
         match event {
             Event::Begun { done, all, left } => {
@@ -105,7 +105,7 @@ impl Progress {
     }
 }
 
-/// In at most 60 columns; of a long name the end.
+/// Returns the line of a finished task in at most 60 columns; a long name keeps its end.
 fn done_text(counted: &str, task: &str, took: Duration, left: &str) -> String {
     let times = match left {
         "" => format!("in {}", about(took)),
@@ -121,7 +121,7 @@ fn task_bar(done: usize, all: usize, left: Left, target: ProgressDrawTarget) -> 
     {
         let told = move |_: &ProgressState, out: &mut dyn Write| {
             let text = left.text();
-            // Nobody could do anything about a line that cannot be written.
+            // A failed write cannot be reported anywhere.
             let _ = match text.as_str() {
                 "" => Ok(()),
                 text => write!(out, "{text}, "),

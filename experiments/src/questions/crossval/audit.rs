@@ -1,4 +1,4 @@
-//! What a data set gives away: random folds beside a block left out beside the probes.
+//! Audit of a data set: random folds compared with a left-out block and with probes.
 
 use serde::{Deserialize, Serialize};
 use tactnet_pipeline::{MeanRemoval, SplitKind};
@@ -6,49 +6,54 @@ use tactnet_pipeline::{MeanRemoval, SplitKind};
 use super::Scored;
 use crate::questions::rank;
 
-/// The best model of a data set beside the probes, which show how much the data give away.
+/// The best model of a data set compared with the probes, which measure information other than texture.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Audit {
-    /// Name of the data set, with what happens to levels.
+    /// Name of the data set, with the treatment of levels.
     pub data: String,
     /// Accuracy of guessing: one over the number of materials.
     pub chance: f64,
-    /// Accuracy of guesses that name each material as often as the classifier of permuted labels does, where that was run.
+    /// Accuracy of random guesses that name each material as often as the classifier of permuted labels; absent
+    /// without that probe.
     #[serde(default)]
     pub permuted_chance: Option<f64>,
     /// Best contender on random folds, and its accuracy.
     pub best: Option<(String, f64)>,
-    /// Contenders on random folds that are as accurate; of those that tie, the first of the summary is called the best.
+    /// Contenders on random folds with the same accuracy as the best.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub tied: Vec<String>,
-    /// The same model with a recording block left out, where that was run.
+    /// Accuracy of the same model with a recording block left out; absent if it was not run.
     pub block_out: Option<f64>,
-    /// Nearest neighbour on taxel means.
+    /// Accuracy of a nearest neighbour on taxel means.
     pub means: Option<f64>,
-    /// With permuted labels.
+    /// Accuracy with permuted labels.
     pub permuted: Option<f64>,
     /// Standard deviation of guessing, given the number of test sweeps.
     pub chance_sigma: f64,
-    /// Plain sentences on what the gaps mean.
+    /// Interpretation of the differences, in sentences.
     pub verdict: String,
 }
 
-/// Share of the lead over guessing from which on a score is mostly, and partly, level.
+/// Share of the lead over guessing above which a score counts as mostly level.
 const MOSTLY_LEVEL: f64 = 0.8;
+/// Share of the lead over guessing above which a score counts as partly level.
 const PARTLY_LEVEL: f64 = 0.3;
-/// Deviations of guessing from which on permuted labels score too well.
+/// Number of standard deviations above guessing from which permuted labels indicate a leak.
 const TOO_WELL: f64 = 3.0;
 
-/// How much of a score levels explain.
+/// Share of a score that levels explain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum LevelShare {
+    /// Levels explain most of it.
     Mostly,
+    /// Levels explain a part of it.
     Partly,
+    /// Levels explain little of it.
     Little,
 }
 
 impl Audit {
-    /// Returns how much of an accuracy taxel means alone explain; `None` without that probe.
+    /// Returns the share of an accuracy that taxel means explain; `None` without that probe.
     pub(crate) fn level_share(&self, accuracy: f64) -> Option<LevelShare> {
         let share = (self.means? - self.chance) / (accuracy - self.chance).max(1e-9);
         Some(if share > MOSTLY_LEVEL {
@@ -65,14 +70,15 @@ impl Audit {
         self.permuted_chance.unwrap_or(self.chance)
     }
 
-    /// Returns the accuracy with permuted labels if it is so far above chance that labels of test sweeps seem to reach training.
+    /// Returns the accuracy with permuted labels if it is so far above chance that test labels seem to leak into
+    /// training.
     pub(crate) fn leak(&self) -> Option<f64> {
         let away = |permuted: f64| (permuted - self.guessed()) / self.chance_sigma;
         self.permuted.filter(|permuted| away(*permuted) > TOO_WELL)
     }
 }
 
-/// One audit for each data set and treatment of levels.
+/// Returns one audit for each data set and treatment of levels.
 pub(crate) fn audits(rows: &[Scored<'_>]) -> Vec<Audit> {
     let mut keys: Vec<(&str, MeanRemoval, usize)> = rows
         .iter()
@@ -93,7 +99,7 @@ pub(crate) fn audits(rows: &[Scored<'_>]) -> Vec<Audit> {
 
 fn audit(data: &str, levels: MeanRemoval, steps: usize, rows: &[&Scored<'_>]) -> Option<Audit> {
     let by_block = |row: &&&Scored<'_>| row.split_kind == SplitKind::LeaveBlockOut;
-    // Random folds or the author's split, judged by test sweeps.
+    // Random folds or the author's split, evaluated on test sweeps.
     let usual = |row: &&&Scored<'_>| !by_block(row) && row.inner.is_none();
     let contenders = || rows.iter().filter(|row| !row.probe);
     let most = contenders()
@@ -141,9 +147,10 @@ fn audit(data: &str, levels: MeanRemoval, steps: usize, rows: &[&Scored<'_>]) ->
     Some(audit)
 }
 
-/// Returns the accuracy of predictions that know nothing of their sweeps but predict each material as often as `row`'s do, and its standard
-/// deviation. Every sweep counts once, however many repeats tested it. Sweeps of one fold depend on each other through training
-/// (simulated with ridge and nearest neighbours: 1.1 to 1.2 times the binomial deviation), so it is made a fifth larger.
+/// Returns accuracy and standard deviation of random predictions that name each material as often as those of `row`.
+///
+/// Each sweep counts once, independent of the number of repeats. Sweeps of one fold depend on each other through
+/// training, so the binomial deviation is multiplied by 1.2 (simulated with ridge and nearest neighbours: 1.1 to 1.2).
 fn guessing(row: &Scored<'_>) -> (f64, f64) {
     let all: usize = row.confusion.iter().flatten().sum();
     let chance: f64 = (0..row.confusion.len())
@@ -184,7 +191,7 @@ fn verdict(audit: &Audit) -> String {
         let judged = match audit.level_share(*best) {
             Some(LevelShare::Mostly) => "so a high score here says little about texture",
             Some(LevelShare::Partly) => "so part of every score here is level, not texture",
-            // Of one material, say.
+            // For example with a single material.
             _ if *best <= audit.chance => "and neither more than chance",
             _ => "so levels alone explain little",
         };
@@ -232,7 +239,7 @@ mod tests {
         assert!(text.contains("35.0 points"), "{text}");
         audit.permuted = Some(0.2);
         assert!(verdict(&audit).contains("leak into training before"));
-        // Guesses of few test sweeps may be right a little less often than one in as many materials.
+        // Guesses on few test sweeps may be correct slightly less often than one over the number of materials.
         audit.permuted_chance = Some(0.19);
         let text = verdict(&audit);
         assert!(

@@ -1,11 +1,11 @@
-//! How far the confidence of predictions can be trusted: reliability diagram and risk-coverage curve.
+//! Calibration of predictions: reliability diagram and risk-coverage curve.
 
 use serde::{Deserialize, Serialize};
 use tactnet_pipeline::SweepScore;
 
-/// Bins of the reliability diagram.
+/// Number of bins of the reliability diagram.
 const BINS: usize = 15;
-/// Points of the risk-coverage curve.
+/// Number of points of the risk-coverage curve.
 const COVERAGES: usize = 50;
 
 /// One bin of a reliability diagram.
@@ -13,9 +13,9 @@ const COVERAGES: usize = 50;
 pub struct ReliabilityBin {
     /// Mean confidence, 0 to 1.
     pub confidence: f64,
-    /// Share that was right, 0 to 1.
+    /// Share of correct predictions, 0 to 1.
     pub accuracy: f64,
-    /// Sweeps in the bin; bins without any are left out.
+    /// Number of sweeps; empty bins are left out.
     pub count: usize,
 }
 
@@ -24,7 +24,7 @@ pub struct ReliabilityBin {
 pub struct RiskCoverage {
     /// Share of the sweeps that are answered, most confident first.
     pub coverage: f64,
-    /// Share of the answers that are wrong.
+    /// Share of wrong answers.
     pub risk: f64,
 }
 
@@ -36,7 +36,7 @@ pub(super) fn reliability(sweeps: &[&SweepScore]) -> Vec<ReliabilityBin> {
     let mut bins = vec![(0.0, 0, 0); BINS];
     for sweep in sweeps {
         let confidence = confidence(sweep);
-        // Bins end on the right, as those of the calibration error.
+        // Bins include their right end, as in the calibration error.
         let bin = &mut bins[((confidence * BINS as f64).ceil() as usize).clamp(1, BINS) - 1];
         bin.0 += confidence;
         bin.1 += usize::from(sweep.predicted() == sweep.label);
@@ -61,7 +61,7 @@ pub(super) fn risk_coverage(sweeps: &[&SweepScore]) -> Vec<RiskCoverage> {
         })
         .collect();
     sorted.sort_by(|a, b| b.0.total_cmp(&a.0));
-    // Sweeps of equal confidence come in any order: each counts their mean error.
+    // The order of equal confidences is arbitrary, so each counts with their mean error.
     for tie in sorted.chunk_by_mut(|a, b| a.0 == b.0) {
         let mean = tie.iter().map(|(_, wrong)| wrong).sum::<f64>() / tie.len() as f64;
         tie.iter_mut().for_each(|(_, wrong)| *wrong = mean);

@@ -1,4 +1,4 @@
-//! The contenders of a cross-validation: what their run directories hold besides the rows of the summary.
+//! The contenders of a cross-validation: results of their run directories beyond the rows of the summary.
 
 use std::collections::BTreeMap;
 
@@ -16,38 +16,38 @@ use crate::summarise::{FinishedTask, is_one_sweep_accuracy};
 use crate::tasks::ExperimentDir;
 use crate::{ExperimentError, Summary, published_for};
 
-/// Sweeps behind one decision, as in the published tables.
+/// Number of sweeps for one fused decision, as in the published tables.
 const FUSED: usize = 3;
 
-/// One classifier on one data set, asked one way: everything but its rows.
+/// One classifier on one data set with one prediction method, without its rows.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Contender {
     /// The `contender` of its rows.
     pub key: String,
     /// Name of the data set.
     pub data: String,
-    /// Where its sweeps come from.
+    /// Origin of the sweeps.
     pub origin: DataOrigin,
     /// Name of the model's recipe.
     pub model: String,
-    /// Treatment of the mean of every taxel.
+    /// Treatment of the mean of each taxel.
     pub levels: MeanRemoval,
-    /// How the data set was split, for people.
+    /// Description of the split.
     pub split: String,
-    /// How the data set was split.
+    /// Kind of split.
     pub split_kind: SplitKind,
-    /// Part of the training sweeps that was tested on instead of the test sweeps.
+    /// Part of the training sweeps that was evaluated instead of the test sweeps.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub inner: Option<usize>,
-    /// How it was asked; its name in files.
+    /// Prediction method, written by its name in files.
     #[serde(serialize_with = "by_name")]
     pub prediction: PredictionMethod,
     /// Time steps of a sweep.
     pub steps: usize,
-    /// How long a network was trained in a fold; absent where the model is none.
+    /// Length of a network's training in each fold; absent for baselines.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub training: Option<TrainingSteps>,
-    /// What kind of network it is, for people; absent of baselines.
+    /// Display name of the kind of network; absent for baselines.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub network: Option<String>,
     /// True for a probe (means, permuted labels).
@@ -58,18 +58,18 @@ pub struct Contender {
     pub n_train: usize,
     /// Test sweeps of a fold.
     pub n_test: usize,
-    /// Standard deviation of one fold's accuracy that its finite number of test sweeps alone explains: `sqrt(a (1 - a) / n)`.
+    /// Standard deviation of one fold's accuracy due to its finite number of test sweeps alone: `sqrt(a (1 - a) / n)`.
     pub sigma_test: f64,
-    /// Counts `[true][predicted]`, all folds together.
+    /// Counts `[true][predicted]`, summed over folds.
     pub confusion: Vec<Vec<usize>>,
-    /// Counts `[true][predicted]` of three fused sweeps, each sweep in 20 deals, all folds together.
+    /// Counts `[true][predicted]` of three fused sweeps, with each sweep in 20 groups, summed over folds.
     #[serde(skip)]
     pub fused_confusion: Vec<Vec<usize>>,
     /// Fifteen equally wide bins of confidence.
     pub reliability: Vec<ReliabilityBin>,
-    /// Error among the most confident share of the sweeps, all folds together.
+    /// Error among the most confident share of the sweeps, over all folds.
     pub risk_coverage: Vec<RiskCoverage>,
-    /// The published accuracy that it may be set beside.
+    /// The comparable published accuracy.
     pub published: Option<PublishedContender>,
     /// Folds in the order of the rows' values.
     pub folds: Vec<FoldRecord>,
@@ -79,14 +79,14 @@ fn by_name<S: Serializer>(method: &PredictionMethod, serializer: S) -> Result<S:
     serializer.serialize_str(method.name())
 }
 
-/// A published accuracy on TactMat, %.
+/// A published accuracy on TactMat, in %.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PublishedContender {
     /// Name of the published classifier.
     pub classifier: String,
-    /// One sweep.
+    /// Accuracy with one sweep.
     pub one_sweep: f64,
-    /// Three sweeps.
+    /// Accuracy with three sweeps.
     pub three_sweeps: f64,
 }
 
@@ -105,7 +105,7 @@ pub struct FoldRecord {
     pub one_sweep: f64,
 }
 
-/// One way of predicting of one finished task.
+/// One prediction method of one finished task.
 struct Fold<'a> {
     finished: &'a FinishedTask<'a>,
     method: PredictionMethod,
@@ -122,10 +122,10 @@ impl Fold<'_> {
     }
 }
 
-/// Reads the predictions of every task, contender by contender, in the order of the summary's rows.
+/// Reads the predictions of all tasks and groups them by contender, in the order of the summary's rows.
 ///
 /// # Errors
-/// A run directory that is damaged.
+/// A damaged run directory.
 pub(crate) fn contenders(
     dir: &ExperimentDir,
     summary: &Summary,
@@ -213,7 +213,7 @@ fn contender(key: String, accuracy: f64, folds: &[Fold<'_>], asked: &Crossval) -
     }
 }
 
-/// Returns the sum of matrices of one size.
+/// Returns the sum of matrices of the same size.
 fn sum(matrices: impl Iterator<Item = Vec<Vec<usize>>>) -> Vec<Vec<usize>> {
     let add = |mut sum: Vec<Vec<usize>>, other: Vec<Vec<usize>>| {
         let entries = sum.iter_mut().flatten().zip(other.into_iter().flatten());
@@ -223,7 +223,7 @@ fn sum(matrices: impl Iterator<Item = Vec<Vec<usize>>>) -> Vec<Vec<usize>> {
     matrices.reduce(add).unwrap_or_default()
 }
 
-/// What kind of network it is.
+/// Returns the display name of the kind of network.
 fn network(fold: &Fold<'_>) -> Option<&'static str> {
     match &fold.config.recipe {
         ModelRecipe::Network(recipe) => Some(recipe.network.kind()),
@@ -231,7 +231,7 @@ fn network(fold: &Fold<'_>) -> Option<&'static str> {
     }
 }
 
-/// Epochs and batches of a network's training.
+/// Returns epochs and batches of a network's training.
 fn training(fold: &Fold<'_>) -> Option<TrainingSteps> {
     let ModelRecipe::Network(recipe) = &fold.config.recipe else {
         return None;
@@ -250,7 +250,7 @@ fn record(fold: &Fold<'_>) -> FoldRecord {
     }
 }
 
-/// Returns the accuracy that was published for this recipe and way of predicting.
+/// Returns the accuracy published for this recipe and prediction method.
 fn published(fold: &Fold<'_>, way: PredictionMethod) -> Option<PublishedContender> {
     let row = published_for(&fold.config, fold.result.origin, &fold.split, way)?;
     Some(PublishedContender {

@@ -1,4 +1,4 @@
-//! A contender with its rows, as audits, groups and reports need it.
+//! A contender joined with its rows, for audits, groups and reports.
 
 use tactnet_data::DataOrigin;
 use tactnet_pipeline::{MeanRemoval, PredictionMethod, SplitKind, TrainingSteps};
@@ -6,7 +6,7 @@ use tactnet_pipeline::{MeanRemoval, PredictionMethod, SplitKind, TrainingSteps};
 use super::{Contender, FoldRecord, PublishedContender, ReliabilityBin, RiskCoverage};
 use crate::{Measure, Statistic, Summary};
 
-/// A contender with its rows.
+/// A contender joined with its rows.
 pub(crate) struct Scored<'a> {
     pub(crate) key: &'a str,
     pub(crate) data: &'a str,
@@ -19,13 +19,13 @@ pub(crate) struct Scored<'a> {
     pub(crate) prediction: PredictionMethod,
     pub(crate) steps: usize,
     pub(crate) training: Option<TrainingSteps>,
-    /// What kind of network it is.
+    /// Display name of the kind of network.
     pub(crate) network: Option<&'a str>,
     pub(crate) probe: bool,
     pub(crate) materials: &'a [String],
     pub(crate) one_sweep: &'a Statistic,
     pub(crate) three_sweeps: Option<&'a Statistic>,
-    /// Three sweeps, one vote each; absent in results of earlier builds.
+    /// Majority vote of three sweeps; absent in results of earlier builds.
     pub(crate) three_votes: Option<&'a Statistic>,
     pub(crate) sigma_test: f64,
     pub(crate) negative_log_likelihood: &'a Statistic,
@@ -43,7 +43,7 @@ pub(crate) struct Scored<'a> {
 }
 
 impl Scored<'_> {
-    /// Returns the model's name for people: of a network also what it is, `TactNet-II (fast)`.
+    /// Returns the display name of the model; for a network with its kind, such as `TactNet-II (fast)`.
     pub(crate) fn model_name(&self) -> String {
         match self.network {
             Some(kind) => format!("{kind} ({})", self.model),
@@ -51,7 +51,7 @@ impl Scored<'_> {
         }
     }
 
-    /// Returns model and way of predicting for people.
+    /// Returns the display name of model and prediction method.
     pub(crate) fn name(&self) -> String {
         match self.prediction {
             PredictionMethod::Plain => self.model_name(),
@@ -59,12 +59,12 @@ impl Scored<'_> {
         }
     }
 
-    /// Returns how long it was trained, where it is a network that had few steps.
+    /// Returns the length of the training if it is a network with few training steps.
     pub(crate) fn few_steps(&self) -> Option<TrainingSteps> {
         self.training.filter(|training| training.are_few())
     }
 
-    /// Repeats of the cross-validation: how often every sweep was tested.
+    /// Returns the number of repeats, which is how often each sweep was tested.
     pub(crate) fn repeats(&self) -> usize {
         let repeats: std::collections::BTreeSet<usize> =
             self.folds.iter().map(|fold| fold.repeat).collect();
@@ -72,7 +72,7 @@ impl Scored<'_> {
     }
 }
 
-/// Returns a line for every network that was trained for few steps.
+/// Returns a hint for each network with few training steps.
 pub(crate) fn few_steps(contenders: &[Scored<'_>]) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for row in contenders {
@@ -90,7 +90,7 @@ pub(crate) fn few_steps(contenders: &[Scored<'_>]) -> Vec<String> {
     lines
 }
 
-/// Every contender of a cross-validation with its rows, in the order of the summary.
+/// Returns all contenders of a cross-validation with their rows, in the order of the summary.
 pub(crate) fn scored(summary: &Summary) -> Vec<Scored<'_>> {
     let contenders = summary.contenders.iter();
     contenders
@@ -98,7 +98,7 @@ pub(crate) fn scored(summary: &Summary) -> Vec<Scored<'_>> {
         .collect()
 }
 
-/// A contender with its rows; `None` if one is missing.
+/// Returns a contender with its rows; `None` if one is missing.
 fn with_rows<'a>(summary: &'a Summary, contender: &'a Contender) -> Option<Scored<'a>> {
     let statistic = |measure: Measure, sweeps: usize| {
         let own = summary.rows.iter().find(|row| {

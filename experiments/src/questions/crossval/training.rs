@@ -1,4 +1,4 @@
-//! What the run directory of a training gives to the summary.
+//! Reads finished trainings for the summary.
 
 use tactnet_data::{Scheme, SplitManifest};
 use tactnet_pipeline::{Evaluation, PredictionMethod, RunConfig, RunDir, RunResult};
@@ -7,10 +7,10 @@ use crate::summarise::FinishedTask;
 use crate::tasks::ExperimentDir;
 use crate::{ExperimentError, Measure, Measurement, Part, Task, TaskRecord};
 
-/// Reads the run directory of a training that has ended.
+/// Reads the run directory of a finished training.
 ///
 /// # Errors
-/// A run directory that is damaged, or whose result its predictions do not confirm.
+/// A damaged run directory, or a result that does not match its predictions.
 pub(crate) fn read_training<'a>(
     dir: &'a ExperimentDir,
     task: &'a Task,
@@ -69,7 +69,7 @@ pub(crate) fn read_training<'a>(
     })
 }
 
-/// Returns the measurements of one way of predicting.
+/// Returns the measurements of one prediction method.
 fn measured(
     method: PredictionMethod,
     setting: &str,
@@ -105,7 +105,7 @@ fn measured(
         .collect()
 }
 
-/// The model's name; a recipe that says more about itself (drawn settings) says it here.
+/// Returns the name of the model, or its recipe's longer title (for example with drawn settings).
 fn shown_model(name: &str, title: &str) -> String {
     if title.starts_with(name) {
         title.into()
@@ -114,7 +114,7 @@ fn shown_model(name: &str, title: &str) -> String {
     }
 }
 
-/// How the data set was split, for people.
+/// Returns the description of a split.
 pub(super) fn split_name(split: &SplitManifest, config: &RunConfig) -> String {
     let scheme = match split.scheme {
         Scheme::StratifiedKFold { folds, .. } => format!("{folds} random folds"),

@@ -1,8 +1,8 @@
-//! The seven pairs of materials that humans were asked to tell apart (thesis, section 4.5.3).
+//! The seven pairs of materials that human subjects had to tell apart (thesis, section 4.5.3).
 
 use crate::published_confusion::TACTMAT_MATERIALS;
 
-/// By TactMat's ids: the hardest for humans and for the robot.
+/// The hardest pairs for humans and for the robot, as ids of TactMat.
 const HARD_PAIRS: [[usize; 2]; 7] = [
     [0, 1],
     [12, 7],
@@ -13,7 +13,7 @@ const HARD_PAIRS: [[usize; 2]; 7] = [
     [4, 8],
 ];
 
-/// The pairs by their labels here; `None` unless the materials are TactMat's.
+/// Returns the hard pairs as labels of `materials`; `None` unless these are TactMat's.
 pub(crate) fn hard_pairs(materials: &[&str]) -> Option<Vec<[usize; 2]>> {
     let label = |id: usize| {
         materials

@@ -1,4 +1,4 @@
-//! The ways to tell whether two sweeps differ.
+//! Methods that decide whether two sweeps are of different materials.
 
 use tactnet_models::{Features, LinearHead, Mlp, WeightPrior, argmax};
 use tactnet_pipeline::{
@@ -7,12 +7,12 @@ use tactnet_pipeline::{
 
 use crate::context::Cancelled;
 
-/// The distance between the sweeps of a pair.
+/// A distance between the sweeps of a pair.
 #[derive(Clone, Copy)]
 pub(super) enum Apart {
-    /// Euclidean distance of the outputs, one number: the published network.
+    /// Euclidean distance of the outputs, one number, as in the published network.
     Outputs,
-    /// Difference of every output, `|a - b|`.
+    /// Absolute difference of each output, `|a - b|`.
     EveryOutput,
     /// Euclidean distance of the embeddings.
     Embedding,
@@ -43,9 +43,9 @@ impl Apart {
     }
 }
 
-/// Something that was fitted to training pairs and gives the probability that two sweeps differ.
+/// A method that returns the probability that two sweeps are of different materials.
 pub(super) enum PairScorer {
-    /// The published network, or the same on all differences. Inputs are divided by `scale`.
+    /// The published network, or the same network on all differences. Inputs are divided by `scale`.
     Network {
         apart: Apart,
         mlp: Box<Mlp>,
@@ -53,9 +53,9 @@ pub(super) enum PairScorer {
     },
     /// Logistic regression on one distance.
     Threshold(LinearHead),
-    /// Whether the two have the same most probable material.
+    /// Comparison of the most probable materials.
     MostProbable,
-    /// Bayes' rule on the two posteriors, where half of all pairs are of one material.
+    /// Bayes' rule on the two posteriors, with half of all pairs of the same material.
     Bayes,
 }
 
@@ -93,7 +93,7 @@ pub(super) fn scaled(mut features: Features, scale: f32) -> Features {
     features
 }
 
-/// Logistic regression of 'different' on the distance of embeddings.
+/// Fits a logistic regression of 'different' on the distance of embeddings.
 pub(super) fn threshold(train: &Embedding, pairs: &[SweepPair]) -> Result<PairScorer, Cancelled> {
     let distances = Apart::Embedding.of(train, pairs);
     let different: Vec<usize> = pairs

@@ -1,4 +1,5 @@
-//! How many sweeps transfer saves: where the accuracy of a network without pre-knowledge reaches that of transfer.
+//! Sample efficiency of transfer: the number of sweeps at which a network from scratch reaches the accuracy of
+//! transfer.
 
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
@@ -7,34 +8,34 @@ use tactnet_pipeline::MeanRemoval;
 
 use crate::Row;
 
-/// Draws of the bootstrap.
+/// Number of bootstrap resamples.
 const RESAMPLES: usize = 2000;
-/// Shots whose accuracy by transfer is looked for without pre-knowledge.
+/// Numbers of shots at which transfer is compared with networks from scratch.
 const TARGETS: [usize; 2] = [1, 10];
 
-/// Sweeps that a network without pre-knowledge needs to be as good as transfer.
+/// Number of sweeps that a network from scratch needs to reach the accuracy of transfer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SampleEfficiency {
     /// Name of the data set.
     pub data: String,
     /// Name of the networks' recipe.
     pub model: String,
-    /// Treatment of the mean of every taxel.
+    /// Treatment of the mean of each taxel.
     pub levels: MeanRemoval,
-    /// Sweeps of every new material that transfer learns from.
+    /// Support sweeps of each new material for transfer.
     pub transfer_shots: usize,
-    /// Its accuracy.
+    /// Accuracy of transfer.
     pub accuracy: f64,
-    /// Sweeps without pre-knowledge for the same, between tested numbers on a logarithmic scale; absent where even the most are not
-    /// enough.
+    /// Sweeps from scratch for the same accuracy, interpolated on a logarithmic scale; absent if the largest tested
+    /// number is not enough.
     pub shots: Option<f64>,
-    /// 95 % interval by bootstrap over draws, absent with one draw; an absent end lies beyond the most.
+    /// 95 % bootstrap interval over draws; absent with one draw. An absent end exceeds the largest tested number.
     pub ci95: Option<[Option<f64>; 2]>,
-    /// Published ratio, where the materials are TactMat's.
+    /// Published ratio, if the materials are TactMat's.
     pub published_ratio: Option<f64>,
 }
 
-/// For every data set with both curves: where the one without pre-knowledge reaches transfer's accuracy.
+/// Returns the sample efficiency for each data set with both curves.
 pub(super) fn sample_efficiency(rows: &[Row], seed: Seed) -> Vec<SampleEfficiency> {
     let mut found = Vec::new();
     let curve = |of: &Row, method: &str| -> Vec<(usize, Vec<f64>)> {
@@ -55,7 +56,7 @@ pub(super) fn sample_efficiency(rows: &[Row], seed: Seed) -> Vec<SampleEfficienc
             continue;
         };
         let scratch = curve(row, "nk");
-        // Only draws that both curves have in full can be resampled together.
+        // Only complete draws of both curves can be resampled together.
         if scratch.len() < 2
             || scratch
                 .iter()
@@ -97,8 +98,8 @@ pub(super) fn sample_efficiency(rows: &[Row], seed: Seed) -> Vec<SampleEfficienc
     found
 }
 
-/// The smallest number of shots at which the mean of `curve` reaches the mean of `target`, over the draws named by `drawn`;
-/// between two tested numbers by a straight line over their logarithm.
+/// Returns the smallest number of shots at which the mean of `curve` reaches the mean of `target`, over the draws with
+/// indices `drawn`. Between two tested numbers it interpolates linearly over their logarithm.
 fn crossing(curve: &[(usize, Vec<f64>)], target: &[f64], drawn: &[usize]) -> Option<f64> {
     let mean = |values: &[f64]| drawn.iter().map(|i| values[*i]).sum::<f64>() / drawn.len() as f64;
     let target = mean(target);

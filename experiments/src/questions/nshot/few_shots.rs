@@ -1,4 +1,4 @@
-//! The methods of transfer on few embedded sweeps.
+//! Transfer methods on few embedded sweeps.
 
 use tactnet_data::Seed;
 use tactnet_models::{
@@ -10,10 +10,10 @@ use super::TransferMethod;
 use super::transfer::Knowledge;
 use crate::context::Cancelled;
 
-/// Steps of the optimiser, about, when the dense layer is tuned to few sweeps.
+/// Approximate number of optimiser steps for fine-tuning the dense layer.
 const FINE_TUNING_STEPS: usize = 150;
 
-/// Few sweeps of new materials, embedded.
+/// Few embedded sweeps of new materials.
 pub(super) struct FewShots<'a> {
     pub(super) knowledge: &'a Knowledge,
     pub(super) recipe: &'a Recipe,
@@ -24,7 +24,7 @@ pub(super) struct FewShots<'a> {
 }
 
 impl FewShots<'_> {
-    /// The label that `method` gives to every query.
+    /// Returns the predicted label of each query.
     pub(super) fn answers(
         &self,
         method: TransferMethod,
@@ -125,7 +125,7 @@ impl FewShots<'_> {
     }
 }
 
-/// Label of the nearest support sweep, Euclidean; the first among equals.
+/// Returns the label of the nearest support sweep by Euclidean distance, or of the first of several.
 fn nearest(support: &Features, labels: &[usize], queries: &Features) -> Vec<usize> {
     queries
         .rows()

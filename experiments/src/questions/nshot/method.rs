@@ -1,37 +1,37 @@
-//! Ways to learn new materials from few sweeps.
+//! Transfer methods that learn new materials from few sweeps.
 
 use serde::{Deserialize, Serialize};
 
-/// A way to learn new materials from few sweeps.
+/// A transfer method that learns new materials from few sweeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum TransferMethod {
-    /// No pre-knowledge: the whole network from scratch (thesis, section 4.6.1).
+    /// A network trained from scratch, without prior knowledge (thesis, section 4.6.1).
     Nk,
-    /// Fine-tuning of the output layer (4.6.1): softmax regression on the embedding, the network's own L2.
+    /// Fine-tuning of the output layer (4.6.1): softmax regression on the embedding, with the network's own L2.
     Ol,
     /// Fine-tuning of the dense and the output layer (4.6.1).
     OlFcl,
-    /// Output layer with the knowledge classes' prior (4.6.3; Bauer et al., 2017).
+    /// Output layer with the prior of the known classes (4.6.3; Bauer et al., 2017).
     OlMean,
     /// Nearest neighbour in the embedding (4.6.2).
     Nn,
     /// Nearest neighbour in an embedding whose dense layer was trained on pairs.
     Siamese,
-    /// Nearest neighbour in the embedding of a network that was trained on pairs alone (4.6.2; Koch et al., 2015).
+    /// Nearest neighbour in the embedding of a network trained on pairs only (4.6.2; Koch et al., 2015).
     SiameseFull,
     /// Nearest class mean, centred and normalised (Wang et al., 2019).
     Simpleshot,
-    /// Nearest class mean after whitening with the knowledge classes' covariance (linear discriminant analysis).
+    /// Nearest class mean after whitening with the covariance of the known classes (linear discriminant analysis).
     Lda,
-    /// Output layer on whitened features, prior strength chosen on knowledge classes.
+    /// Output layer on whitened features, with a prior strength selected on known classes.
     WhitenedOl,
-    /// Output layer on plain features, prior strength chosen on knowledge classes.
+    /// Output layer on plain features, with a prior strength selected on known classes.
     TunedOl,
 }
 
 impl TransferMethod {
-    /// All of them, those of the thesis first.
+    /// All methods, those of the thesis first.
     pub const ALL: [Self; 11] = [
         Self::Nk,
         Self::Ol,
@@ -46,7 +46,7 @@ impl TransferMethod {
         Self::WhitenedOl,
     ];
 
-    /// Its name in recipes and results.
+    /// Returns the name in recipes and results.
     pub fn name(self) -> &'static str {
         match self {
             Self::Nk => "nk",

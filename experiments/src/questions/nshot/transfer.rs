@@ -1,4 +1,5 @@
-//! The run of `nshot`: a network of the known materials, and every method on every fold of the new ones.
+//! Computation of `nshot`: trains a network on the known materials and evaluates all methods on all folds of the new
+//! ones.
 
 use rayon::prelude::*;
 use tactnet_data::{Fold, MaterialSplit, Scheme, Seed, SweepView};
@@ -13,10 +14,10 @@ use crate::pairs::random_pairs;
 use crate::result::Answer;
 use crate::{Measure, Measurement};
 
-/// Pairs that the Siamese embedding is trained on.
+/// Number of pairs for training the Siamese embedding.
 const PAIRS: usize = 20_000;
 
-/// The network of the known materials, and everything derived from it that methods use.
+/// The network of the known materials, and everything that methods derive from it.
 pub(super) struct Knowledge {
     pub(super) classifier: Classifier,
     pub(super) prior: WeightPrior,
@@ -24,7 +25,7 @@ pub(super) struct Knowledge {
     pub(super) whitening: Whitening,
     pub(super) tuned: Tuned,
     pub(super) siamese: Option<Vec<DenseWeights>>,
-    /// A network that was trained on pairs from the beginning.
+    /// A network trained on pairs from the beginning.
     pub(super) siamese_full: Option<Classifier>,
 }
 
@@ -42,7 +43,7 @@ pub(super) fn transfer(task: &Nshot, context: &StudyContext<'_>) -> Result<Answe
         Some(classifier) => Some(embedded(classifier, &everything)?),
         None => None,
     };
-    // Draws deal folds and shots of their own, which all methods share.
+    // Each draw has its own folds and shots, which all methods share.
     let own = context.seed_for("folds of new materials", context.part.stream());
     let folds: Vec<Fold<'_>> = (0..FOLDS)
         .map(|fold| Fold::new(&split.new, Scheme::default(), own, 0, fold))
@@ -50,14 +51,14 @@ pub(super) fn transfer(task: &Nshot, context: &StudyContext<'_>) -> Result<Answe
     let mut measurements = Vec::new();
     let materials = split.new.labels().len();
     for &shots in &task.shots {
-        // A data set with fewer sweeps has fewer points on its curve.
+        // Skip numbers of shots that the data set does not have.
         let Some(few) = with_shots(&folds, shots) else {
             continue;
         };
         for &method in task.methods() {
             context.say(&format!("{} with {shots} shots", method.name()))?;
             let own: &[Fold<'_>] = match method {
-                // Another fold in every draw.
+                // Use another fold in each draw.
                 TransferMethod::Nk => {
                     &rotated(&few, context.part.stream())[..task.scratch_folds.clamp(1, FOLDS)]
                 }
@@ -78,7 +79,7 @@ pub(super) fn transfer(task: &Nshot, context: &StudyContext<'_>) -> Result<Answe
                     .collect();
                 own.par_iter()
                     .map(|fold| {
-                        // Of the network that the method looks for neighbours with.
+                        // Use the embedding of the method's network.
                         let whole = match (method, &by_pairs) {
                             (TransferMethod::SiameseFull, Some(by_pairs)) => by_pairs,
                             _ => &whole,
@@ -123,12 +124,12 @@ pub(super) fn transfer(task: &Nshot, context: &StudyContext<'_>) -> Result<Answe
     })
 }
 
-/// The folds with `shots` training sweeps of every material; `None` where a material has fewer.
+/// Returns the folds with `shots` training sweeps of each material; `None` if a material has fewer.
 fn with_shots<'a>(folds: &[Fold<'a>], shots: usize) -> Option<Vec<Fold<'a>>> {
     folds.iter().map(|fold| fold.shots(shots).ok()).collect()
 }
 
-/// The folds from another one on.
+/// Rotates the folds to the left.
 fn rotated<'a>(folds: &[Fold<'a>], by: usize) -> Vec<Fold<'a>> {
     let mut folds = folds.to_vec();
     let by = by % folds.len();
@@ -136,7 +137,7 @@ fn rotated<'a>(folds: &[Fold<'a>], by: usize) -> Vec<Fold<'a>> {
     folds
 }
 
-/// Trains the network on the known materials and derives what the methods need.
+/// Trains the network on the known materials and derives everything that the methods need.
 fn learn(
     task: &Nshot,
     context: &StudyContext<'_>,
@@ -187,8 +188,8 @@ fn learn(
     })
 }
 
-/// The dense layer, trained further so that sweeps of one known material come close and others keep away. The margin is the mean
-/// distance between materials before.
+/// Trains the dense layer further, so that sweeps of the same known material move together and others apart. The
+/// margin is the mean distance between different materials before training.
 fn siamese_layers(
     context: &StudyContext<'_>,
     classifier: &Classifier,
@@ -226,7 +227,7 @@ fn siamese_layers(
     Ok(mlp.layers())
 }
 
-/// A network trained on the few sweeps alone: its answers to the test sweeps.
+/// Trains a network on the few sweeps alone and returns its answers to the test sweeps.
 fn from_scratch(
     task: &Nshot,
     context: &StudyContext<'_>,
@@ -234,7 +235,7 @@ fn from_scratch(
 ) -> Result<Vec<usize>, Cancelled> {
     let batches = fold.train.len().div_ceil(context.recipe.training.batch);
     let mut recipe: Recipe = context.recipe.clone();
-    // Of the task's own steps.
+    // The task sets the number of steps itself.
     recipe.training.least_steps = None;
     recipe.training.epochs = (task.scratch_steps / batches).max(recipe.training.epochs);
     if let Some(rate) = task.scratch_learning_rate {
@@ -286,8 +287,8 @@ mod tests {
     const RECIPE: &str = "name = \"small\"\nnetwork = { maps = [3, 4], hidden = 8 }\n[training]\nepochs = 1\nbatch = 8\n\
                           learning_rate = 0.01\nl2 = 1e-3\nmethod = { kind = \"base\" }\n";
 
-    /// Two materials that the first coordinate tells apart, and whose means differ in the second: OL separates them with the widest
-    /// margin, while the prior of OL-mean, made immensely strong here, lets weights follow the means alone.
+    /// The first coordinate separates the two materials, and their means differ in the second. OL separates them with
+    /// the widest margin; the prior of OL-mean, made very strong here, lets weights follow the means only.
     #[test]
     fn ol_has_the_networks_own_penalty_and_ol_mean_the_prior_of_knowledge() {
         let twin = generate(&TwinConfig {

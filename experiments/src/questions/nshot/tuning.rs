@@ -1,4 +1,4 @@
-//! Choosing prior strengths and shrinkage on known materials alone: n-shot tasks among sweeps that the network was not trained on.
+//! Selection of prior strengths and shrinkage on n-shot tasks of known materials, with held-out sweeps.
 
 use std::collections::BTreeMap;
 
@@ -14,19 +14,19 @@ use super::Nshot;
 use crate::context::{Cancelled, StudyContext};
 use crate::pairs::rows_of_label;
 
-/// Tasks that every setting is tried on.
+/// Number of tasks on which each setting is evaluated.
 const TASKS: usize = 12;
-/// Strengths s of the penalty `s |w - m|^2`.
+/// Candidate strengths s of the penalty `s |w - m|^2`.
 const STRENGTHS: [f64; 9] = [0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 10.0, 100.0, 300.0];
-/// The same on whitened features, whose scale is another.
+/// Candidate strengths on whitened features.
 const WHITENED_STRENGTHS: [f64; 7] = [0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0];
-/// Shares of the mean variance in a shrunk covariance.
+/// Candidate shares of the mean variance in a shrunk covariance.
 const SHRINKAGES: [f64; 5] = [0.003, 0.01, 0.03, 0.1, 0.3];
 
-/// Shrinkage and strengths where there are too few sweeps to choose.
+/// Shrinkage and strength if there are too few sweeps for a selection.
 const UNTRIED: (f64, f64) = (0.1, 0.1);
 
-/// The chosen shrinkage and, for each number of shots that could be tried, the chosen priors.
+/// The selected shrinkage, and the selected priors for each evaluated number of shots.
 pub(super) struct Tuned {
     shrinkage: f64,
     plain: BTreeMap<usize, WeightPrior>,
@@ -34,17 +34,17 @@ pub(super) struct Tuned {
 }
 
 impl Tuned {
-    /// Prior on plain features, from the closest number of shots that was tried.
+    /// Returns the prior on plain features for the closest evaluated number of shots.
     pub(super) fn plain(&self, shots: usize) -> &WeightPrior {
         closest(&self.plain, shots)
     }
 
-    /// Prior on whitened features.
+    /// Returns the prior on whitened features for the closest evaluated number of shots.
     pub(super) fn whitened(&self, shots: usize) -> &WeightPrior {
         closest(&self.whitened, shots)
     }
 
-    /// Everything by name.
+    /// Returns all selected settings by name.
     pub(super) fn chosen(&self) -> BTreeMap<String, f64> {
         let mut chosen: BTreeMap<String, f64> =
             [("whitening.shrinkage".into(), self.shrinkage)].into();
@@ -57,7 +57,7 @@ impl Tuned {
     }
 }
 
-/// An output layer's prior on plain features: the known materials' mean and free biases.
+/// Returns a prior of an output layer on plain features: the mean of the known materials and free biases.
 fn plain_prior(knowledge: &WeightPrior, strength: f64) -> WeightPrior {
     WeightPrior {
         strength,
@@ -65,7 +65,7 @@ fn plain_prior(knowledge: &WeightPrior, strength: f64) -> WeightPrior {
     }
 }
 
-/// An output layer's prior on whitened features.
+/// Returns a prior of an output layer on whitened features.
 fn whitened_prior(width: usize, strength: f64) -> WeightPrior {
     WeightPrior {
         mean: vec![0.0; width + 1],
@@ -74,7 +74,7 @@ fn whitened_prior(width: usize, strength: f64) -> WeightPrior {
     }
 }
 
-/// The middle one of those that are best: accuracies tie where a task is easy.
+/// Returns the middle index of the best values; easy tasks give equal accuracies.
 fn middle_of_best(values: &[f64]) -> usize {
     let most = values[argmax(values)];
     let best: Vec<usize> = (0..values.len())
@@ -93,7 +93,7 @@ fn closest(values: &BTreeMap<usize, WeightPrior>, shots: usize) -> &WeightPrior 
         .1
 }
 
-/// A task among known materials: rows to learn from and rows to be judged by, with labels from 0.
+/// A task of known materials: rows for training and for evaluation, with labels from 0.
 struct Trial {
     support: Vec<usize>,
     support_labels: Vec<usize>,
@@ -147,9 +147,9 @@ impl Trial {
     }
 }
 
-/// Fits the whitening to the sweeps that the network was trained on, and chooses on known materials' other sweeps.
+/// Fits the whitening to the training sweeps and selects settings on held-out sweeps of the known materials.
 ///
-/// - `knowledge`: the prior that the known materials give, of which only the strength is chosen
+/// - `knowledge`: prior of the known materials, of which only the strength is selected
 pub(super) fn tune(
     task: &Nshot,
     context: &StudyContext<'_>,
@@ -169,7 +169,7 @@ pub(super) fn tune(
         .collect();
     shots.sort_unstable();
     if shots.is_empty() {
-        // Too few sweeps to try anything on.
+        // There are too few sweeps for a selection.
         let whitening = Whitening::fit(&seen.hidden, &seen.labels, known, UNTRIED.0)?;
         let tuned = Tuned {
             shrinkage: UNTRIED.0,
@@ -184,7 +184,7 @@ pub(super) fn tune(
             .map(|_| Trial::draw(&of_label, materials, shots, &mut rng))
             .collect()
     };
-    // Shrinkage by nearest class means with the fewest shots, where it matters most.
+    // Select the shrinkage by nearest class means with the fewest shots, where it matters most.
     let first = trials(shots[0]);
     let mut candidates = Vec::new();
     for shrinkage in SHRINKAGES {
@@ -223,7 +223,7 @@ pub(super) fn tune(
     Ok((whitening, tuned))
 }
 
-/// Returns the prior with which most of the trials' queries are recognised: what is applied is what was tried.
+/// Returns the prior with the highest accuracy on the trials' queries.
 fn best_prior(
     trials: &[Trial],
     features: &Features,
@@ -290,7 +290,7 @@ mod tests {
         );
     }
 
-    /// Sweeps that the network was trained on say nothing here; what is chosen of the others does not change with them.
+    /// The selection only depends on the held-out sweeps, not on the training sweeps.
     #[test]
     fn strengths_are_chosen_on_sweeps_that_the_network_was_not_trained_on() {
         let embedding = |seed: u64, apart: f32| {

@@ -1,9 +1,10 @@
-//! How well a score tells two kinds apart.
+//! Area under the ROC curve.
 
-/// Area under the ROC curve: the chance that a random positive scores above a random negative, ties counting half (Mann & Whitney).
+/// Returns the area under the ROC curve: the probability that a random positive scores above a random negative, with
+/// ties counting half (Mann & Whitney).
 ///
 /// # Panics
-/// If one kind is missing.
+/// If `negatives` or `positives` is empty.
 pub(crate) fn auroc(negatives: &[f64], positives: &[f64]) -> f64 {
     assert!(!negatives.is_empty() && !positives.is_empty(), "two kinds");
     let mut all: Vec<(f64, bool)> = negatives.iter().map(|v| (*v, false)).collect();
