@@ -3,8 +3,8 @@
 # Formatting, lints and unit tests, without optional features: under three minutes once dependencies are built.
 quick:
     cargo fmt --all --check
-    cargo clippy --profile ci --workspace --all-targets --locked -- -D warnings
-    cargo test --profile ci --workspace --lib --locked --quiet
+    cargo clippy --release --workspace --all-targets --locked -- -D warnings
+    cargo test --release --workspace --lib --locked --quiet
 
 # Everything a change must pass, with all features; prints its steps in seconds at the end.
 ci:
@@ -16,5 +16,5 @@ bench NAME='':
 
 # Packets for other languages, after a change of serving/skin/src/packets.rs.
 packets:
-    cargo build --profile ci --locked --quiet
+    cargo build --release --locked --quiet
     tests/generated_packets.sh

@@ -5,7 +5,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 check=
 [ "${1:-}" != --check ] || { check=1; shift; }
-tactnet=${1:-${CARGO_TARGET_DIR:-target}/ci/tactnet}
+tactnet=${1:-${CARGO_TARGET_DIR:-target}/release/tactnet}
 while read -r of language file; do
   if [ -n "$check" ]; then
     "$tactnet" channel packets --of "$of" --language "$language" | diff -u "$file" - ||

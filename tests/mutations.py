@@ -129,7 +129,7 @@ def package_of(fingerprint):
 
 def fingerprints():
     """Returns the folders by which cargo knows what is built of our own packages."""
-    return (target_folder() / "ci" / ".fingerprint").glob("tactnet*")
+    return (target_folder() / "release" / ".fingerprint").glob("tactnet*")
 
 
 def target_folder():
@@ -216,7 +216,7 @@ class Copy:
             environment["RUNNER"] = str(os.getpid())
             # Calls that wait take a place each.
             alone = ["--jobs", "64", "--config", f"build.rustc-wrapper={json.dumps(str(wrapper))}"]
-        cargo = ["cargo", "test", "--profile", "ci", "--locked", "--lib", "--no-run", "--message-format", "json-render-diagnostics", *alone, *(self.cargo or arguments)]
+        cargo = ["cargo", "test", "--release", "--locked", "--lib", "--no-run", "--message-format", "json-render-diagnostics", *alone, *(self.cargo or arguments)]
         tests = []
         with tempfile.TemporaryFile("w+") as said:
             cargo = subprocess.Popen(cargo, cwd=self.folder, env=environment, stdout=subprocess.PIPE, stderr=said, text=True, start_new_session=True)
@@ -300,7 +300,7 @@ class Copy:
         # Cargo deletes a library before it calls the compiler.
         shutil.rmtree(self.saved / "libraries", ignore_errors=True)
         (self.saved / "libraries").mkdir()
-        for library in (target_folder() / "ci" / "deps").glob("lib*tactnet*.rlib"):
+        for library in (target_folder() / "release" / "deps").glob("lib*tactnet*.rlib"):
             os.link(library, self.saved / "libraries" / library.name)
 
     def remember_no_more(self, crate):
@@ -313,9 +313,9 @@ class Copy:
         for fingerprint in (self.saved / "fingerprints").iterdir():
             is_mutated = package_of(fingerprint) == crate and any(file.name.startswith("test-lib-") for file in fingerprint.iterdir())
             if package_of(fingerprint) not in needed and not is_mutated:
-                shutil.copytree(fingerprint, target_folder() / "ci" / ".fingerprint" / fingerprint.name)
+                shutil.copytree(fingerprint, target_folder() / "release" / ".fingerprint" / fingerprint.name)
         for library in (self.saved / "libraries").iterdir():
-            built = target_folder() / "ci" / "deps" / library.name
+            built = target_folder() / "release" / "deps" / library.name
             if not built.exists():
                 os.link(library, built)
 

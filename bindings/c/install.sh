@@ -20,7 +20,7 @@ if [ -z "$built" ]; then
   (cd "$here/../.." && cargo build --release --locked --quiet -p tactnet-c)
   built=$(cd "$here/../.." && cargo metadata --no-deps --format-version 1 | python3 -c 'import json, sys; print(json.load(sys.stdin)["target_directory"])')/release
 fi
-version=0.1.0
+version=0.2.0
 mkdir -p "$prefix/include/tactnet" "$prefix/lib/cmake/tactnet_channel" "$prefix/lib/pkgconfig"
 prefix=$(cd "$prefix" && pwd)
 cp "$here"/include/tactnet/* "$prefix/include/tactnet/"

@@ -7,6 +7,7 @@ use anyhow::Context;
 use clap::{Args, CommandFactory};
 use clap_mangen::{Man, generate_to};
 
+use super::reference;
 use crate::{Cli, output};
 
 #[derive(Args)]
@@ -17,12 +18,19 @@ pub struct ManArgs {
     /// Write a page for every command into this folder [default: print the page of `tactnet`]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Print a reference of all commands as Markdown instead, as in docs/cli.md
+    #[arg(long, conflicts_with = "out")]
+    markdown: bool,
 }
 
 /// Runs the command.
 pub fn run(arguments: &ManArgs) -> anyhow::Result<ExitCode> {
-    // The commit and the features of a build are no part of a manual.
+    // A manual does not name the commit and the features of a build.
     let command = Cli::command().version(env!("CARGO_PKG_VERSION"));
+    if arguments.markdown {
+        output::print(reference::markdown(&command).trim_end())?;
+        return Ok(ExitCode::SUCCESS);
+    }
     let Some(folder) = &arguments.out else {
         let mut page = Vec::new();
         Man::new(command).render(&mut page)?;

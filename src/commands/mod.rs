@@ -19,6 +19,7 @@ pub mod predict;
 pub mod progress_line;
 #[cfg(feature = "recording")]
 pub mod record;
+mod reference;
 #[cfg(feature = "recording")]
 pub mod replay;
 pub mod run_choice;

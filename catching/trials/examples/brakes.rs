@@ -1,6 +1,6 @@
 //! In how many throws would the monitor of self-collisions have braked, and was what it stopped caught? A line of JSON a throw, then the report.
 //!
-//!     cargo run --profile ci -p tactnet-catching-trials --example brakes -- BALLS THROWS SEED
+//!     cargo run --release -p tactnet-catching-trials --example brakes -- BALLS THROWS SEED
 
 use std::io::Write;
 

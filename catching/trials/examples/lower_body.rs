@@ -1,7 +1,7 @@
 //! What could be gained by planning platform and torso together with the arm? Of balls with known flights: which can be caught with a lower body
 //! that stands, with the rule (or standing), and with the best of many motions of the lower body.
 //!
-//!     cargo run --profile ci -p tactnet-catching-trials --example lower_body -- THROWS SEED
+//!     cargo run --release -p tactnet-catching-trials --example lower_body -- THROWS SEED
 
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;

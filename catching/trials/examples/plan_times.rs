@@ -1,6 +1,6 @@
 //! What does it cost to keep the whole way clear? The same problems with and without, in turns: JSON, a line each.
 //!
-//!     cargo run --profile ci -p tactnet-catching-trials --example plan_times -- PROBLEMS SEED
+//!     cargo run --release -p tactnet-catching-trials --example plan_times -- PROBLEMS SEED
 
 use serde_json::json;
 use tactnet_catching::Robot;
